@@ -22,7 +22,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow check-all lint format types contract docs evidence notebooks examples-quick browser bench bench-identification bench-optimise mutants readers clean
+.PHONY: help demo test test-slow check-all lint format types contract docs evidence notebooks examples-quick browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -82,6 +82,16 @@ bench-identification: $(VENV)/.stamp-test  ## identification compared with three
 	@test -d $(VENV)/peers/pyoma2 || $(PIP) --target $(VENV)/peers --no-deps $(PEERS)
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
 	  $(BIN)/python benchmarks/identification/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+SURROGATE_PEERS := smt scikit-learn openturns joblib threadpoolctl narwhals cloudpickle jenn jsonpointer orjson pydoe
+
+bench-surrogates: $(VENV)/.stamp-test  ## surrogates compared with three libraries; takes a minute
+	@test -d $(VENV)/peers/smt || $(PIP) --target $(VENV)/peers --no-deps $(SURROGATE_PEERS)
+	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
+	  $(BIN)/python benchmarks/surrogates/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+bench-search: $(VENV)/.stamp-test  ## runs of the model that a search needs with derivatives, a surrogate, or without both; takes minutes
+	@$(ONE_THREAD) $(BIN)/python benchmarks/search/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 bench-optimise: $(VENV)/.stamp-test  ## the search compared with general solvers; takes an hour and can be interrupted (BENCH_ARGS=--quick: minutes)
 	@$(ONE_THREAD) $(BIN)/python benchmarks/optimise/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)

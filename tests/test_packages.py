@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import pkgutil
+from graphlib import TopologicalSorter
+from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -44,3 +47,44 @@ def test_a_name_that_a_package_lacks_is_an_attribute_error() -> None:
     package = importlib.import_module("femtune.modal")
     with pytest.raises(AttributeError, match=r"module 'femtune\.modal' has no attribute 'nothing'"):
         package.nothing  # noqa: B018
+
+
+def test_no_modules_import_each_other() -> None:
+    """Not in circles either, whether for annotations alone or inside of functions."""
+    root = Path(femtune.__file__).parent
+    files = {".".join(("femtune", *p.relative_to(root).with_suffix("").parts)): p for p in root.rglob("*.py")}
+    packages = {name.removesuffix(".__init__"): path for name, path in files.items() if path.name == "__init__.py"}
+    modules = {name: path for name, path in files.items() if path.name != "__init__.py"}
+    offered = {
+        (package, name): module
+        for package, path in packages.items()
+        for module, names in _imports(path)
+        for name in names
+    }
+    needs = {
+        name: {
+            found
+            for source, names in _imports(path)
+            for one in names
+            if (found := _module(source, one, modules, offered)) is not None and found != name
+        }
+        for name, path in modules.items()
+    }
+    assert len(needs) > 500
+    assert needs["femtune.study.run"] >= {"femtune.assembly.study", "femtune.study.respond"}
+    tuple(TopologicalSorter(needs).static_order())
+
+
+def _imports(path: Path) -> list[tuple[str, list[str]]]:
+    nodes = (node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.ImportFrom))
+    return [(node.module or "", [alias.name for alias in node.names]) for node in nodes]
+
+
+def _module(source: str, name: str, modules: dict[str, Path], offered: dict[tuple[str, str], str]) -> str | None:
+    """The module that an import reaches; packages offer names of their modules."""
+    if f"{source}.{name}" in modules:
+        return f"{source}.{name}"
+    reached = offered.get((source, name), source)
+    while (reached, name) in offered:
+        reached = offered[reached, name]
+    return reached if reached in modules else None

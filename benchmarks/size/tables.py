@@ -40,8 +40,8 @@ The column of residuals has the largest such energy, that of frequencies the lar
 def page(found: Found, machine: Mapping[str, str], limits: str, figure: str | None) -> str:
     """The whole page."""
     lines = [_INTRODUCTION, *_machine(machine, limits)]
-    for (case, _), ways in found.items():
-        if _is_compared(ways):
+    for (case, asked), ways in found.items():
+        if _is_compared(ways) or (asked == CASES[case].main_size and len(ways) > 1):
             title = CASES[case].title
             size = next(iter(ways.values())).equations
             lines += [f"\n## {title.capitalize()}, {size:,} degrees of freedom\n"]

@@ -2,7 +2,7 @@
 
 Sensors of a free subframe are compared with all possible sets of few candidates and with random sets of all candidates.
 On a chain of masses the expected standard deviations of the parameters are compared with the scatter of 1,000 simulated
-tests, each with a full non-linear update by another program.
+tests, each with a full non-linear update by another program. A small frame does the same for a calibration with FRFs.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import tempfile
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where structures/ lies
 
@@ -22,10 +23,13 @@ import femtune as ft
 from femtune.arrays import Reals
 from femtune.planning import Candidates, eliminate, expand, information_of, log_det, outcome_of
 from structures.plan_chain import BOUNDS, NAMES, chain_deck, chain_modes, scatter_of_updates
+from structures.plan_frame import BOUNDS as FRAME_BOUNDS
+from structures.plan_frame import GROUPS, DenseFrame, frame_deck
 from structures.subframe import subframe, write_subframe
 
 TARGETS = "7 THRU 16"
 FREQUENCY_SD, SHAPE_SD = 0.002, 0.03
+FRF_SD, RATIO = 0.05, 0.02
 
 
 @dataclass(frozen=True)
@@ -152,6 +156,92 @@ def beside_simulated_tests(folder: Path, size: Size) -> list[str]:
     ]  # fmt: skip
 
 
+def _at(dof: str) -> int:
+    """Position of a translation such as 12X+ in the dense matrices of the frame."""
+    node = int(dof.rstrip("+-XY"))
+    return 3 * (node - 1) + "XY".index(dof[-2])
+
+
+def for_frfs(folder: Path, size: Size) -> list[str]:
+    """Sensors, exciter and lines for a calibration with FRFs of a small frame."""
+    parameters = [
+        ft.Parameter(name, fields=[f"MAT1 {g + 1} E"], lower=FRAME_BOUNDS[0], upper=FRAME_BOUNDS[1])
+        for g, name in enumerate(GROUPS)
+    ]
+    study = ft.Study(model=frame_deck(folder), units="m-kg-s", parameters=parameters)
+    asked = {
+        "modes": "4 THRU 6", "directions": ["X", "Y"], "uniaxial": 3, "uniaxial_threshold": 0.0, "data": "frfs",
+        "frf_sd": FRF_SD, "damping_ratio": RATIO, "exciters": 1,
+    }  # fmt: skip
+    frame = DenseFrame.made()
+    aims = {
+        "modes": {}, "parameters, D": {"aim": "parameters"}, "parameters, A": {"aim": "parameters", "criterion": "A"},
+        "parameters, D, 20 lines": {"aim": "parameters", "frf_lines": 20},
+    }  # fmt: skip
+    if size is QUICK:
+        aims = {"parameters, D": aims["parameters, D"]}
+    rows = []
+    for aim, more in aims.items():
+        plan = ft.plan(study, **asked, **more)
+        lines = plan.calibration_lines if plan.chosen_lines is None else plan.chosen_lines
+        outputs = np.array([_at(dof) for s in plan.record.sensors for dof in s.dofs])
+        inputs = np.array([_at(e.dof) for e in plan.record.exciters])
+        factors = frame.calibrated(outputs, inputs, lines, RATIO, FRF_SD, size.tests)
+        expected, found = plan.parameters.column("data_sd"), factors.std(axis=0)
+        assert np.abs(found / expected - 1.0).max() < max(0.1, 3.0 / np.sqrt(2.0 * size.tests))
+        where = " ".join(dof for s in plan.record.sensors for dof in s.dofs) + " / " + plan.record.exciters[0].dof
+        for name, e, f in zip(GROUPS, expected, found):
+            first = [aim, where, str(len(lines))] if name == GROUPS[0] else ["", "", ""]
+            rows.append(f"| {' | '.join(first)} | {name} | {100 * e:.3f} | {100 * f:.3f} | {100 * (f / e - 1):+.1f} |")
+    return [
+        "## FRFs: expected standard deviations beside the scatter of simulated tests", "",
+        "A free plane frame of 1.0 × 0.6 m with a cross bar, four relative moduli, three sensors and one exciter, "
+        f"lines around its first three elastic modes at ξ = {100 * RATIO:g} % (three per half band). Real and "
+        f"imaginary part of each value have a standard deviation of {100 * FRF_SD:g} % of the magnitude; logarithms of "
+        f"the ratio are compared. Scatter: {size.tests:,} simulated tests, each calibrated by four Gauss-Newton steps "
+        "with dense matrices that are assembled without femtune.", "",
+        "| aim | sensors / exciter | lines | parameter | expected σ, % | scatter, % | difference % |",
+        "| --- " * 7 + "|", *rows, "", *_beside_frf_sets(study, asked, size),
+    ]  # fmt: skip
+
+
+def _beside_frf_sets(study: ft.Study, asked: dict[str, Any], size: Size) -> list[str]:
+    """Three of all directions at twelve points, and one of these directions as exciter, beside all and random sets."""
+    some = {**asked, "nodes": [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 25, 30]}
+    plan = ft.plan(study, aim="parameters", **some)
+    assert plan.record.log_det_parameters is not None
+    lines, frame = plan.calibration_lines, DenseFrame.made()
+    assert lines is not None
+    at = np.array([3 * (node - 1) + axis for node in some["nodes"] for axis in (0, 1)])
+    one, step = np.ones(len(GROUPS)), 1e-5
+    slopes = [
+        np.log(frame.frfs(one + e, at, at, lines, RATIO) / frame.frfs(one - e, at, at, lines, RATIO)) / (2.0 * step)
+        for e in step * np.eye(len(GROUPS))
+    ]
+    prior = (FRAME_BOUNDS[1] - FRAME_BOUNDS[0]) / np.sqrt(12.0)
+    J = np.moveaxis(np.array(slopes), 0, -1) * prior / FRF_SD
+    # values that cannot be measured beside those at the driving point
+    values = np.abs(frame.frfs(one, at, at, lines, RATIO))
+    J[values < 1e-4 * np.einsum("iil->il", values).max(axis=1)[:, None]] = 0.0
+    F = np.einsum("oilk,oilm->oikm", J.real, J.real) + np.einsum("oilk,oilm->oikm", J.imag, J.imag)
+
+    def best_for(exciter: int) -> Reals:
+        every = np.array(list(combinations(range(len(at)), 3)))
+        return np.linalg.slogdet(np.eye(len(GROUPS)) + F[every, exciter].sum(axis=1))[1]
+
+    every = np.array([best_for(e) for e in range(len(at))])
+    rng = np.random.default_rng(3)
+    random = rng.choice(every.ravel(), size.sets)
+    own = plan.record.log_det_parameters
+    # the dense model damps all modes, the plan those up to twice the highest line
+    assert own > every.max() - 0.05
+    return [
+        f"With 24 directions at twelve points there are {every.size:,} sets of three sensors and one exciter. log det "
+        f"(1 + F), with parameters per prior standard deviation: plan {own:.3f}, best of all sets {every.max():.3f}, "
+        f"median {np.median(every):.2f}, best of {size.sets:,} random sets {random.max():.3f}.", "",
+    ]  # fmt: skip
+
+
 def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -165,7 +255,7 @@ def main() -> None:
         shapes = translations(deck)
         lines = ["# Test plans: sensors beside all sets and random sets, expected beside simulated scatter", ""]
         lines += [*beside_all_sets(shapes, size), *beside_random_sets(deck, shapes, size)]
-        lines += beside_simulated_tests(folder, size)
+        lines += [*beside_simulated_tests(folder, size), *for_frfs(folder, size)]
     text = "\n".join(lines)
     print(text)
     if options.evidence:

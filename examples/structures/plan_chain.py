@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg as la
 from scipy.optimize import least_squares
 
-from femtune.arrays import Reals
+from femtune.arrays import Complexes, Reals
 
 MASSES = 14
 GROUPS = ((1, 2, 3, 4, 5), (6, 7, 8, 9), (10, 11, 12, 13, 14))
@@ -41,13 +41,55 @@ def _mass(i: int) -> float:
 
 def chain_modes(factors: Reals, count: int) -> tuple[Reals, Reals]:
     """Frequencies in Hz and mass-normalised shapes (masses, count) at factors on the three groups of springs."""
+    values, shapes = la.eigh(*_matrices(factors), subset_by_index=(0, count - 1))
+    return np.sqrt(values) / (2.0 * np.pi), shapes
+
+
+def chain_frfs(factors: Reals, freq_hz: Reals, ratio: float) -> Complexes:
+    """(masses, masses, lines) accelerances along X, all modes with one damping ratio."""
+    values, shapes = la.eigh(*_matrices(factors))
+    omega, own = 2.0 * np.pi * freq_hz, np.sqrt(values)[:, None]
+    modal = -(omega**2) / (own**2 - omega**2 + 2j * ratio * own * omega)
+    return np.asarray(np.einsum("ij,kj,jl->ikl", shapes, shapes, modal))
+
+
+def _matrices(factors: Reals) -> tuple[Reals, Reals]:
     k = np.zeros(MASSES)
     for factor, springs in zip(factors, GROUPS):
         k[np.array(springs) - 1] = factor * _STIFFNESS
     K = np.diag(k + np.append(k[1:], 0.0)) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
     M = np.diag([_mass(i) for i in range(1, MASSES + 1)])
-    values, shapes = la.eigh(K, M, subset_by_index=(0, count - 1))
-    return np.sqrt(values) / (2.0 * np.pi), shapes
+    return K, M
+
+
+def scatter_of_calibrations(
+    masses: Reals, inputs: Reals, freq_hz: Reals, ratio: float, relative: float, floor: float, tests: int, seed: int = 0
+) -> Reals:
+    """(tests, 3) factors found by non-linear least squares from simulated FRFs at nominal values, in logarithms.
+
+    Parameters
+    ----------
+    masses, inputs : measured and driven masses from 1
+    relative, floor : standard deviation of real and imaginary parts, of the magnitude and of the largest magnitude of
+        each function
+    """
+    at = np.ix_(np.asarray(masses, int) - 1, np.asarray(inputs, int) - 1)
+    exact = chain_frfs(np.ones(3), freq_hz, ratio)[at]
+    size = np.abs(exact)
+    noise = floor * size.max(axis=2, keepdims=True)
+    sd = np.sqrt((relative * size) ** 2 + noise**2)
+    # logarithms of values that may be noise are left out
+    known = size > 3.0 * noise
+    rng, found = np.random.default_rng(seed), []
+    for _ in range(tests):
+        test = exact + sd * (rng.standard_normal(size.shape) + 1j * rng.standard_normal(size.shape))
+
+        def residuals(x: Reals, test: Complexes = test) -> Reals:
+            off = np.log(chain_frfs(x, freq_hz, ratio)[at] / test)[known] / (sd / size)[known]
+            return np.concatenate([off.real, off.imag])
+
+        found.append(least_squares(residuals, np.ones(3), x_scale=0.1, method="lm").x)
+    return np.array(found)
 
 
 def scatter_of_updates(

@@ -6,7 +6,7 @@ Components are the same mesh with scattered thicknesses and moduli; two inputs, 
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from femtune.model import (
     Assignment,
     Configuration,
     ConfiguredModel,
+    ParametricModel,
     configure,
     constant_damping,
     parametric_model,
@@ -157,15 +158,14 @@ class Laboratory:
         ]
 
     @cached_property
-    def configured(self) -> dict[str, ConfiguredModel]:
+    def model(self) -> ParametricModel:
+        """Its terms."""
+        return parametric_model(self.structure, self.parameter_set, self.assignments)
+
+    @cached_property
+    def configured(self) -> Configured:
         """The model in both states, which share its terms."""
-        model = parametric_model(self.structure, self.parameter_set, self.assignments)
-        inertia = tuple(tuple(row) for row in (MOUNT_INERTIA * np.eye(3)).tolist())
-        masses = tuple(AddedMass(node, MOUNT_MASS, inertia=inertia) for node in self.mesh.mounts)  # type: ignore[arg-type]
-        return {
-            FREE.name: configure(model, Configuration(name=FREE.name)),
-            LOADED.name: configure(model, Configuration(name=LOADED.name, masses=masses)),
-        }
+        return Configured(self)
 
     @property
     def inputs(self) -> list[str]:
@@ -191,6 +191,25 @@ class Laboratory:
 
 
 @dataclass(frozen=True, eq=False)
+class Configured:
+    """The model in a state by its name, made when it is asked for."""
+
+    lab: Laboratory
+    made: dict[str, ConfiguredModel] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> ConfiguredModel:
+        if name not in self.made:
+            self.made[name] = configure(self.lab.model, Configuration(name=name, masses=self._masses(name)))
+        return self.made[name]
+
+    def _masses(self, name: str) -> tuple[AddedMass, ...]:
+        if name == FREE.name:
+            return ()
+        inertia = tuple(tuple(row) for row in (MOUNT_INERTIA * np.eye(3)).tolist())
+        return tuple(AddedMass(node, MOUNT_MASS, inertia=inertia) for node in self.lab.mesh.mounts)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, eq=False)
 class SettledFrfs(AtFirstState):
     """FRFs whose number of modes follows from the first state of the model."""
 
@@ -198,15 +217,17 @@ class SettledFrfs(AtFirstState):
     label = FrfResidual.label
 
 
-def calibration(lab: Laboratory, tests: dict[str, FrfSet], ratio: float, sd: float) -> UpdateProblem:
+def calibration(
+    lab: Laboratory, tests: dict[str, FrfSet], ratio: float, sd: float, floor: float = 0.0
+) -> UpdateProblem:
     """FRFs with one damping ratio as the only residuals of the states that were tested.
 
     Parameters
     ----------
     tests : equalised FRFs by the name of the state
-    sd : relative standard deviation of a value
+    sd, floor : standard deviation of a value, as a part of it and of the largest magnitude of its FRF
     """
-    way, scatter = ModelWay(damping=constant_damping(ratio)), FrfScatter(sd)
+    way, scatter = ModelWay(damping=constant_damping(ratio)), FrfScatter(sd, floor)
 
     def settle(test: FrfSet, state: CaseState) -> Settled:
         highest = float(test.freq_hz[-1])

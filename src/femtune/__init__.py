@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
     from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
-    from femtune.steps.of_study import correlate, quantify, select
+    from femtune.steps.of_study import compare, correlate, quantify, select
     from femtune.steps.pages import report
     from femtune.study.identification.run import IdentifyResult
     from femtune.testdata import ModalTest
@@ -106,6 +106,7 @@ __all__ = [
     "TimeSeries",
     "bootstrap",
     "candidates",
+    "compare",
     "correlate",
     "identify",
     "info",

@@ -105,6 +105,16 @@ _register(
     year="2001",
 )
 _register(
+    "deb2002",
+    "article",
+    author="Deb, K. and Pratap, A. and Agarwal, S. and Meyarivan, T.",
+    title="A fast and elitist multiobjective genetic algorithm: {NSGA-II}",
+    journal="IEEE Transactions on Evolutionary Computation",
+    volume="6",
+    pages="182--197",
+    year="2002",
+)
+_register(
     "hansen2001",
     "article",
     author="Hansen, N. and Ostermeier, A.",
@@ -307,6 +317,15 @@ _register(
     journal="Computers and Structures",
     volume="82",
     year="2004",
+)
+_register(
+    "allman1984",
+    "article",
+    author="Allman, D. J.",
+    title="A compatible triangular element including vertex rotations for plane elasticity analysis",
+    journal="Computers and Structures",
+    volume="19",
+    year="1984",
 )
 _register(
     "bathe1986",

@@ -82,7 +82,9 @@ def test_bar_does_not_appear_for_quick_steps(monkeypatch: pytest.MonkeyPatch) ->
     assert "modes" not in _terminal(monkeypatch, 0.0)
 
 
-def test_both_are_what_the_library_wants() -> None:
+def test_both_are_what_the_library_wants(capsys: pytest.CaptureFixture[str]) -> None:
+    """Outside of a display, as in Python, neither writes anything."""
     shown: list[Progress] = [silent, Display()]
     for progress in shown:
         progress.step("x", 0, None)
+    assert capsys.readouterr() == ("", "")

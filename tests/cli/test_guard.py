@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
+import sqlite3
+import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +102,45 @@ def test_ctrl_c_says_how_the_run_goes_on(invoke: Invoke, steps: Any, study: Path
     assert result.stderr == (
         f"stopped by Ctrl-C; kept:{files} {solutions} in {journal}; the same command continues from there\n"
     )
+
+
+@pytest.mark.parametrize(("count", "what"), [(1, "1 external run"), (3, "3 external runs")])
+def test_ctrl_c_tells_of_external_runs(invoke: Invoke, steps: Any, study: Path, count: int, what: str) -> None:
+    runs = study.parent / "run" / "journal" / "runs.sqlite"
+
+    def step(path: Path, **options: Any) -> None:
+        runs.parent.mkdir(parents=True)
+        with closing(sqlite3.connect(runs)) as database, database:
+            database.execute("CREATE TABLE runs (key TEXT)")
+            database.executemany("INSERT INTO runs VALUES (?)", [(str(i),) for i in range(count)])
+        raise KeyboardInterrupt
+
+    steps.modes = step
+    expected = f"stopped by Ctrl-C; kept: {what} in {runs}; the same command continues from there\n"
+    assert invoke("modes", study).stderr == expected
+
+
+def test_ctrl_c_with_a_journal_of_runs_that_cannot_be_read(invoke: Invoke, steps: Any, study: Path) -> None:
+    runs = study.parent / "run" / "journal" / "runs.sqlite"
+    runs.parent.mkdir(parents=True)
+    runs.write_text("no database at all, but long enough to be looked at")
+    steps.modes = _raise(KeyboardInterrupt())
+    assert invoke("modes", study).stderr == "stopped by Ctrl-C; nothing was written\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="SIGTERM ends a process of Windows without asking it")
+def test_sigterm_ends_a_command_as_ctrl_c_does(invoke: Invoke, steps: Any, study: Path) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+
+    def step(path: Path, **options: Any) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(10.0)
+
+    steps.modes = step
+    result = invoke("modes", study)
+    assert result.exit_code == 143
+    assert result.stderr == "stopped by SIGTERM; nothing was written\n"
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 def test_ctrl_c_of_a_step_that_writes_nothing_does_not_speak_of_the_journal(

@@ -17,7 +17,7 @@ DECKS = {
     "constraint.weight": _POINTS + "RBE3,9,,4,123,0.,123,1,2\n",
     "constraint.undetermined-motion": _POINTS + "RBE3,9,,4,123456,1.,123,1\n",
     "constraint.dependent-choice": _POINTS + "RBE3,9,,4,125,1.,123,1,2\n,3,UM,4,1,1,2\n",
-    "deck.nonstructural-mass": ("SOL 103\nCEND\nNSM = 3\nBEGIN BULK\n" + _POINTS + "NSM1,3,PTUBE,.067,ALL\nENDDATA\n"),
+    "deck.nonstructural-mass": ("SOL 103\nCEND\nNSM = 3\nBEGIN BULK\n" + _POINTS + "NSM1,3,PAXI,.067,ALL\nENDDATA\n"),
     "constraint.rod-component": _POINTS + "RROD,9,1,2,3\n",
 }
 NOTICES = {

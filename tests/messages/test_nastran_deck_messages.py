@@ -41,6 +41,7 @@ READING = {
     "deck.card-name": "Dear reader\n",
     "deck.too-many-fields": "GRID,1,2,3.,4.,5.,6,7,8,9,10\n",
     "deck.replication": "=,*(1)\n",
+    "deck.decimal-comma": "MAT1           1  2,1+11             0,3   7850.\n",
     "deck.case-control": "SOL 103\nCEND\nSPC = one\nBEGIN BULK\nENDDATA\n",
     "deck.list": "SOL 103\nCEND\nSET 1 = 5 THRU 3\nBEGIN BULK\nENDDATA\n",
     "deck.not-text": b"GRID\x00\x00\x07,1",
@@ -53,6 +54,12 @@ def test_reading(tmp_path: Path, case: str) -> None:
     message = _message(lambda: read_deck(path), tmp_path)
     assert message.startswith(f"[{case.partition(',')[0]}]")
     check_shown(case, message)
+
+
+def test_includes_without_end(tmp_path: Path) -> None:
+    for level in range(102):
+        (tmp_path / f"{level}.inc").write_text(f"INCLUDE '{level + 1}.inc'\n")
+    check_shown("deck.too-many-includes", _message(lambda: read_deck(tmp_path / "0.inc"), tmp_path))
 
 
 def test_no_such_deck(tmp_path: Path) -> None:
@@ -114,13 +121,12 @@ def test_notices(tmp_path: Path) -> None:
     text = (
         "SOL 103\nCEND\nSUBCASE 1\nSUBCASE 2\nBEGIN BULK\nPARAM,POST,0\nPARAM,POST,-1\nPBAR,1,2,,,,,,,+A\n"
         + "GRID           1".ljust(81)
-        + "x\nBEGIN SUPER=4\n"
+        + "x\n"
     )
     notices = read_deck(_deck(tmp_path, text)).notices
     assert [notice.code for notice in notices] == [
         "deck.several-subcases",
         "deck.beyond-column-80",
-        "deck.superelement",
         "deck.dangling-continuation",
         "deck.repeated-param",
         "deck.no-enddata",

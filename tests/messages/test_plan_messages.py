@@ -64,6 +64,7 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         ("plan.too-many-sensors, visualisation", '[plan]\nmodes = [1, 2]\nuniaxial = 3\nvisualisation = 3\n'),
         ("plan.dependent", '[plan]\nmodes = [1, 2, 3]\nnodes = [4]\ntriaxial = 1\ndirections = ["Z"]\n'),
         ("plan.exciters, too many", '[plan]\nmodes = [1, 2]\nexciters = 9\n'),
+        ("plan.exciters, none", '[plan]\nmodes = [1, 2]\ndata = "frfs"\n'),
         ("plan.exciters, no candidate", '[plan]\nmodes = [1, 2]\nexciters = 1\nexciter_nodes = [1]\n'),
         ("plan.exciters, rotation", '[plan]\nmodes = [1, 2]\nexciters_placed = ["2RX+"]\n'),
         ("plan.exciters, still", '[plan]\nmodes = [1, 2]\nexciters_placed = ["1X+"]\n'),

@@ -76,7 +76,7 @@ def test_too_many_values(tmp_path: Path) -> None:
     axes = [f'"2{d}+"' for d in ("X", "Y", "Z", "RX", "RY", "RZ")]
     dofs = ", ".join(a.replace("2", str(node)) for node in (1, 2, 3) for a in axes)
     asked = f"[response]\ninputs = [{dofs}]\noutputs = [{dofs}]\nfrom_hz = 1.0\nto_hz = 2.0\nlines = 1000000\n"
-    (tmp_path / "beam.bdf").write_text(_DECK.replace("GRID,2,,1.", "GRID,3,,2.,0.,0.\nGRID,2,,1.").replace(
+    (tmp_path / "beam.bdf").write_text(_DECK.replace("GRID,2,,1.", "GRID,3,,2.,.5,0.\nGRID,2,,1.").replace(
         "ENDDATA", "CBAR,2,1,2,3,0.,1.,0.\nENDDATA"))  # fmt: skip
     study = tmp_path / "free.toml"
     study.write_text(_HEAD.partition("[[configuration]]")[0] + asked)

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
+import click
 import pytest
+from click.testing import CliRunner
 from tests.messages.shown import check_shown
 
+from femtune.cli import main
+from femtune.cli.guard import BAD_INPUT
 from femtune.errors import FemtuneError
 from femtune.results.folder import check_writable, read_results
 
@@ -46,3 +52,14 @@ def test_a_name_that_no_folder_can_have(tmp_path: Path, name: str, says: str) ->
         check_writable(tmp_path / name)
     assert caught.value.code == "run.unwritable"
     assert says in caught.value.what
+
+
+def test_a_full_disk_ends_a_command_with_a_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/tmp/femtune-uff-1/one.uff")
+
+    monkeypatch.setattr("femtune.cli.commands.run_step", full)
+    (tmp_path / "beam.bdf").touch()
+    shown = CliRunner().invoke(main, ["modes", str(tmp_path / "beam.bdf")])
+    assert shown.exit_code == BAD_INPUT
+    check_shown("run.disk-full", click.unstyle(shown.output).rstrip("\n"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -10,8 +12,12 @@ from femtune.errors import FemtuneError
 from femtune.fem import NodeTable
 from femtune.model import Assignment, Configuration, configure, parametric_model, solve_modes
 from femtune.model.imported.from_runs import FittedRuns, Runs, fit_runs
+from femtune.model.imported.kriged import KrigedCoefficient
 from femtune.model.imported.model import field_of_variable
 from femtune.parameters import Parameter, ParameterSet
+from femtune.parameters.jet import Jet, constant, variables
+from femtune.surrogates import KrigingRules, fit_surrogate
+from femtune.surrogates.kriging import fitted_at
 
 MASS = np.diag([2.0, 1.0, 1.5, 0.5])
 NODES = NodeTable(np.arange(1, 5), np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)), has_coordinates=False)
@@ -162,3 +168,62 @@ def test_runs_that_do_not_determine_the_polynomials_are_refused(points: np.ndarr
     with pytest.raises(FemtuneError) as caught:
         fit_runs(Runs(NAMES, points, np.ones((len(points), 2))), NODES, 2, crossed=True)
     assert caught.value.code == code
+
+
+NO_NODES = NodeTable(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+
+
+def test_kriging_of_runs_with_shapes_follows_modes_that_change_places() -> None:
+    """Closer to the chain than the quadratic polynomials of the same runs, with shapes, and the runs themselves met."""
+    runs = runs_at(sample(40), 3)
+    smooth = fit_runs(runs, NODES, 2, crossed=True, correlation="gaussian")
+    polynomial = fit_runs(runs, NODES, 2, crossed=True)
+    errors, others, shapes = [], [], []
+    for point in sample(10, 0.5, seed=7):
+        exact, phi = modes(point, 3)
+        hz, found = solved(smooth, point, 3)
+        errors.append(np.abs(hz / exact - 1.0).max())
+        others.append(np.abs(solved(polynomial, point, 3)[0] / exact - 1.0).max())
+        shapes.append(np.abs(1.0 - alignment(found, phi)).max())
+    assert max(errors) < 2e-3
+    assert max(shapes) < 2e-2
+    assert np.mean(errors) < 0.2 * np.mean(others)
+    for i in (0, 17):
+        np.testing.assert_allclose(solved(smooth, runs.points[i], 3)[0], runs.freq_hz[i], rtol=1e-4)
+
+
+@pytest.mark.parametrize("correlation", ["gaussian", "matern-5/2"])
+def test_the_coefficients_of_kriging_and_their_derivatives(correlation: str) -> None:
+    """Value as the surrogate predicts; gradient and Hessian by complex step."""
+    points = sample(20)
+    # with noise, so that rounding is not amplified by nearly singular correlations
+    y = np.cos(points / 7e3) + 0.03 * np.random.default_rng(4).standard_normal(points.shape)
+    surrogate = fit_surrogate(points, y, KrigingRules("quadratic", correlation), parameters=NAMES)
+    for response in (0, 1):
+        coefficient = KrigedCoefficient(surrogate, response)
+
+        def at(x: np.ndarray, coefficient: KrigedCoefficient = coefficient) -> Jet:
+            moving = variables(x)
+            factor = constant(np.array([1.5]), 2)
+            return coefficient({"FACTOR": factor, **{name: moving[[i]] for i, name in enumerate(NAMES)}}, {})
+
+        x = np.array([0.93e4, 2.1e4])
+        found = at(x)
+        assert found.value[0] == pytest.approx(1.5 * surrogate.predict(x[None])[0, response], rel=1e-9)
+        for i in range(2):
+            moved = at(x + 1e-20j * np.eye(2)[i])
+            assert moved.value[0].imag / 1e-20 == pytest.approx(found.grad[0, i], rel=1e-9)
+            np.testing.assert_allclose(moved.grad[0].imag / 1e-20, found.hess[0, i], rtol=1e-9)
+
+
+def test_the_error_of_a_run_that_is_left_out_of_kriging() -> None:
+    """As predicted by Kriging of the other runs, at the lengths and the noise that all runs have."""
+    runs = Runs(NAMES, sample(14), runs_at(sample(14), 4).freq_hz ** 1.3)
+    whole = fit_runs(runs, NO_NODES, 1, crossed=True, correlation="gaussian")
+    values = (2.0 * np.pi * runs.freq_hz) ** 2
+    fitted = fit_surrogate(runs.points, values - values.mean(axis=0), KrigingRules("linear"), parameters=NAMES)
+    for i in (0, 6):
+        rest = np.arange(14) != i
+        part = fitted_at(replace(fitted, x=fitted.x[rest], y=fitted.y[rest]))
+        hz = np.sqrt(part.predict(runs.points[i])[0] + values.mean(axis=0)) / (2.0 * np.pi)
+        np.testing.assert_allclose(whole.error[i], np.sort(hz) / np.sort(runs.freq_hz[i]) - 1.0, rtol=1e-4, atol=1e-9)

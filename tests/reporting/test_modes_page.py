@@ -14,7 +14,7 @@ import pytest
 from femtune import steps
 from femtune.assembly.drawn_mesh import thinned
 from femtune.errors import FemtuneError
-from femtune.reporting import build_modes_page, html_text
+from femtune.reporting import build_page, html_text
 from femtune.reporting.document import Document, Figure, Table
 from femtune.reporting.html import section_texts
 from femtune.reporting.sections import mode_shapes
@@ -63,7 +63,7 @@ def _said(document: Document, section: str) -> str:
 
 def _page(path: Path) -> Document:
     found = steps.modes(path)
-    return build_modes_page(found.results, found.arrays)
+    return build_page("modes", found.results, found.arrays)
 
 
 def test_a_deck_alone_gets_a_page_with_every_mode(plate: Path, tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ def test_a_study_shows_its_configurations_one_by_one(plate: Path) -> None:
     faces = [arrays[m.faces_key] for m in results.mode_shapes if m.faces_key]
     assert [f.tolist() for f in faces] == [[[0, 1, 2, 3], [1, 4, 2, -1]], [[0, 1, 2, 3]]]
     assert all(f.dtype.name == "int32" for f in faces)
-    text = html_text(build_modes_page(results, arrays))
+    text = html_text(build_page("modes", results, arrays))
     assert "<b>T</b>" not in text
     assert "&lt;b&gt;T&lt;/b&gt;" in text
 
@@ -148,7 +148,7 @@ def test_hostile_texts_of_results_do_nothing(data: dict[str, Any], arrays: dict[
     data["model"]["notices"][0] |= {"sentence": probe, "where": probe}
     for m in data["modes"]:
         m["sturm_sentence"] = probe
-    page = build_modes_page(Results.model_validate(data), arrays)
+    page = build_page("modes", Results.model_validate(data), arrays)
     assert "<script" not in html_text(page)
     assert all("<script" not in f.svg for f in _figures(page))
 
@@ -156,7 +156,7 @@ def test_hostile_texts_of_results_do_nothing(data: dict[str, Any], arrays: dict[
 def test_results_of_before_have_no_masses_and_no_faces(data: dict[str, Any], arrays: dict[str, Any]) -> None:
     """The made-up results of these tests have neither."""
     data["modes"] = [m for m in data["modes"] if m["stage"] == "before"]
-    page = build_modes_page(Results.model_validate(data), arrays)
+    page = build_page("modes", Results.model_validate(data), arrays)
     assert "effective mass" not in html_text(page)
     assert _figures(page)
     assert "the model has 9000 lines" in _said(page, "pictures")
@@ -165,7 +165,7 @@ def test_results_of_before_have_no_masses_and_no_faces(data: dict[str, Any], arr
 @pytest.mark.parametrize("section", sorted({t.id for t in section_texts("modes")} - {"provenance"}))
 def test_absent_data_are_said(data: dict[str, Any], section: str) -> None:
     bare = {key: data[key] for key in ("provenance", "study")}
-    document = build_modes_page(Results.model_validate(bare), {})
+    document = build_page("modes", Results.model_validate(bare), {})
     assert next(s for s in document.sections if s.id == section).blocks
     text = _said(document, section)
     assert "not built" in text or "not computed" in text or section == "pictures"
@@ -207,7 +207,7 @@ def test_solids_are_drawn_by_their_outside(tmp_path: Path) -> None:
         [(0.0, 0.5, 0.5), (2.0, 0.5, 0.5)]
         + [(x, y, z) for x in (0.5, 1.5) for y, z in ((0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0))]
     )
-    assert len(_figures(build_modes_page(results, arrays))) == 2
+    assert len(_figures(build_page("modes", results, arrays))) == 2
 
 
 def test_models_without_extent_say_so(tmp_path: Path) -> None:

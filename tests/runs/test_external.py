@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
+import subprocess
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +22,7 @@ from femtune.executor import Threads
 from femtune.files.modes.solved import SolvedModes
 from femtune.runs import FunctionSolver, ResultFile, check_repeatable, evaluate
 from femtune.runs.external import Checks, _file_digest
+from femtune.runs.folders import FACTS_FILE
 from femtune.runs.outcome import FailureKind
 from femtune.runs.process import begun, run_process
 
@@ -72,6 +76,56 @@ def test_a_run_that_hangs_is_ended_with_what_it_started(tmp_path: Path) -> None:
     assert (tmp_path / "grandchild").read_text() == "begun"
     time.sleep(1.5)
     assert (tmp_path / "grandchild").read_text() == "begun"
+
+
+def _folders(tmp_path: Path) -> list[Path]:
+    return sorted((tmp_path / "runs").iterdir())
+
+
+def test_a_folder_tells_its_run_and_how_it_failed(tmp_path: Path) -> None:
+    solver = fake_solver(tmp_path, retries=0)
+    fail(tmp_path, 1, "crash", 1)
+    assert solver.run(POINT).modes is None
+    facts = json.loads((_folders(tmp_path)[0] / FACTS_FILE).read_text())
+    assert facts["values"] == {name: float(v) for name, v in POINT.items()}
+    assert facts["failure"] == "exit code: the solver ended with exit code 139"
+
+
+def test_of_failed_runs_the_newest_folders_are_kept(tmp_path: Path) -> None:
+    solver = fake_solver(tmp_path, retries=0, keep_most=3)
+    points = [{**POINT, "point": i} for i in range(8)]
+    for i in range(6):
+        fail(tmp_path, i, "crash", 1)
+    found = evaluate(solver, points, Threads(1))
+    assert len(found.failed) == 6
+    kept = {json.loads((folder / FACTS_FILE).read_text())["values"]["point"] for folder in _folders(tmp_path)}
+    assert kept == {3.0, 4.0, 5.0}
+
+
+def test_folders_of_interrupted_runs_are_removed_and_nothing_else(tmp_path: Path) -> None:
+    """A folder whose process has ended, one that another machine left long ago, and one whose run is under way."""
+    solver = fake_solver(tmp_path)
+    fail(tmp_path, 1, "crash", 1)
+    solver.run(POINT)
+    (failed,) = _folders(tmp_path)
+    facts = json.loads((failed / FACTS_FILE).read_text())
+    del facts["failure"], facts["ended"]
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    others = {
+        "dead": {**facts, "pid": ended.pid}, "alive": facts, "far": {**facts, "host": "elsewhere"},
+        "old": {**facts, "host": "elsewhere", "started": time.time() - 2.0 * solver.timeout_s - 4000.0},
+    }  # fmt: skip
+    for name, some in others.items():
+        folder = failed.with_name(f"{failed.name[:17]}{name}")
+        folder.mkdir()
+        (folder / FACTS_FILE).write_text(json.dumps(some))
+    for name in ("notes", f"{failed.name[:17]}mine", "0123456789abcdef-other"):
+        failed.with_name(name).mkdir()
+    failed.with_name("0123456789abcdef-other").joinpath(FACTS_FILE).write_text("no facts")
+    evaluate(solver, [], Threads(1))
+    names = {folder.name.removeprefix(failed.name[:17]) for folder in _folders(tmp_path)}
+    assert names == {failed.name[17:], "alive", "far", "notes", "mine", "0123456789abcdef-other"}
 
 
 def test_a_refused_licence_waits_and_costs_no_retry(tmp_path: Path) -> None:

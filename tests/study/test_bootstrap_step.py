@@ -13,6 +13,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune import steps
+from femtune.errors import FemtuneError
 from femtune.results.step_results import RunResult
 from femtune.study.bootstrap import BOOTSTRAP_FILE
 
@@ -84,6 +85,25 @@ def test_a_run_with_a_bootstrap(bench: Bench) -> None:
     assert more.results.bootstrap is not None
     assert more.results.bootstrap.recalled == 12
     np.testing.assert_array_equal(more.arrays[found.samples_key][:12], run.arrays[found.samples_key])
+
+
+@pytest.mark.slow
+def test_runs_on_the_reduced_model_are_those_of_the_full_one(bench: Bench) -> None:
+    plain = steps.run(bootstrapped(bench)).results.bootstrap
+    run = steps.run(bootstrapped(bench, more="[reduction]\n"), fresh=True)
+    found, update = run.results.bootstrap, run.results.update
+    assert plain is not None
+    assert found is not None
+    assert update is not None
+    assert update.reduction is not None
+    assert plain.reduced_orders == ()
+    assert len(found.reduced_orders) == 1
+    assert found.reduced_orders[0] >= update.reduction.models[0].order
+    assert "made on a reduced model of order" in found.sentences[-1]
+    for one, other in zip(found.parameters, plain.parameters):
+        assert one.value == pytest.approx(other.value, abs=0.05 * other.sd)
+        assert one.mean == pytest.approx(other.mean, abs=0.05 * other.sd)
+        assert one.sd == pytest.approx(other.sd, rel=0.05)
 
 
 # ends itself without any farewell: before a run is kept, after it, or in the middle of its line
@@ -158,10 +178,11 @@ def test_runs_of_other_data_are_not_used(bench: Bench) -> None:
 
 @pytest.mark.slow
 def test_modes_have_no_lines(beam: Bench) -> None:
-    run = steps.bootstrap(beam.study())
-    assert run.results.bootstrap is None
-    (told,) = [a for a in run.results.alerts if a.code == "bootstrap.no-lines"]
-    assert told.level == "problem"
+    with pytest.raises(FemtuneError, match="measured FRFs") as caught:
+        steps.bootstrap(beam.study())
+    assert caught.value.code == "bootstrap.no-lines"
+    # reported before the update
+    assert not (beam.folder / "run" / "history.jsonl").exists()
     noise = steps.bootstrap(beam.study(f'{beam.parameters}[bootstrap]\nmethod = "noise"\nruns = 200\n'))
     update, found = noise.results.update, noise.results.bootstrap
     assert update is not None
@@ -178,8 +199,11 @@ def test_no_optimum(bench: Bench) -> None:
     check_shown("bootstrap.not-converged", f"[{told.code}] {told.sentence.removeprefix('bootstrap: ')}")
 
 
-def test_stages_have_no_bootstrap(bench: Bench) -> None:
+def test_stages_have_no_bootstrap(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     stage = '[[stage]]\nname = "all"\nparameters = ["root", "tip"]\nresiduals = ["frf"]\n'
-    run = steps.bootstrap(bootstrapped(bench, more=stage))
-    (told,) = [a for a in run.results.alerts if a.code == "bootstrap.stages"]
-    check_shown("bootstrap.stages", f"[{told.code}] {told.sentence.removeprefix('bootstrap: ')}")
+    monkeypatch.chdir(bench.folder)
+    bootstrapped(bench, more=stage)
+    with pytest.raises(FemtuneError) as caught:
+        steps.bootstrap(Path("study.toml"))
+    check_shown("bootstrap.stages", caught.value)
+    assert not (bench.folder / "run" / "history.jsonl").exists()

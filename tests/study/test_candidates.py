@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
 from femtune import steps
+from femtune.assembly.study import read_study
 from femtune.errors import FemtuneError
 from femtune.model import Configuration
 from femtune.results.step_results import CandidatesResult
-from femtune.study.candidates import CANDIDATES_FILE
+from femtune.study.candidates import CANDIDATES_FILE, _Population
+from femtune.updating.sensitivity_method import moving_parameters
 
 from .conftest import EI, LABELS, TRUE, Bench, measured
 
@@ -154,6 +157,28 @@ def test_an_interrupted_comparison_makes_no_run_twice(two: Bench) -> None:
 
 
 @pytest.mark.slow
+def test_a_candidate_that_is_interrupted_among_its_starts_keeps_them(two: Bench) -> None:
+    path = study(two, LISTED + "\n[candidates]\nstarts = 3\nleave_one_out = false\n")
+    whole = steps.candidates(path)
+    file = path.parent / "run" / CANDIDATES_FILE
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    # the key, the initial values, and three starts of two candidates
+    assert len(lines) == 1 + 1 + 6
+    file.write_text("".join(lines[:4]), encoding="utf-8")
+    made: list[int] = []
+
+    def tell(text: str, done: int, total: int | None) -> None:
+        if text == "updates of candidate models":
+            made.append(done)
+
+    again = steps.candidates(path, progress=SimpleNamespace(step=tell))
+    assert again.record == whole.record
+    # three of seven are known, and each of the others is told of
+    assert made == [3, 4, 5, 6, 7]
+    assert sorted(file.read_text(encoding="utf-8").splitlines(keepends=True)) == sorted(lines)
+
+
+@pytest.mark.slow
 def test_several_starts_and_processes_give_the_same(two: Bench) -> None:
     asked = '[candidates]\nsubsets = "all"\nmost = 1\nstarts = 4\nleave_one_out = false\n'
     one = steps.candidates(study(two, asked))
@@ -258,3 +283,43 @@ def test_a_tie_without_a_value_is_named(two: Bench) -> None:
     error = refused(two, '[[candidate]]\nname = "a"\nparameters = ["root"]\nties = { tip = "1/(root-root)" }\n')
     assert error.code == "tie.value"
     assert error.where is not None
+
+
+SEARCHED = '[candidates]\nleave_one_out = false\nstarts = 3\nsearch = "genetic"\npopulation = 10\ngenerations = 5\n'
+
+
+@pytest.mark.slow
+def test_starts_from_random_populations(two: Bench) -> None:
+    """Every search ends in the valley of the minimum, which an update of the same parameters finds too."""
+    found = steps.candidates(study(two, LISTED + SEARCHED))
+    alone = steps.update(study(two, "", EI), output=two.folder / "alone")
+    both, one = (by_name(found)[name] for name in ("both", "as one"))
+    assert found.values["both"] == pytest.approx({**alone.values, "mass": 1.0}, rel=1e-6)
+    for model in (both, one):
+        assert (model.starts, model.starts_at_best, model.starts_unpaired) == (3, 3, 0)
+
+
+def test_a_population_is_judged_by_the_residuals_of_the_update(two: Bench) -> None:
+    """χ² with the other parameters at their initial values, and infinite where the model cannot be solved."""
+    loaded = read_study(study(two, LISTED))
+    problem = loaded.problem()
+    moving = moving_parameters(problem, ("root", "tip"))
+    population = _Population(problem, problem.start(np.zeros(3)), moving)
+    points = np.array([[0.1, -0.2], [0.0, 0.3], [-2.0, 0.0]])
+    chi2 = population(points)
+    for point, value in zip(points[:2], chi2):
+        assert value == pytest.approx(2.0 * problem.start(np.array([*point, 0.0])).objective, rel=1e-9)
+    assert not np.isfinite(chi2[2])
+
+
+@pytest.mark.slow
+def test_another_search_begins_anew(two: Bench) -> None:
+    small = SEARCHED.replace("= 10", "= 4").replace("= 5", "= 1").replace("starts = 3", "starts = 1")
+    path = study(two, LISTED + small)
+    steps.candidates(path)
+    file = path.parent / "run" / CANDIDATES_FILE
+    first = file.read_text(encoding="utf-8").splitlines()
+    steps.candidates(study(two, LISTED + small.replace("generations = 1", "generations = 2")))
+    second = file.read_text(encoding="utf-8").splitlines()
+    assert len(first) == len(second)
+    assert first[0] != second[0]

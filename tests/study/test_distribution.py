@@ -135,3 +135,45 @@ def test_functions_without_a_value_are_refused(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(text)
     with pytest.raises(FemtuneError, match="function 3 is not finite at element 1"):
         steps.modes(tmp_path / "study.toml")
+
+
+@pytest.mark.parametrize(
+    ("bounds", "said"),
+    [
+        ((-0.3, 0.3, -0.6, 0.5, -0.3, 0.3), "it is positive with lower of thin2 above"),
+        ((-0.9, 0.3, -0.9, 0.9, -0.9, 0.9), "are multiplied by less than"),
+        ((-0.3, 1e300, -0.3, 0.3, -0.3, 0.3), "at most 10000 times is allowed"),
+        ((-1e300, 1e300, -1e300, 1e300, -1e300, 1e300), "are multiplied by less than"),
+    ],
+)
+def test_bounds_within_which_a_thickness_is_negative_or_huge_are_refused(
+    bounds: tuple[float, ...], said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "plate.bdf").write_text(plate(varied=False))
+    head = STUDY[: STUDY.index("[[parameter]]")].replace('[test]\nfile = "plate.uff"\n', "")
+    tables = (
+        f'[[parameter]]\nname = "thin{j + 1}"\nfields = ["DISTRIBUTION THIN F{j + 1}"]\nabsolute = true\n'
+        f"lower = {bounds[2 * j]!r}\nupper = {bounds[2 * j + 1]!r}\n"
+        for j in range(3)
+    )
+    (tmp_path / "study.toml").write_text(head + "".join(tables))
+    with pytest.raises(FemtuneError) as caught:
+        steps.modes(tmp_path / "study.toml")
+    assert caught.value.code.startswith("distribution.range")
+    assert said in str(caught.value)
+    if bounds[3] == 0.5:
+        check_shown("distribution.range", str(caught.value).replace(str(tmp_path), "."))
+
+
+def test_the_bound_that_makes_a_thickness_positive_does(tmp_path: Path) -> None:
+    (tmp_path / "plate.bdf").write_text(plate(varied=False))
+    text = STUDY.replace('[test]\nfile = "plate.uff"\n', "").replace("lower = -0.3", "lower = -0.5", 1)
+    (tmp_path / "study.toml").write_text(text)
+    with pytest.raises(FemtuneError, match="lower of thin1 above") as caught:
+        steps.modes(tmp_path / "study.toml")
+    limit = float(str(caught.value).rsplit("above ", 1)[1].split()[0])
+    (tmp_path / "study.toml").write_text(text.replace("lower = -0.5", f"lower = {limit + 1e-3}"))
+    assert steps.modes(tmp_path / "study.toml").freq_hz[0] > 0.0
+    (tmp_path / "study.toml").write_text(text.replace("lower = -0.5", f"lower = {limit - 1e-3}"))
+    with pytest.raises(FemtuneError, match="times its value in the deck"):
+        steps.modes(tmp_path / "study.toml")

@@ -176,3 +176,14 @@ def test_frfs_cannot_be_held_out_of_a_test_of_modes(beam: Bench) -> None:
     with pytest.raises(FemtuneError, match="has no FRFs") as error:
         load_study(beam.study(f'{beam.parameters}\n[[hold_out]]\noutputs = ["5Y+"]\n'))
     assert error.value.code == "study.hold-out"
+
+
+def test_a_band_without_measured_lines_is_reported_before_the_update(
+    with_frfs: Bench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(with_frfs.folder)
+    with_frfs.study(f"{with_frfs.parameters}{RESIDUAL}{LIMITS}frf_from_hz = 500.0\n", test="frfs.uff")
+    with pytest.raises(FemtuneError) as caught:
+        steps.run(Path("study.toml"), output=tmp_path / "run")
+    check_shown("response.no-lines, validation", caught.value)
+    assert not (tmp_path / "run" / "history.jsonl").exists()

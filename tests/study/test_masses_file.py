@@ -70,6 +70,22 @@ def test_an_exchange_of_modes_is_told(bench: Bench) -> None:
     assert "without the masses of the test equipment, the order of the modes 3 and 4 would be exchanged" in told[0]
 
 
+def test_masses_in_another_unit_than_the_study_are_told(bench: Bench) -> None:
+    """40 g in a column of the study's unit: 1000 times too heavy."""
+    record = steps.modes(_study(bench, "node,mass\n3,40\n5,25\n")).records[0]
+    assert record.test_masses is not None
+    structure = steps.modes(bench.study(OWN.replace('masses_file = "sensors.csv"\n', ""), test=None)).records[0]
+    own = max(structure.effective_masses.total[:3])
+    assert record.test_masses.ratio == pytest.approx(65.0 / own)
+    said = "times the mass of the structure"
+    (told,) = (a for a in record.alerts if said in a.sentence)
+    assert (told.code, told.level) == ("model.test-masses", "warning")
+    light = steps.modes(_study(bench, "node,mass_g\n3,40\n5,25\n")).records[0]
+    assert not any(said in a.sentence for a in light.alerts)
+    assert light.test_masses is not None
+    assert light.test_masses.ratio == pytest.approx(0.065 / own)
+
+
 @pytest.mark.parametrize(
     ("name", "table"),
     [

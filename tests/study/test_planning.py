@@ -23,7 +23,7 @@ from femtune.errors import FemtuneError
 from femtune.files.uff import scan_uff
 from femtune.files.uff.geometry import read_geometry
 from femtune.planning import information_of, log_det, outcome_of
-from femtune.reporting import build_plan_page, html_text
+from femtune.reporting import build_page, html_text
 from femtune.results.results import Results
 from femtune.results.step_results import PlanResult
 from femtune.study.planning.candidates import surface_normals
@@ -265,7 +265,7 @@ def test_the_page_can_be_kept_as_results(free: Path) -> None:
     again = Results.model_validate_json(found.results.model_dump_json())
     assert again == found.results
     assert set(again.array_keys()) <= set(found.arrays)
-    page = html_text(build_plan_page(again, found.arrays))
+    page = html_text(build_page("plan", again, found.arrays))
     assert {c.key for c in again.citations} == {
         "kammer2005",
         "kammer2004",
@@ -458,7 +458,7 @@ def test_expected_standard_deviations_beside_differences(tmp_path: Path) -> None
     assert found.parameters.column("data_sd") == pytest.approx(sd * np.sqrt(np.diag(np.linalg.inv(F))), rel=1e-5)
     assert found.parameters.column("prior_sd") == pytest.approx([sd] * 3)
     assert (found.parameters.column("frequencies_sd") > expected).all()
-    assert "σ expected" in html_text(build_plan_page(found.results, found.arrays))
+    assert "σ expected" in html_text(build_page("plan", found.results, found.arrays))
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])

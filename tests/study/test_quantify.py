@@ -414,12 +414,17 @@ def test_what_fails_below_is_told_in_keys_of_the_study(keys: dict[str, str], cod
     assert way_out in error.value.hint
 
 
-def test_repeats_that_do_not_do_stop_no_update(beam: Bench):
-    beam.write("repeats.csv", "1,2\n11,70\n11,71\n")
-    run = steps.update(_study(beam, head=""))
-    assert run.results.update is not None
-    assert run.results.update.ok
-    assert run.results.quantify is None
-    assert [a.sentence for a in run.results.alerts if a.code == "quantify.zero-variance"] == [
-        "variability of the parameters: mode 1 has the same value in all repeats, so its variance is zero"
-    ]
+@pytest.mark.parametrize(
+    ("table", "keys", "code"),
+    [
+        ("1,2\n11,70\n11,71\n", "", "quantify.zero-variance"),
+        ("1,2\n11,70\n12,71\n13,70\n", 'noise_sd = { "1" = 0.001 }', "quantify.noise"),
+        ("1,2\n11,70\n12,71\n13,70\n", "hold_out = [7]", "quantify.hold-out"),
+    ],
+)
+def test_repeats_that_do_not_do_are_reported_before_the_update(beam: Bench, table: str, keys: str, code: str):
+    beam.write("repeats.csv", table)
+    with pytest.raises(FemtuneError) as error:
+        steps.update(_study(beam, keys, head=""))
+    assert error.value.code == code
+    assert not (beam.folder / "run" / "history.jsonl").exists()

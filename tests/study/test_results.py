@@ -8,8 +8,10 @@ import pytest
 from pydantic import ValidationError
 
 from femtune.results.base import Alert, Record, descriptions
-from femtune.results.results import SCHEMA_VERSION, json_schema, record_types
+from femtune.results.frf_validation import PredictedCurves
+from femtune.results.results import SCHEMA_VERSION, Results, json_schema, record_types
 from femtune.results.schema_page import schema_page
+from femtune.results.validation import ValidationResults
 
 _PAGE = Path(__file__).resolve().parents[2] / "docs" / "results-schema.md"
 
@@ -47,3 +49,14 @@ def test_records_are_frozen_and_strict_about_keys() -> None:
         Alert.model_validate({"level": "info", "code": "a.b", "sentence": "c", "colour": "red"})
     with pytest.raises(ValidationError):
         Alert.model_validate({"level": "loud", "code": "a.b", "sentence": "c"})
+
+
+def test_array_keys_are_those_of_all_records() -> None:
+    """Keys of records within records too: without them a run folder with missing arrays would not be noticed."""
+    keys = ("after/1/unused_frf_hz", "after/1/unused_frf_values", "after/1/unused_frf_test_values")
+    curves = PredictedCurves(
+        configuration="c", data="unused FRFs", kind="mobility", outputs=("1X+",), inputs=("1X+",), freq_key=keys[0],
+        values_key=keys[1], test_values_key=keys[2],
+    )  # fmt: skip
+    given = ValidationResults(predictions=(), not_tested=(), curves=(curves,))
+    assert Results.model_construct(validation=given).array_keys() == keys

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 from tests.model.test_from_runs import modes, sample
-from tests.study.runs_coverage import coverage
 
 import femtune as ft
 from femtune.dofs import DofSet
@@ -17,6 +16,7 @@ from femtune.files.runs_table import RunsTable, write_runs_table
 from femtune.modal import ModeSet
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
+from structures.coverage_of_runs import coverage
 
 TRUTH = np.array([9e3, 2.4e4])
 DOFS = DofSet.parse([f"{i}X+" for i in (1, 2, 3, 4)])
@@ -140,6 +140,43 @@ def test_more_measured_frequencies_than_columns(study: Path) -> None:
     check_shown("runs.measured", str(caught.value).replace(str(study.parent), "FOLDER"))
 
 
+def _with_mode(column: np.ndarray) -> RunsTable:
+    """The table with another shape of the last mode."""
+    whole = table()
+    assert whole.shapes is not None
+    shapes = whole.shapes.copy()
+    shapes[:, :, 3] = column
+    return RunsTable(whole.columns, whole.freq_hz, shapes, DOFS)
+
+
+def test_modes_that_do_not_move_at_the_nodes_are_left_out(study: Path) -> None:
+    write_runs_table(study.parent / "runs.csv", _with_mode(1e-12 * np.array([1.0, -2.0, 3.0, 1.0])))
+    found = ft.info(study)
+    codes = {n.code: n.sentence for n in found.notices}
+    assert codes["runs.hidden-modes"].endswith(": 1 of 4")
+    assert ft.modes(study).frequencies.column("mode").tolist() == [1, 2, 3]
+
+
+def test_nothing_but_hidden_modes(study: Path) -> None:
+    whole = table()
+    assert whole.shapes is not None
+    write_runs_table(study.parent / "runs.csv", RunsTable(whole.columns, whole.freq_hz, 0.0 * whole.shapes, DOFS))
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    check_shown("runs.few-dofs, none", str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
+def test_modes_that_look_alike_are_refused(study: Path) -> None:
+    whole = table()
+    assert whole.shapes is not None
+    shapes = whole.shapes.copy()
+    shapes[:, :, 3] = -2.0 * shapes[:, :, 1]
+    write_runs_table(study.parent / "runs.csv", RunsTable(whole.columns, whole.freq_hz, shapes, DOFS))
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    check_shown("runs.few-dofs, alike", str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
 def test_runs_with_other_modes(study: Path) -> None:
     whole = table()
     assert whole.shapes is not None
@@ -154,11 +191,22 @@ def _shown(study: Path, notices: object, code: str) -> str:
     return f"[{found.code}] {found.sentence}"
 
 
+VIBRATION = """[[vibration]]
+name = "table"
+kind = "random"
+input = "2X+"
+outputs = ["2X+"]
+damping_ratio = 0.02
+spectrum_hz = [4.0, 6.0]
+spectrum = [1.0, 1.0]
+"""
 _CHANGES = {
     "runs.no-column": ('name = "k2"', 'name = "k3"'),
     "runs.too-few": ("degree = 1\ncrossed = false", "degree = 4"),
     "runs.study, deck": ('units = "m-kg-s"', 'units = "m-kg-s"\ndeck = "nodes.bdf"'),
     "runs.study, table": ("[residuals]", "[reduction]\n\n[residuals]"),
+    "runs.study, vibration": ("[residuals]", f"{VIBRATION}\n[residuals]"),
+    "runs.study, limit": ("[residuals]", "[validate]\nfrac = 0.9\n\n[residuals]"),
     "runs.study, max hz": ("[residuals]", "[modes]\nmax_hz = 5.0\n\n[residuals]"),
     "runs.study, fields": ('name = "k1"', 'name = "k1"\nfields = ["MAT1 1 E"]'),
     "runs.study, absolute": ("absolute = true\nlower = 1e4", "lower = 0.5"),
@@ -220,10 +268,44 @@ def test_fewer_sensors_than_modes(study: Path) -> None:
 
 
 @pytest.mark.slow
-def test_intervals_cover_the_truth_of_simulated_specimens() -> None:
+@pytest.mark.parametrize("correlation", [None, "gaussian"], ids=["polynomials", "Kriging"])
+def test_intervals_cover_the_truth_of_simulated_specimens(correlation: str | None) -> None:
     """Six outputs of 200 runs, 90 % intervals of 100 specimens: within what the binomial of 0.1 % admits."""
-    hits, trials = coverage(200, 100)
-    assert abs(hits / trials - 0.9) < 3.3 * np.sqrt(0.9 * 0.1 / 100)
+    found = coverage(200, 100, correlation=correlation)
+    assert abs(found.share - 0.9) < 3.3 * np.sqrt(0.9 * 0.1 / 100)
+
+
+def test_kriging_is_stated_with_its_error(study: Path) -> None:
+    write_runs_table(study.parent / "runs.csv", table(20))
+    study.write_text(STUDY.replace("degree = 1\ncrossed = false", 'method = "kriging"\ndegree = 1'))
+    notices = ft.info(study).notices
+    assert "model of 20 runs: Kriging of" in _shown(study, notices, "runs.fitted")
+
+
+@pytest.mark.slow
+def test_kriging_finds_the_parameters(study: Path) -> None:
+    write_runs_table(study.parent / "runs.csv", table(40))
+    study.write_text(STUDY.replace("degree = 1\ncrossed = false", 'method = "kriging"\ndegree = 1'))
+    result = ft.run(study)
+    values = dict(zip(result.parameters.column("name"), result.parameters.column("value")))
+    np.testing.assert_allclose([values["k1"], values["k2"]], TRUTH, rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("keys", "code"),
+    [
+        ('method = "kriging"\ncrossed = true', "runs.method"),
+        ('correlation = "gaussian"', "runs.method"),
+        ('method = "kriging"\ndegree = 3', "runs.method"),
+        ("degree = 0", "runs.method"),
+    ],
+)
+def test_keys_of_the_other_method_are_refused(study: Path, keys: str, code: str) -> None:
+    study.write_text(STUDY.replace("degree = 1\ncrossed = false", keys))
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    assert caught.value.code == code
+    check_shown(f"{code}, {keys.splitlines()[-1]}", str(caught.value).replace(str(study.parent), "FOLDER"))
 
 
 @pytest.mark.slow

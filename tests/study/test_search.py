@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,11 @@ from femtune import steps
 from femtune.assembly.study import read_study
 from femtune.errors import FemtuneError, Notice
 from femtune.residuals import UpdateProblem
+from femtune.residuals.mac import mac_residual
 from femtune.study.global_search import _Responses
+from femtune.study.search_front import one_less_mac
 
-from .conftest import EI, Bench
+from .conftest import EI, TRUE, Bench, measured
 
 RESIDUALS = "\n[residuals]\nfrequency_sd = 0.01\n"
 SHAPES = "\n[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.05\n"
@@ -135,3 +138,74 @@ def test_alerts() -> None:
         Notice("search.not-confirmed", seeds=3),
     ):
         check_shown(notice.code, notice)
+
+
+FRONT = SHAPES + 'shape_form = "mac"\n' + SMALL + "front = 6\npopulation = 20\ngenerations = 25\n"
+
+
+def contradictory(beam: Bench) -> str:
+    """A test whose shapes belong to a root 1.3 times as stiff as in the deck, its frequencies to one as in the deck."""
+    one, other = measured(beam.truth()), measured(beam.truth(TRUE[1:]))
+    beam.uff([replace(one, modes=replace(one.modes, freq_hz=other.modes.freq_hz))])
+    return EI
+
+
+@pytest.mark.slow
+def test_a_front_between_what_the_frequencies_and_what_the_shapes_say(beam: Bench) -> None:
+    path = beam.study(contradictory(beam) + FRONT)
+    table = beam.folder / "front.csv"
+    found = steps.search(path, report=beam.folder / "page.html", csv=table)
+    front = found.record.front
+    assert front is not None
+    assert front.label == "sum of 1 − MAC"
+    # the objectives of the model, by its modes alone
+    loaded = read_study(path)
+    for point in front.points:
+        x = loaded.parameters.normalise(point.parameters)
+        blocks = loaded.problem().start(x).blocks
+        errors = [b.values * b.sd for b in blocks if b.kind == "frequency"]
+        roots = [1.0 / (1.0 + b.values[0] * b.sd) for b in blocks if b.kind == "MAC"]
+        assert point.frequency_model == pytest.approx(np.sum(np.square(errors)), rel=1e-6, abs=1e-12)
+        assert point.other_model == pytest.approx(np.sum(1.0 - np.square(roots)), rel=1e-6, abs=1e-10)
+    # the surrogate knows them, and each end is better in one of the two
+    frequency, other = (np.array([getattr(p, k) for p in front.points]) for k in ("frequency_model", "other_model"))
+    assert frequency[0] == frequency.min() < 0.1 * front.initial_frequency
+    assert other[-1] < 0.1 * other[0]
+    np.testing.assert_allclose([p.frequency for p in front.points], frequency, rtol=0.1, atol=2e-5)
+    np.testing.assert_allclose([p.other for p in front.points], other, rtol=0.1, atol=3e-4)
+    whole = found.front
+    assert np.all(np.diff(whole[:, 2]) > 0.0)
+    assert np.all(np.diff(whole[:, 3]) < 0.0)
+    lines = table.read_text().splitlines()
+    assert lines[0] == "root,tip,frequency_error_squared,other_error"
+    np.testing.assert_allclose([[float(c) for c in line.split(",")] for line in lines[1:]], whole)
+    assert "Frequencies against shapes" in (beam.folder / "page.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "residuals", "csv"),
+    [
+        pytest.param("search.front", RESIDUALS + SMALL + "front = 3\n", False, id="frequencies alone"),
+        pytest.param(
+            "search.front, mac",
+            SHAPES + '\n[[residual]]\nkind = "mac"\nsd = 0.1\n' + SMALL + "front = 3\n",
+            False,
+            id="shapes and MAC",
+        ),
+        pytest.param("search.front, csv", RESIDUALS + SMALL, True, id="table without a front"),
+    ],
+)
+def test_no_front(beam: Bench, name: str, residuals: str, csv: bool) -> None:
+    path = beam.study(EI + residuals)
+    with pytest.raises(FemtuneError) as caught:
+        steps.search(path, csv=beam.folder / "front.csv" if csv else None)
+    check_shown(name, str(caught.value).replace(str(path.parent), "FOLDER"))
+
+
+@pytest.mark.parametrize("form", ["root", "ratio", "difference"])
+def test_one_less_mac_from_each_form(form: str) -> None:
+    rng = np.random.default_rng(4)
+    shape, test = rng.standard_normal(5), rng.standard_normal(5)
+    mac = (shape @ test) ** 2 / ((shape @ shape) * (test @ test))
+    value, _ = mac_residual(shape, np.zeros((5, 1)), test, 0.05, form)  # type: ignore[arg-type]
+    assert one_less_mac(0.05 * value, form)[0] == pytest.approx(1.0 - mac, rel=1e-12)

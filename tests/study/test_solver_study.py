@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
+import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +20,7 @@ from tests.runs.test_real_solvers import BDF, HEIGHT, INP, WIDTH
 import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
+from femtune.executor.interface import usable_cores
 from femtune.files.modes.registry import read_modes
 from femtune.files.nastran.lines import format_real
 from femtune.modal import ModeSet
@@ -31,6 +35,7 @@ import math, os, sys, time
 k1, k2 = (float(x) for x in open("in.txt"))
 state = os.environ["FAKE_STATE"]
 os.close(os.open("%s/started-%d" % (state, time.time_ns()), os.O_CREAT))
+time.sleep(float(os.environ.get("FAKE_S", "0")))
 if os.environ.get("FAKE_ONCE") and not os.path.exists("%s/%r-%r" % (state, k1, k2)):
     open("%s/%r-%r" % (state, k1, k2), "w").close()
     sys.exit(1)
@@ -192,6 +197,32 @@ def _without_digits(text: str) -> str:
     return re.sub(r"runs at [^;]*;", "runs at 1205, 1200;", text)
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="SIGTERM ends a process of Windows without asking it")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, name: str) -> None:
+    write(study.parent, FAKE_S="0.3")
+    command = [sys.executable, "-m", "femtune", "update", str(study)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    while started(study) < 4 and process.poll() is None:
+        time.sleep(0.02)
+    process.send_signal(getattr(signal, name))
+    said = process.communicate(timeout=60)[1].splitlines()[-1]
+    stopped = started(study)
+    assert process.returncode == {"SIGTERM": 143, "SIGINT": 130}[name]
+    place = study.parent / "run" / "journal" / "runs.sqlite"
+    said = re.sub(r"\d+ external runs?", "N external runs", said).replace(str(place), "RUNS")
+    by = {"SIGTERM": "SIGTERM", "SIGINT": "Ctrl-C"}[name]
+    assert said == f"stopped by {by}; kept: N external runs in RUNS; the same command continues from there"
+    time.sleep(0.5)
+    assert started(study) == stopped
+    # what was under way, one run a core, is made again and no other
+    np.testing.assert_allclose(values(ft.run(study)), TRUTH, rtol=1e-5)
+    with_interruption = started(study)
+    ft.run(study, fresh=True)
+    assert 0 <= with_interruption - (started(study) - with_interruption) <= usable_cores()
+
+
 @pytest.mark.parametrize("step", ["info", "modes", "correlate"])
 def test_other_steps_use_the_same_runs(study: Path, step: str) -> None:
     assert repr(getattr(ft, step)(study))
@@ -243,12 +274,16 @@ def test_a_solver_without_repeatable_results_is_refused(study: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_update_with_calculix(tmp_path: Path) -> None:
-    """E and density of a beam from its own modes: both are found within the digits of the .frd file."""
+@pytest.mark.parametrize("count", [6, 10])
+def test_an_update_with_calculix(tmp_path: Path, count: int) -> None:
+    """E and density of a beam from its own modes: both are found within the digits of the .frd file.
+
+    The tenth mode is torsion, of which the nodes on the axis show nothing but rounding.
+    """
     program = os.environ.get("FEMTUNE_CALCULIX") or shutil.which("ccx")
     if program is None:
         pytest.skip("CalculiX is not here: put ccx on the path or its place in $FEMTUNE_CALCULIX")
-    template = INP.replace("7850.0", "{{rho:.6e}}")
+    template = INP.replace("7850.0", "{{rho:.6e}}").replace("*FREQUENCY\n6\n", f"*FREQUENCY\n{count}\n")
     (tmp_path / "beam.inp").write_text(template)
     (tmp_path / "truth").mkdir()
     text = template.replace("{{E:.6e}}", "1.93e11").replace("{{rho:.6e}}", "8400.")
@@ -269,7 +304,7 @@ units = "m-kg-s"
 [model]
 grid = "beam.inp"
 [modes]
-count = 6
+count = {count}
 [solver]
 command = ["{program}", "beam"]
 templates = ["beam.inp"]
@@ -303,6 +338,11 @@ sd = 0.01
     found = dict(zip(result.parameters.column("name"), result.parameters.column("value")))
     assert found["E"] == pytest.approx(1.93e11, rel=1e-4)
     assert found["rho"] == pytest.approx(8400.0, rel=1e-4)
+    assert result.results.model is not None
+    hidden = [n.sentence for n in result.results.model.notices if n.code == "runs.hidden-modes"]
+    assert len(hidden) == (count == 10)
+    for sentence in hidden:
+        check_shown("runs.hidden-modes", f"[runs.hidden-modes] {sentence}")
 
 
 DECK_STUDY = """[study]

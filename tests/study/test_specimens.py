@@ -293,3 +293,27 @@ def test_keys_that_do_not_fit_are_refused(name: str, code: str, old: str, new: s
     errors = caught.value.errors if isinstance(caught.value, FemtuneErrors) else (caught.value,)
     found = next(error for error in errors if error.code == code)
     check_shown(f"{code}, {name}", str(found).replace(str(tmp_path), "."))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["no test", "for validation"])
+def test_a_specimen_without_data_is_left_out_of_mean_and_cov(tmp_path: Path, way: str) -> None:
+    write_tests(tmp_path, seed=None)
+    line = 'test = "B_free.uff"\n'
+    run = _run(tmp_path, study_text().replace(line, "" if way == "no test" else f'{line}use = "validation"\n'))
+    found = _found(run)
+    assert found.not_calibrated == ("B",)
+    root, tip = found.parameters
+    known = np.array([TRUTH["A"], TRUTH["C"]])
+    assert root.spread is not None
+    assert root.spread.mean == pytest.approx(known.mean(), rel=1e-5)
+    assert root.spread.cov_percent == pytest.approx(100.0 * known.std(ddof=1) / known.mean(), rel=1e-4)
+    assert root.spread.degrees_of_freedom == 1
+    assert tip.spread is not None
+    assert tip.spread.degrees_of_freedom == 1
+    for mode in found.frequencies:
+        after = [m.after_hz for m in mode.modes if m.specimen != "B"]
+        assert mode.model is not None
+        assert mode.model.mean == pytest.approx(np.mean(after), rel=1e-12)  # type: ignore[arg-type]
+    page = (run.folder / "report.html").read_text()
+    assert "The update uses no test of B: its individual parameters have the initial values" in page

@@ -9,12 +9,15 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune import steps
-from femtune.assembly.stages import bottom_up, used_in_stage
+from femtune.assembly.stages import _covariance, bottom_up, used_in_stage
 from femtune.assembly.study import read_study
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.study_file import study_from_text
+from femtune.parameters import Parameter, ParameterSet
 from femtune.reporting import build_report, html_text
+from femtune.residuals import Evaluation, ResidualBlock
 from femtune.results.step_results import RunResult
+from femtune.updating.stages import Belief, SetByHand, set_by_hand
 
 from .specimen_data import SD, TIP, TRUTH, study_text, write_frfs, write_tests
 
@@ -146,3 +149,15 @@ def test_an_addition_that_leads_outside_the_bounds_is_an_error(tmp_path: Path) -
     with pytest.raises(FemtuneError, match="lies outside the bounds") as caught:
         bottom_up(study, study.problem().start(np.zeros(4)), lambda stage, seed, iteration: None)
     assert caught.value.values["tip"] == pytest.approx(2.5)
+
+
+def test_a_value_set_by_hand_last_is_not_called_unmoved() -> None:
+    parameters = ParameterSet((Parameter("a"), Parameter("b"), Parameter("c")))
+    found = Belief(parameters, np.zeros(3), np.diag([0.01, 0.02, 0.03]), np.array([True, True, False]))
+    later = set_by_hand(found, [SetByHand("b", value=1.1)])
+    block = ResidualBlock("frequency", "x", "1", np.zeros(4), np.zeros((4, 3)), 0.01)
+    covariance = _covariance(later, Evaluation(np.zeros(3), (), (block,)))
+    assert covariance.reasons == {
+        1: "set by hand and not updated after that, σ not given", 2: "not updated in any stage, σ not given"
+    }  # fmt: skip
+    assert np.isfinite(covariance.matrix[0, 0])

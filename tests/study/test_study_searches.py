@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -194,8 +195,18 @@ def test_contradictions_are_told_before_anything_is_solved(tmp_path: Path, updat
     assert word in str(caught.value)
 
 
-@pytest.mark.parametrize("more", ["[update]\nstarts = 3\n", '[bootstrap]\nmethod = "noise"\n'])
-def test_a_refused_cluster_is_told_before_any_work(beam: Bench, more: str) -> None:
+@pytest.mark.parametrize(
+    ("step", "more"),
+    [
+        (steps.run, "[update]\nstarts = 3\n"),
+        (steps.run, '[bootstrap]\nmethod = "noise"\n'),
+        (steps.candidates, '[candidates]\nsubsets = "all"\n'),
+        (steps.search, "[search]\n"),
+        (steps.screen, "[screen]\n"),
+    ],
+    ids=["starts", "bootstrap", "candidates", "search", "screen"],
+)
+def test_a_refused_cluster_is_told_before_any_work(beam: Bench, step: Callable[..., object], more: str) -> None:
     text = f'{beam.parameters}{more}[parallel]\nhow = "cluster"\naddress = "tcp://10.0.0.7:8786"\n'
     done: list[str] = []
 
@@ -204,7 +215,7 @@ def test_a_refused_cluster_is_told_before_any_work(beam: Bench, more: str) -> No
             done.append(what)
 
     with pytest.raises(FemtuneError) as caught:
-        steps.run(beam.study(text), progress=Told())
+        step(beam.study(text), progress=Told())
     assert caught.value.code == "executor.not-loopback"
     assert "parallel" in str(caught.value)
-    assert not any("modes" in what or "start" in what or "run" in what for what in done)
+    assert not any(word in what for what in done for word in ("modes", "start", "run", "initial values"))

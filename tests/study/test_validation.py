@@ -282,3 +282,15 @@ def test_the_page_marks_modes_that_the_update_did_not_see(beam: Bench) -> None:
     modes = page[page.index('id="modes"') : page.index('id="mode_shapes"')]
     assert modes.count("not used in the update") == 1
     assert "as the deck: beyond the frequencies used" in page
+
+
+def test_chi_square_without_an_optimum_is_that_of_the_kept_values(beam: Bench) -> None:
+    run = steps.update(
+        beam.study(beam.parameters + "[residuals]\nfrequency_sd = 0.001\n[update]\nmax_iterations = 1\n")
+    )
+    update = run.results.update
+    assert update is not None
+    assert not update.ok
+    assert update.goodness is not None
+    assert update.goodness.chi_square == pytest.approx(update.chi_square, rel=1e-9)
+    assert "ended without an optimum" in update.goodness.sentence

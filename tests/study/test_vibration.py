@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ from scipy.integrate import solve_ivp
 from tests.messages.shown import check_shown
 
 from femtune import steps
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
+from femtune.files.study_file.validation import ValidateTable
 from femtune.model import Configuration, configure, parametric_model, solve_modes
 from femtune.model.damping import constant_damping
 from femtune.model.response import make_ports
@@ -26,7 +28,7 @@ from femtune.model.vibration import (
 )
 from femtune.parameters import ParameterSet
 from femtune.results.step_results import RunResult
-from femtune.results.vibration import VibrationResults
+from femtune.results.vibration import VibrationPoint, VibrationResults, vibration_verdicts
 
 from .conftest import EI, Bench
 
@@ -164,6 +166,59 @@ def test_a_wrong_damping_ratio_fails_the_amplitudes_and_not_the_frequencies(beam
     assert errors[2] == pytest.approx(100.0 * (1.0 - 0.5**0.5), abs=6.0)
 
 
+WRONG = {
+    "vibration.no-damping": (RANDOM, "damping_ratio = {damping}\n", ""),
+    "vibration.spectrum": (RANDOM, "[0.01, 0.04, 0.01]", "[0.01, 0.04]"),
+    "vibration.sweep": (SWEEP, "to_hz = 80.0", "to_hz = 10.0"),
+    "vibration.sweep, slow": (SWEEP, "rate = 4.0", "rate = 1e-9"),
+    "vibration.no-overlap": (SWEEP, "from_hz = 10.0\nto_hz = 80.0", "from_hz = 600.0\nto_hz = 800.0"),
+    "vibration.no-overlap, random": (RANDOM, "[10.0, 40.0, 400.0]", "[1000.0, 4000.0, 8000.0]"),
+    "vibration.no-overlap, lines": (SWEEP, "to_hz = 80.0", "to_hz = 10.1"),
+    "response.held-port": (SWEEP, '"5Y+", "3Y+"', '"5Y+", "1Y+"'),
+    "model.unknown-node": (RANDOM, '"5Y+", "3Y+"', '"5Y+", "99Y+"'),
+    "vibration.no-base": (SWEEP, "outputs =", 'configuration = "free"\noutputs ='),
+}
+FREE = """
+[[configuration]]
+name = "fixed"
+test = "beam.uff"
+[[configuration]]
+name = "free"
+supports_removed = ["1:12356"]
+"""
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_errors_of_vibration_tests_are_reported_before_the_update(
+    beam: Bench, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(beam.folder)
+    text, old, new = WRONG[name]
+    assert old in text
+    free = "free" in new
+    for file in ("sweep.csv", "random.csv"):
+        _write(beam.folder / file, np.linspace(10.0, 80.0, 200), np.ones((2, 200)))
+    tables = EI + text.replace(old, new).replace("{damping}", "0.02") + LIMITS
+    beam.study(FREE + tables if free else tables, test=None if free else "beam.uff")
+    with pytest.raises(FemtuneError) as caught:
+        steps.run(Path("study.toml"))
+    assert caught.value.code == name.partition(",")[0]
+    assert "vibration" in str(caught.value.where)
+    # the first line that the update writes
+    assert not (beam.folder / "run" / "history.jsonl").exists()
+    if name in ("vibration.no-damping", "vibration.no-overlap, lines"):
+        check_shown(name, caught.value)
+
+
+def test_all_errors_of_vibration_tests_are_reported_together(beam: Bench) -> None:
+    wrong = [text.replace(old, new) for text, old, new in (WRONG["vibration.no-damping"], WRONG["vibration.sweep"])]
+    for file in ("sweep.csv", "random.csv"):
+        _write(beam.folder / file, np.linspace(10.0, 80.0, 200), np.ones((2, 200)))
+    with pytest.raises(FemtuneErrors) as caught:
+        steps.run(beam.study(EI + "".join(wrong).replace("{damping}", "0.02") + LIMITS))
+    assert {error.code for error in caught.value.errors} == {"vibration.no-damping", "vibration.sweep"}
+
+
 @pytest.mark.slow
 def test_curves_before_and_after_are_those_of_the_two_models(beam: Bench) -> None:
     """The initial model is the deck itself, solved here past the study; the updated one meets the measured curves."""
@@ -252,18 +307,50 @@ def test_ratios_by_frequency_and_their_source(beam: Bench) -> None:
 
 
 @pytest.mark.slow
-def test_what_cannot_be_compared_is_not_tested(beam: Bench) -> None:
-    _write(beam.folder / "sweep.csv", np.array([500.0, 600.0]), np.ones((2, 2)))
-    none = RANDOM.replace("damping_ratio = {damping}\n", "").replace('measured = "random.csv"\n', "")
-    found = steps.run(beam.study(EI + SWEEP.replace("{damping}", "0.02") + none + LIMITS))
-    sweep, random = _vibrations(found)
-    assert "vibration.no-overlap" in sweep.problem
-    assert "vibration.no-damping" in random.problem
-    verdicts = [v for v in found.results.validation.verdicts if v.data == "vibration test"]
-    assert {v.verdict for v in verdicts} == {"not tested"}
-    assert "no configurations or modes were held out" in " ".join(found.results.validation.not_tested)
-    for code, test in (("vibration.no-overlap", sweep), ("vibration.no-damping", random)):
-        check_shown(code, f"[{code}] {test.problem.removesuffix(f' ({code})')}")
+@pytest.mark.parametrize("curve", ["measured", "computed"])
+def test_a_maximum_at_a_band_end_is_no_resonance(beam: Bench, curve: str) -> None:
+    """Below the first mode both curves rise to the end of the band; in the whole band both have their resonance."""
+    hz = np.linspace(10.0, 80.0, 300)
+    rising = 1.0 + hz / 80.0
+    peaked = 1.0 + np.exp(-(((hz - 14.0) / 1.0) ** 2))
+    sweep = SWEEP.replace("{damping}", "0.02").replace('"5Y+", "3Y+"', '"5Y+"')
+    if curve == "computed":
+        sweep = sweep.replace("to_hz = 80.0", "to_hz = 18.0")
+    np.savetxt(
+        beam.folder / "sweep.csv", np.vstack([hz, rising if curve == "measured" else peaked]).T, delimiter=",",
+        header="Hz,5Y", comments="",
+    )  # fmt: skip
+    found = steps.run(beam.study(EI + sweep + LIMITS))
+    point = _vibrations(found)[0].points[0]
+    assert (point.test_peak_at_end, point.peak_at_end) == (curve == "measured", curve == "computed")
+    judged = (v for v in found.results.validation.verdicts if v.data == "vibration test")
+    verdicts = {v.criterion.partition(",")[0]: v for v in judged}
+    of_frequency = verdicts["resonance frequency error in a sweep"]
+    assert of_frequency.verdict == "not tested"
+    assert f"the maximum of the {curve} curve lies at an end of the band" in of_frequency.remark
+    assert verdicts["error of the largest response in a sweep"].measured is not None
+    assert "no resonance" in (Path(found.folder) / "report.html").read_text()
+
+
+def test_points_without_resonance_do_not_decide() -> None:
+    """The worst of the other points does, and the remark names those left out."""
+    facts = {"peak": 1.0, "rms": None, "test_peak": 1.0, "test_peak_hz": 20.0}
+    flat = VibrationPoint(output="3Y+", peak_hz=40.0, test_peak_at_end=True, **facts)
+    good = VibrationPoint(output="5Y+", peak_hz=21.0, **facts)
+    found = VibrationResults(name="s", kind="sweep", configuration="c", excitation="", points=(flat, good))
+    study = SimpleNamespace(file=SimpleNamespace(validation=ValidateTable(profile="own", sweep_frequency=0.1)))
+    ((verdict, _),) = vibration_verdicts(study, found)  # type: ignore[arg-type]
+    assert verdict.measured == pytest.approx(0.05)
+    assert verdict.remark.startswith("s, 5Y+; 3Y+: the maximum of the measured curve")
+
+
+@pytest.mark.slow
+def test_limits_without_data_are_not_tested(beam: Bench) -> None:
+    found = steps.run(beam.study(EI + LIMITS.replace("[validate]", "[validate]\nshape_error = 0.1")))
+    said = " ".join(found.results.validation.not_tested)
+    assert 'resonance frequency error in a sweep: the study has no [[vibration]] of kind "sweep"' in said
+    assert 'RMS error in random vibration: the study has no [[vibration]] of kind "random"' in said
+    assert "shape error at held-out sensors: no sensors were held out" in said
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femtune import steps
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError, Notice
+from femtune.reporting.short_form import short_form
+from femtune.reporting.source import ReportSource
 from femtune.residuals.frf.model_way import AtFirstState
 
 from ..messages.shown import check_shown
@@ -93,3 +96,10 @@ def test_a_wrong_sign_is_told_once_the_model_is_solved(bench: Bench) -> None:
     assert isinstance(residual, AtFirstState)
     (notice,) = [n for n in residual.notices if n.code == "residual.frf-sign"]
     assert "output 3Y+ are opposite" in notice.what
+
+
+@pytest.mark.slow
+def test_the_terminal_names_the_held_outputs(bench: Bench) -> None:
+    noisy(bench, {"5Y+": 0.05})
+    run = steps.run(study(bench, "worst = 1"))
+    assert "are held out of the update: 5Y+ (" in str(short_form(ReportSource(run.results, run.arrays)))

@@ -365,3 +365,15 @@ def test_deck_in_large_field_keeps_its_digits(beam: Bench) -> None:
     run = steps.update(beam.study())
     assert role(run.folder / "updated.bdf", 1, "I1") == pytest.approx(2e-7 * values(run)["root"], rel=1e-8)
     np.testing.assert_allclose(frequencies(run, "after as written"), frequencies(run, "after"), rtol=1e-5)
+
+
+def test_a_field_that_cannot_be_written_is_reported_before_the_update(beam: Bench) -> None:
+    """The tip's PBAR is a copy of the root's by field replication, so that it has no field of its own."""
+    lines = beam.text.splitlines(keepends=True)
+    at = next(i for i, line in enumerate(lines) if line.startswith("PBAR    2"))
+    lines[at - 1 : at + 1] = ["PBAR,1,1,1.0-3,2.0-7,5.0-7,4.0-7\n", "=,*(1),==\n"]
+    beam.write("beam.bdf", "".join(lines))
+    with pytest.raises(FemtuneError) as caught:
+        steps.update(beam.study())
+    assert caught.value.code == "write.replicated"
+    assert not (beam.folder / "run" / "history.jsonl").exists()

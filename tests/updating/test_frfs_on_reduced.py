@@ -29,6 +29,7 @@ from femtune.residuals import (
     frf_residual,
     state_at,
 )
+from femtune.residuals.frf import truncation
 from femtune.residuals.frf.on_reduced import modes_for, served
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.residuals.frf.truncation import truncations
@@ -39,10 +40,11 @@ from femtune.updating import (
     SensitivityMethod,
     StartRules,
     multi_start_reduced,
+    on_reduced_model,
     update,
     update_reduced,
 )
-from femtune.updating.on_reduced_model import NOBODY, train, unassessed
+from femtune.updating.on_reduced_model import NOBODY, keep_functions, train, unassessed
 from structures.springs import factor_model, simulated_case, spring_structure
 
 TRUTH = np.array([0.1, -0.12, 0.2])
@@ -112,13 +114,51 @@ def test_the_shift_is_the_step_that_the_full_model_makes(problem: UpdateProblem)
     search = train(problem, replace(RULES, order=10), problem.start(np.zeros(3)), NOBODY)
     x = np.array([-0.2, 0.15, -0.1])
     states = problem.solved(x)
-    there = search.agreement(x, states, search.enriched(x, states)).functions
+    solutions = search.solutions(states)
+    there = search.agreement(x, solutions, search.enriched(x, solutions)).functions
     assert there is not None
     full, near = problem.assess(x, states), search.reduced_problem().start(x)
     J = near.jacobian
     step = np.linalg.solve(J.T @ J, J.T @ (full.residuals - near.residuals))
     assert there.shift == pytest.approx(np.sqrt(step @ (J.T @ J) @ step), rel=0.05)
     assert there.largest == pytest.approx(np.abs(full.residuals - near.residuals).max(), rel=0.05)
+
+
+def test_the_start_of_a_large_model_is_on_the_basis_of_its_training(
+    problem: UpdateProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """FRFs and derivatives there are those of the full model; the training goes on with the basis."""
+    monkeypatch.setattr(on_reduced_model, "RANKED_FROM", 10)
+    x = np.zeros(3)
+    states = problem.solved(x)
+    keep_functions(problem, RULES, states)
+    at = problem.assess(x, states)
+    (known,) = [r.known(states[0]) for r in problem.cases[0].residuals]
+    assert known.order < 58
+    full = problem.assess(x, problem.solved(x))
+    np.testing.assert_allclose(at.residuals, full.residuals, atol=1e-3)
+    np.testing.assert_allclose(at.jacobian, full.jacobian, atol=2e-3 * np.abs(full.jacobian).max())
+    search = train(problem, RULES, at, NOBODY)
+    assert search.trained[0].certified[0].order == known.order
+    # direct solutions of a large model take too long, which is said
+    monkeypatch.setattr(truncation, "_MOST_DOFS", 10)
+    (found,) = truncations(states[0])
+    assert (found.order, found.large, len(found.lines_hz)) == (known.order, 60, 0)
+
+
+@pytest.mark.slow
+def test_a_training_of_a_large_model_by_inverse_iteration_ends_at_the_same_optimum(
+    problem: UpdateProblem, found: ReducedUpdate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(on_reduced_model, "RANKED_FROM", 10)
+    steps = []
+    real = direct.improved
+    monkeypatch.setattr(type(direct), "improved", lambda self, s, n: steps.append(s.point.x) or real(s, n))
+    ranked = update_reduced(problem, SensitivityMethod(), RULES)
+    assert ranked.certified
+    assert steps
+    sd = np.sqrt(np.diag(found.result.covariance.matrix))
+    assert np.abs((ranked.result.x - found.result.x) / sd).max() < 0.02
 
 
 def test_what_was_compared_is_said(found: ReducedUpdate) -> None:
@@ -235,6 +275,10 @@ class Counting:
     def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
         self.points.append(point.x)
         return direct.modes(point, count, max_hz)
+
+    def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
+        self.points.append(start.point.x)
+        return direct.improved(start, steps)
 
     def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
         return direct.derivative(solution, members, rows)

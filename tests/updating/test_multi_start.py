@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
 from femtune.executor import Executor, Processes, Serial
-from femtune.residuals import FrequencyResidual, ShapeResidual, UpdateProblem
+from femtune.residuals import FrequencyResidual, PairingRules, ShapeResidual, UpdateProblem
 from femtune.status import Status
 from femtune.updating import (
     Link,
@@ -20,7 +22,8 @@ from femtune.updating import (
     multi_start,
     starting_points,
 )
-from femtune.updating.starts import distinct_optima, noise_level, outcomes, start_sentences
+from femtune.updating import starts as starts_module
+from femtune.updating.starts import distinct_optima, follow_up, noise_level, outcomes, start_sentences
 from structures.springs import factor_model, simulated_case, spring_structure
 
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
@@ -78,6 +81,33 @@ def test_two_answers_that_the_data_cannot_tell_apart(twins: UpdateProblem):
     assert any("the result is not unique" in s for s in found.sentences)
 
 
+@pytest.mark.parametrize("unfinished", [False, True])
+def test_one_end_of_each_optimum_is_followed(
+    twins: UpdateProblem, unfinished: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On another problem of the same truth: both optima are followed once, and all their starts end with them."""
+    found = multi_start(twins, rules=StartRules(10, seed=0))
+    lost = found.starts[-1].number
+    starts = tuple(replace(s, status=Status.MAX_ITERATIONS) if s.number == lost else s for s in found.starts)
+    optima = distinct_optima(starts, twins.parameters.prior[1], found.noise)
+    members = [o.members for o in optima if len(o.members) > 1]
+    assert len(members) == 2
+    begun = []
+    real = starts_module.update
+    monkeypatch.setattr(starts_module, "update", lambda *a, **k: begun.append(k["start"].x) or real(*a, **k))
+    other = replace(twins, residuals=(FrequencyResidual(0.02),))
+    after = follow_up(
+        replace(found, starts=starts, optima=optima), other, SensitivityMethod(), found.best.side, unfinished=unfinished
+    )
+    assert len(begun) == len(optima) + unfinished
+    for numbers in members:
+        ends = np.array([s.end for s in after.starts if s.number in numbers])
+        np.testing.assert_array_equal(ends, np.tile(ends[0], (len(ends), 1)))
+    assert {o.members for o in after.optima} >= set(members) or unfinished
+    if not unfinished:
+        assert after.starts[-1] is starts[-1]
+
+
 @pytest.mark.slow
 def test_what_is_known_is_not_done_again(problem: UpdateProblem, found: MultiStart):
     told: list[StartResult] = []
@@ -116,14 +146,19 @@ def test_the_best_samples_are_the_starts(problem: UpdateProblem, executor: Execu
     found = multi_start(problem, rules=rules, executor=executor, report_sample=told.append)
     points = starting_points(problem.parameters, rules)
     assert len(points) == len(told) == 12
-    values = []
+    values, counts = [], []
     for x in points:
         try:
-            values.append(problem.start(x).objective)
+            at = problem.start(x)
+            values.append(at.objective)
+            counts.append(at.independent)
         except FemtuneError:
             values.append(np.nan)
+            counts.append(0)
     np.testing.assert_allclose([s.objective for s in found.samples], values, rtol=1e-9)
-    best = points[np.argsort(values, kind="stable")[:3]]
+    # points from which fewer modes are paired have smaller objectives for this reason alone
+    assert len(set(counts)) > 1
+    best = points[np.lexsort((values, -np.array(counts)))[:3]]
     np.testing.assert_array_equal([s.start for s in found.starts], [np.zeros(3), *best])
     known = {s.number: s for s in told[:7]}
     again: list[Sample] = []
@@ -156,23 +191,47 @@ def test_a_start_that_cannot_be_solved_is_kept_with_its_reason(problem: UpdatePr
     assert f"{len(lost)} starts could not be solved." in found.sentences
 
 
-def end(number: int, x: float, objective: float, status: Status | None = Status.CONVERGED) -> StartResult:
-    return StartResult(number, np.zeros(1), np.array([x]), objective, status, 1, 5)
+@pytest.mark.slow
+def test_an_end_with_fewer_pairs_is_not_the_best():
+    """Far from the truth a mode lies outside of the frequency gate: without its residuals the objective is smaller."""
+    model = factor_model(spring_structure(CHAIN, [1.0, 2.0, 1.5, 1.0]), {"a": [1], "b": [2], "c": [3]})
+    case = simulated_case(model, TRUTH, range(4), 4, rules=PairingRules(0.1, 0.5))  # type: ignore[arg-type]
+    scatter = 1.0 + 0.035 * np.array([1.0, -1.0, 1.0, -1.0])
+    case = replace(case, test=replace(case.test, freq_hz=case.test.freq_hz * scatter))
+    problem = UpdateProblem((case,), model.model.parameters, (FrequencyResidual(0.01), ShapeResidual(0.1)))
+    found = multi_start(problem, rules=StartRules(10, seed=3))
+    ends = [s for s in found.starts if s.at_optimum]
+    most = max(s.residuals for s in ends)
+    fewer = [s for s in ends if s.residuals < most]
+    assert min(s.objective for s in fewer) < found.best.objective
+    assert found.best.after.independent == most
+    assert {found.outcomes[s.number] for s in fewer} == {StartOutcome.FEWER_DATA}
+    assert all(found.best.objective <= s.objective * (1 + 1e-9) for s in ends if s.residuals == most)
+    np.testing.assert_allclose(found.best.x, TRUTH, atol=0.2)
+
+
+def end(
+    number: int, x: float, objective: float, status: Status | None = Status.CONVERGED, residuals: int = 9
+) -> StartResult:
+    return StartResult(number, np.zeros(1), np.array([x]), objective, status, 1, 5, residuals=residuals)
 
 
 def test_ends_by_hand():
     starts = [
         end(1, 0.0, 4.0), end(2, 1.0, 4.5), end(3, 1e-4, 4.0), end(4, 3.0, 40.0), end(5, 0.0, 1.0, Status.STALLED),
-        end(6, 0.0, np.nan, None),
+        end(6, 0.0, np.nan, None), end(7, 5.0, 0.1, residuals=6),
     ]  # fmt: skip
     optima = distinct_optima(starts, np.ones(1), noise=1.9)
     assert [(o.members, o.as_good) for o in optima] == [((1, 3), True), ((2,), True), ((4,), False)]
     found = outcomes(starts, optima)
-    assert [found[i].name for i in range(1, 7)] == ["BEST", "AS_GOOD", "BEST", "WORSE", "UNFINISHED", "FAILED"]
+    assert [found[i].name for i in range(1, 8)] == [
+        "BEST", "AS_GOOD", "BEST", "WORSE", "UNFINISHED", "FAILED", "FEWER_DATA",
+    ]  # fmt: skip
     assert start_sentences(starts, optima) == (
-        "2 of 6 starts reached the same optimum.",
+        "2 of 7 starts reached the same optimum.",
         "1 start reached 1 other optimum that is equally good within the noise; the result is not unique.",
         "1 start reached an optimum with a higher objective.",
+        "1 start ended where fewer test modes are paired; its objective is not compared with the others.",
         "1 start did not converge.",
         "1 start could not be solved.",
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from femtune.updating import update
+from femtune.updating import SensitivityMethod, update
 from femtune.validation import Outcome, goodness_of_fit
 from structures.coverage import CoverageProblem, spring_chain
 
@@ -42,3 +42,21 @@ def test_the_sentence_names_what_is_worst() -> None:
     assert found.outcome is Outcome.FAIL
     assert "the residuals are larger than noise of the stated size: chi-square" in found.sentence
     assert np.abs(found.largest or 0.0) > 3.0
+
+
+def test_without_an_optimum_the_residuals_of_the_kept_values_are_tested() -> None:
+    """The linear model at the first point promises small residuals, which the kept values do not have."""
+    method = SensitivityMethod(max_iterations=0)
+    result = update(spring_chain().problem(0), method)
+    assert not result.status.ok
+    r = result.after.residuals
+    found = goodness_of_fit(result.after.blocks, optimum=False)
+    assert found.chi_square == pytest.approx(float(r @ r), rel=1e-12)
+    assert found.outcome is Outcome.FAIL
+    assert "ended without an optimum" in found.sentence
+    promised = goodness_of_fit(result.after.blocks)
+    assert promised.chi_square < 0.2 * found.chi_square  # type: ignore[operator]
+    # at an optimum both are the same, since the gradient vanishes
+    good = update(spring_chain().problem(0)).after.blocks
+    both = [goodness_of_fit(good, optimum=optimum).chi_square for optimum in (True, False)]
+    assert both[0] == pytest.approx(both[1], rel=1e-6)

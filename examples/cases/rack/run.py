@@ -359,8 +359,8 @@ def _solid(found: Found) -> list[str]:
         "## The solid model beside it", "",
         f"The same rack as a continuum of {found.solid.nodes} nodes in CalculiX (C3D8I), free, at the values of the "
         f"drawings; {found.solid.mass:.3f} kg. Both initial models are too stiff: their joints are rigid, and the "
-        "moduli of the drawings are above the true ones. The mesh of solids is coarse; with quadratic elements (C3D20R) "
-        "its frequencies are about 3 to 4 % lower.", "",
+        "moduli of the drawings are above the true ones. The mesh of solids is coarse; with quadratic elements "
+        "(C3D20R) its frequencies are about 3 to 4 % lower.", "",
         "| mode | mixed, error % | MAC | solid, error % | MAC |", "| --- " * 5 + "|", *rows, "",
         *(f"- {v.sentence}." for v in found.solid.verdicts), "",
     ]  # fmt: skip

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.cases import on_model, overlay
+from femtune.assembly.cases import overlay
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.parameters import assignments, parameter_set, targets
 from femtune.assembly.progress import silent
@@ -38,10 +38,7 @@ from femtune.runs.template import InputFiles, check_names
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
-    from femtune.assembly.cases import StudyCase
     from femtune.assembly.progress import Progress
-    from femtune.assembly.study import Study
-    from femtune.correlation import SensorMap
     from femtune.executor import Executor
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.study_file import StudyFile
@@ -284,7 +281,7 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     solver = ExternalSolver(
         entry.command, inputs, ResultFile(entry.result, entry.format), file.output_folder / RUNS_FOLDER, checks,
         entry.timeout_s, entry.retries, entry.error_texts, entry.licence_texts, entry.licence_wait_s,
-        entry.licence_tries, tuple(sorted(entry.environment.items())), entry.version, entry.keep,
+        entry.licence_tries, tuple(sorted(entry.environment.items())), entry.version, entry.keep, entry.keep_most,
     )  # fmt: skip
     with errors_at(file.where("solver", "command")):
         solver.check()
@@ -327,7 +324,9 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool) -> BuiltMo
     finally:
         runs.journal.close()
     own = _beside_own(file, runs, known) if isinstance(runs.solver.inputs, DeckFiles) else ()
-    return replace(built, notices=(*_facts(runs, table), *own, *runs.journal.notices))
+    # the fit of 2k + 1 runs has nothing to be checked by
+    hidden = [notice for notice in built.notices if notice.code == "runs.hidden-modes"]
+    return replace(built, notices=(*_facts(runs, table), *hidden, *own, *runs.journal.notices))
 
 
 def _beside_own(file: StudyFile, runs: SolverRuns, known: RunOutcome) -> tuple[Notice, ...]:
@@ -364,29 +363,6 @@ def _facts(runs: SolverRuns, table: RunsTable) -> Iterator[Notice]:
     count, noise = len(table.freq_hz), 100.0 * runs.noise
     yield Notice("external.runs", where=where, level="info", runs=count, noise_percent=noise, steps=steps)
     yield from (replace(notice, where=where) for notice in runs.replaced)
-
-
-def moved_to(study: Study, runs: SolverRuns, point: Reals) -> Study:
-    """The study on the model around another point, with the same parameters, tests and sensors."""
-    built = built_of_table(study.file, runs.around(point), 0)
-    found = assignments(targets(study.file, built))
-    model = parametric_model(built.structure, study.parameters, found)
-    size = built.structure.nodes.n_dofs
-    cases = tuple(on_model(_resized(case, size), model) for case in study.cases)
-    return replace(study, built=replace(built, notices=study.built.notices), model=model, cases=cases)
-
-
-def _resized(case: StudyCase, size: int) -> StudyCase:
-    """Sensors on another number of scalar points, which no sensor of shapes has."""
-
-    def on(sensors: SensorMap | None) -> SensorMap | None:
-        if sensors is None or sensors.matrix.shape[1] == size:
-            return sensors
-        matrix = sensors.matrix.copy()
-        matrix.resize((matrix.shape[0], size))
-        return replace(sensors, matrix=matrix)
-
-    return replace(case, sensors=on(case.sensors), all_sensors=on(case.all_sensors))
 
 
 UPDATED_FOLDER = "updated"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,12 +14,13 @@ from femtune.errors import ErrorCollector, FemtuneError, Notice, did_you_mean
 from femtune.fem import FieldRef
 from femtune.fem.distribution import Distribution, with_distribution
 from femtune.fem.factors import with_factors
-from femtune.fem.fields import FACTORS
+from femtune.fem.fields import FACTORS, amplitude_ref
 from femtune.fem.generic import GenericGroup, generic_modes, with_generic
 from femtune.fem.offsets import with_offsets
 from femtune.files.nastran.building import FieldPlace
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.field_refs import BARS
+from femtune.files.nastran.field_units import field_nature
 from femtune.files.study_file import element_list
 from femtune.files.study_file.distribution import POSITION
 from femtune.parameters import parse_expression
@@ -96,9 +97,69 @@ def _with_distributions(file: StudyFile, built: BuiltModel) -> BuiltModel:
             chosen = elements_of(file, ("distribution", i), entry, built, subject)
             where = file.where("distribution", i, "fields")
             fields = [ref for text in entry.fields for ref in fields_of(text, built, chosen, where)]
-            structure = with_distribution(structure, _distribution(entry, tuple(dict.fromkeys(fields)), chosen, built))
+            found = _distribution(entry, tuple(dict.fromkeys(fields)), chosen, built)
+            structure = with_distribution(structure, found)
+            _check_range(file, i, found)
     errors.raise_if_any()
     return replace(built, structure=structure)
+
+
+_MOST_TIMES = 1e4
+"""Largest factor on a field that the bounds of amplitudes may allow."""
+
+
+def _check_range(file: StudyFile, i: int, found: Distribution) -> None:
+    """Refuse bounds of amplitudes within which 1 + Σ a f is not positive, or huge, at some element.
+
+    Tied amplitudes are left aside.
+
+    Raises
+    ------
+    FemtuneError : ``distribution.range``
+    """
+    field = next((ref for ref in found.fields if field_nature(ref).positive), None)
+    bounds = _amplitude_bounds(file, found)
+    if field is None or not bounds or not len(found.elements):
+        return
+    low, high, names = np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds]), [b[2] for b in bounds]
+    values = found.functions[:, [b[3] for b in bounds]]
+    least = np.minimum(low * values, high * values)
+    factor, most = 1.0 + least.sum(axis=1), 1.0 + np.maximum(low * values, high * values).sum(axis=1)
+    e = int(factor.argmin())
+    where = file.where("distribution", i)
+    facts: dict[str, Any] = {"name": found.name, "field": f"{field.card} {field.name}"}
+    if factor[e] <= 0.0:
+        j = int(least[e].argmin())
+        side = "lower" if least[e, j] == low[j] * values[e, j] else "upper"
+        limit = -(1.0 + least[e].sum() - least[e, j]) / values[e, j]
+        raise FemtuneError(
+            "distribution.range", where=where, hint=_positive_from(names, j, side, float(limit), float(least[e].sum())),
+            **facts, element=int(found.elements[e]), factor=float(factor[e]),
+        )  # fmt: skip
+    if (worst := float(most.max())) > _MOST_TIMES:
+        element = int(found.elements[most.argmax()])
+        raise FemtuneError(
+            "distribution.range/huge", where=where, **facts, element=element, factor=worst, most=_MOST_TIMES
+        )
+
+
+def _amplitude_bounds(file: StudyFile, found: Distribution) -> list[tuple[float, float, str, int]]:
+    """Bounds, name and position of the function of each free amplitude."""
+    at = {amplitude_ref(found.name, j + 1): j for j in range(found.functions.shape[1])}
+    return [
+        (entry.lower, entry.upper, entry.name, at[ref])
+        for entry in file.parameter
+        for ref in entry.targets
+        if ref in at and entry.absolute and entry.lower is not None and entry.upper is not None
+    ]
+
+
+def _positive_from(names: list[str], j: int, side: str, limit: float, total: float) -> str:
+    """The bound from which the field is positive; a factor on all bounds where one bound is not enough."""
+    if (limit < 0.0) == (side == "lower") and limit != 0.0:
+        relation = "above" if side == "lower" else "below"
+        return f"it is positive with {side} of {names[j]} {relation} {limit:.4g}"
+    return f"it is positive if the bounds of {', '.join(names)} are multiplied by less than {-1.0 / total:.4g}"
 
 
 def _distribution(

@@ -21,11 +21,15 @@ from femtune.files.nastran.source import DeckSource, SourceFile
 from femtune.files.runs_table import RunsTable, read_runs_table
 from femtune.files.study_file import MEASURED, ModesTable
 from femtune.modal import ModeSet
-from femtune.model.imported.from_runs import FittedRuns, Runs, fit_runs
+from femtune.model.imported.from_runs import FittedRuns, Runs, fit_runs, seen_modes
 from femtune.testdata import ModalTest
 
 if TYPE_CHECKING:
     from femtune.files.study_file import StudyFile
+
+
+_TYPICAL = 0.9
+"""Part of the runs of a table that has as many visible modes as are used; the others are left out."""
 
 
 def build_of_runs(file: StudyFile) -> BuiltModel:
@@ -47,14 +51,18 @@ def built_of_table(file: StudyFile, table: RunsTable, centre: int | None = None)
     names = _columns(file, table)
     usable = table.usable & np.isfinite(table.points(names)).all(axis=1)
     nodes, dofs = _nodes(file, table)
-    count = min(file.modes.count or table.freq_hz.shape[1], table.freq_hz.shape[1])
-    shapes = None if table.shapes is None else table.shapes[usable][:, :, :count]
+    hz, shapes, hidden = table.freq_hz[usable], None if table.shapes is None else table.shapes[usable], 0
+    if shapes is not None:
+        hz, shapes, hidden = seen_modes(hz, shapes, 1.0 if centre is not None else _TYPICAL)
+    count = min(file.modes.count or hz.shape[1], hz.shape[1])
+    hz, shapes = hz[:, :count], None if shapes is None else shapes[:, :, :count]
     if shapes is not None and shapes.shape[1] < count:
         raise FemtuneError("runs.few-dofs", n_dofs=shapes.shape[1], n_modes=count)
-    runs = Runs(names, table.points(names)[usable], table.freq_hz[usable][:, :count], shapes, dofs)
+    runs = Runs(names, table.points(names)[usable], hz, shapes, dofs)
     position = None if centre is None else int(np.flatnonzero(usable).tolist().index(centre))
-    fitted = fit_runs(runs, nodes, file.runs.degree, file.runs.crossed, position)
-    notices = _notices(file, table, usable, fitted)
+    correlation = file.runs.correlation if file.runs.method == "kriging" else None
+    fitted = fit_runs(runs, nodes, file.runs.degree, file.runs.crossed, position, correlation)
+    notices = _notices(file, table, usable, fitted, hidden)
     method = EigenMethod(0, "runs", None, None, count)
     return BuiltModel(_files(file), fitted.structure, notices, (), {}, {}, method, None)
 
@@ -115,10 +123,15 @@ def _files(file: StudyFile) -> Deck:
     return Deck(Path(files[0].file), DeckSource(files, (), (), False), Executive(), CaseControl(), (), {}, ())
 
 
-def _notices(file: StudyFile, table: RunsTable, usable: np.ndarray, fitted: FittedRuns) -> tuple[Notice, ...]:
+def _notices(
+    file: StudyFile, table: RunsTable, usable: np.ndarray, fitted: FittedRuns, hidden: int
+) -> tuple[Notice, ...]:
     assert file.runs is not None
     where = file.where("runs")
     found = []
+    if hidden:
+        count = table.freq_hz.shape[1]
+        found.append(Notice("runs.hidden-modes", where=where, level="info", hidden=hidden, count=count))
     failed = int((~usable).sum())
     if failed:
         found.append(Notice("runs.left-out", where=where, failed=failed, runs=len(usable)))
@@ -139,7 +152,10 @@ def _notices(file: StudyFile, table: RunsTable, usable: np.ndarray, fitted: Fitt
         "mode": worst + 1,
     }
     poor = not size.max() <= file.runs.tolerance
-    code = "runs.poor-fit" if poor else "runs.fitted"
+    if file.runs.method == "kriging":
+        code = "runs.poor-fit/kriging" if poor else "runs.fitted/kriging"
+    else:
+        code = "runs.poor-fit" if poor else "runs.fitted"
     return (*found, Notice(code, where=where, level="warning" if poor else "info", **facts))
 
 

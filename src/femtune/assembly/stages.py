@@ -170,7 +170,9 @@ def _history(stages: tuple[StageResult, ...]) -> tuple[Iteration, ...]:
 
 def _covariance(belief: Belief, after: Evaluation) -> ParameterCovariance:
     matrix = np.where(np.outer(belief.found, belief.found), belief.covariance, np.nan)
+    by_hand = np.zeros(len(belief.x), bool) if belief.given is None else belief.given & ~belief.found
     reasons = {int(i): "not updated in any stage, σ not given" for i in np.flatnonzero(~belief.found)}
+    reasons |= {int(i): "set by hand and not updated after that, σ not given" for i in np.flatnonzero(by_hand)}
     kinds = np.asarray(after.kinds)
     squares: Mapping[str, Reals] = {kind: after.residuals[kinds == kind] ** 2 for kind in dict.fromkeys(after.kinds)}
     misfit = {kind: float(np.sqrt(np.mean(values))) for kind, values in squares.items()}

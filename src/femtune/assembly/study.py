@@ -19,6 +19,7 @@ from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.error_places import errors_at_cards
 from femtune.files.nastran.inventory import MISSING
+from femtune.files.nastran.left_out import preloads
 from femtune.files.study_file import Given, ModesTable, StudyFile, is_deck, read_study_file, with_modes
 from femtune.files.study_file.source import StudyLines
 from femtune.model import frequency_table, parametric_model
@@ -216,6 +217,8 @@ def _study_of_deck(path: Path) -> StudyFile:
 def _check_allowed(file: StudyFile, built: BuiltModel) -> None:
     """Cards that the model lacks must be among those that the study allows to be ignored."""
     allowed = {name.upper() for name in file.study.allow_ignored}
+    if allowed and (loaded := [error for name, error in preloads(built.deck).items() if name not in allowed]):
+        raise loaded[0]
     missing = [c for c in built.cards if c.use == MISSING and c.name not in allowed]
     if missing:
         names = ", ".join(f"{c.name} ({c.count})" for c in missing)

@@ -204,6 +204,7 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @click.option("--uniaxial", type=int, help="Number of uniaxial sensors to place.")
 @click.option("--visualisation", type=int, help="Number of further sensors that complete the picture.")
 @click.option("--aim", metavar="WORD", help="modes, or parameters: sensors that determine the parameters best.")
+@click.option("--data", metavar="WORD", help="What the calibration compares: modes, or frfs.")
 @click.option("--exciters", type=int, help="Number of exciters to place.")
 @click.option("--placed", multiple=True, metavar="SENSOR", help="Given sensor: 101, or 101Z+; repeatable.")
 @click.option("--nodes", metavar="LIST", help='Grid points that are candidates: "101 THRU 300".')
@@ -271,6 +272,26 @@ def correlate(study: Path, expand: str | None, uff: Path | None, fresh: bool, as
     out.say(result.remarks, quiet)
     shown = (result.records, result.arrays)
     out.show("correlate:correlation_document", study, *shown, as_json=as_json, quiet=quiet)
+
+
+@main.command()
+@click.argument("first", type=_FILE)
+@click.argument("second", type=_FILE)
+@click.option("--count", type=int, help="Number of modes.")
+@click.option("--units", metavar="UNITS", help="Units of both decks: length-mass-s.")
+@click.option("--tolerance", type=float, metavar="LENGTH", help="Largest distance of two points that are compared.")
+@click.option("--points", type=int, default=300, show_default=True, help="Number of points at most.")
+@_json
+@_quiet
+def compare(first: Path, second: Path, as_json: bool, quiet: bool, **asked: Any) -> None:
+    """Compare the modes of two decks of one structure with different meshes: MAC, pairs, frequencies.
+
+    The FIRST deck takes the place of the test.
+    """
+    result = run_step("of_study:compare", first, quiet, second=second, **asked)
+    out.say(result.remarks, quiet)
+    shown = (result.records, result.arrays)
+    out.show("correlate:correlation_document", second, *shown, as_json=as_json, quiet=quiet)
 
 
 @main.command()
@@ -346,6 +367,8 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @click.option("--population", type=int, help="Points of a generation.")
 @click.option("--generations", type=int, help="The most generations.")
 @click.option("--seeds", type=int, help="Number of searches from different seeds.")
+@click.option("--front", type=int, help="Points of the front of frequency errors against other errors.")
+@click.option("--csv", type=_FILE, metavar="FILE", help="Write a table of the front.")
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
 @_eigensolver
 @_fresh
@@ -433,7 +456,7 @@ def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet
 @_fresh
 @_quiet
 def run(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
-    """Run all steps: the run folder receives results, updated deck and report.
+    """Correlate, select, update, validate and report: the run folder receives results, updated deck and report.
 
     An interrupted run continues from the solutions in its journal.
     """

@@ -6,12 +6,14 @@ import errno
 import os
 import platform
 import re
+import signal
 import sys
 import tempfile
+import threading
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -21,7 +23,7 @@ import click
 from femtune import __version__
 from femtune.errors import FemtuneError, printable
 
-BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
+BAD_INPUT, FAULT, INTERRUPTED, TERMINATED = 2, 70, 130, 143
 
 CRASH_FILE = "femtune-crash.txt"
 
@@ -45,17 +47,59 @@ class Running:
         folder = self.folder()
         return sorted(f for f in folder.iterdir() if f.is_file() and self._is_new(f)) if folder else []
 
-    def journaled(self) -> tuple[int, Path] | None:
-        """Number of solutions in the journal and its folder, where the command has written into the run folder."""
+    def journaled(self) -> list[str]:
+        """What is in the journal, in words, where the command has written into the run folder."""
         folder = self.folder()
         journal = folder / "journal" if folder is not None else None
-        if journal is None or not os.path.isdir(journal) or not (self._is_new(journal) or self.written()):
-            return None
-        return sum(name.endswith(".npz") for name in os.listdir(journal)), journal
+        if journal is None or not os.path.isdir(journal):
+            return []
+        found = []
+        if self._is_new(journal) or self.written():
+            found.append(_counted(sum(name.endswith(".npz") for name in os.listdir(journal)), "solution", journal))
+        runs = journal / "runs.sqlite"
+        if runs.is_file() and self._is_new(runs):
+            found.append(_counted(_rows(runs), "external run", runs))
+        return [text for text in found if text]
 
     def _is_new(self, path: Path) -> bool:
         # file systems store times with a granularity of up to 2 s
         return path.stat().st_mtime >= self.started - 2.0
+
+
+def _counted(count: int, what: str, place: Path) -> str:
+    return f"{count} {what}{'s' if count > 1 else ''} in {place}" if count else ""
+
+
+def _rows(path: Path) -> int:
+    """Number of external runs in their journal; 0 where it cannot be read."""
+    import sqlite3  # noqa: PLC0415  few interrupted commands have external runs
+
+    try:
+        with closing(sqlite3.connect(path, timeout=1.0)) as database:
+            return int(database.execute("SELECT COUNT(*) FROM runs").fetchone()[0])
+    except sqlite3.Error:
+        return 0
+
+
+class TerminatedError(KeyboardInterrupt):
+    """The process was asked to end (SIGTERM): it ends as after Ctrl-C."""
+
+
+def _terminate(*_: object) -> NoReturn:
+    raise TerminatedError
+
+
+@contextmanager
+def _ends_when_asked() -> Iterator[None]:
+    """SIGTERM ends the command as Ctrl-C does; only the main thread may say so."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, _terminate)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 class GuardedGroup(click.Group):
@@ -67,7 +111,7 @@ class GuardedGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
-        with _guarded(ctx):
+        with _ends_when_asked(), _guarded(ctx):
             return super().invoke(ctx)
 
 
@@ -78,8 +122,8 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
     except FemtuneError as error:
         click.echo(coloured(str(error)), err=True)
         ctx.exit(BAD_INPUT)
-    except KeyboardInterrupt:
-        _interrupted(ctx)
+    except KeyboardInterrupt as asked:
+        _interrupted(ctx, asked)
     except MemoryError as short:
         click.echo(coloured(str(_out_of_memory(short))), err=True)
         ctx.exit(BAD_INPUT)
@@ -88,7 +132,18 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
     except Exception as fault:
         if isinstance(fault, OSError) and fault.errno == errno.EPIPE:
             raise
+        if isinstance(fault, OSError) and fault.errno in _NO_SPACE:
+            click.echo(coloured(str(_disk_full(fault))), err=True)
+            ctx.exit(BAD_INPUT)
         _crashed(ctx, fault)
+
+
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def _disk_full(fault: OSError) -> FemtuneError:
+    where = "a file" if fault.filename is None else str(fault.filename)
+    return FemtuneError("run.disk-full", file=where, reason=fault.strerror)
 
 
 def _out_of_memory(short: MemoryError) -> FemtuneError:
@@ -106,17 +161,18 @@ def coloured(text: str) -> str:
     return _CODE.sub(lambda code: click.style(code[0], fg="red", bold=True), text)
 
 
-def _interrupted(ctx: click.Context) -> NoReturn:
+def _interrupted(ctx: click.Context, asked: KeyboardInterrupt) -> NoReturn:
     """Say what has been kept."""
     running = ctx.find_object(Running)
     files = ", ".join(str(file) for file in running.written()) if running else ""
     kept = f"kept: {files}" if files else "nothing was written"
-    count, journal = (running.journaled() if running else None) or (0, None)
-    if count:
-        solutions = f"{count} solution{'s' if count > 1 else ''} in {journal}"
-        kept = f"{f'kept: {files}, and' if files else 'kept:'} {solutions}; the same command continues from there"
-    click.echo(printable(f"stopped by Ctrl-C; {kept}"), err=True)
-    ctx.exit(INTERRUPTED)
+    journaled = running.journaled() if running else []
+    if journaled:
+        kept = f"{f'kept: {files}, and' if files else 'kept:'} {' and '.join(journaled)}"
+        kept += "; the same command continues from there"
+    by_signal = isinstance(asked, TerminatedError)
+    click.echo(printable(f"stopped by {'SIGTERM' if by_signal else 'Ctrl-C'}; {kept}"), err=True)
+    ctx.exit(TERMINATED if by_signal else INTERRUPTED)
 
 
 def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:

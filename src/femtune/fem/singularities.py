@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.arrays import Integers, Reals
-from femtune.fem.structure import NodeTable
+from femtune.fem.elimination import Elimination
+from femtune.fem.structure import NodeTable, Structure
 
 # smallest principal stiffness of a node, relative to the largest entry of its block (Nastran's EPZERO)
 RATIO = 1e-8
@@ -77,3 +81,83 @@ def _nearest(null: Reals) -> Integers:
     """As many components as there are null directions (3, k), those in which they are largest."""
     *_, pivots = scipy.linalg.qr(null.T, pivoting=True)
     return np.asarray(pivots[: null.shape[1]], dtype=np.int64)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Straight lines of bars that may turn about themselves: a mechanism of several nodes.
+
+
+_STRAIGHT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Spin:
+    """A rotation of a part of the model about its own line.
+
+    Parameters
+    ----------
+    motion : (n,) on the free DOFs, unit angle
+    dof : g-set DOF that stops it, the rotation with the largest share
+    """
+
+    motion: Reals
+    dof: int
+
+
+def spinning_lines(structure: Structure, elimination: Elimination, off: Collection[int] = ()) -> list[Spin]:
+    """Parts of the model whose grid points lie on one line, and that the constraints let turn about it.
+
+    Whether stiffness or mass resists the rotation is not examined.
+
+    Parameters
+    ----------
+    structure : the model
+    elimination : its free DOFs
+    off : numbers of elements that are absent
+    """
+    label = _parts(structure, list(off))
+    count = np.bincount(label[label >= 0])
+    return [
+        spin
+        for part in np.flatnonzero(count > 1)
+        if (spin := _spin(structure, elimination, np.flatnonzero(label == part))) is not None
+    ]
+
+
+def _parts(structure: Structure, off: list[int]) -> Integers:
+    """(n,) number of the connected part of each grid point; −1 where an element is more than a line."""
+    n = len(structure.nodes.ids)
+    pairs, solid = [np.zeros((0, 2), np.int64)], np.zeros(n, bool)
+    for batch in structure.batches:
+        nodes = batch.nodes[~np.isin(batch.ids, off)] if off else batch.nodes
+        if nodes.shape[1] > 2:
+            solid[nodes[nodes >= 0]] = True
+        elif nodes.shape[1] == 2:
+            pairs.append(nodes[(nodes >= 0).all(axis=1)])
+    rows = structure.rigid
+    points = rows.dof // 6
+    same = (rows.row[1:] == rows.row[:-1]) & (points[1:] < n) & (points[:-1] < n)
+    pairs.append(np.stack([points[:-1][same], points[1:][same]], axis=1))
+    edges = np.concatenate(pairs)
+    graph = sp.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    _, label = sp.csgraph.connected_components(graph, directed=False)
+    return np.where(np.isin(label, np.unique(label[solid])), -1, label)
+
+
+def _spin(structure: Structure, elimination: Elimination, points: Integers) -> Spin | None:
+    nodes = structure.nodes
+    relative = nodes.xyz[points] - nodes.xyz[points[0]]
+    far = relative[np.argmax(np.linalg.norm(relative, axis=1))]
+    size = float(np.linalg.norm(far))
+    if size == 0.0:
+        return None
+    axis = far / size
+    if np.linalg.norm(relative - np.outer(relative @ axis, axis), axis=1).max() > _STRAIGHT * size:
+        return None
+    motion = np.zeros(nodes.n_dofs)
+    turn = np.einsum("nji,j->ni", nodes.frames[points], axis)
+    motion[6 * points[:, None] + np.arange(3, 6)] = turn
+    free = motion[elimination.free]
+    if not free.any() or np.abs(elimination.T @ free - motion).max() > _STRAIGHT:
+        return None
+    return Spin(free, int(elimination.free[np.argmax(np.abs(free))]))

@@ -152,8 +152,8 @@ def _genetic(counted: _Counted, factors: int, rules: SearchRules) -> bool:
     for _ in range(rules.generations):
         if _spread_is_small(values, rules.tolerance):
             return True
-        parents = points[_tournament(values, size, rng)]
-        children = _mutated(_crossed(parents, rules.crossover, rng), rules.mutation, rng)
+        parents = points[tournament(values, size, rng)]
+        children = mutated(crossed(parents, rules.crossover, rng), rules.mutation, rng)
         elite = np.argsort(values, kind="stable")[:_ELITE]
         of_children = counted(children)
         kept = np.argsort(of_children, kind="stable")[: size - _ELITE]
@@ -162,13 +162,13 @@ def _genetic(counted: _Counted, factors: int, rules: SearchRules) -> bool:
     return False
 
 
-def _tournament(values: Reals, size: int, rng: np.random.Generator) -> Reals:
+def tournament(values: Reals, size: int, rng: np.random.Generator) -> Reals:
     """Positions of as many parents: each is the better of two drawn at random."""
     pairs = rng.integers(len(values), size=(size, 2))
     return np.asarray(np.where(values[pairs[:, 0]] <= values[pairs[:, 1]], pairs[:, 0], pairs[:, 1]))
 
 
-def _crossed(parents: Reals, probability: float, rng: np.random.Generator) -> Reals:
+def crossed(parents: Reals, probability: float, rng: np.random.Generator) -> Reals:
     """Children of neighbouring parents, about which they are distributed symmetrically."""
     one, other = parents[0::2], parents[1::2]
     u = rng.random(one.shape)
@@ -180,7 +180,8 @@ def _crossed(parents: Reals, probability: float, rng: np.random.Generator) -> Re
     return np.clip(np.concatenate([middle + half, middle - half]), 0.0, 1.0)
 
 
-def _mutated(children: Reals, probability: float | None, rng: np.random.Generator) -> Reals:
+def mutated(children: Reals, probability: float | None, rng: np.random.Generator) -> Reals:
+    """Children of which some parameters are moved."""
     chance = 1.0 / children.shape[1] if probability is None else probability
     u = rng.random(children.shape)
     power = 1.0 / (_MUTATION_INDEX + 1.0)

@@ -45,6 +45,14 @@ class JournaledSolver:
         form = Form("modes", _of_modes, partial(_modes, point))
         return self.journal.obtain(form, key, partial(self.solver.modes, point, count, max_hz))
 
+    def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
+        """As `improved_modes`: by K, M and the vectors that it begins with."""
+        point = start.point
+        vectors = digest(start.eigenvalues, start.shapes, start.shift, start.wanted, steps)
+        key = _key("improved", matrices_digest(point, "stiffness", "mass"), vectors)
+        form = Form("modes", _of_modes, partial(_modes, point))
+        return self.journal.obtain(form, key, partial(self.solver.improved, start, steps))
+
     def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
         """As `subspace_derivative`: by the solution, the derivatives of the matrices, the modes and the rows."""
         key = _key("derivative", self._digest(solution), np.array(members), rows)

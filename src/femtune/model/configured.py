@@ -17,7 +17,7 @@ from femtune.errors import FemtuneError
 from femtune.fem import Structure, join_constraints
 from femtune.fem.elimination import Elimination, eliminate
 from femtune.fem.fields import MatrixKind
-from femtune.fem.singularities import singular_dofs
+from femtune.fem.singularities import Spin, singular_dofs, spinning_lines
 from femtune.fem.values import TableJet
 from femtune.model.configuration import Configuration, check_configuration, held_dofs, mass_terms
 from femtune.model.digests import Identity, Part, digest, identity
@@ -89,6 +89,13 @@ class ConfiguredModel:
         for p in self.projected:
             parts += [p.term.matrix, p.term.coefficient is None, p.spread.indptr, p.spread.indices, p.spread.data]
         return digest(*parts)
+
+
+_MATRICES = (
+    "stiffness", "mass", "viscous", "hysteretic", "element_hysteretic", "stiffness_derivatives", "mass_derivatives",
+    "viscous_derivatives", "hysteretic_derivatives", "element_hysteretic_derivatives", "symmetric_stiffness",
+    "symmetric_mass",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,6 +294,11 @@ class ModelPoint:
         """M as its upper triangle, on the pattern of K."""
         return self._upper("mass")
 
+    def release(self) -> None:
+        """Give the memory of all matrices back; whoever asks for one gets it made again."""
+        for name in _MATRICES:
+            self.__dict__.pop(name, None)
+
     @property
     def table(self) -> NDArray:
         """(n,) value table at the point."""
@@ -356,6 +368,7 @@ def _of_matrix(upper: sp.csr_array, c: float, group: Integers) -> Entries:
 
 # part of the entries of all element matrices that is left in the pattern of a mesh: shells .55, solids less
 SHARED = 0.6
+_NO_ENERGY = 1e-11  # of a motion that meets neither stiffness nor mass, to what its entries alone would have
 
 
 def configure(model: ParametricModel, configuration: Configuration) -> ConfiguredModel:
@@ -376,9 +389,35 @@ def configure(model: ParametricModel, configuration: Configuration) -> Configure
     dofs = tuple(structure.nodes.describe(i) for i in singular)
     require_memory(_forecast(terms, elimination.T), "model.memory/assembling", dofs=len(elimination.free))
     pattern, projected = project(terms, elimination.T)
+    configured = ConfiguredModel(
+        model, configuration, elimination.T, elimination.free, dofs, pattern.indptr, pattern.indices, projected
+    )
+    lines = spinning_lines(structure, elimination, configuration.elements_off) if structure.hold_singular else []
+    spinning = _without_energy(configured, lines)
+    if not spinning:
+        return configured
+    elimination = _eliminate(structure, configuration, np.union1d(np.union1d(held, singular), spinning))
+    dofs += tuple(structure.nodes.describe(i) for i in spinning)
+    pattern, projected = project(terms, elimination.T)
     return ConfiguredModel(
         model, configuration, elimination.T, elimination.free, dofs, pattern.indptr, pattern.indices, projected
     )
+
+
+def _without_energy(configured: ConfiguredModel, lines: Sequence[Spin]) -> list[int]:
+    """A g-set DOF of each line of bars that turns about itself with neither stiffness nor mass."""
+    if not lines:
+        return []
+    point = configured.at(np.zeros(len(configured.model.parameters.free)))
+    matrices = point.symmetric_stiffness, point.symmetric_mass
+    diagonals = [np.abs(matrix.diagonal()) for matrix in matrices]
+    out = []
+    for line in lines:
+        energies = (abs(float(line.motion @ (matrix @ line.motion))) for matrix in matrices)
+        usual = [float(d @ line.motion**2) + 1e-9 * float(d.max(initial=0.0)) for d in diagonals]
+        if all(energy <= _NO_ENERGY * size for energy, size in zip(energies, usual)):
+            out.append(line.dof)
+    return out
 
 
 def _forecast(terms: Sequence[TermFunction], T: sp.csr_array) -> int:

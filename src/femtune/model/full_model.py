@@ -14,10 +14,14 @@ if TYPE_CHECKING:
 
 
 class ModelSolver(Protocol):
-    """Solutions of the full model and their derivatives, as `solve_modes` and `subspace_derivative` give them."""
+    """Solutions of the full model and their derivatives, see `solve_modes` and `subspace_derivative`."""
 
     def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
         """Modes of a model point."""
+        ...
+
+    def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
+        """As `improved_modes`, at the point of `start`."""
         ...
 
     def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
@@ -36,6 +40,11 @@ class _Direct:
 
             return own_frequency_solution(point, count, max_hz)
         return solve_modes(point, count, max_hz)
+
+    def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
+        from femtune.model.eigen.improved import improved_modes  # noqa: PLC0415
+
+        return improved_modes(start, steps)
 
     def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
         from femtune.model.derivatives.chosen import subspace_derivative  # noqa: PLC0415

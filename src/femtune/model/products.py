@@ -17,8 +17,12 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.fem.fields import MatrixKind
 from femtune.model.configured import ConfiguredModel, ModelPoint
+from femtune.model.linear.dense_products import in_any_order
 from femtune.model.linear.memory import require_memory
 from femtune.parameters.jet import Jet
+
+_ROWS = 1 << 16
+"""Rows of a block of vectors that are copied at once."""
 
 # columns for each parameter above which their sum for that parameter is formed first
 MANY = 8
@@ -44,9 +48,14 @@ class Local:
         """(a, b) leftᵀA right for (n_free, a) and (n_free, b)."""
         own = np.ascontiguousarray(right[self.dofs])
         if left is right:
-            one = own.T @ (self.half @ own)
+            one = in_any_order(own.T, self.half @ own)
             return np.asarray(one + one.T)
-        return np.asarray(left[self.dofs].T @ self.times(own))
+        driven = self.times(own)
+        out = np.zeros((left.shape[1], right.shape[1]), np.result_type(left, driven))
+        for first in range(0, len(driven), _ROWS):
+            rows = slice(first, first + _ROWS)
+            out += in_any_order(np.ascontiguousarray(left[self.dofs[rows]]).T, driven[rows])
+        return out
 
 
 def projections(configured: ConfiguredModel, kind: MatrixKind, left: Reals, right: Reals) -> dict[int, Reals]:

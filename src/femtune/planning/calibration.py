@@ -152,8 +152,7 @@ class CalibrationObjective:
 
     def scores(self, chosen: Sequence[int]) -> Reals:
         """(s,) score of the chosen sensors with each candidate added."""
-        each = [self._of_point(i, list(chosen)) for i in range(len(self._points))]
-        return np.asarray(np.mean(each, axis=0) if self._average == "mean" else np.min(each, axis=0))
+        return combined([self._of_point(i, list(chosen)) for i in range(len(self._points))], self._average)
 
     def _of_point(self, i: int, chosen: list[int]) -> Reals:
         point, placed = self._points[i], self._placed[i]
@@ -172,13 +171,44 @@ class CalibrationObjective:
         for first in range(0, len(found), rows):
             some = slice(first, first + rows)
             more = np.asarray(sum(_gain(c.select(some), inverse, slope) for c, inverse, slope in gains))
-            found[some] = self._score(F + more)
+            found[some] = score(F + more, self._criterion)
         return found
 
-    def _score(self, F: Reals) -> Reals:
-        if self._criterion == "D":
-            return np.asarray(np.linalg.slogdet(F)[1])
-        return np.asarray(-np.trace(np.linalg.inv(F), axis1=1, axis2=2))
+
+def score(with_prior: Reals, criterion: Criterion) -> Reals:
+    """(s,) log det(1 + F) or −trace (1 + F)⁻¹ of matrices 1 + F (s, k, k)."""
+    if criterion == "D":
+        return np.asarray(np.linalg.slogdet(with_prior)[1])
+    return np.asarray(-np.trace(np.linalg.inv(with_prior), axis1=-2, axis2=-1))
+
+
+def combined(scores: Sequence[Reals], average: Average) -> Reals:
+    """The mean over the points of the prior, or the worst of them."""
+    return np.asarray(np.mean(scores, axis=0) if average == "mean" else np.min(scores, axis=0))
+
+
+class SumObjective:
+    """Scores of candidates whose information adds up, such as that of FRFs with independent errors.
+
+    Parameters
+    ----------
+    points : (s, k, k) information of each candidate, at one or several points of the prior
+    fixed : (k, k) information that is there, at each point
+    criterion, average : as for `CalibrationObjective`
+    """
+
+    def __init__(
+        self, points: Sequence[Reals], fixed: Sequence[Reals], criterion: Criterion = "D", average: Average = "mean"
+    ) -> None:
+        self._points, self._fixed, self._criterion, self._average = points, fixed, criterion, average
+
+    def scores(self, chosen: Sequence[int]) -> Reals:
+        """(s,) score of the chosen candidates with each candidate added."""
+        each = []
+        for own, there in zip(self._points, self._fixed):
+            F = np.eye(len(there)) + there + own[list(chosen)].sum(axis=0)
+            each.append(score(F + own, self._criterion))
+        return combined(each, self._average)
 
 
 def _gain(cluster: ClusterShapes, inverse: Reals, slope: Reals) -> Reals:

@@ -234,6 +234,25 @@ def expand(
     return ChosenSensors(np.array(search.chosen, np.int64), rejected, exchanges)
 
 
+def best_of(objective: Objective, candidates: int, count: int) -> Integers:
+    """(count,) candidates with the largest score: added one by one, then exchanged one by one, in increasing order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.planning import SumObjective, best_of
+    >>> one, two = np.diag([9.0, 0.0]), np.diag([0.0, 4.0])
+    >>> best_of(SumObjective([np.array([one, one, two])], [np.zeros((2, 2))]), 3, 2)
+    array([0, 2])
+    """
+    # candidates of which none repeats another
+    search = _Search(Candidates(np.ones((candidates, 1, 1))), objective, (), 0.0)
+    while len(search.chosen) < min(count, candidates):
+        search.add()
+    search.exchange()
+    return np.array(sorted(search.chosen), np.int64)
+
+
 class Objective(Protocol):
     """What a set of sensors is chosen for."""
 

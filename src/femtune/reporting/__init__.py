@@ -5,15 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from femtune.reporting.build import (
-        build_candidates_page,
-        build_modes_page,
-        build_plan_page,
-        build_report,
-        build_responses_page,
-        build_screen_page,
-        build_search_page,
-    )
+    from femtune.reporting.build import build_page, build_report
     from femtune.reporting.html import check_page, html_text, write_html
     from femtune.reporting.identification import build_identification_page
     from femtune.reporting.terminal import print_terminal
@@ -21,14 +13,9 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
-    "build_candidates_page",
     "build_identification_page",
-    "build_modes_page",
-    "build_plan_page",
+    "build_page",
     "build_report",
-    "build_responses_page",
-    "build_screen_page",
-    "build_search_page",
     "check_page",
     "html_text",
     "print_terminal",

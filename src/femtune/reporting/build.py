@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ from femtune.reporting.short_form import (
 from femtune.reporting.source import ReportSource
 
 if TYPE_CHECKING:
-    from femtune.reporting.document import Block
+    from femtune.reporting.document import Block, Level
     from femtune.reporting.html import SectionText
     from femtune.results.results import Results
 
@@ -41,57 +41,38 @@ def build_report(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Docume
     return Document(results.study.title, sentence, level, _facts(results), sections, short_form(source))
 
 
-def build_modes_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
-    """The modes of a model as data, with a picture of each: for results that hold no comparison with a test."""
-    source = ReportSource(results, arrays)
-    sentence, level = sturm_verdict(results.modes)
-    sections = tuple(_section(text, source) for text in section_texts("modes"))
-    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Natural modes")
+@dataclass(frozen=True)
+class StepPage:
+    """The page of a step.
+
+    Parameters
+    ----------
+    genre : what the page is, in words
+    verdict : sentence and level, from the record of the step
+    """
+
+    genre: str
+    verdict: Callable[[Any], tuple[str, Level]]
 
 
-def build_responses_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
-    """Responses of a model as data: functions with pictures, complex modes, static loads."""
-    source = ReportSource(results, arrays)
-    sentence, level = responses_verdict(results.responses)
-    found = (_section(text, source) for text in section_texts("responses"))
+PAGES = {
+    "modes": StepPage("Natural modes", sturm_verdict),
+    "responses": StepPage("Responses", responses_verdict),
+    "plan": StepPage("Test plan", plan_verdict),
+    "screen": StepPage("Screening of parameters", screen_verdict),
+    "search": StepPage("Global search", search_verdict),
+    "candidates": StepPage("Candidate models", candidates_verdict),
+}
+"""Pages of single steps, by the field of the results that has the record of the step."""
+
+
+def build_page(step: str, results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
+    """The page of a step of `PAGES` as data; sections without content are left out."""
+    page, source = PAGES[step], ReportSource(results, arrays)
+    sentence, level = page.verdict(getattr(results, step))
+    found = (_section(text, source) for text in section_texts(step))
     sections = tuple(s for s in found if s.blocks)
-    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Responses")
-
-
-def build_plan_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
-    """A planned test as data: sensors with a picture, target modes, provenance."""
-    source = ReportSource(results, arrays)
-    assert results.plan is not None
-    sentence, level = plan_verdict(results.plan)
-    sections = tuple(_section(text, source) for text in section_texts("plan"))
-    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Test plan")
-
-
-def build_screen_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
-    """A screening as data: effects, modes, provenance."""
-    source = ReportSource(results, arrays)
-    assert results.screen is not None
-    sentence, level = screen_verdict(results.screen)
-    sections = tuple(_section(text, source) for text in section_texts("screen"))
-    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Screening of parameters")
-
-
-def build_search_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
-    """A search of the whole box as data: parameters, convergence, surrogate, provenance."""
-    source = ReportSource(results, arrays)
-    assert results.search is not None
-    sentence, level = search_verdict(results.search)
-    sections = tuple(_section(text, source) for text in section_texts("search"))
-    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Global search")
-
-
-def build_candidates_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
-    """Candidate models as data: criteria, parameters, distances, provenance."""
-    source = ReportSource(results, arrays)
-    assert results.candidates is not None
-    sentence, level = candidates_verdict(results.candidates)
-    sections = tuple(_section(text, source) for text in section_texts("candidates"))
-    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Candidate models")
+    return Document(results.study.title, sentence, level, _facts(results), sections, genre=page.genre)
 
 
 def _titled(text: SectionText, imported: bool) -> SectionText:

@@ -63,9 +63,10 @@ def _specimens(source: ReportSource) -> list[Block]:
 
 
 def _validation(source: ReportSource) -> list[Block]:
-    """Verdicts on data that the update did not use; the sentence is in the summary."""
+    """Verdicts on data that the update did not use, and which outputs those are; the sentence is in the summary."""
     found = source.results.validation
-    return [] if found is None else validation_verdicts(found)[1:]
+    held = [Paragraph(f"{a.sentence}.") for a in source.results.alerts if a.code == "study.worst-held"]
+    return [*held, *([] if found is None else validation_verdicts(found)[1:])]
 
 
 def _modes(source: ReportSource) -> list[Block]:
@@ -162,7 +163,8 @@ def _undetermined(source: ReportSource) -> list[Block]:
     tail = f"; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined" if weak else ""
     update = source.results.update
     fisher = None if update is None else update.fisher
-    known = [] if fisher is None else [Listing(fisher.sentences)]
+    known: list[Block] = [] if fisher is None else [Listing(fisher.sentences)]
+    known += [Paragraph(s.sentence) for s in selection.smoothness if s.sentence]
     if not found:
         return [Paragraph(f"The data leave no combination of parameters undetermined{tail}."), *known]
     lines = _some([c.sentence for c in found], "combination")

@@ -71,6 +71,11 @@ class Evaluation:
         return out
 
     @property
+    def independent(self) -> int:
+        """Number of independent residuals."""
+        return len(self.residuals) - sum(self.lost.values())
+
+    @property
     def objective(self) -> float:
         """½ rᵀr."""
         return 0.5 * float(self.residuals @ self.residuals)

@@ -59,6 +59,10 @@ class _Reduced:
         """As `reduced_modes`."""
         return cast(EigenSolution, reduced_modes(cast(ReducedPoint, point), count, max_hz))
 
+    def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
+        """Modes of a reduced model are exact within its basis."""
+        return start
+
     def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
         """As `reduced_derivative`."""
         return reduced_derivative(cast(ReducedModes, solution), members, np.asarray(rows))

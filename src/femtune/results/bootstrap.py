@@ -86,6 +86,9 @@ class BootstrapResults(Record):
     """Key of their correlation, shape (free, free)."""
     sentences: tuple[str, ...]
     """What the runs show, in sentences."""
+    reduced_orders: tuple[int, ...] = ()
+    """Orders of the reduced models on which the runs were made, one per configuration; none if they were made on the
+    full model."""
     remarks: tuple[str, ...] = ()
     """Worker processes that were replaced."""
     citations: tuple[CitationRecord, ...] = ()
@@ -99,6 +102,7 @@ def bootstrap_results(
     seconds: float,
     recalled: int,
     remarks: Sequence[Notice] = (),
+    reduced_orders: tuple[int, ...] = (),
 ) -> BootstrapResults:
     """The record of all runs; samples and correlation are put into `arrays`."""
     keys = {name: f"bootstrap/{name}" for name in ("samples", "correlation")}
@@ -123,9 +127,20 @@ def bootstrap_results(
         free=tuple(p.name for p in found.parameters.free),
         samples_key=keys["samples"],
         correlation_key=keys["correlation"],
-        sentences=found.sentences,
+        sentences=(*found.sentences, *_models(reduced_orders)),
+        reduced_orders=reduced_orders,
         remarks=tuple(n.what for n in remarks),
         citations=citations(("efron1993", "hesterberg2015", *(["wu1986"] if found.identified else []))),
+    )
+
+
+def _models(orders: tuple[int, ...]) -> tuple[str, ...]:
+    if not orders:
+        return ()
+    one, several = f"a reduced model of order {orders[0]}", f"reduced models of orders up to {max(orders)}"
+    return (
+        f"The runs were made on {one if len(orders) == 1 else several}, whose basis contains the full model's modes "
+        "and static responses at the result of the update.",
     )
 
 

@@ -14,9 +14,10 @@ import numpy as np
 from femtune.residuals.frf.model_way import settled
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.results.base import Record
+from femtune.validation.frfs import squared_deviation
 
 if TYPE_CHECKING:
-    from femtune.arrays import Complexes, Flags, Reals
+    from femtune.arrays import Complexes, Flags
     from femtune.residuals import Evaluation
     from femtune.results.frf_validation import UnusedFrfs
 
@@ -68,23 +69,6 @@ class FrfDeviations(Record):
     """Every FRF."""
     sentences: tuple[str, ...]
     """The sums in words."""
-
-
-def squared_deviation(model: Complexes, test: Complexes, known: Flags) -> Reals:
-    """(outputs, inputs) δ over the known lines; NaN without any.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> test = np.array([[[1.0, 2.0j]]])
-    >>> squared_deviation(10.0 * test, test, np.isfinite(test)).tolist()
-    [[1.0]]
-    """
-    used = known & (model != 0.0) & (test != 0.0)
-    ratio = np.divide(model, test, out=np.ones(test.shape, complex), where=used)
-    squares = np.where(used, np.abs(np.log(ratio) / np.log(10.0)) ** 2, 0.0).sum(axis=2)
-    count = used.sum(axis=2)
-    return np.where(count > 0, squares / np.maximum(count, 1), np.nan)
 
 
 def frf_deviations(

@@ -150,6 +150,27 @@ def unused_frfs(
     return tuple(out)
 
 
+def check_frf_band(study: Study) -> None:
+    """Check that measured lines lie within frf_from_hz and frf_to_hz of [validate], where the study gives them.
+
+    Raises
+    ------
+    FemtuneError : ``response.no-lines/validation``
+    """
+    given = study.file.validation
+    low, high = given.frf_from_hz, given.frf_to_hz
+    measured = [case.test.frfs for case in study.cases if case.test is not None and case.test.frfs is not None]
+    if (low is None and high is None) or not measured:
+        return
+    hz = np.concatenate([frfs.freq_hz for frfs in measured])
+    if not np.any((hz >= (low or 0.0)) & (hz <= (high or np.inf))):
+        key = "frf_from_hz" if low is not None else "frf_to_hz"
+        raise FemtuneError(
+            "response.no-lines/validation", where=study.file.where("validate", key), low=float(hz.min()),
+            high=float(hz.max()),
+        )  # fmt: skip
+
+
 def _entries(study: Study) -> list[FrfResidualEntry]:
     return [c.entry for c in study.file.comparisons if isinstance(c.entry, FrfResidualEntry)]
 

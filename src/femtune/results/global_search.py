@@ -64,6 +64,38 @@ class SeedFacts(Record):
     """False if it ended with the last generation."""
 
 
+class FrontPoint(Record):
+    """A point of the front of frequency errors against other errors."""
+
+    parameters: tuple[float, ...]
+    """Values of the free parameters, each in its unit, in the order of `GlobalSearchResults.parameters`."""
+    frequency: float
+    """Sum of the squared relative errors of the frequencies, on what was searched."""
+    other: float
+    """The second objective, on what was searched."""
+    frequency_model: float | None
+    """The first objective of the model at this point; None if that run failed."""
+    other_model: float | None
+    """The second objective of the model at this point."""
+
+
+class FrontResults(Record):
+    """The front: points that no point of the search is better than in both objectives."""
+
+    label: str
+    """The second objective: "sum of 1 − MAC", or "sum of squared errors of the rest"."""
+    initial_frequency: float
+    """The first objective at the initial values."""
+    initial_other: float
+    """The second objective there."""
+    points: tuple[FrontPoint, ...]
+    """Points that are spread over the front, in the order of their frequency errors."""
+    evaluations: int
+    """Evaluations of the objectives, of the surrogate or of the model."""
+    front_key: str
+    """Key of the whole front, shape (points, parameters + 2): values of the parameters, and both objectives."""
+
+
 class GlobalSearchResults(Record):
     """The minimum of the squared residuals within the bounds."""
 
@@ -97,6 +129,8 @@ class GlobalSearchResults(Record):
     """What the status means."""
     history_key: str
     """Key of the convergence, shape (points, 3): seed, evaluations, smallest χ² so far."""
+    front: FrontResults | None = None
+    """The front of frequency errors against other errors; None if it was not requested."""
     sentences: tuple[str, ...]
     """The result in sentences."""
     alerts: tuple[Alert, ...] = ()

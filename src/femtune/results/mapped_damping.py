@@ -25,7 +25,7 @@ from femtune.residuals.frf.model_way import settled
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.results.base import Record
 from femtune.results.correlation import array_prefix
-from femtune.results.frf_deviation import squared_deviation
+from femtune.validation.frfs import squared_deviation
 
 if TYPE_CHECKING:
     from femtune.arrays import Complexes, Reals

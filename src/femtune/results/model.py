@@ -360,6 +360,9 @@ class TestMassEffect(Record):
     """Number of masses."""
     mass: float
     """Their sum."""
+    ratio: float | None = None
+    """Their sum relative to the mass of the structure without them; None where that has none, and in results of earlier
+    versions."""
     modes: tuple[TestMassMode, ...]
     """The elastic modes."""
     exchanged: tuple[tuple[int, int], ...]
@@ -826,15 +829,26 @@ def _test_masses(solution: EigenSolution) -> TestMassEffect | None:
     pairs = [(i, j) for j in range(len(without)) for i in range(j) if without[i] > without[j]]
     return TestMassEffect(
         count=len(masses),
-        mass=float(sum(m.mass for m in masses)),
+        mass=(total := float(sum(m.mass for m in masses))),
+        ratio=_relative_mass(solution, total),
         modes=tuple(modes),
         exchanged=tuple((first + i, first + j) for i, j in pairs),
     )
 
 
+def _relative_mass(solution: EigenSolution, added: float) -> float | None:
+    """Added masses relative to the mass of the structure without them, by its translations."""
+    structure = float(effective_mass(solution).total[:3].max()) - added
+    return added / structure if structure > 1e-12 * added else None
+
+
 def _of_test_masses(name: str, effect: TestMassEffect | None) -> Iterable[Alert]:
     """What the test equipment does to the frequencies, and whether it exchanges modes."""
-    if effect is None or not effect.modes:
+    if effect is None:
+        return
+    if effect.ratio is not None and effect.ratio > _HEAVY:
+        yield alert("warning", "model.test-masses/heavy", configuration=name, ratio=effect.ratio)
+    if not effect.modes:
         return
     worst = max(effect.modes, key=lambda m: -m.shift_percent)
     facts = {"configuration": name, "count": effect.count, "shift": worst.shift_percent, "mode": worst.number}
@@ -844,6 +858,8 @@ def _of_test_masses(name: str, effect: TestMassEffect | None) -> Iterable[Alert]
         yield alert("warning", "model.test-masses/exchanged", configuration=name, modes=modes)
 
 
+_HEAVY = 0.3
+"""Masses of the test equipment relative to that of the structure from which their unit is doubted."""
 _MOST_DRILLING = 6
 _MOST_GRIDS = 8
 

@@ -125,10 +125,27 @@ class ExpectedParameter(Record):
     """The largest at the points within the bounds; that at the initial values if there are no others."""
     data_sd: float | None
     """Expected standard deviation from the data alone; None if they do not determine the parameter."""
-    frequencies_sd: float
-    """Expected standard deviation with the prior and the frequencies alone."""
+    frequencies_sd: float | None
+    """Expected standard deviation with the prior and the frequencies alone; None for a calibration with FRFs."""
     candidates_sd: float | None
     """Expected standard deviation if all candidates were measured; None if it was not computed."""
+
+
+class PlannedFunctions(Record):
+    """What is assumed of the FRFs of a calibration."""
+
+    form: str
+    """Form of the residual: "linear", "log-magnitude" or "log-complex"."""
+    relative_sd: float
+    """Standard deviation of real and imaginary part, relative to the magnitude."""
+    floor: float
+    """Standard deviation of the noise floor, relative to the largest magnitude of each function."""
+    lines: int
+    """Number of frequency lines that are compared."""
+    lines_key: str | None
+    """Key of the lines that were chosen, Hz, shape (lines,); None if all calibration lines are compared."""
+    order: int | None
+    """Order of the reduced model that the FRFs were computed with; None for the full model."""
 
 
 class PlannedSensor(Record):
@@ -212,10 +229,16 @@ class PlanResults(Record):
     points: int = 1
     """Number of points of the parameters at which the sensors for the parameters are judged."""
     frequency_sd: float | None = None
-    """Relative standard deviation of a frequency that is assumed; None if the study has no free parameters."""
+    """Relative standard deviation of a frequency that is assumed; None if the study has no free parameters, or for a
+    calibration with FRFs."""
     shape_sd: float | None = None
     """Standard deviation of a shape entry that is assumed, relative to the largest entry of the mode at all candidates;
-    None if the study has no free parameters."""
+    None likewise."""
+    functions: PlannedFunctions | None = None
+    """What is assumed of the FRFs; None for a calibration with modes, or without free parameters."""
+    log_det_parameters: float | None = None
+    """log det(1 + F) with the information F of the sensors on the parameters, per prior standard deviation, at the
+    initial values; None if the study has no free parameters."""
     parameters: tuple[ExpectedParameter, ...] = ()
     """Expected standard deviations of the free parameters."""
     exciters: tuple[PlannedExciter, ...] = ()

@@ -94,16 +94,21 @@ class Results(Record):
         return self.model.checks if self.model is not None else ()
 
     def array_keys(self) -> tuple[str, ...]:
-        """Keys in arrays.npz that these results refer to."""
-        frfs = (response.frfs for response in self.responses)
-        lines = self.plan.frequency_lines if self.plan is not None else None
-        steps = (
-            self.plan, lines, self.screen, self.search, self.candidates, self.selection, self.quantify, self.bootstrap,
-        )  # fmt: skip
-        single = [r for r in (*steps, *frfs) if r is not None]
-        owners: list[Record] = [*self.correlations, *self.mode_shapes, *self.mapped_damping, *single]
-        found = (value for owner in owners for name, value in owner if name.endswith("_key"))
-        return tuple(key for key in found if key is not None)
+        """Keys in arrays.npz that these results refer to, of all records."""
+        return tuple(dict.fromkeys(_array_keys(self)))
+
+
+def _array_keys(part: object) -> Iterator[str]:
+    """The keys of a record and of all its parts: the values of fields whose names end with "_key"."""
+    if isinstance(part, Record):
+        for name, value in part:
+            if name.endswith("_key") and isinstance(value, str):
+                yield value
+            else:
+                yield from _array_keys(value)
+    elif isinstance(part, tuple):
+        for one in part:
+            yield from _array_keys(one)
 
 
 def json_schema() -> dict[str, Any]:

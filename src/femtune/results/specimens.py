@@ -89,8 +89,8 @@ class SpecimenParameter(Record):
     values: tuple[SpecimenValue, ...]
     """One record a specimen; a common parameter has the same joint value in all."""
     spread: SpreadRecord | None
-    """Spread of the joint values of an individual parameter, or of the separate values of a common one; None for
-    fewer than two values."""
+    """Spread of the joint values of an individual parameter, or of the separate values of a common one, over the
+    specimens that were calibrated; None for fewer than two values."""
 
 
 class SpecimenMode(Record):
@@ -122,7 +122,8 @@ class SpecimenFrequency(Record):
     test: SpreadRecord | None
     """Spread of the measured frequencies in Hz; None for fewer than two."""
     model: SpreadRecord | None
-    """Spread of the frequencies of the updated models in Hz, without a test; None for fewer than two."""
+    """Spread of the frequencies of the updated models of calibrated specimens in Hz, without a test; None for fewer
+    than two."""
 
 
 class SpecimenUpdate(Record):
@@ -162,6 +163,9 @@ class SpecimenResults(Record):
 
     specimens: tuple[str, ...]
     """Their names."""
+    not_calibrated: tuple[str, ...] = ()
+    """Those without a test that the update uses: their individual parameters keep the initial values, which are left
+    out of all means and spreads."""
     separate: tuple[SpecimenUpdate, ...]
     """The separate calibrations; none if all parameters are individual, since they are those of the joint calibration
     then."""
@@ -197,12 +201,18 @@ def specimen_results(
         return None
     return SpecimenResults(
         specimens=study.specimens.names,
+        not_calibrated=tuple(name for name in study.specimens.names if name not in calibrated_specimens(study)),
         separate=tuple(_separate(study, joint, name, found) for name, found in separate.items()),
         parameters=tuple(_with_verdicts(list(_parameters(study, joint, separate)))),
         frequencies=tuple(_frequencies(study, compared)),
         common=_common(study, joint, separate),
         citations=citations(PAPERS),
     )
+
+
+def calibrated_specimens(study: Study) -> set[str]:
+    """Specimens with data that the update uses."""
+    return {case.entry.specimen or "" for case in study.cases if case.used is not None}
 
 
 def _separate(study: Study, joint: UpdateResult, name: str, found: UpdateResult) -> SpecimenUpdate:
@@ -228,9 +238,7 @@ def _common(study: Study, joint: UpdateResult, separate: Mapping[str, UpdateResu
         return None
     restrictions = len(shared) * (len(separate) - 1)
     after = [found.after for found in separate.values()]
-    freedom = sum(len(at.residuals) - sum(at.lost.values()) for at in after) - sum(
-        len(found.active) for found in separate.values()
-    )
+    freedom = sum(at.independent for at in after) - sum(len(found.active) for found in separate.values())
     own = sum(_squares(study, found, name) for name, found in separate.items())
     test = common_test(sum(_squares(study, joint, name) for name in separate), own, restrictions, freedom)
     chance = f"than chance explains ({_probability(test.p_value)})"
@@ -253,9 +261,10 @@ def _parameters(study: Study, joint: UpdateResult, separate: Mapping[str, Update
         own = expanded if individual else expanded * len(study.specimens.names)
         values = tuple(_value(s, p, joint, separate.get(s)) for s, p in zip(study.specimens.names, own))
         p = by_name[own[0]]
+        known = [n for s, n in zip(study.specimens.names, own) if s in calibrated_specimens(study)]
         yield SpecimenParameter(
             name=name, unit=p.unit, individual=individual, nominal=p.nominal, values=values,
-            spread=_joint_spread(joint, own) if individual else _separate_spread(values),
+            spread=_joint_spread(joint, known) if individual else _separate_spread(values),
         )  # fmt: skip
 
 
@@ -275,6 +284,8 @@ def _value(specimen: str, name: str, joint: UpdateResult, own: UpdateResult | No
 
 def _joint_spread(joint: UpdateResult, names: Sequence[str]) -> SpreadRecord | None:
     """The covariance of individual values is full, because they share the common parameters."""
+    if len(names) < _LEAST:
+        return None
     at = [joint.parameters.index(name) for name in names]
     scale = joint.parameters.scale[at]
     covariance = joint.covariance.matrix[np.ix_(at, at)] * np.outer(scale, scale)
@@ -362,6 +373,7 @@ def _of_state(study: Study, cases: Sequence[StudyCase], compared: Compared) -> I
         return
     before = {case.name: _pairs(compared.before, case.name) for case in cases}
     after = {case.name: _pairs(compared.after, case.name) for case in cases}
+    calibrated = calibrated_specimens(study)
     numbers = {p.model_number for name in before for p in (before[name] or after[name]).values()}
     by_number = not numbers
     for number in sorted(numbers or range(initial.rigid_body_modes + 1, len(initial.freq_hz) + 1)):
@@ -379,7 +391,9 @@ def _of_state(study: Study, cases: Sequence[StudyCase], compared: Compared) -> I
             before_hz=initial.freq_hz[number - 1],
             modes=tuple(modes),
             test=_test_spread(study, cases, modes),
-            model=spread_record(np.array([m.after_hz for m in modes if m.after_hz is not None]), None),
+            model=spread_record(
+                np.array([m.after_hz for m in modes if m.after_hz is not None and m.specimen in calibrated]), None
+            ),
         )
 
 

@@ -291,6 +291,12 @@ class PlanResult(StepResult):
         return None if lines is None else self.arrays[lines.calibration_key]
 
     @property
+    def chosen_lines(self) -> NDArray[np.float64] | None:
+        """(lines,) those of them, in Hz, that determine the parameters best; None where all are compared."""
+        functions = self.record.functions
+        return None if functions is None or functions.lines_key is None else self.arrays[functions.lines_key]
+
+    @property
     def auto_mac(self) -> NDArray[np.float64]:
         """(m, m) AutoMAC of the target modes at the sensors."""
         return self.arrays[self.record.auto_mac_key]
@@ -385,6 +391,14 @@ class SearchResult(StepResult):
     def history(self) -> NDArray[np.float64]:
         """(points, 3) convergence of the searches: seed, evaluations, smallest χ² so far."""
         return self.arrays[self.record.history_key]
+
+    @property
+    def front(self) -> NDArray[np.float64]:
+        """(points, parameters + 2) front: values of the free parameters, frequency errors, other errors; (0, …) without
+        one."""
+        if self.record.front is None:
+            return np.zeros((0, len(self.record.parameters) + 2))
+        return self.arrays[self.record.front.front_key]
 
     def _sentences(self) -> list[str]:
         alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]

@@ -86,6 +86,12 @@ def _record(found: Truncation, stage: Literal["before", "after"]) -> FrfTruncati
 
 
 def _sentence(found: Truncation, stage: str) -> str:
+    if found.large is not None:
+        return (
+            f"{stage} the update, the FRFs are those of a reduced model of order {found.order}; they were not compared "
+            f"with direct solutions, which take too long for a model with {found.large} DOFs; the check of the reduced "
+            "model at the end of the update is stated with it"
+        )
     if not len(found.lines_hz):
         return "the FRFs are solved for directly at each frequency line, without truncation"
     used = "1 mode" if found.modes == 1 else f"{found.modes} modes"

@@ -122,7 +122,30 @@ class Sensitivity(Record):
     test_label: str
     """Label of the test mode whose partner it is."""
     percent_per_percent: tuple[float, ...]
-    """Change of the model's frequency in % for a change of 1 % of the initial value, by free parameter."""
+    """Change of the model's frequency in % by free parameter, for a change of 1 % of the initial value, or of the width
+    of the bounds where that is zero."""
+
+
+class SmoothnessRecord(Record):
+    """The misfit δ = ½ rᵀr along one parameter between its bounds, the others at their initial values."""
+
+    parameter: str
+    """Name of the parameter."""
+    verdict: str
+    """"smooth"; "rough" where slopes do not explain the changes of the misfit over a small part of the range; "several
+    minima"; "no solution" where the model could be solved at fewer than two points."""
+    holds_percent: float
+    """Part of the range between the bounds, in %, over which slopes hold in the worst place; 0 for a kink or jump."""
+    where: float
+    """Value of the parameter there."""
+    minima: tuple[float, ...]
+    """Values near which the misfit has separate minima."""
+    points: int
+    """Number of points at which the misfit was computed."""
+    failed: int
+    """Number of points without a solution."""
+    sentence: str
+    """The same in words; "" for a smooth misfit."""
 
 
 class SelectionResults(Record):
@@ -159,6 +182,8 @@ class SelectionResults(Record):
     """Collinearity, information, order and energies; None if not computed."""
     fisher: FisherResults | None = None
     """Fisher information of the FRFs at the initial values; None without residuals of measured FRFs."""
+    smoothness: tuple[SmoothnessRecord, ...] = ()
+    """The misfit along each free parameter; empty if not requested."""
 
 
 class PairingEvent(Record):

@@ -31,7 +31,17 @@ from femtune.validation import (
     held_out_sensors,
     not_tested,
 )
-from femtune.validation.criteria import FREQUENCY, OF_FRFS, OF_VIBRATION, SELF, SHAPE
+from femtune.validation.criteria import (
+    FREQUENCY,
+    OF_FRFS,
+    OF_VIBRATION,
+    OWN,
+    RMS,
+    SELF,
+    SHAPE,
+    SWEEP_AMPLITUDE,
+    SWEEP_FREQUENCY,
+)
 from femtune.validation.frfs import assess_frfs
 
 if TYPE_CHECKING:
@@ -47,6 +57,7 @@ if TYPE_CHECKING:
     from femtune.updating import UpdateResult
     from femtune.validation import (
         CriteriaProfile,
+        Criterion,
         FrequencyMiss,
         GoodnessOfFit,
         HeldOutSensors,
@@ -170,7 +181,8 @@ class KindOfResiduals(Record):
     kind: str
     """"frequency", "shape" …"""
     chi_square: float
-    """Sum of squares of the part that the parameters cannot change, in units of the stated standard deviations."""
+    """Sum of squares of the part that the parameters cannot change, or of all residuals if the update ended without an
+    optimum, in units of the stated standard deviations."""
     degrees_of_freedom: int
     """Number of independent residuals."""
     p_value: float
@@ -181,7 +193,8 @@ class GoodnessResults(Record):
     """Whether the residuals at the end of the update are noise of the stated size."""
 
     chi_square: float | None
-    """Sum of squares of the part of the residuals that the parameters cannot change; None where not tested."""
+    """Sum of squares of the part of the residuals that the parameters cannot change, or of all of them if the update
+    ended without an optimum; None where not tested."""
     degrees_of_freedom: int
     """Number of residuals minus the rank of the Jacobian, and minus those lost by scaling of the shapes."""
     p_value: float | None
@@ -313,6 +326,11 @@ _MASS = (
     "stiffnesses, and neither the residuals nor the standard deviations show it"
 )
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
+_NO_SWEEP, _NO_RANDOM = (f'the study has no [[vibration]] of kind "{kind}"' for kind in ("sweep", "random"))
+_NO_DATA = {
+    SHAPE: "no sensors were held out", SWEEP_FREQUENCY: _NO_SWEEP, SWEEP_AMPLITUDE: _NO_SWEEP, RMS: _NO_RANDOM,
+}  # fmt: skip
+"""Why the criterion of a quantity has no verdict."""
 _VIBRATION = "vibration test"
 _UNUSED = "this configuration was not used in the update"
 
@@ -344,7 +362,10 @@ def validation(
     verdicts += [_verdict(one.configuration, _VIBRATION, after, before) for one, (after, before) in shaken]
     return ValidationResults(
         predictions=tuple(p for c in study.cases for p in _predictions(study, c, before, after, predicted)),
-        not_tested=tuple(_not_tested(study, scopes, after, frfs, vibrations)),
+        not_tested=(
+            *_not_tested(study, scopes, after, frfs, vibrations),
+            *_without_data(asked, verdicts),
+        ),
         profile=asked.name,
         verdicts=tuple(verdicts),
         frfs=tuple(f for one in frfs for f in predicted_frfs(one, _frf_data(study, one.case))),
@@ -354,6 +375,18 @@ def validation(
         held_out_sensors=tuple(f"{s.case.name}: {name}" for s, found in shapes.items() for name in found.sensors),
         shapes=tuple(shape for s, found in shapes.items() for shape in _shapes(s, found)),
     )
+
+
+def _without_data(asked: CriteriaProfile, verdicts: Iterable[ValidationVerdict]) -> Iterable[str]:
+    """Limits of the study that no verdict refers to."""
+    judged = {v.criterion for v in verdicts}
+    for c in asked.criteria:
+        if c.standard == OWN and _name(c) not in judged:
+            yield f"{c.quantity}: {_NO_DATA.get(c.quantity, 'no data for this criterion were held out of the update')}"
+
+
+def _name(criterion: Criterion) -> str:
+    return f"{criterion.quantity}, {criterion.standard}"
 
 
 def scopes_of(study: Study) -> Iterable[Scope]:
@@ -442,7 +475,7 @@ def _verdict(configuration: str, data: str, v: Verdict, before: Verdict | None =
     return ValidationVerdict(
         configuration=configuration,
         data=data,
-        criterion=f"{c.quantity}, {c.standard}",
+        criterion=_name(c),
         required=scale * v.required,
         sense="at most" if c.at_most else "at least",
         measured=None if v.measured is None or not np.isfinite(v.measured) else scale * v.measured,
@@ -604,7 +637,9 @@ def goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
         return goodness_of_fit([])
     estimated = study.file.residuals.scatter == "estimated"
     bounded = result.status.ok and bool(result.at_bound) and not len(result.side.matrix) and not len(result.side.held)
-    return goodness_of_fit(result.after.weighted, untested=_ESTIMATED if estimated else "", bounded=bounded)
+    return goodness_of_fit(
+        result.after.weighted, untested=_ESTIMATED if estimated else "", bounded=bounded, optimum=result.status.ok
+    )
 
 
 def goodness_results(found: GoodnessOfFit) -> GoodnessResults:

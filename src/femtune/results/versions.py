@@ -18,6 +18,7 @@ from femtune.assembly.error_places import (
     place_of,
 )
 from femtune.assembly.progress import silent
+from femtune.assembly.stages import reduction_rules
 from femtune.model import EigenSolution
 from femtune.residuals import CaseState, Evaluation, state_at
 from femtune.results.correlation import array_prefix, correlate_case, correlation_results
@@ -27,6 +28,7 @@ from femtune.results.model import model_modes
 from femtune.results.placement import placement_results
 from femtune.results.shapes import mode_shapes
 from femtune.results.solved import nominal, solve, solved_if_any
+from femtune.updating.on_reduced_model import keep_functions
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
@@ -77,7 +79,10 @@ def start(study: Study, progress: Progress) -> Evaluation:
     of_modes = next((c.entry for c in cases if c.modal is not None), cases[0].entry)
     with errors_at(place_of(study.file, of_modes, "test")):
         problem.check_paired(states)
+    rules = reduction_rules(study)
     with errors_at_residuals(study.file):
+        if rules is not None and not study.file.stage:
+            keep_functions(problem, rules, states)
         found = problem.assess(x, states)
         problem.check_compared(found)
         return found

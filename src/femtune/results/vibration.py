@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
-from femtune.errors import FemtuneError
+from femtune.assembly.error_places import errors_at
+from femtune.errors import ErrorCollector, FemtuneError
 from femtune.files.vibration_table import read_signal, read_vibration_table
 from femtune.model.damping import constant_damping, damping_table
 from femtune.model.response import make_ports
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.study import Study
     from femtune.files.study_file import VibrationEntry
+    from femtune.model import EigenSolution
     from femtune.model.response.modal_damping import DampingRatios
     from femtune.validation import Criterion, Verdict
 
@@ -56,6 +58,12 @@ class VibrationPoint(Record):
     """Its frequency, Hz."""
     test_rms: float | None = None
     """Measured root mean square; None if nothing was measured."""
+    peak_at_end: bool = False
+    """True if the peak of a sweep lies at an end of the band, which then contains no resonance."""
+    test_peak_at_end: bool = False
+    """The same of the measured one."""
+    before_peak_at_end: bool = False
+    """The same of the model at the initial values."""
     before_peak: float | None = None
     """Largest amplitude of the model at the initial values; None for random vibration."""
     before_peak_hz: float | None = None
@@ -127,69 +135,154 @@ _MOST_LINES = {"sweep": 3000, "random": 3000, "transient": 20_000}
 
 
 @dataclass(frozen=True, eq=False)
-class VibrationTests:
-    """The vibration tests of a study with their measured curves, and signals of transients, by name."""
+class VibrationTest:
+    """A vibration test of a study.
 
-    measured: dict[str, Curve] = field(default_factory=dict)
-    signals: dict[str, Curve] = field(default_factory=dict)
+    Parameters
+    ----------
+    excitation : a sweep, a spectrum, or times and values of a transient
+    damping, damping_words : of the modes
+    band : frequencies, or times, over which model and test are compared
+    measured : the measured curves; None if nothing was measured
+    """
+
+    entry: VibrationEntry
+    excitation: Sweep | Spectrum | Curve
+    damping: DampingRatios
+    damping_words: str
+    band: Band
+    measured: Curve | None
+
+    def case(self, study: Study) -> StudyCase:
+        """Its configuration."""
+        return _case(study, self.entry)
+
+
+def _case(study: Study, entry: VibrationEntry) -> StudyCase:
+    return next(c for c in study.cases if entry.configuration in (None, c.name))
+
+
+def _transfer(test: VibrationTest, modes: EigenSolution) -> ModalTransfer:
+    entry = test.entry
+    ports = make_ports(modes.point.configured, [entry.input or entry.outputs[0]], entry.outputs)
+    if entry.base is not None:
+        return base_transfer(modes, ports, entry.base, test.damping)
+    return force_transfer(modes, ports, test.damping)
+
+
+@dataclass(frozen=True, eq=False)
+class VibrationTests:
+    """The vibration tests of a study with their measured curves."""
+
+    tests: tuple[VibrationTest, ...] = ()
 
     @classmethod
     def of(cls, study: Study) -> VibrationTests:
-        """Read the files (errors ``vibration.file``, ``vibration.signal``)."""
-        path, entries = study.file.path_of, study.file.vibration
-        measured = {
-            e.name: read_vibration_table(path(e.measured), len(e.outputs), history=e.kind == "transient")
-            for e in entries
-            if e.measured is not None
-        }
-        return cls(measured, {e.name: read_signal(path(e.signal)) for e in entries if e.signal is not None})
+        """Read the files, and check all that can be checked without modes.
+
+        Raises
+        ------
+        FemtuneError : ``vibration.*``, ``response.held-port``, ``model.unknown-node``; all tests together
+        """
+        errors, found = ErrorCollector(), []
+        for i, entry in enumerate(study.file.vibration):
+            with errors.catch(), errors_at(study.file.where("vibration", i)):
+                found.append(_read(study, entry))
+        errors.raise_if_any()
+        return cls(tuple(found))
+
+    def check(self, study: Study, x: Reals, solved: Mapping[str, EigenSolution]) -> None:
+        """Check the tests against the modes at normalised parameters, by configuration in `solved` as far as known.
+
+        Raises
+        ------
+        FemtuneError : ``vibration.damping``, ``vibration.no-base``
+        """
+        errors = ErrorCollector()
+        for i, test in enumerate(self.tests):
+            case = test.case(study)
+            modes = solved.get(case.name) or solve(study, case, x)
+            with errors.catch(), errors_at(study.file.where("vibration", i)):
+                _transfer(test, modes)
+        errors.raise_if_any()
 
     def beside(self, study: Study, before: Reals, after: Reals, arrays: Arrays) -> tuple[VibrationResults, ...]:
         """All tests with the model at the initial and the updated normalised parameters; curves go into `arrays`."""
-        entries = enumerate(study.file.vibration)
-        return tuple(self._one(study, entry, (before, after), f"vibration_{i}", arrays) for i, entry in entries)
-
-    def _one(
-        self, study: Study, entry: VibrationEntry, points: tuple[Reals, Reals], key: str, arrays: Arrays
-    ) -> VibrationResults:
-        case = next(c for c in study.cases if entry.configuration in (None, c.name))
-        motion = f"base {entry.base}" if entry.base is not None else f"force at {entry.input}"
-        facts: dict[str, Any] = {
-            "name": entry.name, "kind": entry.kind, "configuration": case.name,
-            "damping_source": entry.damping_source or "",
-        }  # fmt: skip
-        measured, signal = self.measured.get(entry.name), self.signals.get(entry.name)
-        try:
-            damping, facts["damping"] = _damping(study, entry)
-            before, after = (_transfer(study, case, entry, x, damping) for x in points)
-            band = _band(entry, measured, signal)
-            found = [_response(entry, transfer, signal, band) for transfer in (before, after)]
-            test = _measured_levels(entry, measured, band)
-        except FemtuneError as error:
-            return VibrationResults(**facts, excitation=motion, points=(), problem=f"{error.what} ({error.code})")
-        levels = zip(after.outputs, found[0].levels, found[1].levels, test or [{}] * len(after.outputs), strict=True)
-        return VibrationResults(
-            **facts,
-            excitation=f"{motion}, {_words(entry)}",
-            points=tuple(
-                VibrationPoint(output=output, **{**_NO_LEVELS, **of_after}, **_named("before", of_before),
-                               **_named("test", of_test))
-                for output, of_before, of_after, of_test in levels
-            ),
-            compared_hz=None if entry.kind == "transient" else band,
-            compared_s=band if entry.kind == "transient" else None,
-            curves=_kept((key, entry.kind), arrays, found[0].curve, found[1].curve, measured),
-        )  # fmt: skip
+        of = enumerate(self.tests)
+        return tuple(_beside(study, test, (before, after), (f"vibration_{i}", arrays)) for i, test in of)
 
 
-_NO_LEVELS: dict[str, float | None] = {"peak": None, "peak_hz": None, "rms": None}
+def _read(study: Study, entry: VibrationEntry) -> VibrationTest:
+    path, measured, excitation = study.file.path_of, None, None
+    if entry.measured is not None:
+        measured = read_vibration_table(path(entry.measured), len(entry.outputs), history=entry.kind == "transient")
+    make_ports(_case(study, entry).configured, [entry.input or entry.outputs[0]], entry.outputs)
+    damping, words = _damping(study, entry)
+    excitation = _excitation(study, entry)
+    band = _band(entry, excitation, measured)
+    if isinstance(excitation, Sweep):
+        lines = [np.sort(excitation.steps()[0]), *([] if measured is None else [measured[0]])]
+        if measured is not None and min(int(np.sum((hz >= band[0]) & (hz <= band[1]))) for hz in lines) < _FEWEST_LINES:
+            raise FemtuneError("vibration.no-overlap/lines", name=entry.name, fewest=_FEWEST_LINES)
+    return VibrationTest(entry, excitation, damping, words, band, measured)
+
+
+_FEWEST_LINES = 3
+"""Fewer lines have no maximum between their ends."""
+
+
+def _excitation(study: Study, entry: VibrationEntry) -> Sweep | Spectrum | Curve:
+    """Errors ``vibration.sweep``, ``vibration.spectrum``, ``vibration.signal``, ``vibration.file``."""
+    if entry.signal is not None and entry.kind == "transient":
+        return read_signal(study.file.path_of(entry.signal))
+    if entry.kind == "random":
+        spectrum = Spectrum(np.array(entry.spectrum_hz), np.array(entry.spectrum))
+        assert len(spectrum.pieces)
+        return spectrum
+    assert entry.from_hz is not None
+    assert entry.to_hz is not None
+    assert entry.rate is not None
+    return Sweep(entry.from_hz, entry.to_hz, entry.rate, entry.law, entry.amplitude)
+
+
+def _beside(
+    study: Study, test: VibrationTest, points: tuple[Reals, Reals], keep: tuple[str, Arrays]
+) -> VibrationResults:
+    entry, case = test.entry, test.case(study)
+    motion = f"base {entry.base}" if entry.base is not None else f"force at {entry.input}"
+    facts: dict[str, Any] = {
+        "name": entry.name, "kind": entry.kind, "configuration": case.name, "damping": test.damping_words,
+        "damping_source": entry.damping_source or "",
+    }  # fmt: skip
+    try:
+        before, after = (_transfer(test, solve(study, case, x)) for x in points)
+        found = [_response(test, transfer) for transfer in (before, after)]
+        measured = _measured_levels(entry, test.measured, test.band)
+    except FemtuneError as error:
+        return VibrationResults(**facts, excitation=motion, points=(), problem=f"{error.what} ({error.code})")
+    levels = zip(after.outputs, found[0].levels, found[1].levels, measured or [{}] * len(after.outputs), strict=True)
+    return VibrationResults(
+        **facts,
+        excitation=f"{motion}, {_words(entry)}",
+        points=tuple(
+            VibrationPoint(output=output, **{**_NO_LEVELS, **of_after}, **_named("before", of_before),
+                           **_named("test", of_test))
+            for output, of_before, of_after, of_test in levels
+        ),
+        compared_hz=None if entry.kind == "transient" else test.band,
+        compared_s=test.band if entry.kind == "transient" else None,
+        curves=_kept((keep[0], entry.kind), keep[1], found[0].curve, found[1].curve, test.measured),
+    )  # fmt: skip
+
+
+_NO_LEVELS: dict[str, Any] = {"peak": None, "peak_hz": None, "rms": None}
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
     """Levels of each output in the band that is compared, by name, and the whole curve."""
 
-    levels: list[dict[str, float]]
+    levels: list[dict[str, Any]]
     curve: Curve
 
 
@@ -202,24 +295,16 @@ def _damping(study: Study, entry: VibrationEntry) -> tuple[DampingRatios, str]:
     if entry.damping_ratio is not None:
         return constant_damping(entry.damping_ratio), f"damping ratio {100.0 * entry.damping_ratio:.3g} % of all modes"
     if study.built.modal_damping is None:
-        raise FemtuneError("vibration.no-damping")
+        raise FemtuneError("vibration.no-damping", name=entry.name)
     return study.built.modal_damping, "modal damping of the deck (SDAMPING)"
 
 
-def _transfer(study: Study, case: StudyCase, entry: VibrationEntry, x: Reals, damping: DampingRatios) -> ModalTransfer:
-    modes = solve(study, case, x)
-    ports = make_ports(modes.point.configured, [entry.input or entry.outputs[0]], entry.outputs)
-    if entry.base is not None:
-        return base_transfer(modes, ports, entry.base, damping)
-    return force_transfer(modes, ports, damping)
-
-
-def _band(entry: VibrationEntry, measured: Curve | None, signal: Curve | None) -> Band:
+def _band(entry: VibrationEntry, excitation: Sweep | Spectrum | Curve, measured: Curve | None) -> Band:
     """What excitation, measured curve and `band_hz` have in common (error ``vibration.no-overlap``)."""
-    bands = [_excited(entry) if signal is None else (float(signal[0][0]), float(signal[0][-1]))]
+    bands = [_excited(excitation)]
     if measured is not None:
         bands.append((float(measured[0][0]), float(measured[0][-1])))
-    if entry.band_hz is not None and signal is None:
+    if entry.band_hz is not None and entry.kind != "transient":
         bands.append(entry.band_hz)
     low, high = max(b[0] for b in bands), min(b[1] for b in bands)
     if not low < high:
@@ -227,12 +312,11 @@ def _band(entry: VibrationEntry, measured: Curve | None, signal: Curve | None) -
     return low, high
 
 
-def _excited(entry: VibrationEntry) -> Band:
-    if entry.kind == "random":
-        return entry.spectrum_hz[0], entry.spectrum_hz[-1]
-    assert entry.from_hz is not None
-    assert entry.to_hz is not None
-    return min(entry.from_hz, entry.to_hz), max(entry.from_hz, entry.to_hz)
+def _excited(excitation: Sweep | Spectrum | Curve) -> Band:
+    if isinstance(excitation, Sweep):
+        return min(excitation.from_hz, excitation.to_hz), max(excitation.from_hz, excitation.to_hz)
+    lines = excitation.freq_hz if isinstance(excitation, Spectrum) else excitation[0]
+    return float(lines[0]), float(lines[-1])
 
 
 def _words(entry: VibrationEntry) -> str:
@@ -244,47 +328,45 @@ def _words(entry: VibrationEntry) -> str:
     return f"{entry.from_hz:g} to {entry.to_hz:g} Hz with {entry.rate:g} {unit}, amplitude {entry.amplitude:g}"
 
 
-def _response(entry: VibrationEntry, transfer: ModalTransfer, signal: Curve | None, band: Band) -> Response:
-    if signal is not None:
-        times = signal[0]
-        values = transient_response(transfer, signal[1], float(times[-1] - times[0]) / (len(times) - 1))
-        return Response(_peaks(entry, (times, values), band), (times, values))
-    return _swept(entry, transfer, band) if entry.kind == "sweep" else _random(entry, transfer, band)
+def _response(test: VibrationTest, transfer: ModalTransfer) -> Response:
+    excitation = test.excitation
+    if isinstance(excitation, Spectrum):
+        return _random(excitation, transfer, test.band)
+    if isinstance(excitation, Sweep):
+        curve = swept_response(transfer, excitation)
+    else:
+        times, signal = excitation
+        curve = times, transient_response(transfer, signal, float(times[-1] - times[0]) / (len(times) - 1))
+    return Response(_peaks(test.entry, curve, test.band), curve)
 
 
-def _swept(entry: VibrationEntry, transfer: ModalTransfer, band: Band) -> Response:
-    assert entry.from_hz is not None
-    assert entry.to_hz is not None
-    assert entry.rate is not None
-    sweep = Sweep(entry.from_hz, entry.to_hz, entry.rate, entry.law, entry.amplitude)
-    hz, envelope = swept_response(transfer, sweep)
-    return Response(_peaks(entry, (hz, envelope), band), (hz, envelope))
-
-
-def _peaks(entry: VibrationEntry, curve: Curve, band: Band) -> list[dict[str, float]]:
+def _peaks(entry: VibrationEntry, curve: Curve, band: Band) -> list[dict[str, Any]]:
     """Largest amplitudes or magnitudes, with their frequencies or times."""
-    lines, sizes = curve[0], np.abs(curve[1])
-    seen = (lines >= band[0]) & (lines <= band[1])
-    if not seen.any():
+    seen = (curve[0] >= band[0]) & (curve[0] <= band[1])
+    lines, sizes = curve[0][seen], np.abs(curve[1][:, seen])
+    if not len(lines):
         raise FemtuneError("vibration.no-overlap", name=entry.name)
-    at, of = "peak_s" if entry.kind == "transient" else "peak_hz", sizes[:, seen]
-    tops = np.argmax(of, axis=1)
-    return [{"peak": float(v[top]), at: float(lines[seen][top])} for v, top in zip(of, tops, strict=True)]
+    tops = np.argmax(sizes, axis=1)
+    if entry.kind == "transient":
+        return [{"peak": float(v[top]), "peak_s": float(lines[top])} for v, top in zip(sizes, tops, strict=True)]
+    return [
+        {"peak": float(v[top]), "peak_hz": float(lines[top]), "peak_at_end": top in (0, len(lines) - 1)}
+        for v, top in zip(sizes, tops, strict=True)
+    ]
 
 
-def _random(entry: VibrationEntry, transfer: ModalTransfer, band: Band) -> Response:
-    whole = Spectrum(np.array(entry.spectrum_hz), np.array(entry.spectrum))
+def _random(whole: Spectrum, transfer: ModalTransfer, band: Band) -> Response:
     compared = whole.within(*band)
     assert compared is not None
     # lines beside each pole, so that no resonance is missed
     near = np.abs(transfer.poles)[:, None] - np.outer(transfer.poles.real, np.linspace(-6.0, 6.0, 25))
-    lines = np.concatenate([np.geomspace(*_excited(entry), 800), near.ravel() / (2.0 * np.pi)])
+    lines = np.concatenate([np.geomspace(*_excited(whole), 800), near.ravel() / (2.0 * np.pi)])
     lines = np.unique(lines[(lines >= whole.freq_hz[0]) & (lines <= whole.freq_hz[-1])])
     levels = [{"rms": float(rms)} for rms in response_rms(transfer, [compared])]
     return Response(levels, (lines, response_density(transfer, [whole], lines)))
 
 
-def _measured_levels(entry: VibrationEntry, measured: Curve | None, band: Band) -> list[dict[str, float]] | None:
+def _measured_levels(entry: VibrationEntry, measured: Curve | None, band: Band) -> list[dict[str, Any]] | None:
     """None where nothing was measured."""
     if measured is None:
         return None
@@ -294,7 +376,7 @@ def _measured_levels(entry: VibrationEntry, measured: Curve | None, band: Band) 
     return [{"rms": spectrum.root_mean_square} for spectrum in spectra if spectrum is not None]
 
 
-def _named(head: str, levels: dict[str, float]) -> dict[str, float]:
+def _named(head: str, levels: dict[str, Any]) -> dict[str, Any]:
     return {f"{head}_{name}": value for name, value in levels.items()}
 
 
@@ -326,19 +408,37 @@ def vibration_verdicts(study: Study, found: VibrationResults) -> Iterable[tuple[
         if found.problem:
             yield not_tested(criterion, found.problem), None
             continue
-        error = _ERRORS[criterion.quantity]
-        after, before = (
-            [(size, p.output) for p in found.points if (size := error(p, head)) is not None] for head in ("", "before_")
-        )
-        if after:
-            yield _judged(criterion, found, after), _judged(criterion, found, before)
-        else:
-            yield not_tested(criterion, f"{found.name}: nothing was measured"), None
+        yield _verdict(criterion, found, ""), _verdict(criterion, found, "before_")
 
 
-def _judged(criterion: Criterion, found: VibrationResults, errors: list[tuple[float, str]]) -> Verdict:
-    worst, output = max(errors)
-    return judge(criterion, worst, f"{found.name}, {output}")
+def _verdict(criterion: Criterion, found: VibrationResults, head: str) -> Verdict:
+    """By the worst point that has what is compared; `head` is that of the names of the initial model."""
+    errors, flat = [], []
+    for point in found.points:
+        where = _no_resonance(point, head) if criterion.quantity == SWEEP_FREQUENCY else ""
+        error = _ERRORS[criterion.quantity](point, head)
+        if where:
+            flat.append(f"{point.output}: {where}")
+        elif error is not None:
+            errors.append((error, point.output))
+    if errors:
+        worst, output = max(errors)
+        return judge(criterion, worst, "; ".join([f"{found.name}, {output}", *flat]))
+    return not_tested(criterion, f"{found.name}: {'; '.join(flat) or 'nothing was measured'}")
+
+
+def _no_resonance(p: VibrationPoint, head: str) -> str:
+    """Which curve has its maximum at an end of the band, in words; "" where neither has."""
+    hz = getattr(p, f"{head}peak_hz")
+    if p.test_peak_hz is None or hz is None:
+        return ""
+    if p.test_peak_at_end:
+        curve, hz = "measured", p.test_peak_hz
+    elif getattr(p, f"{head}peak_at_end"):
+        curve = "computed"
+    else:
+        return ""
+    return f"the maximum of the {curve} curve lies at an end of the band ({hz:.4g} Hz), not at a resonance"
 
 
 def _relative(p: VibrationPoint, name: str, head: str) -> float | None:

@@ -19,8 +19,9 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.modes.registry import ERROR_TEXTS, ModesFormat, read_modes
 from femtune.files.modes.solved import SolvedModes
 from femtune.files.runs_table import LARGEST_HZ
+from femtune.runs import folders
 from femtune.runs.outcome import Failure, FailureKind, RunOutcome
-from femtune.runs.process import LOG, begun, pause, run_process
+from femtune.runs.process import LOG, RunInterruptedError, begun, pause, run_process
 from femtune.runs.template import InputFiles
 
 Values = Mapping[str, float]
@@ -109,6 +110,7 @@ class ExternalSolver:
     environment : variables of the process, beside those of this one
     version : of the solver, in words; results of another version are not used
     keep : folders of runs that are kept
+    keep_most : number of folders of failed runs that are kept, the newest; all of them with ``keep="all"``
 
     Examples
     --------
@@ -137,6 +139,7 @@ class ExternalSolver:
     environment: tuple[tuple[str, str], ...] = ()
     version: str = ""
     keep: Keep = "failed"
+    keep_most: int = 20
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -146,6 +149,11 @@ class ExternalSolver:
     def check(self) -> None:
         """Refuse a program that is not there (error ``external.no-program``)."""
         self._program  # noqa: B018  found, or refused
+
+    def clean(self) -> None:
+        """Remove folders of interrupted runs, and of more failed ones than are kept."""
+        if self.keep != "all":
+            folders.clean(self.folder, self.keep_most, self.timeout_s)
 
     @cached_property
     def _program(self) -> str:
@@ -197,24 +205,34 @@ class ExternalSolver:
     def _attempt(self, key: str, values: Values, stop: threading.Event) -> SolvedModes | Failure:
         folder = self._new_folder(key, values)
         command = (self._program, *self.command[1:])
-        code = run_process(command, folder, self.timeout_s, dict(self.environment), stop)
+        try:
+            code = run_process(command, folder, self.timeout_s, dict(self.environment), stop)
+        except RunInterruptedError:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         found = self._judged(folder, code)
         failed = isinstance(found, Failure)
         if failed and shutil.disk_usage(folder).free < _LEAST_FREE:
             raise FemtuneError("external.folder/full", where=Where(str(folder)))
         if self.keep == "none" or (self.keep == "failed" and not failed):
             shutil.rmtree(folder, ignore_errors=True)
+        else:
+            folders.end(folder, str(found) if isinstance(found, Failure) else "")
         return found
 
     def _new_folder(self, key: str, values: Values) -> Path:
         """A folder with the input files; another attempt of a run that was killed may still write into its own."""
         files = self.inputs.files(values)
+        folder = None
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             folder = Path(tempfile.mkdtemp(prefix=f"{key[:16]}-", dir=self.folder))
             for name, content in files.items():
                 (folder / name).write_bytes(content)
+            folders.begin(folder, key, values)
         except OSError as error:
+            if folder is not None:
+                shutil.rmtree(folder, ignore_errors=True)
             raise FemtuneError("external.folder", where=Where(str(self.folder)), reason=error.strerror) from error
         return folder
 
@@ -304,6 +322,9 @@ class FunctionSolver:
 
     def check(self) -> None:
         """Nothing that could be missing."""
+
+    def clean(self) -> None:
+        """No folders."""
 
     def key(self, values: Values) -> str:
         """Digest of the values and the version."""

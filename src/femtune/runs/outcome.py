@@ -28,7 +28,7 @@ class Failure:
     ----------
     kind : of failure
     sentence : what was found, with the file
-    folder : of the attempt, which is kept
+    folder : of the attempt
     """
 
     kind: FailureKind

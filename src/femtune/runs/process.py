@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -91,3 +92,16 @@ def end_all() -> None:
         running = list(_RUNNING)
     for process in running:
         _end(process)
+
+
+def is_alive(pid: str) -> bool:
+    """Whether a process of this machine may still be there; always True where that cannot be told."""
+    if not pid.isdecimal() or sys.platform == "win32":
+        return sys.platform == "win32"
+    try:
+        os.kill(int(pid), 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -68,6 +68,7 @@ def evaluate(
     FemtuneError : ``external.no-program``, ``external.folder``, ``external.placeholder``, ``executor.*``
     """
     solver.check()
+    solver.clean()
     keys = [solver.key(values) for values in points]
     known: dict[str, RunOutcome] = {}
     for key in dict.fromkeys(keys):
@@ -88,4 +89,6 @@ def evaluate(
     except BaseException:
         end_all()
         raise
+    finally:
+        solver.clean()
     return Evaluated(tuple(known[key] for key in keys), len(wanted))

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from femtune.selection.information import Collinearity, Information, collinearity, fisher_information
     from femtune.selection.localise import ResidualEnergy, residual_energy
     from femtune.selection.output_covariance import CosineDistances, cosine_distances
+    from femtune.selection.smoothness import Smoothness, SmoothnessRules, line_smoothness, smoothness
     from femtune.selection.subset import Subset, SubsetStep, forward_selection, stepwise_selection
 else:
     __getattr__, __dir__ = lazy_names(__name__)
@@ -33,6 +34,8 @@ __all__ = [
     "Identifiability",
     "Information",
     "ResidualEnergy",
+    "Smoothness",
+    "SmoothnessRules",
     "Subset",
     "SubsetStep",
     "collinearity",
@@ -45,8 +48,10 @@ __all__ = [
     "fisher_information",
     "forward_selection",
     "identifiability",
+    "line_smoothness",
     "residual_energy",
     "sentences",
+    "smoothness",
     "stepwise_selection",
     "verdict",
 ]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
     from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
-    from femtune.steps.of_study import correlate, quantify, select
+    from femtune.steps.of_study import compare, correlate, quantify, select
     from femtune.steps.pages import report
 else:
     __getattr__, __dir__ = lazy_names(__name__)
@@ -23,6 +23,7 @@ else:
 __all__ = [
     "bootstrap",
     "candidates",
+    "compare",
     "correlate",
     "identify",
     "info",

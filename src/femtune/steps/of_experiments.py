@@ -75,6 +75,7 @@ def search(
     *,
     parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
     residuals: Sequence[Any] | Mapping[str, Any] | None = None,
+    csv: Path | str | None = None,
     report: Path | str | None = None,
     fresh: bool = False,
     progress: Progress = silent,
@@ -85,6 +86,7 @@ def search(
     Parameters
     ----------
     source, test, parameters, residuals : as for `correlate` and `Study`
+    csv : table to write of the front, if there is one: values of the free parameters, and both objectives
     report : HTML page to write, with tables and a picture
     fresh : ignore the journal of an earlier run of the study and solve everything again
     progress : receives progress reports
@@ -109,4 +111,5 @@ def search(
 
     page = checked_page(report)
     given = source_of(source, test=test, parameters=parameters, residuals=residuals)
-    return with_page(search_minimum(given, options, progress, fresh=fresh), page, progress)
+    table = None if csv is None else Path(csv)
+    return with_page(search_minimum(given, options, progress, fresh=fresh, table_of_front=table), page, progress)

@@ -215,6 +215,7 @@ def candidates(
         study = read_study(given, progress)
         study.problem()
         check_parameters(study)
+        check_executor(study)
         inputs = inputs_of(study)
     folder = _folder(study, output)
     arrays: dict[str, NDArray[Any]] = {}
@@ -286,7 +287,8 @@ def _run(
             study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
         study.problem()
         check_parameters(study)
-        check_executor(study)
+        if study.file.update.starts > 1 or study.file.bootstrap is not None:
+            check_executor(study)
         inputs = inputs_of(study)
     folder = _folder(study, output)
     with locked(folder):

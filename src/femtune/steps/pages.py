@@ -108,6 +108,13 @@ def _read(source: Path | str | Study) -> RunResult:
     return RunResult(folder, *read_results(folder))
 
 
+_PAGES: dict[type[object], str] = {
+    ModesResult: "modes", PlanResult: "plan", CandidatesResult: "candidates", SearchResult: "search",
+    ScreenResult: "screen", RespondResult: "responses",
+}  # fmt: skip
+"""The page of each result."""
+
+
 def document_of(
     result: RunResult
     | ModesResult
@@ -123,16 +130,6 @@ def document_of(
 
     if isinstance(result, RunResult):
         return reporting.build_report(result.results, result.arrays)
-    if isinstance(result, ModesResult):
-        return reporting.build_modes_page(result.results, result.arrays)
-    if isinstance(result, PlanResult):
-        return reporting.build_plan_page(result.results, result.arrays)
-    if isinstance(result, CandidatesResult):
-        return reporting.build_candidates_page(result.results, result.arrays)
-    if isinstance(result, SearchResult):
-        return reporting.build_search_page(result.results, result.arrays)
-    if isinstance(result, ScreenResult):
-        return reporting.build_screen_page(result.results, result.arrays)
-    if isinstance(result, RespondResult):
-        return reporting.build_responses_page(result.results, result.arrays)
+    if isinstance(result, ModesResult | PlanResult | CandidatesResult | SearchResult | ScreenResult | RespondResult):
+        return reporting.build_page(_PAGES[type(result)], result.results, result.arrays)
     return reporting.build_identification_page(result)

@@ -20,6 +20,7 @@ from femtune.results.bootstrap import bootstrap_results
 from femtune.results.folder import unwritable
 from femtune.study.executor import executor_of
 from femtune.uncertainty import BootstrapRules, BootstrapRun, bootstrap_of, bootstrap_result
+from femtune.uncertainty.bootstrap import drawn_groups
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,17 +28,44 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.executor import Executor
+    from femtune.residuals import Evaluation
     from femtune.results.bootstrap import BootstrapResults
     from femtune.uncertainty import Bootstrap
-    from femtune.updating import UpdateResult
+    from femtune.updating import ReducedSearch, UpdateResult
 
 BOOTSTRAP_FILE = "bootstrap.jsonl"
 
 
+def check_bootstrap(study: Study, at: Evaluation) -> None:
+    """Check, before the update, that there is something to draw from.
+
+    Raises
+    ------
+    FemtuneError : ``bootstrap.stages``, ``bootstrap.no-lines``, ``bootstrap.few-lines``
+    """
+    table = study.file.bootstrap
+    assert table is not None
+    with errors_at(study.file.where("bootstrap")):
+        if study.file.stage:
+            raise FemtuneError("bootstrap.stages")
+        if table.method != "noise":
+            drawn_groups(at.weighted, table.method)
+
+
 def bootstrap_at(
-    study: Study, found: UpdateResult, folder: Path, arrays: dict[str, NDArray[Any]], progress: Progress
+    study: Study,
+    found: UpdateResult,
+    folder: Path,
+    arrays: dict[str, NDArray[Any]],
+    progress: Progress,
+    search: ReducedSearch | None = None,
 ) -> BootstrapResults:
     """The runs about the result of the update; each is on disk as soon as it has ended, and is not made twice.
+
+    Parameters
+    ----------
+    search : reduced models that hold the full ones' modes and responses at the result; the runs are made on them where
+        they serve all FRFs
 
     Raises
     ------
@@ -46,25 +74,25 @@ def bootstrap_at(
     table = study.file.bootstrap
     assert table is not None
     with errors_at(study.file.where("bootstrap")):
-        if study.file.stage:
-            raise FemtuneError("bootstrap.stages")
         if not found.status.ok:
             raise FemtuneError("bootstrap.not-converged", status=found.status.value)
         rules = BootstrapRules(
             table.method, table.runs, table.seed, table.jacobian, table.tolerance,
             checked=min(table.checked, table.runs),
         )  # fmt: skip
+        reduced = search if search is not None and search.serves_all else None
         # what the journal keeps of a run is its end, not its solutions
-        work = bootstrap_of(
-            solved_by(study, direct).problem(), found.after, found.side, found.active, rules, misfit(found)
-        )
-    executor = executor_of(study)
+        problem = solved_by(study, direct).problem() if reduced is None else reduced.reduced_problem()
+        at = found.after if reduced is None else problem.start(found.x)
+        work = bootstrap_of(problem, at, found.side, found.active, rules, misfit(found))
+    executor = executor_of(study, reduced=reduced is not None)
     begun = time.monotonic()
     runs, again, remarks = _runs(work, executor, FinishedRuns(folder / BOOTSTRAP_FILE, _key(work)), study, progress)
     check = Serial().run(work.check, range(rules.checked if rules.jacobian == "shared" else 0), name="bootstrap run")
     result = bootstrap_result(work, runs, check)
     seconds = time.monotonic() - begun
-    return bootstrap_results(result, arrays, executor.words, seconds, again, remarks)
+    orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
+    return bootstrap_results(result, arrays, executor.words, seconds, again, remarks, orders)
 
 
 def forget_bootstrap(folder: Path) -> None:

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femtune._optional import require
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.study import load_study, solved_by
 from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
 from femtune.executor import finish
 from femtune.files.study_file import CandidatesTable
-from femtune.files.study_file.candidates import NOMINAL
+from femtune.files.study_file.candidates import NO_SEARCH, NOMINAL
+from femtune.global_search import SearchRules, global_minimum
 from femtune.journal.finished import FinishedRuns
 from femtune.model import digest
 from femtune.model.full_model import direct
@@ -29,12 +31,13 @@ from femtune.selection.candidate_models import CandidateFit, Group, rank_candida
 from femtune.selection.combinations import listed
 from femtune.status import Status
 from femtune.study.executor import executor_of
+from femtune.study.model_runs import ResidualRuns
 from femtune.updating import StartResult, StartRules, starting_points, update
 from femtune.updating.sensitivity_method import moving_parameters
-from femtune.updating.starts import distinct_optima, noise_level
+from femtune.updating.starts import comparable, distinct_optima, height, noise_level
 
 if TYPE_CHECKING:
-    from femtune.arrays import Reals
+    from femtune.arrays import Flags, Reals
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.files.study_file import StudyFile
@@ -42,7 +45,7 @@ if TYPE_CHECKING:
     from femtune.residuals import Evaluation, UpdateProblem
     from femtune.results.base import Alert, CitationRecord
     from femtune.selection.candidate_models import CandidateRanking
-    from femtune.updating import SensitivityMethod, UpdateResult
+    from femtune.updating import SensitivityMethod
 
 CANDIDATES_FILE = "candidates.jsonl"
 _SUBSET = re.compile(r"S[0-9]+(\.[0-9]+)*")
@@ -77,11 +80,12 @@ def candidate_citations() -> tuple[CitationRecord, ...]:
 
 @dataclass(frozen=True)
 class _Task:
-    """The candidate, the position of its problem, and the position of the configuration that is left out."""
+    """The candidate, the position of its problem, that of the configuration that is left out, and the start."""
 
     candidate: ParameterChoice
     problem: int
     left_out: int | None = None
+    start: int = 0
 
 
 Found = dict[str, Any]
@@ -96,12 +100,14 @@ class _Fitting:
     ----------
     problems, methods : with the ties of some candidates; the first without any
     free : free parameters of the study, by which candidates are compared
+    search : from whose random populations the starts come; None: from the initial values and a Latin hypercube
     """
 
     problems: tuple[UpdateProblem, ...]
     methods: tuple[SensitivityMethod, ...]
     rules: StartRules
     free: ParameterSet
+    search: SearchRules | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "problems": tuple(problem.to_send() for problem in self.problems)}
@@ -114,50 +120,34 @@ class _Fitting:
             if not task.candidate.parameters:
                 at = problem.start(np.zeros(len(problem.parameters.free)))
                 return {**self._facts(problem, at, task.candidate), "status": "CONVERGED"}
-            return self._fitted(problem, method, task.candidate)
+            return self._fitted(problem, method, task.candidate, task.start)
         except FemtuneError as error:
             return {"problem": error.what}
 
-    def _fitted(self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice) -> Found:
-        result, reached, others, unpaired = self._updated(problem, method, candidate)
+    def _fitted(
+        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, number: int
+    ) -> Found:
+        """The update from one start."""
+        start = self._start(problem, moving_parameters(problem, candidate.parameters), number)
+        result = update(problem, method, start=start, active=candidate.parameters)
         sd = {name: float(value) for name, value in result.sd.items() if np.isfinite(value)}
         return {
             **self._facts(problem, result.after, candidate), "status": result.status.name, "sd": sd,
-            "at_bound": list(result.at_bound), "reached": reached, "others": others, "unpaired": unpaired,
+            "at_bound": list(result.at_bound), "end": result.x.tolist(), "objective": result.objective,
         }  # fmt: skip
 
-    def _updated(
-        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice
-    ) -> tuple[UpdateResult, int, int, int]:
-        """The best update; the numbers of starts that reached it, of other optima as good, and of starts not used."""
-        if self.rules.count == 1:
-            return update(problem, method, active=candidate.parameters), 1, 0, 0
-        drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
-        moving = moving_parameters(problem, candidate.parameters)
-        points = np.where(moving, np.vstack([np.zeros(drawn.shape[1]), drawn]), 0.0)
-        ends = self._ends(problem, method, candidate, points)
-        # a start from which fewer modes find their partners ends with smaller residuals for this reason alone
-        most = max(_independent(end.after) for _, end in ends)
-        ends = [(i, end) for i, end in ends if _independent(end.after) == most]
-        best = min((end for _, end in ends), key=lambda end: (not end.status.ok, end.objective))
-        starts = [StartResult(i, points[i], end.x, end.objective, end.status) for i, end in ends]
-        noise = noise_level(best.objective, most, int(moving.sum()))
-        optima = distinct_optima(starts, problem.parameters.prior[1], noise)
-        reached = len(optima[0].members) if optima else 0
-        return best, reached, sum(o.as_good for o in optima[1:]), len(points) - len(ends)
-
-    def _ends(
-        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, points: Reals
-    ) -> list[tuple[int, UpdateResult]]:
-        """The updates from all starts that can be solved, with their numbers; the initial values must be."""
-        ends = []
-        for i, point in enumerate(points):
-            try:
-                ends.append((i, update(problem, method, start=problem.start(point), active=candidate.parameters)))
-            except FemtuneError:
-                if i == 0:
-                    raise
-        return ends
+    def _start(self, problem: UpdateProblem, moving: Flags, number: int) -> Evaluation:
+        """The start of a number: the initial values, a drawn point, or the best that a random population reaches."""
+        x = np.zeros(len(moving))
+        if self.search is not None:
+            population = _Population(problem, problem.start(x), moving)
+            lower, upper = (edge[moving] for edge in problem.parameters.bounds)
+            found = global_minimum(population, lower, upper, replace(self.search, seed=self.rules.seed + number))
+            return problem.follow(population.whole(found.x[None])[0], population.before)
+        if number:
+            drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
+            x = np.where(moving, drawn[number - 1], 0.0)
+        return problem.start(x)
 
     def _facts(self, problem: UpdateProblem, at: Evaluation, candidate: ParameterChoice) -> Found:
         """What candidates are compared by."""
@@ -170,7 +160,7 @@ class _Fitting:
         labels = [b.label for b in at.blocks for _ in b.values]
         return {
             "values": {name: float(v) for name, v in parameters.values(at.x).items()},
-            "error": at.mean_error, "chi2": float(r @ r), "residuals": _independent(at),
+            "error": at.mean_error, "chi2": float(r @ r), "residuals": at.independent,
             "singular": known.singular_values.tolist(), "rank": known.rank,
             "prior_misfit": float((((at.x - prior_mean) / prior_sd)[stated] ** 2).sum()),
             "worst": float(abs(r[worst])), "worst_label": labels[worst],
@@ -192,9 +182,48 @@ class _Fitting:
         return {"squares": at.mean_error**2 * at.weights, "weights": at.weights}
 
 
-def _independent(at: Evaluation) -> int:
-    """Number of independent residuals."""
-    return len(at.residuals) - sum(at.lost.values())
+@dataclass(frozen=True, eq=False)
+class _Population:
+    """χ² at points (n, moving) of a generation, with the pairing of the initial values; infinite where it fails."""
+
+    problem: UpdateProblem
+    before: Evaluation
+    moving: Flags
+
+    def whole(self, points: Reals) -> Reals:
+        """(n, k) points of all parameters."""
+        out = np.zeros((len(points), len(self.moving)))
+        out[:, self.moving] = points
+        return out
+
+    def __call__(self, points: Reals) -> Reals:
+        runs = ResidualRuns(self.problem, self.before)
+        return np.array([np.sum(runs(x).values ** 2) for x in self.whole(points)])
+
+
+def _best_start(
+    problem: UpdateProblem, candidate: ParameterChoice, found: Sequence[Found], from_initial: bool
+) -> Found:
+    """The best of the starts of a candidate, with the numbers of starts that reached it, of other optima that are as
+    good, and of starts that are not used. Starts may fail, but not all, and not the one from the initial values."""
+    failed = ["problem" in f for f in found]
+    if all(failed) or (from_initial and failed[0]) or not candidate.parameters:
+        return found[0]
+    starts = comparable([_start_result(i, f) for i, f in enumerate(found) if "problem" not in f])
+    best = found[min(starts, key=height).number]
+    moving = int(moving_parameters(problem, candidate.parameters).sum())
+    optima = distinct_optima(
+        starts, problem.parameters.prior[1], noise_level(best["objective"], best["residuals"], moving)
+    )
+    return {
+        **best, "reached": len(optima[0].members) if optima else 0, "others": sum(o.as_good for o in optima[1:]),
+        "unpaired": len(found) - len(starts),
+    }  # fmt: skip
+
+
+def _start_result(number: int, found: Found) -> StartResult:
+    end = np.array(found["end"])
+    return StartResult(number, end, end, found["objective"], Status[found["status"]], residuals=found["residuals"])
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -252,6 +281,9 @@ def compare_candidates(
                 raise FemtuneError("candidates.name", name=candidate.name)
         if not study.file.candidate and not groups:
             raise FemtuneError("candidates.none")
+        if table.search == "cma-es":
+            # before the first run: what a run misses would be kept as its result
+            require("cma", extra="search")
     # the journal of solutions would keep thousands of them that nobody asks for again
     work = _Comparison(solved_by(study, direct), table, folder, progress)
     work.begin(resume)
@@ -309,8 +341,8 @@ class _Comparison:
         at = problem.start(np.zeros(len(problem.parameters.free)))
         lower, upper = problem.parameters.bounds
         key = digest(
-            self.study.file.update.model_dump_json(), self.table.starts, self.table.seed, at.residuals, at.jacobian,
-            lower, upper,
+            self.study.file.update.model_dump_json(), self.table.starts, self.table.seed, repr(self._search),
+            at.residuals, at.jacobian, lower, upper,
         )  # fmt: skip
         self.file = FinishedRuns(self.folder / CANDIDATES_FILE, key)
         try:
@@ -319,32 +351,49 @@ class _Comparison:
             raise unwritable(self.folder, error) from error
         self.known = {str(line.get("run")): dict(line) for line in lines}
 
+    @property
+    def _search(self) -> SearchRules | None:
+        """Of the population that each start is the best of."""
+        table = self.table
+        if table.search == NO_SEARCH:
+            return None
+        return SearchRules(table.search, table.population, table.generations)
+
     def fitted(self, candidates: Sequence[ParameterChoice]) -> list[Found]:
         """What every candidate reaches with all configurations."""
-        return self._run(candidates, [(i, None) for i in range(len(candidates))], "candidate models updated")
+        counts = [self.table.starts if c.parameters else 1 for c in candidates]
+        asked = [(i, None, n) for i, count in enumerate(counts) for n in range(count)]
+        ends = iter(self._run(candidates, asked, "updates of candidate models"))
+        grouped = [[next(ends) for _ in range(count)] for count in counts]
+        return [
+            _best_start(self._problem(candidate)[0], candidate, some, self._search is None)
+            for candidate, some in zip(candidates, grouped)
+        ]
 
     def predicted(self, candidates: Sequence[ParameterChoice], found: Sequence[Found]) -> list[dict[int, Found]]:
         """By configuration, what every solved candidate predicts of it."""
         count = len(self.study.problem().cases)
         if count < 2:
             return [{} for _ in candidates]
-        asked = [(i, j) for i, f in enumerate(found) if "problem" not in f for j in range(count)]
+        asked = [(i, j, 0) for i, f in enumerate(found) if "problem" not in f for j in range(count)]
         ends = self._run(candidates, asked, "configurations left out and predicted")
         out: list[dict[int, Found]] = [{} for _ in candidates]
-        for (i, j), end in zip(asked, ends):
+        for (i, j, _), end in zip(asked, ends):
             out[i][j] = end
         return out
 
     def _run(
-        self, candidates: Sequence[ParameterChoice], asked: Sequence[tuple[int, int | None]], what: str
+        self, candidates: Sequence[ParameterChoice], asked: Sequence[tuple[int, int | None, int]], what: str
     ) -> list[Found]:
-        """The runs of candidates by position, without the configuration at the second position."""
+        """The runs of candidates by position, without the configuration at the second position, by start."""
         problems = [self._without_ties(), *(self._with_ties(c) for c in candidates if c.ties)]
         at = dict(zip((i for i, c in enumerate(candidates) if c.ties), range(1, len(problems))))
-        tasks = [_Task(candidates[i], at.get(i, 0), left_out) for i, left_out in asked]
+        tasks = [_Task(candidates[i], at.get(i, 0), left_out, start) for i, left_out, start in asked]
         keys = [_key(task) for task in tasks]
         rules = StartRules(self.table.starts, self.table.seed)
-        work = _Fitting(tuple(p for p, _ in problems), tuple(m for _, m in problems), rules, self.study.parameters)
+        work = _Fitting(
+            tuple(p for p, _ in problems), tuple(m for _, m in problems), rules, self.study.parameters, self._search
+        )
         done = sum(key in self.known for key in keys)
         self.progress.step(what, done, len(tasks))
 
@@ -362,6 +411,9 @@ class _Comparison:
         known = {i: self.known[key] for i, key in enumerate(keys) if key in self.known}
         return finish(executor_of(self.study), work, tasks, known, name="candidate", finished=keep)
 
+    def _problem(self, candidate: ParameterChoice) -> tuple[UpdateProblem, SensitivityMethod]:
+        return self._with_ties(candidate) if candidate.ties else self._without_ties()
+
     def _without_ties(self) -> tuple[UpdateProblem, SensitivityMethod]:
         return self.study.problem(), method_of(self.study.file.update, self.study.parameters)
 
@@ -373,7 +425,7 @@ class _Comparison:
 
 
 def _key(task: _Task) -> str:
-    facts = (sorted(task.candidate.parameters), sorted(task.candidate.ties.items()), task.left_out)
+    facts = (sorted(task.candidate.parameters), sorted(task.candidate.ties.items()), task.left_out, task.start)
     return digest(*map(repr, facts))
 
 

@@ -16,14 +16,14 @@ LARGE = 3000
 
 
 def check_executor(study: Study) -> None:
-    """Connect to the cluster of a study that has runs for it, before anything is solved.
+    """Connect to the cluster, if the study names one, before anything is solved; for steps that make runs.
 
     Raises
     ------
     FemtuneError : ``executor.not-loopback``, ``executor.no-cluster``, ``install.missing``
     """
     executor = executor_of(study)
-    if isinstance(executor, Cluster) and (study.file.update.starts > 1 or study.file.bootstrap is not None):
+    if isinstance(executor, Cluster):
         with errors_at(study.file.where("parallel")):
             executor.check()
 

@@ -8,16 +8,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.external import SolverRuns, moved_to, nominal_point, solver_runs, write_updated
+from femtune.assembly.cases import on_model
+from femtune.assembly.external import SolverRuns, nominal_point, solver_runs, write_updated
+from femtune.assembly.parameters import assignments, targets
+from femtune.assembly.runs_model import built_of_table
 from femtune.errors import FemtuneError, Notice
+from femtune.model import parametric_model
 from femtune.results.model import alert_of
 from femtune.status import Status
 from femtune.updating import update
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
+    from femtune.assembly.cases import StudyCase
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
+    from femtune.correlation import SensorMap
     from femtune.residuals import Evaluation
     from femtune.results.base import Alert
     from femtune.updating import Iteration, SensitivityMethod, UpdateResult
@@ -125,7 +131,7 @@ def _tried(
     point = np.array([parameters.values(x)[name] for name in runs.names])
     lower, upper = runs.bounds
     try:
-        study = moved_to(place.study, runs, np.clip(point, lower, upper))
+        study = _moved_to(place.study, runs, np.clip(point, lower, upper))
         start = study.problem().start(x)
         there = _Place(x, study, start, update(study.problem(), method, tell, start))
     except FemtuneError as error:
@@ -134,6 +140,29 @@ def _tried(
         told.append(Notice("external.step-halved", reason=error.what))
         return None
     return there if there.objective <= place.objective * (1.0 + _SAME) else None
+
+
+def _moved_to(study: Study, runs: SolverRuns, point: Reals) -> Study:
+    """The study on the model around another point, with the same parameters, tests and sensors."""
+    built = built_of_table(study.file, runs.around(point), 0)
+    found = assignments(targets(study.file, built))
+    model = parametric_model(built.structure, study.parameters, found)
+    size = built.structure.nodes.n_dofs
+    cases = tuple(on_model(_resized(case, size), model) for case in study.cases)
+    return replace(study, built=replace(built, notices=study.built.notices), model=model, cases=cases)
+
+
+def _resized(case: StudyCase, size: int) -> StudyCase:
+    """Sensors on another number of scalar points, which no sensor of shapes has."""
+
+    def on(sensors: SensorMap | None) -> SensorMap | None:
+        if sensors is None or sensors.matrix.shape[1] == size:
+            return sensors
+        matrix = sensors.matrix.copy()
+        matrix.resize((matrix.shape[0], size))
+        return replace(sensors, matrix=matrix)
+
+    return replace(case, sensors=on(case.sensors), all_sensors=on(case.all_sensors))
 
 
 def _numbered(history: Sequence[Iteration], first: int) -> list[Iteration]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,19 +18,28 @@ from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
 from femtune.experiments import latin_hypercube
 from femtune.files.study_file import with_search
-from femtune.global_search import GlobalMinimum, SearchRules, global_minimum, surrogate_minimum
+from femtune.global_search import Front, GlobalMinimum, SearchRules, front_of, global_minimum, surrogate_minimum
 from femtune.results.base import alert
-from femtune.results.global_search import GlobalSearchResults, SearchedParameter, SeedFacts, SurrogateFacts
+from femtune.results.global_search import (
+    FrontPoint,
+    FrontResults,
+    GlobalSearchResults,
+    SearchedParameter,
+    SeedFacts,
+    SurrogateFacts,
+)
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.results import Results
 from femtune.results.screen import FailedModelRun
 from femtune.results.solved import nominal
 from femtune.results.step_results import SearchResult
 from femtune.results.update import citations
-from femtune.study.executor import executor_of
+from femtune.study.executor import check_executor, executor_of
 from femtune.study.model_runs import ModelRun, ResidualRuns, failures
+from femtune.study.search_front import ErrorParts
 from femtune.study.select import check_parameters
 from femtune.study.solutions import looking_up
+from femtune.study.tables import write_csv
 from femtune.surrogates import KrigingRules, SumOfSquares, Surrogate, fit_surrogate, where_better
 from femtune.surrogates.trend import term_count
 from femtune.updating import StartRules, UpdateResult, multi_start
@@ -47,12 +57,18 @@ _MOST_RESPONSES = 12
 _ENERGY = 1e-10
 """Part of the squares that components left out may have."""
 _SAME = 1e-3
+_FRONT = "search_front"
 _WRONG = 1.0
 """Difference of χ² between surrogate and model, relative to that of the model and one, from which an alert says so."""
 
 
 def search_minimum(
-    source: Path | str | StudyFile, options: Mapping[str, Any], progress: Progress = silent, *, fresh: bool = False
+    source: Path | str | StudyFile,
+    options: Mapping[str, Any],
+    progress: Progress = silent,
+    *,
+    fresh: bool = False,
+    table_of_front: Path | None = None,
 ) -> SearchResult:
     """The minimum of the squared residuals within the bounds, from the initial values of nobody.
 
@@ -72,14 +88,23 @@ def search_minimum(
         study.problem()
         table = with_search(study.file, options).search
         assert table is not None
+        check_executor(study)
         inputs = inputs_of(study)
     arrays: dict[str, Any] = {}
     with looking_up(study, fresh) as found:
         search = _Search.begin(found.study, table, progress)
+        if table.front:
+            # what it cannot compare is said before the first run
+            _ = search.parts
         with watch.step("search"):
             ended = search.on_model() if table.on == "model" else search.on_surrogate()
         with watch.step("least squares"):
             record = search.record(ended, arrays)
+    if table_of_front is not None:
+        if record.front is None:
+            raise FemtuneError("search.front/csv")
+        heads = [*(p.name for p in record.parameters), "frequency_error_squared", "other_error"]
+        write_csv(table_of_front, heads, arrays[_FRONT])
     results = Results(
         provenance=provenance(inputs, watch),
         study=study_facts(study),
@@ -92,7 +117,8 @@ def search_minimum(
 
 def _papers(table: SearchTable) -> list[str]:
     methods = {"differential-evolution": "storn1997", "genetic": "deb2001", "cma-es": "hansen2001"}
-    return [methods[table.method], *(["sacks1989"] if table.on == "surrogate" else [])]
+    kriging, front = table.on == "surrogate", table.front > 0
+    return [methods[table.method], *(["sacks1989"] if kriging else []), *(["deb2002"] if front else [])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +130,7 @@ class _Ended:
     chi2: Reals
     surrogate: SurrogateFacts | None = None
     rest: float = 0.0
+    front: Front | None = None
 
     @property
     def best(self) -> int:
@@ -127,6 +154,12 @@ class _Search:
         progress.step("residuals at the initial values", 0, None)
         problem = study.problem()
         return cls(study, table, progress, ResidualRuns(problem, problem.start(nominal(study))), executor_of(study))
+
+    @cached_property
+    def parts(self) -> ErrorParts:
+        """The two objectives of the front (errors ``search.front``)."""
+        with errors_at(self.study.file.where("search", "front")):
+            return ErrorParts.of(self.work.problem, self.work.before)
 
     @property
     def bounds(self) -> tuple[Reals, Reals]:
@@ -164,7 +197,8 @@ class _Search:
             found.append(global_minimum(objective, *self.bounds, rules))
         if not np.isfinite(found[0].value):
             raise FemtuneError("search.all-failed", runs=len(self.runs), reason=self.runs[0].problem)
-        return _Ended(tuple(found), np.array([f.x for f in found]), np.array([f.value for f in found]))
+        front = self._front(lambda points: self.run(points, "runs of a generation of the front"))
+        return _Ended(tuple(found), np.array([f.x for f in found]), np.array([f.value for f in found]), front=front)
 
     def on_surrogate(self) -> _Ended:
         """Runs of a Latin hypercube, a surrogate of the residuals, further runs, and its minimum."""
@@ -204,7 +238,15 @@ class _Search:
             fresh_runs=checked,
             fresh_rms=fresh_rms,
         )
-        return _Ended(found.searches, found.ends, 2.0 * found.values + responses.rest, facts, responses.rest)
+        front = self._front(lambda points: responses.residuals(surrogate.predict(points)))
+        return _Ended(found.searches, found.ends, 2.0 * found.values + responses.rest, facts, responses.rest, front)
+
+    def _front(self, residuals: Callable[[Reals], Reals]) -> Front | None:
+        """The front of frequency against other errors, by residuals (n, m) at points (n, k)."""
+        if not self.table.front:
+            return None
+        self.progress.step("front of frequency against other errors", 0, None)
+        return front_of(lambda points: self.parts(residuals(points)), *self.bounds, self.rules)
 
     def _good(self, x: Reals, r: Reals, least: int) -> tuple[Reals, Reals]:
         """Points and residuals of the runs that did not fail (error ``search.all-failed`` if too few are left)."""
@@ -229,6 +271,7 @@ class _Search:
         before = len(self.runs)
         at_end = self.run(ended.points[ended.best : ended.best + 1], "the model at the minimum")[0]
         chi2_model = float(at_end @ at_end) if np.isfinite(at_end).all() else None
+        front = None if ended.front is None else self._front_results(ended.front, arrays)
         result = self._least_squares(ended)
         arrays["search_history"] = _history(ended, self.table.seed)
         seeds = self._seeds(ended)
@@ -251,9 +294,37 @@ class _Search:
             status=result.status.name,
             message=result.status.value,
             history_key="search_history",
+            front=front,
             sentences=(),
         )
         return record.model_copy(update={"sentences": _sentences(record), "alerts": tuple(_alerts(record))})
+
+    def _front_results(self, front: Front, arrays: dict[str, Any]) -> FrontResults:
+        """Some points of the front with a run of the model at each; all of it among the arrays."""
+        chosen = front.spread(self.table.front)
+        values = np.array([self.study.parameters.denormalise(x) for x in front.x]).reshape(len(front.x), -1)
+        arrays[_FRONT] = np.hstack([values, front.values])
+        on_model = front.values[chosen]
+        if self.table.on == "surrogate" and len(chosen):
+            on_model = self.parts(self.run(front.x[chosen], "the model on the front"))
+        initial = self.parts(self.work.before.residuals)
+        return FrontResults(
+            label=self.parts.label,
+            initial_frequency=float(initial[0]),
+            initial_other=float(initial[1]),
+            points=tuple(
+                FrontPoint(
+                    parameters=tuple(map(float, values[i])),
+                    frequency=float(front.values[i, 0]),
+                    other=float(front.values[i, 1]),
+                    frequency_model=_finite(pair[0]),
+                    other_model=_finite(pair[1]),
+                )
+                for i, pair in zip(chosen, on_model, strict=True)
+            ),
+            evaluations=front.evaluations,
+            front_key=_FRONT,
+        )
 
     def _least_squares(self, ended: _Ended) -> UpdateResult:
         """From the distinct ends of the searches, by the method of [update]."""
@@ -350,6 +421,10 @@ class _Responses:
             return 0.0
         left = self.middle - self.basis @ (self.basis.T @ self.middle)
         return float(left @ left)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _history(ended: _Ended, first: int) -> Reals:

@@ -76,6 +76,49 @@ def repeats_of(study: Study) -> Repeats | None:
     return None if study.file.quantify is None else read_repeats(study, study.file.quantify)
 
 
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """The outputs at a start, the rows (n, m) of all repeats, those held out, and the statistics of the others."""
+
+    frequencies: FrequencyOutputs
+    outputs: FrequencyOutputs | ShapeOutputs
+    rows: Reals
+    held: NDArray[np.bool_]
+    measured: OutputStatistics
+
+
+def check_quantify(study: Study, repeats: Repeats, x: Reals) -> None:
+    """Check, before the update, that the repeats give a mean and a covariance of the compared outputs.
+
+    Raises
+    ------
+    FemtuneError : ``quantify.*``; what else fails at this start may not fail at that of the step
+    """
+    table = study.file.quantify
+    assert table is not None
+    try:
+        with errors_at(study.file.where("quantify")), in_words_of_the_study(table):
+            _prepared(study, table, repeats, np.asarray(study.parameters.denormalise(x)))
+    except FemtuneError as error:
+        if error.code.startswith("quantify."):
+            raise
+
+
+def _prepared(study: Study, table: QuantifyTable, repeats: Repeats, start: Reals) -> _Prepared:
+    held = _held(table, len(repeats.hz))
+    outputs = _outputs(study, repeats, start)
+    rows = repeats.of_modes(outputs.modes)
+    used: FrequencyOutputs | ShapeOutputs = outputs
+    if table.shapes:
+        whole = shape_outputs(outputs.problem, start)
+        entries = _shapes_of(repeats, whole)
+        # entries at nodes of a shape and out of its plane are rounding errors
+        kept = np.flatnonzero(np.nan_to_num(np.nanstd(entries, axis=0)) > _STILL)
+        used = replace(whole, kept=tuple(int(i) for i in kept))
+        rows = np.hstack([rows, entries[:, kept]])
+    return _Prepared(outputs, used, rows, held, _with_noise(_statistics(rows[~held], used, table), outputs, table))
+
+
 def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progress: Progress) -> QuantifyResults:
     """Mean and covariance of the free parameters from a normalised start x, with a forward check.
 
@@ -88,19 +131,9 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
     progress.step("mean and covariance of the parameters", 0, None)
     start = np.asarray(study.parameters.denormalise(x))
     with errors_at(study.file.where("quantify")), in_words_of_the_study(table):
-        outputs = _outputs(study, repeats, start)
-        held = _held(table, len(repeats.hz))
-        rows = repeats.of_modes(outputs.modes)
-        used: FrequencyOutputs | ShapeOutputs = outputs
-        if table.shapes:
-            whole = shape_outputs(outputs.problem, start)
-            entries = _shapes_of(repeats, whole)
-            # entries at nodes of a shape and out of its plane are rounding errors
-            kept = np.flatnonzero(np.nan_to_num(np.nanstd(entries, axis=0)) > _STILL)
-            used = replace(whole, kept=tuple(int(i) for i in kept))
-            rows = np.hstack([rows, entries[:, kept]])
-        measured = _with_noise(_statistics(rows[~held], used, table), outputs, table)
-        found = _updated(study, table, used, measured, start)
+        data = _prepared(study, table, repeats, start)
+        outputs, used, rows, held = data.frequencies, data.outputs, data.rows, data.held
+        found = _updated(study, table, used, data.measured, start)
         progress.step(f"forward check with {table.samples} samples", 0, None)
         check = forward_check(used, found, table.samples, table.seed)
         intervals = parameter_intervals(outputs, found, rows[~held, : len(outputs.modes)]) if table.intervals else None

@@ -17,7 +17,7 @@ from femtune.results.base import Alert, alert
 from femtune.results.fisher import FisherResults, fisher_results
 from femtune.results.folder import RESULTS_FILE, write_results
 from femtune.results.frf_deviation import frf_deviations
-from femtune.results.frf_validation import unused_frfs
+from femtune.results.frf_validation import check_frf_band, unused_frfs
 from femtune.results.mapped_damping import MappedDamping, mapped_damping
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
@@ -31,16 +31,16 @@ from femtune.results.update import parameter_facts, update_results, what_ran
 from femtune.results.validation import Sensitivities, predictions, validation
 from femtune.results.versions import as_written, model_records, start
 from femtune.results.vibration import VibrationTests
-from femtune.study.bootstrap import bootstrap_at
+from femtune.study.bootstrap import bootstrap_at, check_bootstrap
 from femtune.study.damping_values import write_damping
 from femtune.study.expanded_files import EXPANDED_FILE, write_expanded_files
 from femtune.study.find_parameters import find_parameters
-from femtune.study.quantify import quantify_at, repeats_of
+from femtune.study.quantify import check_quantify, quantify_at, repeats_of
 from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_files
 from femtune.study.select import select_at
 from femtune.study.solutions import journal_results
 from femtune.study.specimens import calibrate_each
-from femtune.study.write_back import check_written, write_back
+from femtune.study.write_back import check_writable_fields, check_written, write_back
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
@@ -237,9 +237,12 @@ class Run:
 
 
 def _model(run: Run, known: Known, arrays: Arrays) -> Outcome:
-    """Before anything is solved; repeated tests are read here, so that their errors are reported at once."""
+    """Before anything is solved; what later steps read and write is checked, so that errors are reported at once."""
     study = run.study
-    repeats = repeats_of(study)
+    repeats, vibration_tests = repeats_of(study), VibrationTests.of(study)
+    check_frf_band(study)
+    if not study.file.imported:
+        check_writable_fields(study, run.wide)
     run.progress.step("mass and rigid-body check", 0, None)
     facts = Results(
         provenance=provenance(run.inputs, run.watch),
@@ -249,7 +252,18 @@ def _model(run: Run, known: Known, arrays: Arrays) -> Outcome:
         parameters=parameter_facts(study),
         citations=what_ran(study),
     )
-    return {"facts": facts, "repeats": repeats, "vibration_tests": VibrationTests.of(study)}
+    return {"facts": facts, "repeats": repeats, "vibration_tests": vibration_tests}
+
+
+def _check_later(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    """What the steps after the update require of the model and the data, at the initial values."""
+    study, at = run.study, known.start
+    known.vibration_tests.check(study, at.x, solutions_of(at))
+    if study.file.bootstrap is not None:
+        check_bootstrap(study, at)
+    if known.repeats is not None:
+        check_quantify(study, known.repeats, at.x)
+    return {}
 
 
 def _correlate(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -317,7 +331,8 @@ def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
 def _bootstrap(run: Run, known: Known, arrays: Arrays) -> Outcome:
     if run.study.file.bootstrap is None:
         return {}
-    return {"bootstrap": bootstrap_at(run.study, known.parameters.result, run.folder, arrays, run.progress)}
+    study, result, search = known.parameters.study or run.study, known.parameters.result, known.parameters.search
+    return {"bootstrap": bootstrap_at(study, result, run.folder, arrays, run.progress, search)}
 
 
 def _specimens(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -367,6 +382,7 @@ WRITE_EXPANDED = Step("expanded shapes", _write_expanded, optional="file of the 
 UNTIL_UPDATED = (
     Step("model", _model),
     Step("correlate", _correlate),
+    Step("checks of later steps", _check_later),
     Step("respond", _respond),
     Step("select", _select),
     Step("update", _update),

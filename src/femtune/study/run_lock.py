@@ -14,6 +14,7 @@ from pathlib import Path
 
 from femtune.errors import FemtuneError, Where
 from femtune.results.folder import unwritable
+from femtune.runs.process import is_alive
 
 LOCK_FILE = "running.lock"
 
@@ -77,23 +78,11 @@ def _is_free(handle: int, holder: dict[str, str]) -> bool:
         return _try_lock(handle) and _is_here(holder)
     except OSError:
         # a disk without locks: what is signed has to do
-        return _is_here(holder) and not _is_alive(holder.get("pid", ""))
+        return _is_here(holder) and not is_alive(holder.get("pid", ""))
 
 
 def _is_here(holder: dict[str, str]) -> bool:
     return holder.get("host", platform.node()) == platform.node()
-
-
-def _is_alive(pid: str) -> bool:
-    if not pid.isdecimal() or sys.platform == "win32":
-        return sys.platform == "win32"
-    try:
-        os.kill(int(pid), 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        return True
-    return True
 
 
 def _in_place(path: Path, handle: int) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,21 +13,21 @@ from femtune.arrays import Integers, Reals
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError
 from femtune.experiments import Design, Effects, full_factorial, main_effects, orthogonal_design, plackett_burman
 from femtune.files.study_file import with_screen
-from femtune.files.whole_file import write_whole
 from femtune.results.base import alert
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.results import Results
 from femtune.results.screen import FailedModelRun, MainEffect, ScreenedMode, ScreenedParameter, ScreenResults
 from femtune.results.step_results import ScreenResult
 from femtune.results.update import citations
-from femtune.study.executor import executor_of
+from femtune.study.executor import check_executor, executor_of
 from femtune.study.model_runs import FrequencyRuns, ModelRun, alone, failures, followed_modes
 from femtune.study.respond import check_places
 from femtune.study.select import check_parameters
 from femtune.study.solutions import looking_up
+from femtune.study.tables import write_csv
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
@@ -80,12 +78,13 @@ def screen_parameters(
             design = design_of(asked, len(study.parameters.free))
         if table is not None:
             check_places(study, [table], None)
+        check_executor(study)
         inputs = inputs_of(study)
     with watch.step("runs"), looking_up(study, fresh) as found:
         runs = _Runs.of(found.study, design, progress)
     arrays = {"screen_runs": runs.table}
     if table is not None:
-        _write_csv(table, [*(p.name for p in study.parameters.free), *runs.labels], runs.table)
+        write_csv(table, [*(p.name for p in study.parameters.free), *runs.labels], runs.table)
     record = runs.record()
     results = Results(
         provenance=provenance(inputs, watch),
@@ -247,16 +246,3 @@ def _finite(value: float) -> float | None:
 
 def _named(names: Sequence[str]) -> str:
     return ", ".join(names) or "none"
-
-
-def _write_csv(path: Path, heads: Sequence[str], table: Reals) -> None:
-    """The table of runs, with a line of names; nothing where a run failed (error ``run.unwritable``)."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(["" if np.isnan(v) else repr(float(v)) for v in row] for row in table)
-    try:
-        write_whole(path, text.getvalue().encode())
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FemtuneError("run.unwritable/table", where=Where(str(path)), reason=reason) from error

@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.assembly.stages import reduction_rules
 from femtune.errors import FemtuneError
 from femtune.results.checks import model_checks
 from femtune.results.fisher import fisher_results
 from femtune.results.selection import selection_measures
 from femtune.results.solved import solutions_of
-from femtune.results.update import selection_results
+from femtune.results.update import SmoothnessRecord, selection_results
 from femtune.selection import estimated_size, identifiability
+from femtune.selection.smoothness import Smoothness, smoothness
+from femtune.updating.on_reduced_model import NOBODY, train, unassessed
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
@@ -43,8 +46,63 @@ def select_at(study: Study, at: Evaluation, arrays: dict[str, NDArray], progress
     progress.step("measures of the parameters", 0, None)
     near, remarks = _distances(study, at)
     measures = selection_measures(study, known, at, near, remarks)
-    more = {"measures": measures, "fisher": fisher_results(study, at, "before")}
+    smooth = _smoothness(study, at, progress)
+    more = {
+        "measures": measures,
+        "fisher": fisher_results(study, at, "before"),
+        "smoothness": smooth,
+        "sentences": (*found.sentences, *(s.sentence for s in smooth if s.sentence)),
+    }
     return found.model_copy(update={"model_checks": model_checks(study, solutions_of(at), progress), **more})
+
+
+def _smoothness(study: Study, at: Evaluation, progress: Progress) -> tuple[SmoothnessRecord, ...]:
+    """The misfit along each parameter, on reduced models where the study has them."""
+    if not study.file.select.smoothness:
+        return ()
+    problem, rules = study.problem(), reduction_rules(study)
+    if rules is not None:
+        progress.step("reduced models", 0, None)
+        search = train(problem, rules, unassessed(problem), NOBODY)
+        problem = search.reduced_problem()
+        at = problem.start(at.x)
+    found = smoothness(problem, at, report=lambda i, k: progress.step("misfit along the parameters", i, k))
+    scale, nominal = study.parameters.scale, study.parameters.nominal
+    return tuple(_smooth(f, float(nominal[i]), float(scale[i])) for i, f in enumerate(found))
+
+
+def _smooth(found: Smoothness, nominal: float, scale: float) -> SmoothnessRecord:
+    where, minima = nominal + scale * found.where, tuple(float(nominal + scale * x) for x in found.minima)
+    return SmoothnessRecord(
+        parameter=found.name, verdict=found.verdict, holds_percent=100.0 * found.holds, where=where, minima=minima,
+        points=len(found.x), failed=found.failed, sentence=_words(found, where, minima),
+    )  # fmt: skip
+
+
+def _words(found: Smoothness, where: float, minima: tuple[float, ...]) -> str:
+    """Why a misfit is not smooth, and what helps."""
+    head = f"The misfit is not smooth along {found.name}, the other parameters at their initial values"
+    several = f"; it has minima near {_listed(minima)}" if len(minima) > 1 else ""
+    if found.verdict == "no solution":
+        return f"The misfit along {found.name} is not known: the model could not be solved between its bounds."
+    if found.verdict == "smooth":
+        return ""
+    if found.verdict == "several minima":
+        return f"Along {found.name} the misfit has several minima, near {_listed(minima)}: {_HELP}."
+    if found.holds == 0.0:
+        return f"{head}: near {where:.4g} it has a kink or a jump{several}. {_HELP[:1].upper()}{_HELP[1:]}."
+    part = f"near {where:.4g} its slope holds over {100.0 * found.holds:.2g} % of the range only"
+    return f"{head}: {part}{several}. {_HELP[:1].upper()}{_HELP[1:]}."
+
+
+def _listed(values: tuple[float, ...]) -> str:
+    return ", ".join(f"{v:.4g}" for v in values)
+
+
+_HELP = (
+    "an update from far away may not find the best value; use several starts, narrower bounds, more frequency lines or "
+    "a larger equalised damping, or fix the parameter"
+)
 
 
 def _distances(study: Study, at: Evaluation) -> tuple[CosineDistances | None, tuple[str, ...]]:

@@ -85,11 +85,13 @@ def _line(s: StartResult) -> dict[str, object]:
     return {
         "number": s.number, "tries": s.tries, "start": s.start.tolist(), "end": s.end.tolist(), "objective": objective,
         "status": None if s.status is None else s.status.name, "iterations": s.iterations, "problem": s.problem,
+        "residuals": s.residuals,
     }  # fmt: skip
 
 
 def _of_sample(s: Sample) -> dict[str, object]:
-    return {"sample": s.number, "x": s.x.tolist(), "objective": s.objective if np.isfinite(s.objective) else None}
+    objective = s.objective if np.isfinite(s.objective) else None
+    return {"sample": s.number, "x": s.x.tolist(), "objective": objective, "residuals": s.residuals}
 
 
 def _entries(lines: Iterable[Mapping[str, object]]) -> Iterator[StartResult | Sample]:
@@ -104,7 +106,7 @@ def _entries(lines: Iterable[Mapping[str, object]]) -> Iterator[StartResult | Sa
 def _sample(line: Mapping[str, object]) -> Sample:
     value = line["objective"]
     objective = np.nan if value is None else float(str(value))
-    return Sample(int(str(line["sample"])), np.array(line["x"], float), objective)
+    return Sample(int(str(line["sample"])), np.array(line["x"], float), objective, int(str(line["residuals"])))
 
 
 def _start(line: Mapping[str, object]) -> StartResult:
@@ -112,7 +114,7 @@ def _start(line: Mapping[str, object]) -> StartResult:
     return StartResult(
         int(str(line["number"])), np.array(line["start"], float), np.array(line["end"], float),
         np.nan if objective is None else float(str(objective)), None if status is None else Status[str(status)],
-        int(str(line["tries"])), int(str(line["iterations"])), str(line["problem"]),
+        int(str(line["tries"])), int(str(line["iterations"])), str(line["problem"]), int(str(line["residuals"])),
     )  # fmt: skip
 
 

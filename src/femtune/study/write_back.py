@@ -28,6 +28,7 @@ from femtune.study.respond import FRFS_FILE, uff_paths
 from femtune.study.starts import HISTORY_FILE
 
 if TYPE_CHECKING:
+    from femtune.arrays import Reals
     from femtune.assembly.study import Study
     from femtune.fem import FieldRef
     from femtune.files.nastran.build import BuiltModel
@@ -65,6 +66,18 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
             raise FemtuneError("write.overwrites-input/study-file", where=Where(str(folder / name)))
 
 
+def check_writable_fields(study: Study, wide: bool) -> None:
+    """Check, before the update, that the deck has a place for the values, by the changes at the initial values.
+
+    Raises
+    ------
+    FemtuneError : ``write.no-field``, ``write.unknown-region``, and others of `plan_edits`
+    """
+    names = (None,) if study.specimens is None else study.specimens.names
+    for own in (study if name is None else study.of_specimen(name) for name in names):
+        _planned(own, np.zeros(len(own.parameters.free)), wide)
+
+
 def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
     """Write the updated deck into a folder and read it again; of specimens each one's into a folder of its own.
 
@@ -90,18 +103,24 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
 
 
 def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wide: bool) -> WriteBack:
-    values = study.model.field_values(result.x)
-    values = {**values, **study.model.structure.values.following(values, study.built.fields)}
-    regions = _regions(study)
-    of_cards = {ref: value for ref, value in values.items() if ref.card not in _OF_NO_CARD}
-    blocked = {} if study.file.write.split else _shared_fields(of_cards)
-    updates = {ref: value for ref, value in of_cards.items() if ref not in blocked}
-    plan = plan_edits(study.built, updates, regions, wide)
+    plan, values, blocked = _planned(study, result.x, wide)
     deck = write_deck(plan.edited, folder, NAME)
     rebuilt = build_structure(read_deck(deck.main), bool(study.file.study.allow_ignored))
     rebuilt = with_updated_ratios(rebuilt, values)
     record = _record(study, plan, deck, run, values, blocked)
     return WriteBack(record, _written(study, plan), {None: rebuilt})
+
+
+def _planned(
+    study: Study, x: Reals, wide: bool
+) -> tuple[WritePlan, Mapping[FieldRef, float], Mapping[FieldRef, float]]:
+    """Changes of the deck, all values, and those that keep their old value as they would need a separate card."""
+    values = study.model.field_values(x)
+    values = {**values, **study.model.structure.values.following(values, study.built.fields)}
+    of_cards = {ref: value for ref, value in values.items() if ref.card not in _OF_NO_CARD}
+    blocked = {} if study.file.write.split else _shared_fields(of_cards)
+    updates = {ref: value for ref, value in of_cards.items() if ref not in blocked}
+    return plan_edits(study.built, updates, _regions(study), wide), values, blocked
 
 
 def _shared_fields(values: Mapping[FieldRef, float]) -> dict[FieldRef, float]:

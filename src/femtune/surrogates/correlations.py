@@ -12,17 +12,18 @@ from femtune.arrays import Reals
 
 @dataclass(frozen=True)
 class CorrelationFunction:
-    """A correlation function and its derivative, both of h²; they accept complex values.
+    """A correlation function and its derivatives, all of h²; they accept complex values.
 
     Parameters
     ----------
     label : name in the literature
-    value, slope : k(h²) and dk/d(h²)
+    value, slope, curvature : k(h²), dk/d(h²) and d²k/d(h²)²; the last of Matérn 3/2 is infinite at h = 0
     """
 
     label: str
     value: Callable[[Reals], Reals]
     slope: Callable[[Reals], Reals]
+    curvature: Callable[[Reals], Reals]
 
 
 def _gaussian(squared: Reals) -> Reals:
@@ -31,6 +32,10 @@ def _gaussian(squared: Reals) -> Reals:
 
 def _gaussian_slope(squared: Reals) -> Reals:
     return np.asarray(-0.5 * np.exp(-0.5 * squared))
+
+
+def _gaussian_curvature(squared: Reals) -> Reals:
+    return np.asarray(0.25 * np.exp(-0.5 * squared))
 
 
 def _matern52(squared: Reals) -> Reals:
@@ -43,6 +48,10 @@ def _matern52_slope(squared: Reals) -> Reals:
     return np.asarray(-5.0 / 6.0 * (1.0 + s) * np.exp(-s))
 
 
+def _matern52_curvature(squared: Reals) -> Reals:
+    return np.asarray(25.0 / 12.0 * np.exp(-np.sqrt(5.0 * squared)))
+
+
 def _matern32(squared: Reals) -> Reals:
     s = np.sqrt(3.0 * squared)
     return np.asarray((1.0 + s) * np.exp(-s))
@@ -52,10 +61,15 @@ def _matern32_slope(squared: Reals) -> Reals:
     return np.asarray(-1.5 * np.exp(-np.sqrt(3.0 * squared)))
 
 
+def _matern32_curvature(squared: Reals) -> Reals:
+    s = np.sqrt(3.0 * squared)
+    return np.asarray(2.25 / s * np.exp(-s))
+
+
 CORRELATIONS = {
-    "gaussian": CorrelationFunction("Gaussian", _gaussian, _gaussian_slope),
-    "matern-5/2": CorrelationFunction("Matérn, ν = 5/2", _matern52, _matern52_slope),
-    "matern-3/2": CorrelationFunction("Matérn, ν = 3/2", _matern32, _matern32_slope),
+    "gaussian": CorrelationFunction("Gaussian", _gaussian, _gaussian_slope, _gaussian_curvature),
+    "matern-5/2": CorrelationFunction("Matérn, ν = 5/2", _matern52, _matern52_slope, _matern52_curvature),
+    "matern-3/2": CorrelationFunction("Matérn, ν = 3/2", _matern32, _matern32_slope, _matern32_curvature),
 }
 """By their keys in a study; in the order of their smoothness."""
 NO_CORRELATION = "none"

@@ -12,26 +12,27 @@ TRENDS = {"constant": 0, "linear": 1, "quadratic": 2}
 """Degrees of the complete polynomials, by their keys in a study."""
 
 
-def _exponents(parameters: int, degree: int) -> list[tuple[int, ...]]:
+def exponents(parameters: int, degree: int) -> list[tuple[int, ...]]:
+    """Terms of a complete polynomial: the parameters whose product each is."""
     return [term for d in range(degree + 1) for term in combinations_with_replacement(range(parameters), d)]
 
 
 def term_count(parameters: int, trend: str) -> int:
     """Number of coefficients of a trend."""
-    return len(_exponents(parameters, TRENDS[trend]))
+    return len(exponents(parameters, TRENDS[trend]))
 
 
 def terms(x: Reals, trend: str) -> Reals:
     """(k, q) terms of the trend at points (k, n)."""
-    columns = [np.prod(x[:, list(term)], axis=1) for term in _exponents(x.shape[1], TRENDS[trend])]
+    columns = [np.prod(x[:, list(term)], axis=1) for term in exponents(x.shape[1], TRENDS[trend])]
     return np.stack(columns, axis=1)
 
 
 def term_slopes(x: Reals, trend: str) -> Reals:
     """(k, q, n) derivatives of the terms."""
-    exponents = _exponents(x.shape[1], TRENDS[trend])
-    slopes = np.zeros((len(x), len(exponents), x.shape[1]), dtype=x.dtype)
-    for column, term in enumerate(exponents):
+    every = exponents(x.shape[1], TRENDS[trend])
+    slopes = np.zeros((len(x), len(every), x.shape[1]), dtype=x.dtype)
+    for column, term in enumerate(every):
         for place, parameter in enumerate(term):
             rest = [*term[:place], *term[place + 1 :]]
             slopes[:, column, parameter] += np.prod(x[:, rest], axis=1)

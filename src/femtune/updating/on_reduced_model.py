@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.executor import Executor
 from femtune.model import EigenSolution, ModelPoint
+from femtune.model.eigen.slepc import slepc_is_chosen
 from femtune.model.reduce import (
     Components,
     ComponentTrainer,
@@ -53,6 +54,9 @@ _ABOVE_LINES = 1.1
 """Modes up to this many times the highest line of FRFs are trained for as modes, those above by their responses."""
 _DETERMINED = 1e-10
 _FINER_RESPONSES = 0.1
+_BEGUN = "basis that a training begins with"
+_STEPS = 1
+"""Of inverse iteration in a training: one makes an error of 1 % of a frequency .01 % or less."""
 
 
 class Told(Protocol):
@@ -215,8 +219,8 @@ class ReducedUpdate:
     cases : facts of each configuration
     rounds : what happened each time the search ended, a sentence each
     certified : True where full and reduced models agree within the tolerances at the end point
-    search : the reduced models, from which another update may go on; of many starts, enriched at the best end; None
-        where nothing was reduced
+    search : the reduced models, enriched at the end, from which another update may go on; None where nothing was
+        reduced
     functions : agreement of the FRFs at the end point; None where the reduced models serve none
     """
 
@@ -228,6 +232,23 @@ class ReducedUpdate:
     functions: FrfAgreement | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Reduced models beside the full ones where a search has ended.
+
+    Parameters
+    ----------
+    states : the full models, solved there
+    better : the reduced models, enriched there
+    agree : whether both agree within the tolerances
+    """
+
+    states: list[CaseState]
+    better: list[Trained]
+    there: Agreement
+    agree: bool
+
+
 @dataclass(eq=False)
 class ReducedSearch:
     """Reduced models of the cases that modes or FRFs serve, and the history of the search on them.
@@ -236,6 +257,7 @@ class ReducedSearch:
     ----------
     reduced : positions of these cases in the problem
     functions : FRF residuals of each that its reduced model serves
+    estimates : what was known before the search, without the basis
     """
 
     problem: UpdateProblem
@@ -268,26 +290,32 @@ class ReducedSearch:
         """The cases that are reduced."""
         return [self.problem.cases[i] for i in self.reduced]
 
-    def solutions(self, states: list[CaseState]) -> list[EigenSolution]:
+    def solutions(self, states: Sequence[CaseState]) -> list[EigenSolution]:
         """Full modes of the cases that are reduced, as many as something there needs."""
         return [_most_modes(states[i], functions) for i, functions in zip(self.reduced, self.functions)]
 
-    def errors(self, x: Reals, states: list[CaseState]) -> list[float]:
+    @property
+    def serves_all(self) -> bool:
+        """Whether nothing of the problem needs the full models."""
+        residuals = [r for case in self.reduced_problem().cases for r in case.residuals]
+        return not self.problem.residuals and all(isinstance(r, ReducedFrfs) for r in residuals)
+
+    def errors(self, x: Reals, solutions: Sequence[EigenSolution]) -> list[float]:
         """Worst relative frequency errors of the reduced models at a point where the full ones are solved."""
         out = []
-        for trainer, trained, solution in zip(self.trainers, self.trained, self.solutions(states)):
+        for trainer, trained, solution in zip(self.trainers, self.trained, solutions):
             values = solution.eigenvalues[: min(solution.wanted, trainer.rules.count)]
             out.append(float(certified_error(trained.model, x, values).max(initial=0.0)))
         return out
 
-    def agreement(self, x: Reals, states: list[CaseState], better: Sequence[Trained]) -> Agreement:
+    def agreement(self, x: Reals, solutions: Sequence[EigenSolution], better: Sequence[Trained]) -> Agreement:
         """The reduced models beside the full ones at a point where these are solved.
 
         Parameters
         ----------
         better : the models enriched there, see `enriched`
         """
-        errors = self.errors(x, states)
+        errors = self.errors(x, solutions)
         if not any(self.functions):
             return Agreement(tuple(errors), None)
         pair = ([b for _, blocks in self._functions(x, of) for b in blocks] for of in (self.trained, better))
@@ -306,7 +334,7 @@ class ReducedSearch:
                     own = residual.own
                     yield (i, own, KnownFunctions(*found, model.order)), own.compared(*found)
 
-    def assess(self, x: Reals, states: list[CaseState], better: Sequence[Trained]) -> Evaluation:
+    def assess(self, x: Reals, states: Sequence[CaseState], better: Sequence[Trained]) -> Evaluation:
         """Residuals of the full models; of FRFs those of the bases that hold the full models' modes and responses."""
         for (i, residual, functions), _ in self._functions(x, better):
             residual.keep(states[i], functions)
@@ -323,14 +351,25 @@ class ReducedSearch:
         self.problem.check_compared(found)
         return found
 
-    def enriched(self, x: Reals, states: list[CaseState]) -> list[Trained]:
+    def enriched(self, x: Reals, solutions: Sequence[EigenSolution]) -> list[Trained]:
         """The models with the full modes, and the static responses that FRFs need, at a point where they are solved."""
-        if not any(self.functions) and all(e <= self.rules.tolerance for e in self.errors(x, states)):
+        if not any(self.functions) and all(e <= self.rules.tolerance for e in self.errors(x, solutions)):
             # nothing would use them
             return self.trained
         finer = [_finer(t, self.rules.tolerance) for t in self.trainers]
-        triples = zip(finer, self.trained, self.solutions(states))
-        return [t.enriched(m, x, s) for t, m, s in triples]
+        return [t.enriched(m, x, s) for t, m, s in zip(finer, self.trained, solutions)]
+
+    def look(self, x: Reals, rounds: list[str]) -> Look:
+        """The full models solved where a search has ended, beside the reduced ones; `rounds` gets a sentence."""
+        states = self.problem.solved(x)
+        solutions = self.solutions(states)
+        better = self.enriched(x, solutions)
+        if better is not self.trained:
+            # two bases of a large model are more than its own matrices and factors
+            self.trained = [without_basis(t) for t in self.trained]
+        there = self.agreement(x, solutions, better)
+        rounds.append(round_sentence(len(rounds) + 1, self, there))
+        return Look(states, better, there, there.within(self.rules))
 
     def take(self, better: list[Trained]) -> bool:
         """Go on with enriched models; False if they are no larger."""
@@ -412,17 +451,14 @@ def update_reduced(
     while True:
         found = _search(search, method, x, report, active)
         told.searched(len(rounds) + 1)
-        x, states = found.x, problem.solved(found.x)
-        better = search.enriched(x, states)
-        there = search.agreement(x, states, better)
-        agree = there.within(rules)
-        rounds.append(round_sentence(len(rounds) + 1, search, there))
-        if agree or search.used_up or not search.take(better):
+        x, look = found.x, search.look(found.x, rounds)
+        if look.agree or search.used_up or not search.take(look.better):
             break
-    full = search.assess(x, states, better)
+    full = search.assess(x, look.states, look.better)
+    facts, better = search.facts(look.there.frequencies), replace(search, trained=look.better)
     return ReducedUpdate(
-        on_full_model(problem, method, before, full, found, search.history),
-        search.facts(there.frequencies), tuple(rounds), agree, search, there.functions,
+        on_full_model(problem, method, before, full, found, search.history), facts, tuple(rounds), look.agree, better,
+        look.there.functions,
     )  # fmt: skip
 
 
@@ -461,14 +497,52 @@ def train(
         wanted = tuple(wanted_of(state, r) for r in frfs)
         rows = sp.csr_array(sp.vstack([case.sensors, *port_rows(wanted)], format="csr"))
         known = _most_modes(state, frfs)
-        common = (rows, partial(_solve, case, known), *hears, before.x, moving & _acting(case))
         division = _division(case, rules)
+        solve = partial(_solve, case, known, ranked and division is None)
+        common = (rows, solve, *hears, before.x, moving & _acting(case))
         if division is None or rules.components is None:
             trainers.append(Trainer(case.configured, asked, *common, wanted))
         else:
             trainers.append(ComponentTrainer(case.configured, asked, rules.components, division, *common))
-        trained.append(_shared(trainers, trained) or trainers[-1].train(trainers[-1].start()))
-    return ReducedSearch(problem, rules, which, functions, trainers, trained, trained, [])
+        trained.append(_shared(trainers, trained) or trainers[-1].train(_begun(trainers[-1], state)))
+    estimates = [without_basis(t) for t in trained]
+    return ReducedSearch(problem, rules, which, functions, trainers, trained, estimates, [])
+
+
+def _begun(trainer: Trainer | ComponentTrainer, state: CaseState) -> Trained:
+    """The basis that a training begins with; that which FRFs of a state were computed with, where there is one."""
+    known = state.shared.pop(_BEGUN, None)
+    return trainer.start() if known is None or not isinstance(trainer, Trainer) else trainer.again(known)
+
+
+def keep_functions(problem: UpdateProblem, rules: ReductionRules, states: Sequence[CaseState]) -> None:
+    """Compute the FRFs of large models, and their derivatives, on the bases that their training begins with.
+
+    The bases hold all modes up to twice the highest line and the static responses to all forces, as a superposition of
+    the full model does, whose derivatives take as long as many solutions. Nothing is done for smaller models, and where
+    no reduced model serves the FRFs.
+    """
+    for state in states:
+        settle_all(state)
+        functions = _served(state, rules)
+        if not functions or state.case.configured.n_free < RANKED_FROM:
+            continue
+        known, wanted = _most_modes(state, functions), tuple(wanted_of(state, r) for r in functions)
+        asked = TrainingRules(_count(state, functions), SEARCH * rules.tolerance, ranked=True, inner=0)
+        rows = sp.csr_array(sp.vstack([state.case.sensors, *port_rows(wanted)], format="csr"))
+        solve = partial(_solve, state.case, known, False)
+        begun = Trainer(state.case.configured, asked, rows, solve, base=state.point.x, functions=wanted).start()
+        state.shared[_BEGUN] = begun
+        case = reduced_case(state.case, begun.model, functions)
+        there = CaseState(case, case.configured.at(state.point.x))
+        for residual in case.residuals:
+            if isinstance(residual, ReducedFrfs):
+                residual.own.keep(state, KnownFunctions(*residual.functions(there, True), begun.model.order))
+
+
+def without_basis(trained: Trained) -> Trained:
+    """The reduced model and what is known of it, which answers all but the full model's shapes."""
+    return replace(trained, basis=np.zeros((0, trained.model.order)))
 
 
 def _acting(case: ComparedCase) -> NDArray[np.bool_]:
@@ -520,11 +594,19 @@ def _finer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | C
 
 
 def _solve(
-    case: ComparedCase, known: EigenSolution, point: ModelPoint, count: int, start: EigenSolution | None
+    case: ComparedCase, known: EigenSolution, improves: bool, point: ModelPoint, count: int, start: EigenSolution | None
 ) -> EigenSolution:
-    """Modes of the full model; those that are known where it is asked there for as many or fewer."""
+    """Modes of the full model for a training; those that are known where it is asked there for as many or fewer.
+
+    Parameters
+    ----------
+    improves : modes of large models are found by inverse iteration from `start`: what they miss of the modes is far
+        below the tolerance of a training
+    """
     if count <= known.wanted and np.array_equal(point.x, known.point.x):
         return known
+    if improves and start is not None and not point.depends_on_frequency and not slepc_is_chosen():
+        return case.solver.improved(start, _STEPS)
     # whoever keeps solutions keeps them by the model alone, not by where they started
     return case.solver.modes(point, count, None)
 
@@ -591,7 +673,7 @@ def on_full_model(
 
 
 # ----------------------------------------------------------------------------------------------------
-# Many starts on reduced models: all ends follow the models while these are enriched where the best start ends.
+# Many starts on reduced models: distinct ends follow the models while these are enriched where the best start ends.
 
 
 Compared = Callable[[UpdateProblem], UpdateProblem]
@@ -627,8 +709,8 @@ def multi_start_reduced(
 ) -> ReducedStarts:
     """`multi_start` on reduced models, which the full models certify at the best end.
 
-    While they disagree there by more than the tolerance, the full modes enrich the bases and all ends go on from where
-    they are, so that in the end they are as exact as the best one where they are the same optimum. With
+    While they disagree there by more than the tolerance, the full modes enrich the bases and each distinct end goes on
+    from where it is: of starts that reached one optimum the best, and the others end with it, see `follow_up`. With
     `equation_error` starts are first followed, and the best end certified, by that residual; the asked ones come after.
 
     Parameters
@@ -656,16 +738,17 @@ def multi_start_reduced(
         *first, last = equation_error_phases(reduced)
         found = multi_start(last, NO_SIDE, rules, first=first, **options)
         found = run.certify(found, lambda p: equation_error_phases(p)[-1], NO_SIDE)
-        found = follow_up(found, run.search.reduced_problem(), method, side, active)
+        found = follow_up(found, run.search.reduced_problem(), method, side, active, unfinished=True)
     else:
         found = multi_start(reduced, method, rules, **options)
     found = run.certify(found, lambda p: p, method)
-    full = run.search.assess(found.best.x, run.states, run.better)
+    look = run.at_end
+    assert look is not None
+    full = run.search.assess(found.best.x, look.states, look.better)
     best = on_full_model(problem, method, before, full, found.best, found.best.history)
-    assert run.there is not None
-    facts = run.search.facts(run.there.frequencies)
-    search = replace(run.search, trained=run.better)
-    own = ReducedUpdate(best, facts, tuple(run.rounds), run.agree, search, run.there.functions)
+    facts = run.search.facts(look.there.frequencies)
+    search = replace(run.search, trained=look.better)
+    own = ReducedUpdate(best, facts, tuple(run.rounds), look.agree, search, look.there.functions)
     return ReducedStarts(replace(found, best=best), own)
 
 
@@ -680,25 +763,14 @@ class _Run:
     told: Told
     active: Sequence[str] | None
     rounds: list[str]
-    states: list[CaseState] = field(default_factory=list)
-    better: list[Trained] = field(default_factory=list)
-    there: Agreement | None = None
-    agree: bool = False
+    at_end: Look | None = None
 
     def certify(self, found: MultiStart, compared: Compared, method: SensitivityMethod) -> MultiStart:
         """The ends of starts once the full models agree at the best of them, or no more full solutions are allowed."""
-        while not self._look(found.best.x) and not self.search.used_up:
-            if not self.search.take(self.better):
-                break
+        while True:
+            self.told.searched(len(self.rounds) + 1)
+            look = self.at_end = self.search.look(found.best.x, self.rounds)
+            if look.agree or self.search.used_up or not self.search.take(look.better):
+                return found
             reduced = compared(self.search.reduced_problem())
             found = follow_up(found, reduced, method, found.best.side, self.active)
-        return found
-
-    def _look(self, x: Reals) -> bool:
-        self.told.searched(len(self.rounds) + 1)
-        self.states = self.problem.solved(x)
-        self.better = self.search.enriched(x, self.states)
-        self.there = self.search.agreement(x, self.states, self.better)
-        self.agree = self.there.within(self.reduction)
-        self.rounds.append(round_sentence(len(self.rounds) + 1, self.search, self.there))
-        return self.agree

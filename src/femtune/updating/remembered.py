@@ -34,6 +34,10 @@ class RememberingSolver:
             return self.kept[key]
         return replace(old, point=point, known_factor=old.factor)
 
+    def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
+        """As the solver's own."""
+        return self.solver.improved(start, steps)
+
     def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
         """As the solver's own."""
         return self.solver.derivative(solution, members, rows)

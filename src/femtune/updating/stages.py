@@ -24,6 +24,7 @@ from femtune.updating.regularisation import position
 from femtune.updating.remembered import remembering
 from femtune.updating.result import Iteration, UpdateResult
 from femtune.updating.sensitivity_method import SensitivityMethod, update
+from femtune.updating.starts import best_of
 
 # ----------------------------------------------------------------------------------------------------
 # Belief: what is known of the parameters between two updates, and what an update makes of it.
@@ -254,7 +255,7 @@ class StageResult:
 
     Parameters
     ----------
-    best : the update with the smallest objective
+    best : the update with the smallest objective of those with as many residuals
     runs : the updates from the belief and from every seed, in their order
     refused : why no update could start from a seed, by its number from 1
     earlier : what earlier stages found
@@ -339,7 +340,7 @@ def run_stage(stage: Stage, start: Belief, tell: Tell, told: Told = NOBODY) -> S
         own = update_reduced(problem, method, stage.reduction, report, at, told, stage.parameters, search)
         reduced.append(own)
         runs.append(own.result)
-    i = min(range(len(runs)), key=lambda i: (not runs[i].status.ok, runs[i].objective))
+    i = best_of(runs)
     found = learned(start, runs[i])
     return StageResult(stage, runs[i], tuple(runs), earlier, start, found.belief, found.misfit, refused, reduced[i])
 

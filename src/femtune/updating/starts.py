@@ -35,6 +35,7 @@ class StartOutcome(Enum):
     BEST = "reached the best optimum that was found"
     AS_GOOD = "reached another optimum that is equally good within the noise"
     WORSE = "reached an optimum with a higher objective"
+    FEWER_DATA = "ended where fewer residuals are compared, so that its objective cannot be judged beside the others"
     UNFINISHED = "did not converge"
     FAILED = "could not be solved"
 
@@ -50,6 +51,7 @@ class StartResult:
     status : of the last update; None where it failed, for the reason in `problem`
     tries : how many times it set out: one, and one more for every hop from an end that was not good enough
     iterations : of all tries
+    residuals : number of independent residuals at the end; test modes without a partner have none
     """
 
     number: int
@@ -60,6 +62,14 @@ class StartResult:
     tries: int = 1
     iterations: int = 0
     problem: str = ""
+    residuals: int = 0
+
+    @classmethod
+    def of(cls, number: int, start: Reals, found: UpdateResult, tries: int = 1, iterations: int = 0) -> StartResult:
+        """The end of an update."""
+        return cls(
+            number, start, found.x, found.objective, found.status, tries, iterations, residuals=found.after.independent
+        )
 
     @property
     def at_optimum(self) -> bool:
@@ -99,12 +109,35 @@ def noise_level(best: float, n_residuals: int, n_parameters: int) -> float:
     return min(stated, shown)
 
 
+def comparable(starts: Sequence[StartResult]) -> list[StartResult]:
+    """The starts whose objectives can be compared: those with as many residuals as any.
+
+    A start from which fewer modes find their partners ends with smaller residuals for this reason alone. Starts that
+    converged count before those that did not.
+    """
+    ends = [s for s in starts if s.status is not None]
+    most = max((s.residuals for s in [s for s in ends if s.at_optimum] or ends), default=0)
+    return [s for s in ends if s.residuals == most]
+
+
+def best_of(found: Sequence[UpdateResult]) -> int:
+    """Position of the update with the smallest objective, of those that can be compared, see `comparable`; of an
+    optimum if there is any."""
+    ends = comparable([StartResult.of(i, end.x, end) for i, end in enumerate(found)])
+    return min(ends, key=height).number
+
+
+def height(start: StartResult) -> tuple[bool, float]:
+    """By which comparable starts are sorted: optima first, then by their objectives."""
+    return not start.at_optimum, start.objective
+
+
 def distinct_optima(starts: Sequence[StartResult], spread: Reals, noise: float) -> tuple[Optimum, ...]:
-    """Converged results in clusters, the best first.
+    """Converged results that can be compared in clusters, the best first.
 
     Two results are the same if no parameter differs by more than a thousandth of its prior standard deviation.
     """
-    left = sorted((s for s in starts if s.at_optimum), key=lambda s: (s.objective, s.number))
+    left = sorted((s for s in comparable(starts) if s.at_optimum), key=lambda s: (s.objective, s.number))
     best = left[0].objective if left else np.nan
     found = []
     while left:
@@ -125,6 +158,8 @@ def outcomes(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> dict[i
             i = at[s.number]
             good = StartOutcome.AS_GOOD if optima[i].as_good else StartOutcome.WORSE
             out[s.number] = StartOutcome.BEST if i == 0 else good
+        elif s.at_optimum:
+            out[s.number] = StartOutcome.FEWER_DATA
         else:
             out[s.number] = StartOutcome.FAILED if s.status is None else StartOutcome.UNFINISHED
     return out
@@ -158,7 +193,15 @@ def start_sentences(starts: Sequence[StartResult], optima: Sequence[Optimum]) ->
 def _lost(found: dict[int, StartOutcome]) -> list[str]:
     values = list(found.values())
     unfinished, failed = values.count(StartOutcome.UNFINISHED), values.count(StartOutcome.FAILED)
-    out = [f"{unfinished} {'start' if unfinished == 1 else 'starts'} did not converge."] if unfinished else []
+    fewer = values.count(StartOutcome.FEWER_DATA)
+    out = []
+    if fewer:
+        out.append(
+            f"{fewer} {'start' if fewer == 1 else 'starts'} ended where fewer test modes are paired; "
+            f"{'its objective is' if fewer == 1 else 'their objectives are'} not compared with the others."
+        )
+    if unfinished:
+        out.append(f"{unfinished} {'start' if unfinished == 1 else 'starts'} did not converge.")
     return [*out, f"{failed} {'start' if failed == 1 else 'starts'} could not be solved."] if failed else out
 
 
@@ -170,11 +213,13 @@ class Sample:
     ----------
     number : position in the Latin hypercube, from 1
     objective : ½ rᵀr; NaN where the model could not be solved
+    residuals : number of independent residuals
     """
 
     number: int
     x: Reals
     objective: float
+    residuals: int = 0
 
 
 @dataclass(frozen=True)
@@ -185,7 +230,7 @@ class StartRules:
     ----------
     count, seed : points of a Latin hypercube over the bounds
     samples : if it is not zero, the objective is evaluated at a Latin hypercube of so many points, and the starts are
-        the nominal values and the best points
+        the nominal values and the best points, those with more residuals first
     hops : how many times a start whose end is worse than the best one sets out again: first from half way between its
         end and the middle of the bounds, then from points drawn at random
     """
@@ -295,21 +340,21 @@ def multi_start(
 
 @dataclass(frozen=True, eq=False)
 class _Sampled:
-    """½ rᵀr of a problem; called with a point. NaN where it cannot be solved."""
+    """½ rᵀr of a problem, and the number of residuals; called with a point. NaN where it cannot be solved."""
 
     problem: UpdateProblem
 
     def __getstate__(self) -> dict[str, Any]:
         return {"problem": self.problem.to_send()}
 
-    def __call__(self, x: Reals) -> float:
+    def __call__(self, x: Reals) -> tuple[float, int]:
         try:
             states = self.problem.solved(x)
             found = self.problem.assess(x, states, derivatives=False)
             self.problem.check_compared(found)
         except FemtuneError:
-            return float("nan")
-        return found.objective
+            return float("nan"), 0
+        return found.objective, found.independent
 
 
 def _samples(
@@ -317,15 +362,18 @@ def _samples(
 ) -> list[Sample]:
     """The objective at all points."""
     found = finish(
-        executor, work, list(points), {n - 1: s.objective for n, s in known.items()}, name="sample",
-        finished=lambda i, value: report(Sample(i + 1, points[i], value)),
+        executor, work, list(points), {n - 1: (s.objective, s.residuals) for n, s in known.items()}, name="sample",
+        finished=lambda i, value: report(Sample(i + 1, points[i], *value)),
     )  # fmt: skip
-    return [Sample(i + 1, x, value) for i, (x, value) in enumerate(zip(points, found))]
+    return [Sample(i + 1, x, *value) for i, (x, value) in enumerate(zip(points, found))]
 
 
 def _best_points(samples: Sequence[Sample], nominal: Reals, count: int) -> Reals:
     """(count, k) the nominal point and the best samples."""
-    order = sorted((s for s in samples if np.isfinite(s.objective)), key=lambda s: (s.objective, s.number))
+    # a point with fewer pairs has a smaller objective for this reason alone
+    order = sorted(
+        (s for s in samples if np.isfinite(s.objective)), key=lambda s: (-s.residuals, s.objective, s.number)
+    )
     return np.array([nominal, *(s.x for s in order[: count - 1])])
 
 
@@ -335,14 +383,35 @@ def follow_up(
     method: SensitivityMethod,
     side: SideConstraint,
     active: Sequence[str] | None = None,
+    unfinished: bool = False,
 ) -> MultiStart:
-    """Every result continued on another problem: a reduced model that has become better, other residuals.
+    """The results continued on another problem: a reduced model that has become better, other residuals.
 
-    A start that cannot be continued has failed at its old result.
+    Of starts that ended at one optimum the best is continued, and the others end where it ends. Starts that did not
+    converge stay where they are, but for the best of all where none converged. A start that cannot be continued has
+    failed at its old result.
+
+    Parameters
+    ----------
+    unfinished : continue the starts that did not converge too, each by itself: the other problem is no better model of
+        the same, but asks for something else
     """
     tries = _Tries(problem, replace(method, regularisation=side), (), active)
     search = _Search(tries, DEFAULT_RULES, {}, nothing, Serial())
-    return search.further(found.starts, problem.start(found.best.before.x))
+    return search.further(found, problem.start(found.best.before.x), unfinished)
+
+
+def _followed(found: MultiStart, unfinished: bool) -> dict[int, int]:
+    """By the number of each start that is continued or ends with another one, the number of that one."""
+    by_number = {s.number: s for s in found.starts}
+    out = {}
+    for optimum in found.optima:
+        leader = min(optimum.members, key=lambda n: (by_number[n].objective, n))
+        out.update(dict.fromkeys(optimum.members, leader))
+    open_ = [s for s in found.starts if s.status is not None and s.number not in out]
+    if not unfinished:
+        open_ = sorted(open_, key=lambda s: (s.objective, s.number))[:1] if not out else []
+    return {**out, **{s.number: s.number for s in open_}}
 
 
 _Task = tuple[StartResult, Reals]
@@ -375,10 +444,7 @@ class _Tries:
         except FemtuneError as error:
             return StartResult(so_far.number, so_far.start, x, np.nan, None, tries, iterations, error.what), None
         iterations += len(result.history) - 1
-        found = StartResult(
-            so_far.number, so_far.start, result.x, result.objective, result.status, tries, iterations
-        )  # fmt: skip
-        return found, result
+        return StartResult.of(so_far.number, so_far.start, result, tries, iterations), result
 
     def _phase(self, phase: UpdateProblem, x: Reals) -> tuple[Reals, int]:
         """Final point and iterations of a first phase; none if it cannot be solved."""
@@ -415,19 +481,20 @@ class _Search:
         for hop in range(self.rules.hops):
             noise = self._noise(starts, before)
             least = _least(starts)
-            lost = [i for i, s in enumerate(starts) if not (s.at_optimum and s.objective - least <= noise)]
+            best = {s.number for s in comparable(starts) if s.at_optimum and s.objective - least <= noise}
+            lost = [i for i, s in enumerate(starts) if s.number not in best]
             again = self._set_out([(starts[i], self._hop(starts[i], hop)) for i in lost])
             for i, found in zip(lost, again):
                 starts[i] = found
         return self._result(tuple(starts), before)
 
-    def further(self, starts: Sequence[StartResult], before: Evaluation) -> MultiStart:
-        """All ends from where they are."""
-        again = []
-        for s in starts:
-            found = self._remembered(self.tries((s, s.end))) if s.status is not None else s
-            again.append(replace(found, tries=s.tries, end=s.end if found.status is None else found.end))
-        return self._result(tuple(again), before)
+    def further(self, found: MultiStart, before: Evaluation, unfinished: bool) -> MultiStart:
+        """The ends from where they are, see `follow_up`."""
+        leaders, ends = _followed(found, unfinished), dict[int, StartResult]()
+        for s in found.starts:
+            if leaders.get(s.number) == s.number:
+                ends[s.number] = self._remembered(self.tries((s, s.end)))
+        return self._result(tuple(_ended(s, ends.get(leaders.get(s.number, 0))) for s in found.starts), before)
 
     def _set_out(self, tasks: Sequence[_Task]) -> list[StartResult]:
         """One more run of some starts; of each the better result is kept."""
@@ -445,7 +512,7 @@ class _Search:
     def _remembered(self, found: _Try) -> StartResult:
         """The start; its update is kept where it is the best so far."""
         start, result = found
-        if result is not None and (self.best is None or result.objective < self.best.objective):
+        if result is not None and (self.best is None or best_of([self.best, result]) == 1):
             self.best = result
         return start
 
@@ -458,7 +525,7 @@ class _Search:
 
     def _noise(self, starts: Sequence[StartResult], before: Evaluation) -> float:
         moving = moving_parameters(self.problem, self.tries.active)
-        n = len(before.residuals if self.best is None else self.best.after.residuals)
+        n = (before if self.best is None else self.best.after).independent
         return noise_level(_least(starts), n, int(moving.sum()))
 
     def _result(self, starts: tuple[StartResult, ...], before: Evaluation) -> MultiStart:
@@ -469,8 +536,7 @@ class _Search:
 
     def _best(self, starts: Sequence[StartResult], before: Evaluation) -> UpdateResult:
         """The update at the best result; repeated there if it belongs to an earlier run."""
-        ends = [s for s in starts if s.status is not None]
-        least = min(ends, key=lambda s: (not s.at_optimum, s.objective), default=None)
+        least = min(comparable(starts), key=height, default=None)
         if least is None:
             none = replace(self.tries.method, max_iterations=0)
             return update(self.problem, none, start=before, active=self.tries.active)
@@ -483,11 +549,26 @@ class _Search:
 
 def _better(so_far: StartResult, found: StartResult) -> StartResult:
     """What is kept of a start after one more run."""
-    better = not found.objective >= so_far.objective if found.status is not None else False
-    if better or so_far.status is None:
+    if so_far.status is None or (found.status is not None and _worth(found) < _worth(so_far)):
         return found
     return replace(so_far, tries=found.tries, iterations=found.iterations)
 
 
+def _worth(start: StartResult) -> tuple[int, float]:
+    return -start.residuals, start.objective
+
+
+def _ended(start: StartResult, leader: StartResult | None) -> StartResult:
+    """A start that ends where another one, or it itself, has ended; as it is without."""
+    if leader is None:
+        return start
+    end = start.end if leader.status is None else leader.end
+    iterations = leader.iterations if leader.number == start.number else start.iterations
+    return replace(
+        start, end=end, objective=leader.objective, status=leader.status, problem=leader.problem, iterations=iterations,
+        residuals=leader.residuals,
+    )  # fmt: skip
+
+
 def _least(starts: Sequence[StartResult]) -> float:
-    return min((s.objective for s in starts if s.at_optimum), default=np.inf)
+    return min((s.objective for s in comparable(starts) if s.at_optimum), default=np.inf)

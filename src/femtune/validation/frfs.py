@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.arrays import Complexes, Reals
+from femtune.arrays import Complexes, Flags, Reals
 from femtune.correlation import NotTested
 from femtune.modal import frac
 from femtune.modal.assignment import linear_sum_assignment
@@ -230,3 +230,20 @@ _MEASURES: dict[str, Callable[[PredictedFrfs], Measured]] = {
     MAX_LEVEL: _max_level,
     RESONANCE: _resonance,
 }
+
+
+def squared_deviation(model: Complexes, test: Complexes, known: Flags) -> Reals:
+    """(outputs, inputs) δ over the known lines; NaN without any.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> test = np.array([[[1.0, 2.0j]]])
+    >>> squared_deviation(10.0 * test, test, np.isfinite(test)).tolist()
+    [[1.0]]
+    """
+    used = known & (model != 0.0) & (test != 0.0)
+    ratio = np.divide(model, test, out=np.ones(test.shape, complex), where=used)
+    squares = np.where(used, np.abs(np.log(ratio) / np.log(10.0)) ** 2, 0.0).sum(axis=2)
+    count = used.sum(axis=2)
+    return np.where(count > 0, squares / np.maximum(count, 1), np.nan)

@@ -2,8 +2,9 @@
 
 The part of the residuals that no parameters could remove is looked at: r⊥ = r − U Uᵀ r with U spanning the Jacobian's
 range. If the model is correct and the stated standard deviations are those of the data, |r⊥|² is chi-square with n −
-rank degrees of freedom, whatever the regularisation, the bounds and the last step did to the parameters (to first
-order).
+rank degrees of freedom, whatever the regularisation and the bounds did to the parameters (to first order). Where an
+update ended without an optimum, r⊥ would be the prediction of a linear model for values that nobody has: r itself is
+looked at.
 
 Source: Bard (1974), Nonlinear Parameter Estimation, section 7; Wald and Wolfowitz (1940) for runs.
 """
@@ -65,7 +66,7 @@ class GoodnessOfFit:
 
     Parameters
     ----------
-    chi_square, degrees_of_freedom : |r⊥|² and n − rank
+    chi_square, degrees_of_freedom : |r⊥|² (|r|² without an optimum) and n − rank
     p_value : chance of a chi-square as large or larger where the residuals are noise of the stated size
     runs, runs_p_value : runs of one sign in the order of the comparisons, and the chance of as few; None for fewer than
         ten residuals
@@ -77,6 +78,7 @@ class GoodnessOfFit:
     held, held_p_value : chi-square that the parameters would remove from the residuals without bounds, and the chance
         of as much where the true values are within the bounds: the true values leave a chi-square distribution with
         `rank` degrees of freedom, and the minimum within the bounds is not above them. None where no bound is active
+    optimum : False if the residuals are those of values at which the update ended without an optimum
     """
 
     chi_square: float | None
@@ -92,6 +94,7 @@ class GoodnessOfFit:
     rank: int = 0
     held: float | None = None
     held_p_value: float | None = None
+    optimum: bool = True
 
     @property
     def finding(self) -> Finding:
@@ -131,6 +134,8 @@ class GoodnessOfFit:
         tested = f"{numbers}, {_chance(self.p_value)}{self._runs()}{largest}"
         if self.finding is Finding.BOUNDED:
             return f"{self.finding.value}: {self._held()}; without it, {tested}"
+        if not self.optimum:
+            tested += "; the update ended without an optimum, and these are the residuals at the values that were kept"
         held = f"; bounds keep more: {self._held()}" if self.bounds_contradict else ""
         return f"{self.finding.value}: {tested}{held}"
 
@@ -168,6 +173,7 @@ def goodness_of_fit(
     *,
     untested: str = "",
     bounded: bool = False,
+    optimum: bool = True,
 ) -> GoodnessOfFit:
     """Test the residuals of an update at its last point.
 
@@ -180,24 +186,27 @@ def goodness_of_fit(
     untested : why none of them can be tested; "" where they can
     bounded : whether bounds, and nothing else, keep the parameters from the least squares of all blocks; where all
         kinds are tested, it is tested whether noise explains what they keep
+    optimum : False if the update ended without an optimum: all of the residuals is tested, not only the part that the
+        parameters cannot change
     """
     why = {b.kind: untested or b.not_normal for b in blocks if untested or b.not_normal}
     kept = [b.whitened() for b in blocks if b.kind not in why]
     skipped, (values, rank) = tuple(why.items()), _counts(blocks)
-    chi2, dof = _chi_square(kept)
+    chi2, dof = _chi_square(kept, optimum)
     held, chance_held = _held(kept) if bounded and not skipped else (None, None)
     if dof <= 0:
         return GoodnessOfFit(
-            None, 0, None, untested=skipped, values=values, rank=rank, held=held, held_p_value=chance_held
-        )
-    rest, spread = _left_over(kept)
+            None, 0, None, untested=skipped, values=values, rank=rank, held=held, held_p_value=chance_held,
+            optimum=optimum,
+        )  # fmt: skip
+    rest, spread = _left_over(kept, optimum)
     runs, chance = _runs(rest)
     at = int(np.argmax(np.abs(rest) / spread))
     label = [b.label for b in kept for _ in b.values][at]
     numbers = GoodnessOfFit(chi2, dof, _p_value(chi2, dof), runs, chance, float(rest[at] / spread[at]), label)
     return replace(
-        numbers, by_kind=tuple(_by_kind(kept)), untested=skipped, values=values, rank=rank, held=held,
-        held_p_value=chance_held,
+        numbers, by_kind=tuple(_by_kind(kept, optimum)), untested=skipped, values=values, rank=rank, held=held,
+        held_p_value=chance_held, optimum=optimum,
     )  # fmt: skip
 
 
@@ -215,11 +224,11 @@ def _counts(blocks: Sequence[ResidualBlock]) -> tuple[int, int]:
     return len(r) - sum(b.lost for b in blocks), U.shape[1]
 
 
-def _chi_square(blocks: Sequence[ResidualBlock]) -> tuple[float, int]:
+def _chi_square(blocks: Sequence[ResidualBlock], optimum: bool) -> tuple[float, int]:
     if not blocks:
         return 0.0, 0
     r, U = _range(blocks)
-    rest = r - U @ (U.T @ r)
+    rest = r - U @ (U.T @ r) if optimum else r
     return float(rest @ rest), len(r) - U.shape[1] - sum(b.lost for b in blocks)
 
 
@@ -232,9 +241,11 @@ def _range(blocks: Sequence[ResidualBlock]) -> tuple[Reals, Reals]:
     return r, U[:, s > _RANK * s.max(initial=0.0)]
 
 
-def _left_over(blocks: Sequence[ResidualBlock]) -> tuple[Reals, Reals]:
-    """r⊥ and the standard deviation of each entry, √(1 − leverage)."""
+def _left_over(blocks: Sequence[ResidualBlock], optimum: bool) -> tuple[Reals, Reals]:
+    """r⊥ and the standard deviation of each entry, √(1 − leverage); without an optimum r and ones."""
     r, U = _range(blocks)
+    if not optimum:
+        return r, np.ones(len(r))
     return r - U @ (U.T @ r), np.sqrt(np.maximum(1.0 - np.sum(U**2, axis=1), 1e-6))
 
 
@@ -242,9 +253,9 @@ def _p_value(chi2: float, dof: int) -> float:
     return float(chdtrc(dof, chi2))
 
 
-def _by_kind(blocks: Sequence[ResidualBlock]) -> Iterator[tuple[str, float, int, float]]:
+def _by_kind(blocks: Sequence[ResidualBlock], optimum: bool) -> Iterator[tuple[str, float, int, float]]:
     for kind in dict.fromkeys(b.kind for b in blocks):
-        chi2, dof = _chi_square([b for b in blocks if b.kind == kind])
+        chi2, dof = _chi_square([b for b in blocks if b.kind == kind], optimum)
         if dof > 0:
             yield kind, chi2, dof, _p_value(chi2, dof)
 

@@ -166,7 +166,9 @@ def test_constant_shear_has_shear_and_residual_bending_flexibility(t: float):
 def test_terms_and_their_derivatives(name: str):
     structure = triangle(SECTIONS[name], PAIR)
     batch = structure.batches[0]
-    for term in contributions(batch, structure):
+    terms = contributions(batch, structure)
+    assert {"stiffness", "mass"} <= {term.matrix for term in terms}
+    for term in terms:
         check_contribution(term, {r: structure.values.values[batch.roles[r][term.at]] for r in term.roles})
 
 

@@ -179,7 +179,6 @@ def test_shaped_beam_with_stations(deck_of: DeckOf) -> None:
         ("CBAR,7,3,1,2,0.,1.,0.,GGE\n", "deck.offset-frame"),
         ("CBAR,7,3,1,2,0.,1.,0.\nPBARL,3,1,,ROD\n,1.\n", "deck.duplicate-id"),
         ("CBAR,7,3,1,2,0.,1.,0.\nCBAR,7,3,1,2,0.,1.,0.\n", "deck.duplicate-id"),
-        ("CBAR,7,3,1,2,0.,1.,0.\nCONM2,7,1,,1.\n", "deck.duplicate-id"),
         ("CBEAM,7,3,1,2,0.,1.,0.\n", "deck.property-type"),
         ("CROD,7,3,1,2\n", "deck.property-type"),
         ("CBAR,7,5,1,2,0.,1.,0.\nPBAR,5,8,1.\n", "deck.unknown-material"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran import Deck, read_deck
@@ -71,6 +72,18 @@ def test_warping_without_scalar_points_is_a_notice(deck_of: DeckOf):
     model, batch = built(deck_of(BASE + "PBEAM,3,1,1.-3,2.-6,3.-6,,4.-6\n,,,,,,,,\n,,,,,,,1.-9\nENDDATA\n"))
     assert batch.kind == "bar"
     assert "deck.no-warping" in [notice.code for notice in model.notices]
+
+
+@pytest.mark.parametrize(("tail", "allowed"), [("", True), ("\n,,,,,,,,\n,,,,,,,1.-9", False)])
+def test_scalar_points_of_a_section_that_does_not_warp(deck_of: DeckOf, tail: str, allowed: bool):
+    text = BASE + "PBEAM,3,1,1.-3,2.-6,3.-6,,4.-6\n"
+    text += f"SPOINT,50,51\nPBEAM,4,1,1.-3,2.-6,3.-6,,4.-6{tail}\nCBEAM,9,4,1,2,0.,1.,0.\n,,,,,,,,\n,50,51\nENDDATA\n"
+    if allowed:
+        assert build_structure(deck_of(text)).structure is not None
+    else:
+        with pytest.raises(FemtuneError) as caught:
+            build_structure(deck_of(text))
+        assert caught.value.code == "deck.section"
 
 
 @pytest.mark.parametrize("shape", ["T", "CHAN", "L"])

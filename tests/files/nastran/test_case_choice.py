@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from femtune.errors import Notice
+from femtune.errors import FemtuneError, Notice
 from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.case_control import CaseControl
 from femtune.files.nastran.deck import Deck
@@ -82,7 +82,7 @@ def test_sets_and_commands_are_those_of_the_used_subcase(deck_of: DeckOf) -> Non
 
 
 def _left_out(deck: Deck) -> list[Notice]:
-    return [n for n in build_structure(deck).notices if n.code == "deck.left-out"]
+    return [n for n in build_structure(deck, allow_missing=True).notices if n.code == "deck.left-out"]
 
 
 LEFT_OUT = {
@@ -120,3 +120,37 @@ def test_what_the_modes_leave_out_is_warned_of(deck_of: DeckOf, case: str) -> No
 )  # fmt: skip
 def test_loads_without_effect_on_the_modes_are_not_warned_of(deck_of: DeckOf, case: str) -> None:
     assert _left_out(_deck(deck_of, case)) == []
+
+
+REFUSED = {
+    "SUBCASE 1; LOAD=3; SUBCASE 2; METHOD=5; STATSUB(PRELOAD)=1": ("103", "STATSUB"),
+    "SUBCASE 1; TEMP(LOAD)=3; SUBCASE 2; METHOD=5; STATSUB=1": ("103", "STATSUB"),
+    "SUBCASE 1; STEP 1; NLPARM=1; STEP 2; ANALYSIS=MODES; METHOD=5": ("400", "STEP"),
+    "METHOD=5; PARAM,NMLOOP,3": ("106", "NMLOOP"),
+    "METHOD=5; NLIC=2": ("103", "NLIC"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_modes_of_a_loaded_structure_are_refused(deck_of: DeckOf, case: str) -> None:
+    solution, name = REFUSED[case]
+    with pytest.raises(FemtuneError) as caught:
+        build_structure(_deck(deck_of, case, solution))
+    assert caught.value.code == "deck.preload"
+    assert f'["{name}"]' in str(caught.value)
+
+
+@pytest.mark.parametrize("case", [case for case in LEFT_OUT if case not in REFUSED and "STATSUB(PRELOAD)" not in case])
+def test_other_effects_do_not_stop_the_modes(deck_of: DeckOf, case: str) -> None:
+    assert build_structure(_deck(deck_of, case, LEFT_OUT[case][0])).structure is not None
+
+
+def test_matrices_of_responses_are_a_notice(deck_of: DeckOf) -> None:
+    (notice,) = _left_out(_deck(deck_of, "METHOD=5; K2PP=KAAX"))
+    assert ("K2PP = KAAX" in notice.what, notice.level) == (True, "info")
+
+
+def test_the_subcase_of_the_residual_structure_is_used(deck_of: DeckOf) -> None:
+    text = "SUBCASE 1; SUPER=100; METHOD=5; SUBCASE 2; SUPER=200,1; METHOD=5; SUBCASE 5; METHOD=6; SPC=2"
+    case = _case(deck_of, text)
+    assert (case.used, case.method, case.spc) == (5, 6, 2)

@@ -74,7 +74,7 @@ def test_mutants_are_the_same_again_and_changed() -> None:
 def test_mutants_of_our_own_decks(count: int, kinds: int) -> None:
     codes: Counter[str] = Counter()
     assert not failures((run(OWN, number) for number in range(count)), codes)
-    assert codes["result"] > count // 5  # many are understood all the same
+    assert codes["result"] > count // 8  # many are understood all the same
     assert len(codes) > kinds
 
 

@@ -138,7 +138,7 @@ def test_what_has_no_effect_is_told(deck_of: DeckOf) -> None:
 
 
 REFUSED = {
-    "NSM1,1,PTUBE,2.,ALL\n": ("deck.nonstructural-mass", "PTUBE is not read"),
+    "NSM1,1,PCONEAX,2.,ALL\n": ("deck.nonstructural-mass", "PCONEAX is not read"),
     "NSM1,1,,2.,ALL\n": ("deck.nonstructural-mass", "no type"),
     "NSML1,1,ELEMENT,2.,11,21\n": ("deck.nonstructural-mass", "lengths and areas together"),
     "NSM1,1,PBAR,,1\n": ("deck.blank-field", "real number"),

@@ -166,7 +166,7 @@ def test_a_pole_at_zero_without_damping_is_as_exact_as_any_other() -> None:
 
 def test_the_backward_error_does_not_depend_on_the_signs_of_directions() -> None:
     """Displacement frames turned by half a turn about z: x and y the other way around at every second grid point."""
-    xyz = [[0.3 * i, 0.1 * i, 0.0] for i in range(4)]
+    xyz = [[0.3 * i, 0.1 * i * i, 0.0] for i in range(4)]
     turned = np.tile(np.eye(3), (4, 1, 1))
     turned[::2] = np.diag([-1.0, -1.0, 1.0])
     signs = np.concatenate([np.diag(frame) for frame in np.repeat(turned, 2, axis=0)])

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from femtune.fem.contribution import Contribution, hysteretic
 from femtune.fem.elements.bar import BAR
+from femtune.fem.elements.curved_bar import CURVED_BAR
 from femtune.fem.elements.discrete import (
     BUSH,
     CONCENTRATED_MASS,
@@ -23,7 +24,7 @@ from femtune.fem.elements.moving_ends import has_offsets, with_moved_ends
 from femtune.fem.elements.rod import ROD
 from femtune.fem.elements.shear_panel import SHEAR_PANEL
 from femtune.fem.elements.shells.curved import SHELL_QUAD8, SHELL_TRI6
-from femtune.fem.elements.shells.flat import SHELL_QUAD, SHELL_TRI
+from femtune.fem.elements.shells.flat import SHELL_QUAD, SHELL_ROTATION_TRI, SHELL_TRI
 from femtune.fem.elements.solids.hexa8 import HEXA8_KIND
 from femtune.fem.elements.solids.penta6 import PENTA6_KIND
 from femtune.fem.elements.solids.pyram5 import PYRAM5_KIND
@@ -38,6 +39,7 @@ KINDS.update(
     for kind in (
         BAR,
         TAPERED_BEAM,
+        CURVED_BAR,
         ROD,
         SPRING,
         BUSH,
@@ -50,6 +52,7 @@ KINDS.update(
         SHEAR_PANEL,
         SHELL_QUAD,
         SHELL_TRI,
+        SHELL_ROTATION_TRI,
         SHELL_QUAD8,
         SHELL_TRI6,
         HEXA8_KIND,

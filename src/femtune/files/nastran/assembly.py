@@ -32,8 +32,8 @@ _INCREMENT = re.compile(r"\*\(?([^()*]+)\)?")
 
 
 def is_replication(cut: FieldLine) -> bool:
-    """Whether a line repeats the card above."""
-    return cut.head.startswith("=")
+    """Whether a line repeats the card above, or fields of it below a name of its own."""
+    return cut.head.startswith("=") or (not cut.continues and any(text in ("=", "==") for text in cut.data))
 
 
 def replicate(cards: Sequence[Card], cut: FieldLine, superelement: int) -> list[Card]:
@@ -43,7 +43,8 @@ def replicate(cards: Sequence[Card], cut: FieldLine, superelement: int) -> list[
     ------
     FemtuneError : ``deck.replication``
     """
-    head = _HEAD.fullmatch(cut.head)
+    named = cut.head.removesuffix("*").rstrip() if not cut.head.startswith("=") else ""
+    head = _HEAD.fullmatch("=" if named else cut.head)
     if not cards:
         raise _error(cut, "deck.replication/no-card")
     if head is None:
@@ -51,6 +52,8 @@ def replicate(cards: Sequence[Card], cut: FieldLine, superelement: int) -> list[
     parent = cards[-1]
     if len(parent.lines) > 1:
         raise _error(cut, "deck.replication")
+    if named and named != parent.name:
+        raise _error(cut, "deck.replication/other-card", name=named, above=parent.name)
     count, rule = int(head[1] or 1), cut
     if head[1] and not any(cut.data):
         rule = _rule_above(parent, cut)
@@ -109,6 +112,9 @@ _BEGIN = re.compile(r"\s*BEGIN\b[\s,]*([A-Z]*)\s*=?\s*(\d{0,9})", re.IGNORECASE)
 _PLAIN_COLUMNS = re.compile(r"[^,\t$\r\n]{0,64}(?: {0,7}\+)? *(?:\r\n?|\n)?")
 _PLAIN_HEAD = re.compile(r" *[A-Z][A-Z0-9_]* *", re.IGNORECASE)
 _PLAIN_CONTINUATIONS = ("        ", "+       ")
+# an equation is free text up to the next line that starts in column 1
+_FREE_TEXT = re.compile(r" {0,7}(DEQATN)\*?(?=[\s,])[\s,]*(\d*)", re.IGNORECASE)
+_TEXT_GOES_ON = re.compile(r"[ \t+*,]")
 _MOST_ERRORS = 20
 
 
@@ -148,6 +154,7 @@ class _Assembly:
         self.open: list[FieldLine] = []
         self.plain: list[SourceLine] = []
         self.names: dict[str, str] = {}
+        self.text: list[SourceLine] = []
         self.superelement = 0
         self.asking: list[_Part] = []
         self.apart: list[_Part] = []
@@ -183,10 +190,12 @@ class _Assembly:
         self.problems.raise_if_any()
 
     def _take(self, line: SourceLine, body: str) -> None:
+        if self._take_text(line, body):
+            return
         begin = _BEGIN.match(body) if body.lstrip()[:1] in "bB" else None
         if begin:
             self._close()
-            self._begin(line, begin)
+            self._begin(begin)
             return
         cut = split_line(line, body)
         self._note_width(cut, body)
@@ -199,6 +208,17 @@ class _Assembly:
         else:
             self._close()
             self.open = [_checked_name(cut)]
+
+    def _take_text(self, line: SourceLine, body: str) -> bool:
+        """Take a line of a card of free text, which has no fields; whether it is one."""
+        if self.text and _TEXT_GOES_ON.match(body):
+            self.text.append(line)
+            return True
+        if _FREE_TEXT.match(body) is None:
+            return False
+        self._close()
+        self.text = [line]
+        return True
 
     def _continue(self, cut: FieldLine) -> None:
         above = self.open[-1] if self.open else None
@@ -218,6 +238,11 @@ class _Assembly:
             self.open = [split_line(line, line.body) for line in lines]
 
     def _close(self) -> None:
+        if self.text:
+            head = _FREE_TEXT.match(self.text[0].body)
+            given = (head[2],) if head else ()
+            text, self.text = tuple(self.text), []
+            self.cards.append(Card("DEQATN", given, text, "small", len(self.cards), self.superelement))
         if self.plain:
             lines_as_they_are, self.plain = tuple(self.plain), []
             name = self.names[lines_as_they_are[0][2][:8]]
@@ -277,14 +302,11 @@ class _Assembly:
     def _replicate(self, cut: FieldLine) -> None:
         self.cards.extend(replicate(self.cards, cut, self.superelement))
 
-    def _begin(self, line: SourceLine, begin: re.Match[str]) -> None:
+    def _begin(self, begin: re.Match[str]) -> None:
         if begin[1].upper() == "BULK" or begin[2] in ("", "0"):
             self.superelement = 0
             return
         self.superelement = int(begin[2])
-        self.notices.append(
-            Notice("deck.superelement", where=Where(line.file, line.number, "BEGIN SUPER"), number=begin[2])
-        )
 
     def _note_width(self, cut: FieldLine, body: str) -> None:
         if beyond_last_column(cut, body):
@@ -345,7 +367,7 @@ def _plain_name(head: str) -> str:
     if len(head) < 8 or not _PLAIN_HEAD.fullmatch(head):
         return ""
     name = head.strip().upper()
-    return "" if name == "BEGIN" else name
+    return "" if name in ("BEGIN", "DEQATN") else name
 
 
 def _checked_name(cut: FieldLine) -> FieldLine:

@@ -98,6 +98,7 @@ def _add(rows: dict[int, BatchRows], record: CardEntry, grids: Grids, properties
     eid = record.integer("EID")
     section = properties.get(record.integer("PID", eid), record)
     a, b = grids.row(record.integer("GA"), record), grids.row(record.integer("GB"), record)
+    _check_no_warping(record, properties)
     facts = _placement(record, grids, a, b)
     facts["pins"] = np.concatenate([_pins(record, "PA"), _pins(record, "PB")])
     if section.stations:
@@ -115,7 +116,6 @@ def _pins(record: CardEntry, name: str) -> NDArray[np.bool_]:
 def _placement(record: CardEntry, grids: Grids, a: int, b: int) -> dict[str, NDArray]:
     """Orientation vector and offsets in the basic frame."""
     kinds = _offset_kinds(record)
-    _check_no_warping(record)
     v = orientation_vector(record, grids, a, basic=kinds[0] == "B")
     line = grids.table.xyz[b] - grids.table.xyz[a]
     ends = (("A", a, kinds[1]), ("B", b, kinds[2]))
@@ -135,8 +135,13 @@ def _offset_kinds(record: CardEntry) -> str:
     return kinds
 
 
-def _check_no_warping(record: CardEntry) -> None:
-    if record.name == "CBEAM" and (record.integer("SA", 0) or record.integer("SB", 0)):
+def _check_no_warping(record: CardEntry, properties: BarProperties) -> None:
+    """Refuse scalar points for warping, unless the section has no warping constant: they have no stiffness then."""
+    if record.name != "CBEAM" or not (record.integer("SA", 0) or record.integer("SB", 0)):
+        return
+    section = properties.properties.find(record.integer("PID", record.integer("EID")), record)
+    warps = any(n.code == "deck.no-warping" and n.where == section.where for n in properties.building.notices)
+    if section.name != "PBEAM" or warps:
         raise record.error("deck.section/warping-points", at="SA")
 
 

@@ -9,9 +9,10 @@ from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.files.nastran.bars import read_bars
+from femtune.files.nastran.bends import read_bends
 from femtune.files.nastran.building import Building, FieldPlace, duplicate
-from femtune.files.nastran.bushes import read_bushes
-from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT
+from femtune.files.nastran.bushes import read_bushes, read_gaps
+from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT, NAMESPACES
 from femtune.files.nastran.columns import plain_numbers
 from femtune.files.nastran.constraints import read_dof_sets, read_multipoint_sets, read_supports
 from femtune.files.nastran.control import (
@@ -29,17 +30,17 @@ from femtune.files.nastran.control import (
 )
 from femtune.files.nastran.damping import damping_notices, damping_tables, modal_damping, overall_damping
 from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.general import read_general_elements
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
 from femtune.files.nastran.inventory import (
     MISSING,
     CardUse,
     ignored_notices,
-    matrix_input,
     missing_error,
     missing_notice,
     take_inventory,
 )
-from femtune.files.nastran.left_out import left_out
+from femtune.files.nastran.left_out import left_out, preloads
 from femtune.files.nastran.masses import add_nonstructural_mass, read_masses
 from femtune.files.nastran.materials import read_materials
 from femtune.files.nastran.matrices import read_direct_matrices
@@ -48,6 +49,7 @@ from femtune.files.nastran.scalar_elements import read_dampers, read_rods, read_
 from femtune.files.nastran.shear_panels import read_shear_panels
 from femtune.files.nastran.shells import read_shells
 from femtune.files.nastran.solids import read_solids
+from femtune.files.nastran.superelements import check_superelements
 from femtune.files.nastran.surplus import surplus_fields
 from femtune.model.damping import ModalDamping
 
@@ -97,6 +99,7 @@ def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
     FemtuneError : what is wrong with the deck, all that was found together (codes ``deck.…``)
     """
     building = Building(deck)
+    building.notices += check_superelements(deck)
     cards = take_inventory(deck)
     _report_cards(building, cards, allow_missing)
     element_cards = _element_cards(building)
@@ -124,7 +127,7 @@ def _report_cards(building: Building, cards: tuple[CardUse, ...], allow_missing:
     if allow_missing:
         building.notices += [missing_notice(count) for count in missing]
     else:
-        building.errors.errors += [*map(missing_error, missing), *matrix_input(building.deck)]
+        building.errors.errors += [*map(missing_error, missing), *preloads(building.deck).values()]
 
 
 def _structure(building: Building, element_cards: Mapping[int, int]) -> Structure:
@@ -132,7 +135,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
     grids = read_grids(building)
     batches = add_nonstructural_mass(building, grids.table, _batches(building, grids))
     damping = overall_damping(building)
-    direct = read_direct_matrices(building, grids)
+    direct = (*read_direct_matrices(building, grids), *read_general_elements(building, grids))
     supports = read_supports(building, grids)
     multipoint = read_multipoint_sets(building, grids)
     case = deck.case_control
@@ -164,28 +167,51 @@ def _batches(building: Building, grids: Grids) -> list[ElementBatch]:
     materials = read_materials(building)
     return [
         *read_bars(building, grids, materials),
+        *read_bends(building, grids, materials),
         *read_rods(building, grids, materials),
         *read_shells(building, grids, materials),
         *read_shear_panels(building, grids, materials),
         *read_solids(building, grids, materials),
         *read_scalars(building, grids),
         *read_bushes(building, grids),
+        *read_gaps(building, grids),
         *read_dampers(building, grids),
         *read_masses(building, grids),
     ]
 
 
 def _element_cards(building: Building) -> dict[int, int]:
-    """Card of each element; element numbers are unique over all kinds of elements."""
-    found: dict[int, int] = {}
-    for name in (kind.name for kind in CATALOGUE.values() if kind.role == ELEMENT):
-        cards = building.deck.by_name(name)
+    """Card of each element; numbers are unique within a namespace, and the card of an elastic element goes first."""
+    spaces: dict[str, dict[int, int]] = {space: {} for space in NAMESPACES}
+    for kind in (kind for kind in CATALOGUE.values() if kind.role == ELEMENT):
+        cards, found = building.deck.by_name(kind.name), spaces[kind.namespace]
         numbers = plain_numbers(cards)
         if numbers is not None and found.keys().isdisjoint(numbers) and min(numbers) > 0:
             found.update(zip(numbers, (card.position for card in cards)))
         else:
-            _add_one_by_one(building, name, found)
-    return found
+            _add_one_by_one(building, kind.name, found)
+    merged: dict[int, int] = {}
+    for found in spaces.values():
+        if merged and (shared := merged.keys() & found.keys()):
+            building.notices.append(_shared(building, min(shared), len(shared), merged, found))
+        merged = {**found, **merged} if merged else found
+    return merged
+
+
+def _shared(
+    building: Building, number: int, count: int, first: Mapping[int, int], second: Mapping[int, int]
+) -> Notice:  # fmt: skip
+    """Numbers that elements of two namespaces share."""
+    one, other = (building.deck.cards[found[number]] for found in (first, second))
+    more = f" and {count - 1} more" if count > 1 else ""
+    return Notice(
+        "deck.shared-number",
+        where=other.where(),
+        level="info",
+        number=f"{number}{more}",
+        one=one.name,
+        other=other.name,
+    )
 
 
 def _add_one_by_one(building: Building, name: str, found: dict[int, int]) -> None:

@@ -1,4 +1,7 @@
-"""Bushes: CBUSH with PBUSH (stiffness, damping, loss factors), its own frame and the arms to its location."""
+"""Bushes: CBUSH with PBUSH (stiffness, damping, loss factors), its own frame and the arms to its location.
+
+Gaps (CGAP with PGAP) are bushes without arms, with the stiffness of their initial state.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.errors import Notice
 from femtune.fem.elements.discrete import BUSH
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
@@ -125,3 +129,54 @@ def _axial_only(record: CardEntry, stiffness: Mapping[str, float]) -> bool:
 def _any_across(line: Reals) -> Reals:
     """A basic direction that is not along the line."""
     return np.eye(3)[int(np.argmin(np.abs(line)))]
+
+
+# ----------------------------------------------------------------------------------------------------
+# Gaps.
+
+
+def read_gaps(building: Building, grids: Grids) -> list[ElementBatch]:
+    """Batch of CGAP: linear springs, as in the linear solutions of Nastran."""
+    properties = read_properties(building, "CGAP")
+    values = Library(lambda pid, user: _gap_values(building, properties.find(pid, user), pid))
+    rows, states = BatchRows(BUSH.key, "CGAP"), {True: 0, False: 0}
+    for record in building.records("CGAP"):
+        with building.errors.catch():
+            pid = record.integer("PID", record.integer("EID"))
+            roles = values.get(pid, record)
+            a, b = grids.row(record.integer("GA"), record), grids.row(record.integer("GB"), record)
+            line = grids.table.xyz[b] - grids.table.xyz[a]
+            across = {"K2": float(building.values.values[roles["K2"]])}
+            frame = _frame(record, grids, a, line, dict.fromkeys(_ACROSS, 0.0) | across)
+            none = np.zeros(3)
+            facts = {"frame": frame, "arm_a": none, "arm_b": none}
+            rows.add(record.integer("EID"), [a, b], grids.dofs(a) + grids.dofs(b), roles, facts)
+            states[properties.find(pid, record).real("U0", 0.0) <= 0.0] += 1
+    if cards := building.deck.by_name("CGAP"):
+        count = f"{len(cards)} CGAP {'are each' if len(cards) > 1 else 'is'}"
+        where, closed = cards[0].where(), states[True]
+        building.notices.append(Notice("deck.linear-gap", where=where, count=count, closed=closed, open=states[False]))
+    return rows.batches()
+
+
+_ACROSS = tuple(flag + i for flag in "KB" for i in "2356")
+
+
+def _gap_values(building: Building, record: CardEntry, pid: int) -> Roles:
+    """K1 along the gap and K2 = K3 across it in the initial state; the rest is zero."""
+    none = building.values.add(FieldRef("PGAP", pid, "none"), 0.0)
+    roles = dict.fromkeys((*(f"K{i}" for i in range(1, 7)), *(f"GE{i}" for i in range(1, 7))), none)
+    if record.real("U0", 0.0) > 0.0:
+        return roles | {"K1": building.value(record, pid, "KB")}
+    roles["K1"] = building.value(record, pid, "KA")
+    if not record.blank("KT"):
+        roles["K2"] = building.value(record, pid, "KT")
+    elif record.real("MU1", 0.0) != 0.0:
+        # the default of Nastran
+        friction = building.values.add(FieldRef("PGAP", pid, "friction"), record.real("MU1"))
+        roles["K2"] = building.values.derive(FieldRef("PGAP", pid, "KT"), _times, roles["K1"], friction)
+    return roles | {"K3": roles["K2"]}
+
+
+def _times(a: Jet, b: Jet) -> Jet:
+    return a * b

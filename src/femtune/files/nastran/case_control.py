@@ -159,6 +159,12 @@ class _Level:
         return words[-1] if words else ""
 
     @property
+    def of_superelement(self) -> bool:
+        """Whether SUPER assigns the level to one superelement."""
+        words = [c.value for level in self.path for c in level.others if c.name == "SUPER"]
+        return bool(words) and (parse_integer(words[-1].split(",")[0].strip()) or 0) > 0
+
+    @property
     def has_no_modes(self) -> bool:
         """Whether ANALYSIS requests something else than modes."""
         return self.analysis().startswith(_WITHOUT_MODES)
@@ -253,6 +259,8 @@ class _CaseControlReading:
         if not parts:
             return self.top, ()
         with_method = [part for part in parts if self._selects_method(part)]
+        # those of superelements ask for the modes of components
+        with_method = [part for part in with_method if not part.of_superelement] or with_method
         with_modes = [part for part in parts if part.analysis().startswith("MODE")]
         used = (with_method or with_modes or parts)[0]
         if len(parts) < 2 or used.begin is None:

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 ELEMENT, PROPERTY, MATERIAL, OTHER = "element", "property", "material", "other"
 
+NAMESPACES = ("elastic", "damper", "mass", "rigid")
+"""Groups of elements within each of which numbers are unique; Nastran lets those of different groups coincide."""
+
 
 @dataclass(frozen=True)
 class CardKind:
@@ -29,6 +32,15 @@ class CardKind:
     starts: tuple[int, ...] = (0,)
     properties: tuple[str, ...] = ()
     length: int | None = None
+
+    @property
+    def namespace(self) -> str:
+        """Group of elements in which the number of an element is unique."""
+        if self.name.startswith("R"):
+            return "rigid"
+        if self.name.startswith(("CMASS", "CONM")):
+            return "mass"
+        return "damper" if self.name.startswith(("CDAMP", "CVISC")) else "elastic"
 
     @property
     def blanks(self) -> tuple[int, ...]:
@@ -70,6 +82,8 @@ MAT11     material  MID E1 E2 E3 NU12 NU13 NU23 G12 G13 G23 RHO A1 A2 A3 TREF GE
 | E1 E2 E3 NU12 NU13 NU23 G12 G13 G23 RHO GE
 CQUAD4    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 G4 THETA ZOFFS - TFLAG T1 T2 T3 T4 | ZOFFS T1 T2 T3 T4
 CTRIA3    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 THETA ZOFFS - - TFLAG T1 T2 T3 | ZOFFS T1 T2 T3
+CQUADR    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 G4 THETA ZOFFS - TFLAG T1 T2 T3 T4 | ZOFFS T1 T2 T3 T4
+CTRIAR    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 THETA ZOFFS - - TFLAG T1 T2 T3 | ZOFFS T1 T2 T3
 CQUAD8    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 G4 G5 G6 G7 G8 T1 T2 T3 T4 THETA ZOFFS TFLAG \
 | ZOFFS T1 T2 T3 T4
 CTRIA6    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 G4 G5 G6 THETA ZOFFS T1 T2 T3 TFLAG | ZOFFS T1 T2 T3
@@ -94,9 +108,14 @@ PBEAM     property  PID MID A I1 I2 I12 J NSM C1 C2 D1 D2 E1 E2 F1 F2 \
 PBARL     property  PID MID GROUP TYPE - - - - | {_DIMENSIONS} NSM
 PBEAML    property  PID MID GROUP TYPE - - - - | {_DIMENSIONS} NSM {_DIMENSIONS_B} NSMB
 PBCOMP    property  PID MID A I1 I2 I12 J NSM K1 K2 M1 M2 N1 N2 SYMOPT | A I1 I2 I12 J NSM K1 K2 M1 M2 N1 N2
+CBEND     element   EID PID=PBEND GA GB X1 X2 X3 GEOM
+PBEND     property  PID MID A I1 I2 J RB THETAB C1 C2 D1 D2 E1 E2 F1 F2 K1 K2 NSM RC ZC DELTAN \
+| A I1 I2 J NSM K1 K2
 CROD      element   EID PID=PROD G1 G2
 CONROD    element   EID G1 G2 MID A J C NSM | A J NSM
 PROD      property  PID MID A J C NSM | A J NSM
+CTUBE     element   EID PID=PTUBE G1 G2
+PTUBE     property  PID MID OD T NSM OD2 | OD T NSM
 CELAS1    element   EID PID=PELAS G1 C1 G2 C2
 CELAS2    element   EID K G1 C1 G2 C2 GE S | K GE
 CELAS3    element   EID PID=PELAS S1 S2
@@ -113,6 +132,8 @@ CBUSH1D   element   EID PID=PBUSH1D GA GB CID
 PBUSH1D   property  PID K C M | K C
 CBUSH     element   EID PID=PBUSH GA GB X1 X2 X3 CID S OCID S1 S2 S3
 PBUSH     property  PID - K1 K2 K3 K4 K5 K6 | K1 K2 K3 K4 K5 K6 B1 B2 B3 B4 B5 B6 GE1 GE2 GE3 GE4 GE5 GE6
+CGAP      element   EID PID=PGAP GA GB X1 X2 X3 CID
+PGAP      property  PID U0 F0 KA KB KT MU1 MU2 TMAX MAR TRMIN | KA KB KT
 CMASS1    element   EID PID=PMASS G1 C1 G2 C2
 CMASS2    element   EID M G1 C1 G2 C2 | M
 CMASS3    element   EID PID=PMASS S1 S2
@@ -129,6 +150,8 @@ RBE3      element   EID - REFGRID REFC
 RROD      element   EID GA GB CMA CMB ALPHA
 RTRPLT    element   EID GA GB GC CNA CNB CNC - CMA CMB CMC ALPHA
 RTRPLT1   element   EID GA GB GC CMB CMC ALPHA
+RSPLINE   element   EID DL G1
+GENEL     other     EID
 MPC       other     SID
 MPCADD    other     SID
 SPC       other     SID G1 C1 D1 G2 C2 D2
@@ -171,8 +194,8 @@ _STARTS = {
 
 # cards with a list at their end
 _OPEN_NAMES = """
-    SPOINT CORD1R CORD1C CORD1S PCOMP PCOMPG PBEAM PBARL PBEAML PBCOMP PBUSH PBUSH1D RBE2 RBE1 RBE3 MPC MPCADD
-    SPC1 SPCADD ASET1 OMIT1 BSET1 CSET1 QSET1 BNDFIX1 BNDFRE1 USET1 NSM NSM1 NSML NSML1 NSMADD EIGRL TABDMP1
+    SPOINT CORD1R CORD1C CORD1S PCOMP PCOMPG PBEAM PBARL PBEAML PBCOMP PBUSH PBUSH1D RSPLINE GENEL RBE2 RBE1 RBE3 MPC
+    MPCADD SPC1 SPCADD ASET1 OMIT1 BSET1 CSET1 QSET1 BNDFIX1 BNDFRE1 USET1 NSM NSM1 NSML NSML1 NSMADD EIGRL TABDMP1
 """
 _OPEN = frozenset(_OPEN_NAMES.split())
 # numbers of fields where a card has more than those that are read: allowable stresses, thermal expansion, pairs

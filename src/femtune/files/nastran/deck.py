@@ -95,7 +95,7 @@ def read_deck(path: str | Path) -> Deck:
     params, repeated = _params(case_control, bulk)
     has_sections = bool(bulk_lines) and _BEGIN.match(bulk_lines[0].text) is not None
     end = _check_end(source, has_sections)
-    notices = (*case_control.notices, *bulk.notices, *repeated, *end)
+    notices = (*source.notices, *case_control.notices, *bulk.notices, *repeated, *end)
     return Deck(Path(path), source, executive, case_control, bulk.cards, params, notices)
 
 

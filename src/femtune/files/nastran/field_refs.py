@@ -15,7 +15,7 @@ UPDATABLE = tuple(kind.name for kind in CATALOGUE.values() if kind.values)
 
 # what the Nastran manuals call them, and what a study may write too
 _OTHER_NAMES = {("PSHELL", "12I/T**3"): "RI", ("PSHELL", "12I/T3"): "RI", ("PSHELL", "TS/T"): "TS"}
-_SHELLS = ("CQUAD4", "CTRIA3", "CQUAD8", "CTRIA6")
+_SHELLS = ("CQUAD4", "CTRIA3", "CQUADR", "CTRIAR", "CQUAD8", "CTRIA6")
 _MOST_NAMED = 12
 _OF_DIMENSIONS = "parameter.derived-field/of-dimensions"
 _OF_CORNERS = "parameter.derived-field/of-corners"

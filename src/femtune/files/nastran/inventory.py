@@ -32,7 +32,7 @@ _NOT_NEEDED_NAMES = """
 _NOT_NEEDED = frozenset(_NOT_NEEDED_NAMES.split()) - set(CATALOGUE)
 
 # Elements and constraints without which the modes would be wrong, beside all other cards of the form C…
-_ELEMENT_NAMES = "RJOINT RSPLINE RSSCON RBE2A RBE2GS RBE3D GENEL DMIAX"
+_ELEMENT_NAMES = "RJOINT RSSCON RBE2A RBE2GS RBE3D DMIAX"
 _ELEMENTS = frozenset(_ELEMENT_NAMES.split())
 _TEMPERATURE = "materials do not depend on temperature here; those on the material card are used"
 _SINGULAR = "degrees of freedom without stiffness are constrained nevertheless"
@@ -43,7 +43,6 @@ _REMARKS = {
     **dict.fromkeys(("SPCOFF", "SPCOFF1"), _SINGULAR),
     "DMIG": "case control does not select these matrices",
 }
-_MATRIX_INPUT = ("K2PP", "M2PP")
 _ELEMENT_NAME = re.compile(r"C[A-Z]+[0-9]*")
 _NO_ELEMENTS = ("CORD", "CSET", "CYJOIN", "CYSYM", "CYAX", "CYSUP", "CREEP", "CLOAD", "CSPLIN")
 
@@ -115,17 +114,3 @@ def missing_notice(count: CardUse) -> Notice:
 
 def _cards(count: CardUse) -> str:
     return f"{count.count} {count.name} card{'s are' if count.count > 1 else ' is'}"
-
-
-def matrix_input(deck: Deck) -> list[FemtuneError]:
-    """Case control that adds matrices or mass which are not read."""
-    return [
-        FemtuneError(
-            "deck.unsupported-element/matrix-input",
-            where=command.where,
-            command_name=command.name,
-            command_value=command.value,
-        )
-        for command in deck.case_control.effective
-        if command.name in _MATRIX_INPUT
-    ]

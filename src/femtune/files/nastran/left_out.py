@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from femtune.errors import Notice, Where
+from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.nastran.case_control import CaseCommand
 from femtune.files.nastran.deck import Deck
 
@@ -27,10 +27,29 @@ _COMMANDS = {
 }
 
 
+# matrices that enter responses, but no real modes
+_OF_RESPONSES = ("K2PP", "M2PP", "B2PP", "TFL")
+
+
 def left_out(deck: Deck) -> list[Notice]:
     """A warning for each effect that the deck requests for its modes and that is not modelled."""
     found = {notice.code + notice.what: notice for notice in _all(deck)}
     return list(found.values())
+
+
+def preloads(deck: Deck) -> dict[str, FemtuneError]:
+    """Why the modes of a deck whose structure is loaded first are not solved, by the name of what requests the load.
+
+    The differential stiffness is not modelled, and the modes without it would be those of another structure.
+    """
+    found: dict[str, FemtuneError] = {}
+    for notice in (*_preloads(deck), *_nonlinear(deck), *_commands(deck)):
+        name = str(notice.facts.get("loaded_by", ""))
+        if name:
+            request = notice.facts.get("command") or notice.facts.get("request")
+            request = f"{request}{notice.facts.get('loads', '')}"
+            found.setdefault(name, FemtuneError("deck.preload", where=notice.where, request=request, name=name))
+    return found
 
 
 def _all(deck: Deck) -> Iterator[Notice]:
@@ -58,7 +77,8 @@ def _preloads(deck: Deck) -> Iterator[Notice]:
         if command.name == "STATSUB" and command.options.replace(" ", "").upper() in _OF_STATSUB:
             loads = ", ".join(_text(load) for load in deck.case_control.preload)
             of_loads = f" ({loads})" if loads else ""
-            yield Notice("deck.left-out/preload", where=command.where, command=_text(command), loads=of_loads)
+            text, name = _text(command), "STATSUB" if loads else ""
+            yield Notice("deck.left-out/preload", where=command.where, command=text, loads=of_loads, loaded_by=name)
 
 
 def _nonlinear(deck: Deck) -> Iterator[Notice]:
@@ -66,11 +86,13 @@ def _nonlinear(deck: Deck) -> Iterator[Notice]:
     case, number = deck.case_control, deck.executive.solution_number
     loop = deck.params.get("NMLOOP")
     if loop is not None and loop.value not in ("", "0"):
-        yield Notice("deck.left-out/nonlinear", where=loop.card.where(), request=f"PARAM NMLOOP = {loop.value}")
+        request = f"PARAM NMLOOP = {loop.value}"
+        yield Notice("deck.left-out/nonlinear", where=loop.card.where(), request=request, loaded_by="NMLOOP")
     elif number in _NONLINEAR and case.loading:
         steps = ", ".join(case.loading)
         where = Where(str(deck.path), record=f"SOL {number}")
-        yield Notice("deck.left-out/nonlinear", where=where, request=f"SOL {number} with {steps} before the modes")
+        request = f"SOL {number} with {steps} before the modes"
+        yield Notice("deck.left-out/nonlinear", where=where, request=request, loaded_by="STEP")
     elif number in _NONLINEAR:
         where = Where(str(deck.path), record=f"SOL {number}")
         # a deck without METHOD does not request modes; it only serves as the model
@@ -82,7 +104,10 @@ def _commands(deck: Deck) -> Iterator[Notice]:
     for command in deck.case_control.effective:
         code = _COMMANDS.get(command.name)
         if code and command.value.upper() not in ("NONE", "NO", "0"):
-            yield Notice(code, where=command.where, request=_text(command))
+            loaded_by = "NLIC" if command.name == "NLIC" else ""
+            yield Notice(code, where=command.where, request=_text(command), loaded_by=loaded_by)
+        elif command.name in _OF_RESPONSES:
+            yield Notice("deck.left-out/of-responses", where=command.where, level="info", request=_text(command))
 
 
 def _text(command: CaseCommand) -> str:

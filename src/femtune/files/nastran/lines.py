@@ -59,7 +59,11 @@ def split_line(line: SourceLine, body: str) -> FieldLine:
 
 
 def _split_free(line: SourceLine, body: str) -> FieldLine:
-    texts = [text.strip() for text in body.split(",")]
+    pieces = body.split(",")
+    texts = [text.strip() for text in pieces]
+    _check_commas(line, body, texts[0])
+    if (mixed := _mixed(pieces[0])) is not None:
+        texts[:1] = [mixed[1].strip(), mixed[2]]
     head = texts[0].upper()
     large = head.endswith("*") or head.startswith("*")
     count = 4 if large else 8
@@ -69,6 +73,29 @@ def _split_free(line: SourceLine, body: str) -> FieldLine:
     data += [""] * (count - len(data))
     tail = texts[count + 1] if len(texts) > count + 1 else ""
     return FieldLine(line, "free", head, tuple(data), tail, large)
+
+
+# name and first field of a line whose other fields stand between commas
+_MIXED = re.compile(r"(\s*[A-Z][A-Z0-9]{2,7}\*?\s+)([^\s,]+)\s*", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[ED]?[+-]?\d{1,3})?", re.IGNORECASE)
+
+
+def _mixed(first: str) -> re.Match[str] | None:
+    """Name and first field where a blank separates them and commas the others: ``CBUSH   10211, 10010, 201``."""
+    return _MIXED.fullmatch(first)
+
+
+def _check_commas(line: SourceLine, body: str, first: str) -> None:
+    """Refuse a line in columns whose numbers have decimal commas (``deck.decimal-comma``)."""
+    if len(first.split()) < 3 or "," in body[:10]:
+        return
+    columns = body.expandtabs(8)
+    width = 16 if "*" in columns[:8] else 8
+    fields = [columns[start : start + width].strip() for start in range(8, 72, width)]
+    found = next((text for text in fields if _DECIMAL_COMMA.fullmatch(text)), None)
+    if found is not None:
+        where = Where(line.file, line.number, columns[:8].strip())
+        raise FemtuneError("deck.decimal-comma", where=where, text=found, right=found.replace(",", "."))
 
 
 def _too_many(line: SourceLine, head: str, found: int, allowed: int) -> FemtuneError:
@@ -257,6 +284,11 @@ def with_field(line: SourceLine, slot: int, text: str) -> SourceLine:
 
 def _replaced_piece(body: str, at: int, text: str) -> str:
     pieces = body.split(",")
+    if (mixed := _mixed(pieces[0])) is not None:
+        # the blank after the name counts as a comma
+        pieces[0], at = mixed[0] if at > 1 else mixed[1] + text.ljust(len(mixed[0]) - len(mixed[1])), at - 1
+        if at == 0:
+            return ",".join(pieces)
     if at >= len(pieces):
         kept = body.rstrip()
         return kept + "," * (at - len(pieces) + 1) + text + body[len(kept) :]

@@ -80,6 +80,13 @@ class Materials:
         """Roles of a MAT1 with "NU" (not there where E alone is given with G = 0)."""
         return self._library.get(mid, user)
 
+    def continuum(self, mid: int, user: CardEntry) -> Roles:
+        """The same for shells and solids, which cannot do without a Poisson's ratio (error ``deck.material``)."""
+        found, record = self.isotropic(mid, user), self.records[mid]
+        if "NU" not in found and not record.blank("NU") and not _is_ratio(record):
+            raise record.error("deck.material/poisson-ratio", at="NU")
+        return found
+
     def _make(self, mid: int, user: CardEntry) -> Roles:
         record, b = self.records[mid], self.building
         _check(record)
@@ -89,6 +96,9 @@ class Materials:
         """E, G and ν; a third that is blank follows from the two that are given."""
         b = self.building
         blanks = [name for name in ("E", "G", "NU") if record.blank(name)]
+        if not blanks and not _is_ratio(record):
+            b.notices.append(Notice("deck.implausible-ratio", where=record.where, mid=mid, ratio=record.text("NU")))
+            return {name: b.value(record, mid, name) for name in ("E", "G")}
         # Nastran takes 0 for both where two are blank
         blank = blanks[0] if len(blanks) == 1 else ""
         given = {n: b.value(record, mid, n) for n in ("E", "G", "NU") if n != blank and (blanks or n != "G")}
@@ -163,8 +173,13 @@ def _check(record: CardEntry) -> None:
         smallest_allowed = record.real(name) > 0.0 if name == "E" else record.real(name) >= 0.0
         if not smallest_allowed:
             raise record.error("deck.material/modulus-sign", at=name, name=name)
-    if not record.blank("NU") and not -1.0 < record.real("NU") <= 0.5:
+    # with E and G bars and rods do not need it
+    if (blanks or record.real("G") <= 0.0) and not record.blank("NU") and not _is_ratio(record):
         raise record.error("deck.material/poisson-ratio", at="NU")
+
+
+def _is_ratio(record: CardEntry) -> bool:
+    return -1.0 < record.real("NU") <= 0.5
 
 
 # ----------------------------------------------------------------------------------------------------

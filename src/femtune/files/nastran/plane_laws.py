@@ -163,7 +163,7 @@ _LARGEST_POISSON = 0.5 + 1e-6
 
 def _elastic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> Roles:
     """Positions of E, G and NU of a MAT1 that makes a shell stiff."""
-    at = laws.materials.isotropic(mid, user)
+    at = laws.materials.continuum(mid, user)
     values = laws.building.values.values
     if values[at["G"]] == 0.0:
         raise record.error("deck.material/shell-shear-modulus", at="G")

@@ -17,6 +17,7 @@ from femtune.fem.constraints import (
     rigid_plate_rows,
     rigid_rod_rows,
 )
+from femtune.fem.splines import spline_rows
 from femtune.fem.structure import ConstraintRows, join_constraints
 from femtune.files.nastran.building import Building, listed_numbers
 from femtune.files.nastran.card import Card, CardEntry
@@ -169,6 +170,8 @@ def _note_expansion(building: Building) -> None:
 def _expands(record: CardEntry) -> bool:
     if record.name == "RBE3":
         return "ALPHA" in map(str.upper, record.card.fields)
+    if record.name == "RSPLINE":
+        return False
     return any(record.card.is_real(at) for at in range(len(record.card.fields)))
 
 
@@ -225,6 +228,28 @@ def _rod(record: CardEntry, grids: Grids) -> ConstraintRows:
     return rigid_rod_rows(grids.table, (a, b), chosen[0], record.integer("EID"))
 
 
+_TUBE = 0.1
+
+
+def _spline(record: CardEntry, grids: Grids) -> ConstraintRows:
+    """RSPLINE: G1, then pairs of grid point and dependent components; blank where a point is independent."""
+    card = record.card
+    points: list[int] = [record.integer("G1")]
+    dependent: list[list[int]] = [[]]
+    for at in range(3, max(len(card.fields), 4), 2):
+        if not card.blank(at):
+            points.append(card.integer(at))
+            dependent.append([c for c in _numbers(card.component(at + 1)) if c])
+        elif not card.blank(at + 1):
+            raise card.error("deck.field-value/spline-point", index=at)
+    ratio = card.real(1, _TUBE)
+    if ratio <= 0.0 or len(points) < 3 or dependent[-1] or not any(dependent):
+        raise record.error("deck.field-value/spline")
+    for number in points:
+        grids.row(number, record)
+    return spline_rows(grids.table, points, dependent, ratio, record.integer("EID"))
+
+
 def _points(record: CardEntry, grids: Grids, *names: str) -> list[int]:
     numbers = [record.integer(name) for name in names]
     for number in numbers:
@@ -249,4 +274,5 @@ _READERS: dict[str, Callable[[CardEntry, Grids], ConstraintRows]] = {
     "RROD": _rod,
     "RTRPLT": _plate,
     "RTRPLT1": _first_rules,
+    "RSPLINE": _spline,
 }

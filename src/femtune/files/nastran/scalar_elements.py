@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import Notice
 from femtune.fem.elements.discrete import DASHPOT, LINE_DASHPOT, LINE_SPRING, SCALAR_MASS, SPRING
 from femtune.fem.elements.rod import ROD
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran.building import BatchRows, Building, Library
 from femtune.files.nastran.card import CardEntry
@@ -15,6 +19,7 @@ from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.coordinates import length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials, Properties, Roles, read_properties
+from femtune.parameters.jet import Jet
 
 _KINDS = {SPRING.key: "CELAS", SCALAR_MASS.key: "CMASS", DASHPOT.key: "CDAMP"}
 # 1 and 3 have a property card, 2 and 4 hold their value; 3 and 4 join scalar points only
@@ -145,11 +150,11 @@ def _axis(record: CardEntry, grids: Grids, a: int, b: int) -> NDArray[np.float64
 
 
 # ----------------------------------------------------------------------------------------------------
-# Rods: CROD with PROD, CONROD.
+# Rods: CROD with PROD, CONROD, CTUBE with PTUBE.
 
 
 def read_rods(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
-    """Batches of CROD and of CONROD."""
+    """Batches of CROD, of CONROD and of CTUBE."""
     properties = read_properties(building, "CROD")
     sections = Library(lambda pid, user: _section(building, properties.find(pid, user), pid, materials))
     rods, own = BatchRows(ROD.key, "CROD"), BatchRows(ROD.key, "CONROD")
@@ -159,7 +164,7 @@ def read_rods(building: Building, grids: Grids, materials: Materials) -> list[El
     for record in building.records("CONROD"):
         with building.errors.catch():
             _add_rod(own, record, _section(building, record, record.integer("EID"), materials), grids)
-    return rods.batches() + own.batches()
+    return rods.batches() + own.batches() + _read_tubes(building, grids, materials)
 
 
 def _property(record: CardEntry, properties: Properties, sections: Library[Roles]) -> Roles:
@@ -178,3 +183,49 @@ def _add_rod(rows: BatchRows, record: CardEntry, roles: Roles, grids: Grids) -> 
     if length(grids.table.xyz[b] - grids.table.xyz[a]) == 0.0:
         raise record.error("deck.zero-length/rod")
     rows.add(record.integer("EID"), [a, b], grids.dofs(a) + grids.dofs(b), roles, {})
+
+
+def _read_tubes(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+    properties = read_properties(building, "CTUBE")
+    sections = Library(lambda pid, user: _tube(building, properties.find(pid, user), pid, materials))
+    tubes = BatchRows(ROD.key, "CTUBE")
+    for record in building.records("CTUBE"):
+        with building.errors.catch():
+            _add_rod(tubes, record, _property(record, properties, sections), grids)
+    return tubes.batches()
+
+
+def _tube(building: Building, record: CardEntry, pid: int, materials: Materials) -> Roles:
+    """Roles of a tube; a wall of 0 is a solid bar. Tubes with different ends are an error, as in Nastran."""
+    material = materials.get(record.integer("MID"), record)
+    outer, wall = record.real("OD"), record.real("T", 0.0)
+    if record.real("OD2", outer) not in (0.0, outer):
+        raise record.error("deck.section/tapered-tube", at="OD2")
+    if outer <= 0.0 or not 0.0 <= wall <= 0.5 * outer:
+        raise record.error("deck.section/tube", at="T" if outer > 0.0 else "OD")
+    sizes = [building.value(record, pid, name) for name in (("OD", "T") if wall else ("OD",))]
+    rules: tuple[Callable[..., Jet], ...] = (tube_area, tube_torsion) if wall else (disc_area, disc_torsion)
+    section = {
+        role: building.values.derive(FieldRef("PTUBE", pid, role), rule, *sizes) for role, rule in zip("AJ", rules)
+    }
+    return {**material, **section, "NSM": building.value(record, pid, "NSM")}
+
+
+def tube_area(outer: Jet, wall: Jet) -> Jet:
+    """π(D − t)t of a tube of diameter D with a wall t."""
+    return math.pi * (outer - wall) * wall
+
+
+def tube_torsion(outer: Jet, wall: Jet) -> Jet:
+    """Torsion constant A(D² − 2Dt + 2t²)/4, which is π(D⁴ − d⁴)/32 with the inner diameter d."""
+    return 0.25 * tube_area(outer, wall) * (outer * outer - 2.0 * outer * wall + 2.0 * wall * wall)
+
+
+def disc_area(outer: Jet) -> Jet:
+    """πD²/4."""
+    return 0.25 * math.pi * outer * outer
+
+
+def disc_torsion(outer: Jet) -> Jet:
+    """Torsion constant πD⁴/32."""
+    return math.pi / 32.0 * (outer * outer * outer * outer)

@@ -1,4 +1,4 @@
-"""Shells: CQUAD4, CTRIA3, CQUAD8 and CTRIA6 with PSHELL, PCOMP or PCOMPG."""
+"""Shells: CQUAD4, CTRIA3, CQUADR, CTRIAR, CQUAD8 and CTRIA6 with PSHELL, PCOMP or PCOMPG."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.errors import Notice
 from femtune.fem.elements.shells.curved import SHELL_QUAD8, SHELL_TRI6
-from femtune.fem.elements.shells.flat import SHELL_QUAD, SHELL_TRI
+from femtune.fem.elements.shells.flat import SHELL_QUAD, SHELL_ROTATION_TRI, SHELL_TRI
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran.building import Building
@@ -41,6 +42,8 @@ class _ShellShape(NamedTuple):
 _SHAPES = {
     "CQUAD4": _ShellShape(4, 4, SHELL_QUAD.key),
     "CTRIA3": _ShellShape(3, 3, SHELL_TRI.key),
+    "CQUADR": _ShellShape(4, 4, SHELL_QUAD.key),
+    "CTRIAR": _ShellShape(3, 3, SHELL_ROTATION_TRI.key),
     "CQUAD8": _ShellShape(4, 8, SHELL_QUAD8.key),
     "CTRIA6": _ShellShape(3, 6, SHELL_TRI6.key),
 }
@@ -62,6 +65,9 @@ def _read(card: str, building: Building, grids: Grids, laws: PlaneLaws) -> list[
     sizes = tuple({_SHAPES[card].corners, _SHAPES[card].nodes})
     read_elements(building, grids, card, sizes, reading.properties.get, reading.add_plain, reading.add)
     building.notices += reading.thicknesses.notices(card)
+    if card == "CQUADR":
+        where = building.deck.by_name(card)[0].where()
+        building.notices.append(Notice("deck.quad-rotations", where=where, level="info"))
     return reading.batches()
 
 
@@ -175,7 +181,7 @@ def _section_columns(sections: tuple[ShellSection, ...]) -> tuple[dict[str, NDAr
 def _nodes(record: CardEntry, grids: Grids) -> list[int]:
     """Rows of the grid points in the node table, −1 for a mid-side one that is left out."""
     shape = _SHAPES[record.name]
-    if record.name == "CQUAD4" and record.blank("G4"):
+    if shape.nodes == 4 and record.blank("G4"):
         raise record.error("deck.shell-corners/no-fourth-corner", at="G4")
     names = [f"G{i + 1}" for i in range(shape.nodes)]
     numbers = [record.integer(name, 0 if i >= shape.corners else ...) for i, name in enumerate(names)]

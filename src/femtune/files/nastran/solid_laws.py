@@ -126,7 +126,7 @@ class SolidLaws:
 
 def _isotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Roles, bool]:
     """λ + 2μ, λ and μ; where a card gives G beside E and NU, E and NU count, as in Nastran."""
-    at = laws.materials.isotropic(mid, user)
+    at = laws.materials.continuum(mid, user)
     _check_isotropic(laws, record, at)
     stiff = laws.derive(record, mid, "C11", confined, at["E"], at["NU"])
     across = laws.derive(record, mid, "C12", lame, at["E"], at["NU"])

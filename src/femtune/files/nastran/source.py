@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, Notice, Where
 
 ENCODING = "latin-1"
 _BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"  # the UTF-8 mark as Latin-1 shows it
@@ -21,6 +21,10 @@ _PHYSICAL_LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+")
 _INCLUDE = re.compile(r"\s*INCLUDE(?=[\s'\"=])\s*=?\s*(.*)", re.IGNORECASE)
 _FIRST_LETTERS = frozenset("iIeE")
 _ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
+_CEND = re.compile(r"\s*CEND\s*(\$.*)?", re.IGNORECASE)
+_BEGIN = re.compile(r"\s*BEGIN\b", re.IGNORECASE)
+# nested INCLUDEs of real decks are a few levels deep; files that include others twice can double without end
+_DEEPEST, _MOST_INCLUDES, _MOST_LINES = 100, 5_000, 100_000_000
 _CONTROL = re.compile(r"[\x01-\x08\x0b\x0e-\x19\x1b-\x1f]")
 
 
@@ -71,13 +75,15 @@ class IncludeStatement:
 class DeckSource:
     """A deck's files (the main file first) and its active lines in reading order, INCLUDEs expanded.
 
-    `lines` ends with ENDDATA where there is one (`ended`); what follows stays in `files` only.
+    `lines` ends with ENDDATA where there is one (`ended`); what follows stays in `files` only. `notices` tell of files
+    that executive control includes and that do not exist.
     """
 
     files: tuple[SourceFile, ...]
     includes: tuple[IncludeStatement, ...]
     lines: tuple[SourceLine, ...]
     ended: bool
+    notices: tuple[Notice, ...] = ()
 
 
 def read_source(path: str | Path) -> DeckSource:
@@ -86,13 +92,28 @@ def read_source(path: str | Path) -> DeckSource:
     Raises
     ------
     FemtuneError : ``deck.not-found``, ``deck.unreadable``, ``deck.not-text``, ``deck.missing-include``,
-        ``deck.circular-include``, ``deck.truncated`` (an INCLUDE without its closing quote)
+        ``deck.circular-include``, ``deck.too-many-includes``, ``deck.truncated`` (an INCLUDE without its closing quote)
     """
-    expansion = _Expansion()
-    expansion.read(read_file(str(path)), ())
+    main = read_file(str(path))
+    expansion = _Expansion(_ends_executive(main))
+    expansion.read(main, ())
     return DeckSource(
-        tuple(expansion.files.values()), tuple(expansion.includes), tuple(expansion.lines), expansion.ended
+        tuple(expansion.files.values()),
+        tuple(expansion.includes),
+        tuple(expansion.lines),
+        expansion.ended,
+        tuple(expansion.notices),
     )
+
+
+def _ends_executive(main: SourceFile) -> SourceLine | None:
+    """CEND of the main file; None where it does not begin with executive control."""
+    for line in main.lines:
+        if _CEND.fullmatch(line.body):
+            return line
+        if _BEGIN.match(line.text):
+            return None
+    return None
 
 
 def read_file(file: str) -> SourceFile:
@@ -124,11 +145,15 @@ def _check_text(file: str, text: str) -> None:
 class _Expansion:
     """Collects the active lines while INCLUDEs are followed."""
 
-    def __init__(self) -> None:
+    def __init__(self, cend: SourceLine | None) -> None:
         self.files: dict[str, SourceFile] = {}
-        self.includes: list[IncludeStatement] = []
+        self.includes: dict[IncludeStatement, None] = {}
         self.lines: list[SourceLine] = []
+        self.notices: list[Notice] = []
         self.ended = False
+        self.followed = 0
+        # its INCLUDEs change the solution sequence (DMAP), not the model
+        self.cend, self.executive = cend, cend is not None
 
     def read(self, source: SourceFile, parents: tuple[str, ...]) -> None:
         self.files.setdefault(source.file, source)
@@ -136,6 +161,8 @@ class _Expansion:
         number = 0
         while number < len(source.lines) and not self.ended:
             line = source.lines[number]
+            if line is self.cend:
+                self.executive = False
             if line.text.lstrip()[:1] not in _FIRST_LETTERS:
                 self.lines.append(line)
                 number += 1
@@ -152,11 +179,27 @@ class _Expansion:
         written, after = _include_path(source, number, rest)
         target = _target(source.file, written)
         statement = IncludeStatement(source.file, number + 1, after, written, target)
-        _check_include(statement, parents)
+        if self.executive and not os.path.isfile(target):
+            where = Where(statement.file, statement.first, "INCLUDE")
+            self.notices.append(Notice("deck.missing-include/executive", where=where, written=written))
+            return after
         if statement not in self.includes:
-            self.includes.append(statement)
+            # what was expanded once leads to none of the files above it
+            _check_include(statement, parents)
+            self.includes[statement] = None
+        self._check_size(statement, parents)
         self.read(self.files.get(target) or read_file(target), parents)
         return after
+
+    def _check_size(self, statement: IncludeStatement, parents: tuple[str, ...]) -> None:
+        """INCLUDEs that nest too deep, or that repeat files until the deck is too long."""
+        self.followed += 1
+        where = Where(statement.file, statement.first, "INCLUDE")
+        if len(parents) > _DEEPEST:
+            raise FemtuneError("deck.too-many-includes/depth", where=where, most=_DEEPEST)
+        if self.followed > _MOST_INCLUDES or len(self.lines) > _MOST_LINES:
+            count = f"{self.followed - 1} INCLUDEs, {len(self.lines)} lines"
+            raise FemtuneError("deck.too-many-includes", where=where, values={"so far": count})
 
 
 def _include_path(source: SourceFile, number: int, rest: str) -> tuple[str, int]:
@@ -224,7 +267,7 @@ def _check_include(statement: IncludeStatement, parents: tuple[str, ...]) -> Non
             hint=_missing_hint(target),
             written=statement.written,
         )
-    if target.resolve() in {Path(parent).resolve() for parent in parents}:
+    if os.path.realpath(target) in map(os.path.realpath, parents):
         raise FemtuneError(
             "deck.circular-include",
             where=where,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
@@ -16,6 +16,7 @@ Names = tuple[Text, ...]
 
 NOMINAL = "initial values"
 """Name of the model of the study as it is, which is compared too."""
+NO_SEARCH: Final = "none"
 
 
 class CandidateEntry(TomlTable):
@@ -37,6 +38,9 @@ class CandidatesTable(TomlTable):
     most: Annotated[int, Field(ge=1, le=10_000)] | None = None
     largest_number: Annotated[int, Field(ge=1, le=1_000_000)] = 300
     starts: Annotated[int, Field(ge=1, le=100_000)] = 1
+    search: Literal["none", "differential-evolution", "genetic", "cma-es"] = NO_SEARCH
+    population: Annotated[int, Field(ge=4, le=100_000)] = 40
+    generations: Annotated[int, Field(ge=1, le=100_000)] = 25
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     leave_one_out: bool = True
     threshold: Annotated[float, Field(ge=1, le=1e6)] | None = None

@@ -37,6 +37,7 @@ class SearchTable(TomlTable):
     population: Annotated[int, Field(ge=4, le=100_000)] = 60
     generations: Annotated[int, Field(ge=1, le=100_000)] = 300
     seeds: Annotated[int, Field(ge=1, le=1000)] = 3
+    front: Annotated[int, Field(ge=0, le=1000)] = 0
     seed: Seed = 0
 
 

@@ -70,8 +70,13 @@ class PlanTable(TomlTable):
     points: Annotated[int, Field(ge=1, le=1000)] = 1
     average: Literal["mean", "worst"] = "mean"
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    data: Literal["modes", "frfs"] = "modes"
     frequency_sd: Spread = 0.005
     shape_sd: Spread = 0.02
+    frf_sd: Spread | None = None
+    frf_floor: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    frf_form: Literal["linear", "log-magnitude", "log-complex"] = "log-complex"
+    frf_lines: Annotated[int, Field(ge=1, le=100_000)] | None = None
     exciters: Annotated[int, Field(ge=0, le=100)] = 0
     exciters_placed: tuple[DofLabel, ...] = ()
     exciter_nodes: Numbers | None = None
@@ -95,7 +100,8 @@ def plan_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneErro
         yield source.error(("plan", "band_hz"), "plan.target-modes", shown)
     if plan.get("aim") == "parameters" and plan.get("method") == "elimination":
         yield source.error(("plan", "method"), "plan.parameters", {"aim": "parameters", "method": "elimination"})
-    for key in ("frequency_sd", "shape_sd"):
+    silent = number(plan, "frf_sd") == 0.0 and not plan.get("frf_floor")
+    for key in ("frequency_sd", "shape_sd", *["frf_sd"] * silent):
         if number(plan, key) == 0.0:
             yield source.error(("plan", key), "plan.parameters/standard-deviation", {key: 0.0}, key=key)
     if falls(plan.get("band_hz")):

@@ -49,7 +49,7 @@ def _error(finding: ErrorDetails, source: StudyLines, model: type[BaseModel]) ->
         return _missing_key(place, source)
     if finding["type"] == "femtune":
         return _own(finding["ctx"]["error"], place, finding["input"], source)
-    code, facts = _judgement(finding, source.page)
+    code, facts = _judgement(finding)
     return source.error(place, code, {_key(place): finding["input"]}, key=_name(place), **facts)
 
 
@@ -115,7 +115,7 @@ def _key(place: Place) -> str:
     return next((part for part in reversed(place) if isinstance(part, str)), "")
 
 
-def _judgement(finding: ErrorDetails, page: str) -> tuple[str, dict[str, Any]]:
+def _judgement(finding: ErrorDetails) -> tuple[str, dict[str, Any]]:
     """Code and facts, by the type of the finding."""
     kind, context = finding["type"], finding.get("ctx", {})
     if kind in _WANTED:
@@ -127,7 +127,7 @@ def _judgement(finding: ErrorDetails, page: str) -> tuple[str, dict[str, Any]]:
         return _not_among(finding)
     if kind in ("too_short", "string_too_short"):
         return _too_short(finding, context)
-    return _out_of_range(finding, context, page)
+    return _out_of_range(finding, context)
 
 
 def _too_short(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -143,9 +143,15 @@ def _not_among(finding: ErrorDetails) -> tuple[str, dict[str, Any]]:
     return "study.value/choice", {"choices": expected, "hint": close if close.startswith("did") else None}
 
 
-def _out_of_range(finding: ErrorDetails, context: Mapping[str, Any], page: str) -> tuple[str, dict[str, Any]]:
+def _out_of_range(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     message = finding["msg"].removeprefix("Input ")
-    return "study.value/range", {"rule": message[:1].lower() + message[1:], "page": page}
+    limit = next((words.format(context[key]) for key, words in _LIMITS.items() if key in context), None)
+    facts = {"rule": message[:1].lower() + message[1:], "limit": limit or "another value"}
+    return "study.value/range", facts
+
+
+_LIMITS = {"ge": "{} or more", "gt": "more than {}", "le": "{} or less", "lt": "less than {}"}
+"""What pydantic calls a limit, and what it allows."""
 
 
 def _keys(place: Place, finding: ErrorDetails, top: type[BaseModel]) -> tuple[str, ...]:

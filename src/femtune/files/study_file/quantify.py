@@ -15,6 +15,7 @@ class SelectTable(TomlTable):
     energies: Literal["none", "parameters", "properties", "elements"] = "none"
     localise: bool = False
     noise: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    smoothness: bool = False
 
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]

@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from femtune.errors import FemtuneError
 from femtune.files.study_file.kinds import Text, TomlTable
-from femtune.files.study_file.source import StudyLines, table, tables
+from femtune.files.study_file.source import Place, StudyLines, number, table, tables
+from femtune.files.study_file.validation import FRF_LIMITS
 
 
 class RunsModelTable(TomlTable):
-    """[runs]: the table, and the polynomials that are fitted to it."""
+    """[runs]: the table, and the polynomials, or Kriging with a polynomial trend, that are fitted to it."""
 
     file: Text
-    degree: Annotated[int, Field(ge=1, le=6)] = 2
+    method: Literal["polynomial", "kriging"] = "polynomial"
+    degree: Annotated[int, Field(ge=0, le=6)] = 2
     crossed: bool = True
+    correlation: Literal["gaussian", "matern-5/2"] = "gaussian"
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 0.005
 
 
 Data = dict[str, Any]
+MOST_TREND = 2
 _KINDS = ("frequency", "shape", "mac", "flexibility")
+_NEEDS_MATRICES = (
+    "matrix", "variable", "reduction", "component", "generic", "distribution", "frequency_table", "response", "load",
+    "equalise", "vibration", "plan",
+)  # fmt: skip
+"""Tables that need the matrices of the structure, or shapes in its units."""
 _OF_CONFIGURATIONS = (
     "elements_off", "components", "interface", "spc", "mpc", "supports_added", "supports_removed", "masses",
     "weighed_mass",
@@ -41,10 +50,11 @@ def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     of_deck = "solver" in data and "deck" in table(data, "study")
     if "deck" in table(data, "study") and not of_deck:
         yield source.error(("study", "deck"), "runs.study/deck", {})
-    without = ("matrix", "variable", "reduction", "component", "generic", "distribution", "frequency_table", "response")
-    for name in (*without, "plan"):
-        if name in data:
-            yield source.error((name,), "runs.study/table", {}, name=name)
+    places: list[Place] = [(name,) for name in _NEEDS_MATRICES if name in data]
+    places += [("validate", key) for key in FRF_LIMITS if key in table(data, "validate")]
+    for place in places:
+        yield source.error(place, "runs.study/table", {}, name=place[-1])
+    yield from _method(table(data, "runs"), source)
     if "max_hz" in table(data, "modes"):
         yield source.error(("modes", "max_hz"), "runs.study/max-hz", {})
     if not of_deck:
@@ -54,6 +64,19 @@ def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
         if entry.get("kind") not in _KINDS:
             kinds = ", ".join(_KINDS)
             yield source.error((*place, "kind"), "runs.study/residual", {}, kind=entry.get("kind"), kinds=kinds)
+
+
+def _method(runs: Data, source: StudyLines) -> Iterator[FemtuneError]:
+    """Keys of polynomials and of Kriging."""
+    method, degree = runs.get("method", "polynomial"), number(runs, "degree")
+    if method == "kriging" and "crossed" in runs:
+        yield source.error(("runs", "crossed"), "runs.method", {}, key="crossed", method=method)
+    if method == "polynomial" and "correlation" in runs:
+        yield source.error(("runs", "correlation"), "runs.method", {}, key="correlation", method=method)
+    low, high = (0, MOST_TREND) if method == "kriging" else (1, 6)
+    if degree is not None and not low <= degree <= high:
+        facts = {"method": method, "degree": int(degree), "low": low, "high": high}
+        yield source.error(("runs", "degree"), "runs.method/degree", {}, **facts)
 
 
 def _parameters(data: Data, source: StudyLines) -> Iterator[FemtuneError]:

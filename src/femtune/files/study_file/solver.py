@@ -41,6 +41,7 @@ class SolverTable(TomlTable):
     environment: dict[str, str] = Field(default_factory=dict)
     version: str = ""
     keep: Literal["none", "failed", "all"] = "failed"
+    keep_most: Annotated[int, Field(ge=0, le=1_000_000)] = 20
     mass: Positive | None = None
     mass_tolerance: Annotated[float, Field(gt=0, lt=1)] = 0.01
     step: Annotated[float, Field(gt=0, le=0.5)] | None = None

@@ -1,4 +1,4 @@
-"""A model of the runs of another solver: modal matrices of every run, and polynomials through them.
+"""A model of the runs of another solver: modal matrices of every run, and polynomials or Kriging through them.
 
 With the shapes Φ(p) of m modes, of unit modal mass, in coordinates Ψ(p) of a basis B that spans the shapes of all runs,
 
@@ -7,6 +7,9 @@ With the shapes Φ(p) of m modes, of unit modal mass, in coordinates Ψ(p) of a 
 have exactly the eigenvalues and shapes of the run. They do not depend on the order, the signs, or the choice among
 repeated modes, so that they are smooth in p where modes change places: nothing is tracked. Where the basis has more
 vectors than modes, those that are no mode get eigenvalues above the modes. Without shapes K is the diagonal of ω².
+
+Polynomials are fitted to the entries. Kriging is fitted to principal components of the entries over the runs, or to
+each ω² without shapes.
 """
 
 from __future__ import annotations
@@ -20,10 +23,19 @@ import scipy.sparse as sp
 
 from femtune.arrays import Flags, Integers, Reals
 from femtune.errors import FemtuneError
-from femtune.fem import NodeTable, Structure, ValueTableBuilder
+from femtune.fem import AssembledMatrix, NodeTable, Structure, ValueTableBuilder
 from femtune.fem.constraints import follow_rows
-from femtune.model.imported.model import ImportedMatrix, field_of_matrix, field_of_variable, polynomial_terms
+from femtune.model.imported.kriged import KrigedCoefficient, kriged
+from femtune.model.imported.model import (
+    ImportedMatrix,
+    factor_of_matrix,
+    field_of_matrix,
+    field_of_variable,
+    polynomial_terms,
+)
 from femtune.model.imported.polynomial import Polynomial, Powers, Variable
+from femtune.surrogates import KrigingRules
+from femtune.surrogates.trend import TRENDS
 
 _NEW_DIRECTION = 1e-4
 """Part of the shapes outside the modes of the central run, over their size, from which it is a direction of its own."""
@@ -33,6 +45,10 @@ _ABOVE = 4.0
 _LEFT_SET = 0.05
 """Least singular value of the modes of a run in those of the central one."""
 _RANK = 1e-9
+_UNSEEN = 1e-6
+"""Size of a shape over that of the largest one of its run, below which it is rounding."""
+_ALIKE = 1e-6
+"""Least singular value of the shapes of the central run, each of length one, that tells them apart."""
 _LEVERAGE = 1.0 - 1e-9
 
 
@@ -74,9 +90,9 @@ class FittedRuns:
     Parameters
     ----------
     structure : with fields ``VARIABLE <name>``
-    used : (n,) runs that the polynomials are fitted to
+    used : (n,) runs that are fitted
     error : (n_used, m) relative error of each frequency if its run is left out; NaN where that cannot be told
-    coefficients : number of coefficients of a polynomial
+    coefficients : number of coefficients of a polynomial, or of surrogates
     nominal : (k,) the centre of the runs
     """
 
@@ -87,19 +103,23 @@ class FittedRuns:
     nominal: Reals
 
 
-def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None) -> FittedRuns:
+def fit_runs(
+    runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None, correlation: str | None = None
+) -> FittedRuns:
     """Fit the model to runs.
 
     Parameters
     ----------
     nodes : grid points of the shapes; without shapes, or beside them, its scalar points are those of the model
-    degree : of the polynomials in each parameter, and of products in total
+    degree : of the polynomials in each parameter, and of products in total; of the trend, with Kriging
     crossed : True with products of parameters
     centre : the run that the basis is taken from; None for the one nearest the middle
+    correlation : of Kriging; None for polynomials
 
     Raises
     ------
-    FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``
+    FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``, ``runs.few-dofs/alike``,
+        ``surrogate.*``
     """
     if centre is None:
         centre = _central(runs)
@@ -107,6 +127,8 @@ def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: i
     chosen = runs.select(used)
     modal = modal[:, used]
     middle, half = _scales(chosen)
+    if correlation is not None:
+        return _kriged(runs, chosen, nodes, basis, modal, used, KrigingRules(tuple(TRENDS)[degree], correlation))
     powers = _powers(len(runs.names), degree, crossed)
     if len(chosen.points) < len(powers):
         raise FemtuneError(
@@ -121,6 +143,56 @@ def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: i
     structure = _structure(runs, nodes, basis, (K, M), (powers, middle, half), degree)
     error = _left_out(V, modal, chosen.freq_hz)
     return FittedRuns(structure, used, error, len(powers), middle)
+
+
+def _kriged(
+    runs: Runs, chosen: Runs, nodes: NodeTable, basis: Reals | None, modal: Reals, used: Flags, rules: KrigingRules
+) -> FittedRuns:
+    """The model of Kriging surrogates."""
+    middle, _ = _scales(chosen)
+    found = [kriged(runs.names, chosen.points, part, rules, basis is None) for part in modal]
+    nodes, at = _with_scalar_points(nodes, modal.shape[2], basis)
+    values, assembled = _values(runs.names, middle), []
+    places = {name: values.add(field_of_variable(name), float(v)) for name, v in zip(runs.names, middle)}
+    for kind, part in zip(("stiffness", "mass"), found):
+        roles = {"FACTOR": values.add(field_of_matrix(kind.upper()), 1.0)}
+        label = f"{kind} {kind.upper()}"
+        mean = _on_g_set(part.mean, at, nodes.n_dofs)
+        assembled.append(AssembledMatrix(kind, label, mean, roles, factor_of_matrix))  # type: ignore[arg-type]
+        for j, matrix in enumerate(part.parts):
+            assert part.surrogate is not None
+            moving = KrigedCoefficient(part.surrogate, j)
+            upper = _on_g_set(matrix, at, nodes.n_dofs)
+            assembled.append(AssembledMatrix(kind, label, upper, {**roles, **places}, moving))  # type: ignore[arg-type]
+    structure = _whole(runs, nodes, basis, values, assembled, at)
+    error = np.full(chosen.freq_hz.shape, np.nan)
+    for i, (K, M) in enumerate(zip(found[0].left_out, found[1].left_out)):
+        error[i] = _errors(K, M, chosen.freq_hz[i])
+    return FittedRuns(structure, used, error, sum(len(part.parts) for part in found), middle)
+
+
+def seen_modes(freq_hz: Reals, shapes: Reals, part: float = 1.0) -> tuple[Reals, Reals, int]:
+    """Frequencies (n, m) and shapes (n, s, m) without modes that do not move at the DOFs, and how many these are.
+
+    The torsion of a straight beam moves none of its nodes: what its shape is made of there is rounding. All runs keep
+    the same number of modes, which at least a part of the runs has.
+
+    Raises
+    ------
+    FemtuneError : ``runs.few-dofs/none``
+    """
+    if not shapes.size:
+        return freq_hz, shapes, 0
+    size = np.linalg.norm(shapes, axis=1)
+    seen = size > _UNSEEN * size.max(axis=1, keepdims=True)
+    counts = np.sort(seen.sum(axis=1))
+    count = int(counts[int((1.0 - part) * len(counts) + 1e-9)])
+    if not count:
+        raise FemtuneError("runs.few-dofs/none")
+    # those that are seen, in their order
+    order = np.argsort(~seen, axis=1, kind="stable")[:, :count]
+    hz = np.take_along_axis(freq_hz, order, axis=1)
+    return hz, np.take_along_axis(shapes, order[:, None, :], axis=2), freq_hz.shape[1] - count
 
 
 def _central(runs: Runs) -> int:
@@ -155,6 +227,7 @@ def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
         K[:, np.arange(m), np.arange(m)] = values
         return None, np.stack([K, np.broadcast_to(np.eye(m), K.shape)]), np.ones(n, bool)
     phi = runs.shapes[centre]
+    _check_told_apart(phi)
     A = np.linalg.pinv(phi) @ runs.shapes
     used = np.linalg.svd(A, compute_uv=False)[:, -1] > _LEFT_SET
     extra = _directions(phi, runs.shapes[used] - phi @ A[used])
@@ -168,6 +241,15 @@ def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
     M = np.einsum("nai,naj->nij", inverse, inverse)
     K = np.einsum("nai,na,naj->nij", inverse, weights, inverse)
     return np.hstack([phi, extra]), np.stack([K, M]), used
+
+
+def _check_told_apart(phi: Reals) -> None:
+    """Refuse modes that look alike at the DOFs (error ``runs.few-dofs/alike``)."""
+    unit = phi / np.linalg.norm(phi, axis=0)
+    _, size, rows = la.svd(unit, full_matrices=False)
+    if size[-1] < _ALIKE:
+        modes = ", ".join(str(j + 1) for j in np.flatnonzero(np.abs(rows[-1]) > 0.1 * np.abs(rows[-1]).max()))
+        raise FemtuneError("runs.few-dofs/alike", modes=modes)
 
 
 def _directions(phi: Reals, rest: Reals) -> Reals:
@@ -184,13 +266,8 @@ def _structure(
     fitted: tuple[list[Powers], Reals, Reals], degree: int,
 ) -> Structure:  # fmt: skip
     powers, middle, half = fitted
-    r = parts[0].shape[1]
-    first = int(max([0, *nodes.ids, *nodes.scalar_points])) + 1 if basis is not None else 1
-    nodes = replace(nodes, scalar_points=np.arange(first, first + r))
-    at = 6 * len(nodes.ids) + np.arange(r)
-    values = ValueTableBuilder()
-    for name, nominal in zip(runs.names, middle):
-        values.add(field_of_variable(name), float(nominal))
+    nodes, at = _with_scalar_points(nodes, parts[0].shape[1], basis)
+    values = _values(runs.names, middle)
     variables = tuple(Variable(name, float(v), degree) for name, v in zip(runs.names, middle))
     scales = tuple((float(c), float(h)) for c, h in zip(middle, half))
     assembled = []
@@ -200,6 +277,27 @@ def _structure(
         found = Polynomial(name, variables, scales, terms, 0.0, 0)
         factor = values.add(field_of_matrix(name), 1.0)
         assembled += polynomial_terms(ImportedMatrix(name, kind, ()), found, factor, values)  # type: ignore[arg-type]
+    return _whole(runs, nodes, basis, values, assembled, at)
+
+
+def _with_scalar_points(nodes: NodeTable, r: int, basis: Reals | None) -> tuple[NodeTable, Integers]:
+    """Nodes with a scalar point for each vector of the basis, and their DOFs."""
+    first = int(max([0, *nodes.ids, *nodes.scalar_points])) + 1 if basis is not None else 1
+    nodes = replace(nodes, scalar_points=np.arange(first, first + r))
+    return nodes, 6 * len(nodes.ids) + np.arange(r)
+
+
+def _values(names: tuple[str, ...], middle: Reals) -> ValueTableBuilder:
+    values = ValueTableBuilder()
+    for name, nominal in zip(names, middle):
+        values.add(field_of_variable(name), float(nominal))
+    return values
+
+
+def _whole(
+    runs: Runs, nodes: NodeTable, basis: Reals | None, values: ValueTableBuilder, assembled: list[AssembledMatrix],
+    at: Integers,
+) -> Structure:  # fmt: skip
     moving = np.zeros(0, np.int64) if basis is None or runs.dofs is None else runs.dofs
     permanent = np.setdiff1d(np.arange(6 * len(nodes.ids)), moving)
     structure = Structure(
@@ -224,16 +322,18 @@ def _left_out(V: Reals, modal: Reals, freq_hz: Reals) -> Reals:
     leverage = np.diag(hat)
     fitted = np.einsum("ij,mjab->miab", hat, modal)
     error = np.full(freq_hz.shape, np.nan)
-    m = freq_hz.shape[1]
     for i in np.flatnonzero(leverage < _LEVERAGE):
         K, M = modal[:, i] - (modal[:, i] - fitted[:, i]) / (1.0 - leverage[i])
-        try:
-            values = la.eigvalsh(K, M)[:m]
-        except la.LinAlgError:
-            # the mass is not positive definite there: the polynomials are of no use at this run
-            error[i] = np.inf
-            continue
-        hz = np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
-        known = np.sort(freq_hz[i])
-        error[i] = (hz - known) / np.maximum(known, 1e-3 * known.max())
+        error[i] = _errors(K, M, freq_hz[i])
     return error
+
+
+def _errors(K: Reals, M: Reals, freq_hz: Reals) -> Reals:
+    """(m,) relative errors of the frequencies of two matrices; infinite where M is not positive definite."""
+    try:
+        values = la.eigvalsh(K, M)[: len(freq_hz)]
+    except la.LinAlgError:
+        return np.full(len(freq_hz), np.inf)
+    hz = np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
+    known = np.sort(freq_hz)
+    return np.asarray((hz - known) / np.maximum(known, 1e-3 * known.max()))

@@ -236,7 +236,7 @@ def _assembled(
     matrix: ImportedMatrix, factor: int, variables: Sequence[Variable], values: ValueTableBuilder, tolerance: float
 ) -> tuple[list[AssembledMatrix], list[Notice]]:
     if len(matrix.sets) == 1 and not matrix.sets[0].at:
-        return _parts(matrix, matrix.sets[0].upper, {"FACTOR": factor}, _factor), []
+        return _parts(matrix, matrix.sets[0].upper, {"FACTOR": factor}, factor_of_matrix), []
     found = fit_polynomial(matrix.name, matrix.sets, variables, tolerance, matrix.where)
     return polynomial_terms(matrix, found, factor, values), [found.notice(matrix.where)]
 
@@ -269,7 +269,8 @@ def _parts(
     return [real, loss] if imaginary.nnz else [real]
 
 
-def _factor(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+def factor_of_matrix(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+    """The coefficient of a constant matrix."""
     return values["FACTOR"]
 
 

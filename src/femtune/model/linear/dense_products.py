@@ -14,7 +14,7 @@ from femtune.arrays import Reals
 from femtune.model.linear.blocks import empty_block
 from femtune.model.solvers import pardiso
 
-_BY_COLUMNS, _PLAIN, _TRANSPOSED = 102, 111, 112
+_BY_ROWS, _BY_COLUMNS, _PLAIN, _TRANSPOSED = 101, 102, 111, 112
 _ROWS = 1 << 14
 _LIBRARY_FROM = 200_000
 """Numbers in the tall matrix from which the library is worth its start."""
@@ -53,6 +53,29 @@ def transposed_times(V: Reals, W: Reals) -> Reals:
     out = np.empty((V.shape[1], W.shape[1]), order="F")
     _call(found, _TRANSPOSED, V, W, out, (1.0, 0.0), (V.shape[1], W.shape[1], V.shape[0]))
     return out
+
+
+def in_any_order(A: Reals, B: Reals) -> Reals:
+    """A B, in C's order, of arrays that are each in C's or Fortran's order, views that are transposed among them."""
+    found = pardiso.library() if max(A.size, B.size) >= _LIBRARY_FROM else None
+    kinds = [_order_of(M) for M in (A, B)]
+    if found is None or None in kinds or not A.size or not B.size:
+        return np.ascontiguousarray(A @ B)
+    out = np.empty((A.shape[0], B.shape[1]))
+    leading = (M.shape[1] if kind == _PLAIN else M.shape[0] for M, kind in zip((A, B), kinds))
+    first, second = (max(number, 1) for number in leading)
+    found.cblas_dgemm(
+        _BY_ROWS, *kinds, *out.shape, A.shape[1], ctypes.c_double(1.0), _pointer(A), first, _pointer(B), second,
+        ctypes.c_double(0.0), _pointer(out), out.shape[1],
+    )  # fmt: skip
+    return out
+
+
+def _order_of(M: Reals) -> int | None:
+    """How a product by rows takes an array of doubles; None for a view with gaps."""
+    if M.dtype != np.float64:
+        return None
+    return _PLAIN if M.flags.c_contiguous else _TRANSPOSED if M.flags.f_contiguous else None
 
 
 def symmetric_eigen(A: Reals) -> tuple[Reals, Reals]:

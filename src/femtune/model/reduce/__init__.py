@@ -34,7 +34,15 @@ if TYPE_CHECKING:
     from femtune.model.reduce.functions_in_basis import BasisPorts, FunctionsInBasis, reduced_functions
     from femtune.model.reduce.modes_in_basis import ReducedModes, reduced_derivative, reduced_modes
     from femtune.model.reduce.reduced_model import ReducedModel, ReducedPoint, reduce_model
-    from femtune.model.reduce.training import Certified, SavedBasis, Trained, Trainer, TrainingRules, TrainingStatus
+    from femtune.model.reduce.training import (
+        Certified,
+        SavedBasis,
+        Trained,
+        Trainer,
+        TrainingRules,
+        TrainingStatus,
+        modes_nearby,
+    )
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
@@ -73,6 +81,7 @@ __all__ = [
     "dynamic",
     "guyan",
     "irs",
+    "modes_nearby",
     "reduce_model",
     "reduced_derivative",
     "reduced_functions",

@@ -9,8 +9,10 @@ with its Sturm count, certifies.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 import scipy.linalg as la
@@ -18,7 +20,8 @@ import scipy.sparse as sp
 
 from femtune.arrays import Reals
 from femtune.model.eigen.pencil import pieces
-from femtune.model.linear.sparse_products import Product, column_major, product, row_major
+from femtune.model.linear.dense_products import in_any_order
+from femtune.model.linear.sparse_products import LIBRARY_FROM, Product, column_major, product, row_major
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.reduce.function_estimate import FunctionsWanted, enlarged_modes, function_error, inertia_residual
 from femtune.model.reduce.modes_in_basis import elastic, reduced_modes
@@ -182,20 +185,31 @@ def extend(
     metric : A, positive definite, of the nominal model: K − σM with σ below the spectrum
     energy : (m,) energies of the motions of which the vectors are parts, to which they are scaled; their own without it
     """
-    if not vectors.shape[1]:
-        return basis
-    energy = _energies(vectors, metric) if energy is None else energy
-    some = energy > 0.0
-    W = vectors[:, some] / np.sqrt(energy[some])
-    # the second pass removes what rounding left of the first; orthonormal to rounding in the end
-    for limit in (negligible, 0.5):
-        if basis.shape[1]:
-            W = W - basis @ (basis.T @ (metric @ W))
-        W = _orthonormal(W, metric, limit)
-    return np.ascontiguousarray(np.hstack([basis, W]) if basis.shape[1] else W)
+    return extend_by(basis, [(vectors, negligible, energy)], metric)
 
 
-def _energies(vectors: Reals, metric: SymmetricMatrix) -> Reals:
+def extend_by(basis: Reals, groups: Sequence[tuple[Reals, float, Reals | None]], metric: SymmetricMatrix) -> Reals:
+    """As `extend`, by several groups of vectors, each with its limit and energies; one new array is made."""
+    times = product(metric) if len(metric.indices) >= LIBRARY_FROM else metric
+    parts = [basis]
+    for vectors, negligible, given in groups:
+        energy = _energies(vectors, times) if given is None and vectors.shape[1] else given
+        some = np.zeros(0, bool) if energy is None else energy > 0.0
+        if not some.any():
+            continue
+        W = vectors[:, some] / np.sqrt(cast(Reals, energy)[some])
+        # the second pass removes what rounding left of the first; orthonormal to rounding in the end
+        for limit in (negligible, 0.5):
+            for part in pieces(0, W.shape[1]):
+                driven = times @ W[:, part]
+                for own in parts:
+                    W[:, part] -= in_any_order(own, in_any_order(own.T, driven))
+            W = _orthonormal(W, times, limit)
+        parts.append(W)
+    return np.ascontiguousarray(np.hstack(parts)) if sum(p.shape[1] for p in parts[1:]) else basis
+
+
+def _energies(vectors: Reals, metric: SymmetricMatrix | Product) -> Reals:
     """(m,) vᵀAv, some columns at a time."""
     parts = (vectors[:, part] for part in pieces(0, vectors.shape[1]))
     return np.concatenate([np.einsum("ij,ij->j", some, metric @ some) for some in parts])
@@ -206,11 +220,11 @@ def orthonormal(vectors: Reals, metric: SymmetricMatrix) -> Reals:
     return extend(np.zeros((len(vectors), 0)), vectors, metric, DEPENDENT)
 
 
-def _orthonormal(W: Reals, metric: SymmetricMatrix, limit: float) -> Reals:
+def _orthonormal(W: Reals, metric: SymmetricMatrix | Product, limit: float) -> Reals:
     gram = np.empty((W.shape[1], W.shape[1]))
     for part in pieces(0, len(gram)):
-        gram[:, part] = W.T @ (metric @ W[:, part])
+        gram[:, part] = in_any_order(W.T, metric @ W[:, part])
     values, Q = la.eigh(0.5 * (gram + gram.T))
     keep = values > max(limit, DEPENDENT) ** 2
     # largest first, so that a basis that is cut has the best of them
-    return W @ (Q[:, keep] / np.sqrt(values[keep]))[:, ::-1]
+    return in_any_order(W, np.ascontiguousarray((Q[:, keep] / np.sqrt(values[keep]))[:, ::-1]))

@@ -120,15 +120,18 @@ class _System:
         stiffness = np.concatenate([modes.eigenvalues[:near], 1.0 + shift * theta[near:]])
         mass = np.concatenate([np.ones(near), theta[near:]])
         rates, own = None, point.full.mode_ratios
-        viscous, hysteretic = (vectors.T @ matrix @ vectors for matrix in (point.viscous, point.hysteretic))
+        viscous, hysteretic = (_in_modes(matrix, vectors) for matrix in (point.viscous, point.hysteretic))
         if damping is not None or own:
             rigid = ~elastic(modes.eigenvalues[:damped])
             rates = modal_rates(modes.eigenvalues[:damped], rigid, damping, own, point.n_parameters)
-            added = np.diag(np.append(rates.rates, np.zeros(len(vectors) - damped)))
-            viscous, hysteretic = (viscous, hysteretic + added) if rates.hysteretic else (viscous + added, hysteretic)
+            added = np.append(rates.rates, np.zeros(len(vectors) - damped))
+            if rates.hysteretic:
+                hysteretic = _with_diagonal(hysteretic, added)
+            else:
+                viscous = _with_diagonal(viscous, added)
         basis = ModalBasis(vectors, stiffness, mass, near)
         inputs, outputs = vectors.T @ ports.inputs, ports.outputs @ vectors
-        reduced = ReducedStiffness(basis, slim(viscous), slim(hysteretic), inputs, outputs)
+        reduced = ReducedStiffness(basis, viscous, hysteretic, inputs, outputs)
         return cls(modes, vectors, reduced, near, rates)
 
     def weighted(self, p: int, s: Complexes) -> Iterator[tuple[Complexes, Reals]]:
@@ -171,6 +174,16 @@ class _System:
         by_stiffness, by_mass = theta / below, -(1.0 + self.modes.point.model.shift * theta) / below
         outside = d[:, None] * (by_stiffness * stiffness[:, self.near :] + by_mass * mass[:, self.near :])
         return np.hstack([inside, outside])
+
+
+def _in_modes(matrix: Reals, vectors: Reals) -> Reals:
+    """VᵀAV (r, r), or its diagonal (r,) where it has no other entries."""
+    return slim(vectors.T @ matrix @ vectors) if np.any(matrix) else np.zeros(len(vectors))
+
+
+def _with_diagonal(matrix: Reals, added: Reals) -> Reals:
+    """The sum of a matrix, or of its diagonal where it is one, with a diagonal."""
+    return matrix + added if matrix.ndim == 1 else slim(matrix + np.diag(added))
 
 
 def _split(system: _System, s: Complexes, count: int) -> FunctionsInBasis:

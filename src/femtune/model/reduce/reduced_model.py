@@ -78,27 +78,33 @@ class ReducedPoint:
         """Number of free parameters."""
         return self.full.n_parameters
 
-    def _matrix(self, kind: MatrixKind, weight: Callable[[Jet], NDArray], constant: float = 0.0) -> NDArray:
-        """Σ weight(coefficient) VᵀK_iV of a kind; `constant` is the weight of terms without coefficient."""
+    def _matrices(self, kind: MatrixKind, weights: Callable[[Jet], NDArray], constant: NDArray) -> NDArray:
+        """(m, r, r) Σ weight · VᵀK_iV of a kind for m weights of each column of a term.
+
+        Parameters
+        ----------
+        weights : (m, n_columns) of a term's coefficients
+        constant : (m,) of terms without coefficient
+        """
         r = self.model.order
-        out = np.zeros((r, r), dtype=complex if np.iscomplexobj(self.x) else float)
+        out = np.zeros((len(constant), r * r), dtype=complex if np.iscomplexobj(self.x) else float)
         for i, values in self.model.terms.items():
             if self.model.configured.projected[i].term.matrix == kind:
                 jet = self.full.coefficients[i]
-                weights = np.full(1, constant) if jet is None else weight(jet)
-                for c in np.flatnonzero(weights):
-                    out += weights[c] * values[c]
-        return out
+                some = constant[:, None] if jet is None else weights(jet)
+                if some.any():
+                    out += _weighed(some, values.reshape(len(values), r * r))
+        return out.reshape(len(constant), r, r)
 
     def _value(self, kind: MatrixKind) -> NDArray:
-        return self._matrix(kind, lambda jet: jet.value, 1.0)
+        return np.asarray(self._matrices(kind, lambda jet: jet.value[None], np.ones(1))[0])
 
     def _first(self, kind: MatrixKind) -> tuple[NDArray, ...]:
-        return tuple(self._matrix(kind, lambda jet, i=i: jet.grad[:, i]) for i in range(self.n_parameters))  # type: ignore[misc]
+        return tuple(self._matrices(kind, lambda jet: jet.grad.T, np.zeros(self.n_parameters)))
 
     def second_derivative(self, kind: MatrixKind, i: int, j: int) -> NDArray:
         """∂²/∂x_i∂x_j of K, M, C, or of the part of H that materials and elements make."""
-        return self._matrix(kind, lambda jet: jet.hess[:, i, j])
+        return np.asarray(self._matrices(kind, lambda jet: jet.hess[None, :, i, j], np.zeros(1))[0])
 
     @cached_property
     def stiffness(self) -> NDArray:
@@ -154,6 +160,13 @@ class ReducedPoint:
         return own + eta.value * second + eta.grad[i] * k[j] + eta.grad[j] * k[i] + eta.hess[i, j] * self.stiffness
 
 
+def _weighed(weights: NDArray, columns: Reals) -> NDArray:
+    """weights (m, n), which may be complex, times real columns (n, r²), without a complex copy of these."""
+    if not np.iscomplexobj(weights):
+        return np.asarray(weights @ columns)
+    return np.asarray(weights.real @ columns + 1j * (weights.imag @ columns))
+
+
 def reduce_model(
     configured: ConfiguredModel, basis: Reals, rows: NDArray | None = None, shift: float | None = None
 ) -> ReducedModel:
@@ -203,7 +216,7 @@ def enlarge(model: ReducedModel, basis: Reals, rows: NDArray | None = None) -> R
 
 def leading(model: ReducedModel, order: int) -> ReducedModel:
     """The reduced model on the first `order` vectors of its basis."""
-    terms = {i: values[:, :order, :order] for i, values in model.terms.items()}
+    terms = {i: np.ascontiguousarray(values[:, :order, :order]) for i, values in model.terms.items()}
     return replace(model, order=min(order, model.order), terms=terms, rows=model.rows[:, :order])
 
 

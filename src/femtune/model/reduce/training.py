@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from femtune.arrays import Integers, Reals
 from femtune.model.configured import ConfiguredModel, ModelPoint
 from femtune.model.eigen.solution import EigenSolution, solve_modes
+from femtune.model.linear.dense_products import in_any_order
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.reduce.components import ComponentBasis
 from femtune.model.reduce.estimate import (
@@ -20,6 +21,7 @@ from femtune.model.reduce.estimate import (
     ErrorEstimator,
     certified_error,
     extend,
+    extend_by,
     frequency_error,
     orthonormal,
 )
@@ -227,8 +229,8 @@ TRIED = 8
 """Candidates at which the error is estimated before the worst of them is solved, as long as it is above the tolerance:
 an estimate costs a good part of a full solution, and the others' turn comes with the next basis."""
 
-_CHECKED = 2
-"""Candidates at the head of a ranking at which the error is estimated in the end."""
+_LAST = 2
+"""Candidates at the head of rankings that are solved one after the other with small errors before a training ends."""
 
 Solve = Callable[[ModelPoint, int, EigenSolution | None], EigenSolution]
 
@@ -267,6 +269,10 @@ class Trainer:
         if inputs is not None and inputs.shape[1]:
             vectors.append(solution.factor.solve(np.asfortranarray(inputs)))
         basis = self._with_responses(orthonormal(np.hstack(vectors), metric), metric, solution)
+        if self.rules.ranked and self.functions:
+            # nothing here needs them any more, and beside a basis they would fill the memory
+            solution.forget_factors()
+            solution.point.release()
         model = reduce_model(self.configured, basis, self.rows, solution.shift)
         first = Certified(x, solution.eigenvalues[: self.rules.count], np.nan, np.nan, basis.shape[1])
         points = points_of(self.configured, self.rules, x, moving)
@@ -277,6 +283,14 @@ class Trainer:
         )
         self.report(trained)
         return trained
+
+    def again(self, begun: Trained) -> Trained:
+        """What `start` gives, from a basis that a trainer of the same model, base, forces and count has begun."""
+        x, moving = base_and_moving(self.configured, self.base, self.moving)
+        points = points_of(self.configured, self.rules, x, moving)
+        found = replace(begun, points=points, estimates=np.full(len(points), np.inf))
+        self.report(found)
+        return found
 
     def served_by(self, other: Trainer) -> bool:
         """Whether another trainer has the same matrices, points and forces, and at least as many modes and lines.
@@ -338,10 +352,10 @@ class Trainer:
     def train(self, trained: Trained) -> Trained:
         """Solve at the worst candidate and enrich until the estimate is below the tolerance or a limit is reached.
 
-        With `ranked` the candidates are not estimated one by one, which costs a good part of a full solution each, but
-        ranked by how far the frequencies of the reduced model differ from those on the basis before its last
-        enrichment. Once a full solution at the first of the ranking shows a true error below the tolerance, the error
-        is estimated at the first few only.
+        With `ranked` the candidates are not estimated one by one, which costs as much as a solution each, but ranked by
+        how far the frequencies of the reduced model differ from those on the basis before its last enrichment. The
+        first of the ranking is solved next; once the true errors at the last two are below the tolerance, the training
+        ends, and the larger of them is its estimate.
         """
         if self.rules.ranked:
             return self._train_ranked(trained)
@@ -358,14 +372,13 @@ class Trainer:
     def _train_ranked(self, trained: Trained) -> Trained:
         while True:
             used_up, order = limit_of(trained, self.rules), self._ranking(trained)
-            reached = not len(order) or trained.certified[-1].error <= self.rules.tolerance
-            if used_up is not None or reached:
-                trained = self._checked(trained, order[:_CHECKED])
-                if trained.worst_estimate <= self.rules.tolerance:
-                    return replace(trained, status=TrainingStatus.CONVERGED)
-                if used_up is not None:
-                    return replace(trained, status=used_up)
-                order = order[:_CHECKED][np.argsort(-trained.estimates[order[:_CHECKED]])]
+            last = [one.error for one in trained.certified[1:]][-_LAST:]
+            worst = max(last, default=np.inf) if len(last) == _LAST or not len(order) else np.inf
+            if not len(order) or used_up is not None or worst <= self.rules.tolerance:
+                estimates = np.full(len(trained.points), worst if len(order) else 0.0)
+                status = TrainingStatus.CONVERGED if worst <= self.rules.tolerance or not len(order) else used_up
+                assert status is not None
+                return replace(trained, status=status, estimates=estimates)
             trained = self._certified(trained, trained.points[order[0]], np.nan)
 
     def _ranking(self, trained: Trained) -> Integers:
@@ -380,15 +393,6 @@ class Trainer:
                 changes[i] = frequency_error(before[: len(after)], after[: len(before)]).max(initial=0.0)
         return np.asarray(np.argsort(-changes, kind="stable")[: int(np.isfinite(changes).sum())])
 
-    def _checked(self, trained: Trained, order: Integers) -> Trained:
-        """With estimates at some candidates; the others, which are ranked behind, count as no worse."""
-        estimates = np.zeros(len(trained.points))
-        for number, i in enumerate(order, start=1):
-            estimates[i] = estimate(trained, trained.points[i])
-            self.looking(replace(trained, estimates=estimates.copy()), number)
-        trained.estimator.forget_factor()
-        return replace(trained, estimates=estimates)
-
     def certify(self, trained: Trained, x: Reals) -> Trained:
         """Solve the full model at a point: its true error, and the basis enriched by what it misses there."""
         return self._certified(trained, x, estimate(trained, x))
@@ -399,7 +403,9 @@ class Trainer:
 
     def _certified(self, trained: Trained, x: Reals, before: float) -> Trained:
         point = self.configured.at(x)
-        solution = self.solve(point, self.rules.count, _nearby(trained, point))
+        solution = self.solve(point, self.rules.count, modes_nearby(trained, point, self.rules.count))
+        if self.rules.ranked:
+            solution.forget_factors()
         # the responses to forces change less over the box than the modes: where a search ends they are added anyway
         return self._enriched(trained, x, solution, before, responses=not self.rules.ranked)
 
@@ -409,9 +415,13 @@ class Trainer:
         """The basis with a solution at `x`, where the error was estimated as `before`."""
         values = solution.eigenvalues[: solution.wanted]
         error = float(certified_error(trained.model, x, values).max(initial=0.0))
-        basis = extend(trained.basis, solution.shapes, trained.metric, self.rules.negligible)
-        if responses:
-            basis = self._with_responses(basis, trained.metric, solution)
+        missed = [missed_responses(solution, wanted.forces) for wanted in self.functions if responses]
+        if missed and self.rules.ranked:
+            # as in `start`, and here there are two bases
+            solution.forget_factors()
+            solution.point.release()
+        groups = [(solution.shapes, self.rules.negligible, None), *((m, self.rules.responses, None) for m in missed)]
+        basis = extend_by(trained.basis, groups, trained.metric)
         point = Certified(np.asarray(x, float), values, before, error, basis.shape[1])
         at = (trained.points == x).all(axis=1)
         trained = replace(
@@ -481,10 +491,10 @@ def estimated(
     return replace(trained, estimates=estimates), worst
 
 
-def _nearby(trained: Trained, point: ModelPoint) -> EigenSolution:
-    """The reduced modes at a point in the DOFs of the model, for a full solution to start from."""
-    count, model = trained.estimator.count, trained.model
+def modes_nearby(trained: Trained, point: ModelPoint, count: int) -> EigenSolution:
+    """The lowest reduced modes at a point in the DOFs of the model, for a full solution to start from."""
+    model = trained.model
     modes = reduced_modes(model.at(point.x), count)
     some = slice(0, int((1.0 + ABOVE) * count))
-    shapes = trained.basis @ modes.shapes[:, some]
+    shapes = in_any_order(trained.basis, np.ascontiguousarray(modes.shapes[:, some]))
     return EigenSolution(point, modes.eigenvalues[some], shapes, modes.wanted, model.shift, np.nan, -1)

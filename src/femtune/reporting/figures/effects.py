@@ -1,4 +1,4 @@
-"""Designed experiments: main effects of parameters, and the convergence of a global search."""
+"""Designed experiments: main effects of parameters, convergence and front of a global search."""
 
 from __future__ import annotations
 
@@ -85,3 +85,25 @@ def search_svg(histories: Sequence[tuple[str, Sequence[float], Sequence[float]]]
         axes.legend(fontsize=7, frameon=False)
 
     return draw_svg(5.6, 2.6, draw)
+
+
+def front_svg(
+    front: Sequence[tuple[float, float]],
+    confirmed: Sequence[tuple[float, float]],
+    initial: tuple[float, float],
+    label: str,
+) -> str:
+    """A front of two objectives, points of it on the model, and the initial values."""
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        axes.plot(*np.array(front).reshape(-1, 2).T, color=BLUE, linewidth=1.2)
+        axes.plot(*np.array(confirmed).reshape(-1, 2).T, color=INK, marker="o", markersize=3.0, linestyle="none")
+        axes.plot(*initial, color=INK, marker="x", markersize=5.0, linestyle="none")
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel("sum of squared relative frequency errors")
+        axes.set_ylabel(label)
+        axes.grid()
+
+    return draw_svg(5.6, 3.0, draw)

@@ -166,7 +166,9 @@ def frequency_table(selection: SelectionResults, names: Sequence[str]) -> Table:
         row(s.configuration, s.test_label, *(_number(s.percent_per_percent[i]) for i in places))
         for s in selection.sensitivities
     ]
-    return Table("Change of the model's frequencies in % for a change of 1 % of the parameter", heads, tuple(rows))
+    title = "Change of the model's frequencies in % for a change of 1 % of the initial value of the parameter"
+    note = "If the initial value is zero, as of an amplitude: for 1 % of the width of the bounds."
+    return Table(title, heads, tuple(rows), note)
 
 
 def _number(value: float) -> Cell:

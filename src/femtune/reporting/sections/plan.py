@@ -169,24 +169,60 @@ def plan_parameters(source: ReportSource) -> list[Block]:
 
 def parameter_blocks(plan: PlanResults) -> list[Block]:
     """A table with what was assumed; nothing without parameters."""
-    if not plan.parameters or plan.frequency_sd is None or plan.shape_sd is None:
+    if not plan.parameters:
         return []
-    several, known = plan.points > 1, plan.parameters[0].candidates_sd is not None
+    first, several = plan.parameters[0], plan.points > 1
+    known, frequencies = first.candidates_sd is not None, first.frequencies_sd is not None
     titles = ["Parameter", "Unit", ">Initial value", ">σ prior", ">σ expected"]
-    titles += [">σ worst in the bounds"] * several + [">σ data alone", ">σ frequencies alone"]
+    titles += [">σ worst in the bounds"] * several + [">σ data alone"] + [">σ frequencies alone"] * frequencies
     heads = columns(*titles, *[">σ all candidates"] * known)
     rows = []
     for p in plan.parameters:
         worst, every = [short(p.worst_sd)] * several, [short(p.candidates_sd)] * known
         undetermined = "undetermined" if p.data_sd is None else short(p.data_sd)
-        sds = (short(p.prior_sd), short(p.expected_sd), *worst, undetermined, short(p.frequencies_sd), *every)
+        alone = [short(p.frequencies_sd)] * frequencies
+        sds = (short(p.prior_sd), short(p.expected_sd), *worst, undetermined, *alone, *every)
         rows.append(row(p.name, p.unit, value(p.nominal), *sds))
-    assumed = (
-        "Standard deviations that an update with the target modes at these sensors would have, to first order. Assumed "
-        f"are standard deviations of {short(100.0 * plan.frequency_sd)} % of each frequency, and of each shape entry "
-        f"of {short(100.0 * plan.shape_sd)} % of the largest entry of the mode at all candidates."
+    return [Table("", heads, tuple(rows), _assumed(plan)), *_chosen_lines(plan)]
+
+
+def _assumed(plan: PlanResults) -> str:
+    of = plan.functions
+    if of is None:
+        return (
+            "Standard deviations that an update with the target modes at these sensors would have, to first order. "
+            f"Assumed are standard deviations of {short(100.0 * (plan.frequency_sd or 0.0))} % of each frequency, and "
+            f"of each shape entry of {short(100.0 * (plan.shape_sd or 0.0))} % of the largest entry of the mode at all "
+            "candidates."
+        )
+    parts = [f"{short(100.0 * of.relative_sd)} % of each value"] * bool(of.relative_sd)
+    parts += [f"{short(100.0 * of.floor)} % of the largest value of each function"] * bool(of.floor)
+    model = "" if of.order is None else f" They are computed with a reduced model of order {of.order}."
+    return (
+        "Standard deviations that an update with the FRFs between these sensors and exciters would have, to first "
+        f"order: {_FORMS[of.form]} at {counted(of.lines, 'line')}. Assumed are standard deviations of real and "
+        f"imaginary part of {' and '.join(parts)}.{model}"
     )
-    return [Table("", heads, tuple(rows), assumed)]
+
+
+_FORMS = {
+    "linear": "differences of the values",
+    "log-magnitude": "logarithms of the ratio of the magnitudes",
+    "log-complex": "logarithms of the complex ratio",
+}
+
+
+def _chosen_lines(plan: PlanResults) -> list[Block]:
+    of = plan.functions
+    if of is None or of.lines_key is None or plan.frequency_lines is None:
+        return []
+    most = plan.frequency_lines.calibration_lines
+    return [
+        Paragraph(
+            f"The {of.lines} of {most} calibration lines that determine the parameters best are in the array "
+            f"{of.lines_key}."
+        )
+    ]
 
 
 def plan_setup(source: ReportSource) -> list[Block]:
@@ -294,7 +330,8 @@ def method_sentences(plan: PlanResults) -> list[str]:
     if plan.criterion is not None:
         what = {"D": "determinant of the information on", "A": "sum of the variances of"}[plan.criterion]
         where = "at the initial values" if plan.points == 1 else f"at {plan.points} points within the bounds"
-        words["expansion"] = f"sensors were placed one by one for the {what} the parameters, {where}"
+        of = "" if plan.functions is None else " from the FRFs"
+        words["expansion"] = f"sensors were placed one by one for the {what} the parameters{of}, {where}"
     found = [
         f"Candidates: {counted(plan.candidate_points, 'grid point')} that move in at least one target mode, with "
         f"{counted(plan.candidate_directions, 'uniaxial direction')}.",

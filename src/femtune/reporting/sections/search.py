@@ -17,7 +17,7 @@ from femtune.reporting.document import (
     columns,
     row,
 )
-from femtune.reporting.figures.effects import search_svg
+from femtune.reporting.figures.effects import front_svg, search_svg
 from femtune.reporting.numbers import NONE, counted, short, value
 
 if TYPE_CHECKING:
@@ -88,6 +88,45 @@ def seed_table(found: GlobalSearchResults) -> Table:
         row(str(s.seed), str(s.evaluations), short(s.chi2), words[s.same], words[s.converged]) for s in found.seeds
     )
     return Table("", heads, rows)
+
+
+def search_front(source: ReportSource) -> list[Block]:
+    """The front: picture and table; nothing where it was not requested."""
+    found = _of(source).front
+    if found is None:
+        return []
+    whole = source.arrays[found.front_key][:, -2:]
+    confirmed = [(p.frequency_model, p.other_model) for p in found.points]
+    known = [(f, o) for f, o in confirmed if f is not None and o is not None]
+    caption = (
+        f"Sum of squared relative errors of the frequencies against the {found.label}. Line: front on the "
+        f"{_of(source).on}. Dots: the model at points of the front. Cross: initial values."
+    )
+    draw = partial(
+        front_svg, whole.tolist(), known, (found.initial_frequency, found.initial_other), found.label,
+    )  # fmt: skip
+    return [Figure(draw, caption, caption, wide=True), front_table(_of(source))]
+
+
+def front_table(found: GlobalSearchResults) -> Table:
+    """A line each point of the front that the model has confirmed."""
+    assert found.front is not None
+    heads = columns(
+        *(f">{p.name}" for p in found.parameters), ">Frequencies", ">model", f">{found.front.label}", ">model"
+    )
+    rows = tuple(
+        row(
+            *map(value, p.parameters), short(p.frequency), _or_none(p.frequency_model), short(p.other),
+            _or_none(p.other_model),
+        )
+        for p in found.front.points
+    )  # fmt: skip
+    note = "Frequencies: sum of the squared relative errors. Both errors on what was searched, and of the model there."
+    return Table("", heads, rows, note)
+
+
+def _or_none(number: float | None) -> str:
+    return NONE if number is None else short(number)
 
 
 def search_surrogate(source: ReportSource) -> list[Block]:

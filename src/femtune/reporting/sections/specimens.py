@@ -45,6 +45,12 @@ def _sentences(found: SpecimenResults) -> list[str]:
         for p in found.parameters
         if p.individual and p.spread
     ]
+    if found.not_calibrated:
+        names, one = " and ".join(found.not_calibrated), len(found.not_calibrated) == 1
+        out.append(
+            f"The update uses no test of {names}: {'its' if one else 'their'} individual parameters have the initial "
+            "values, which are left out of mean and COV."
+        )
     if found.common is not None:
         out.append(as_sentence(f"common parameters: {found.common.sentence}"))
     out += [
@@ -63,17 +69,19 @@ def _parameters(found: SpecimenResults) -> Table:
     rows = []
     for p in found.parameters[:_MOST_SHOWN]:
         if p.individual:
-            rows.append(_row(p, "joint", p.spread))
+            rows.append(_row(p, "joint", p.spread, found.not_calibrated))
         else:
             rows.append(_common_row(p))
         if alone:
-            rows.append(_row(p, "separate", None if p.individual else p.spread))
+            rows.append(_row(p, "separate", None if p.individual else p.spread, found.not_calibrated))
     more = len(found.parameters) - _MOST_SHOWN
     note = f"{_NOTE} And {counted(more, 'more parameter')} in the results." if more > 0 else _NOTE
     return Table("Parameters of the specimens", tuple(heads), tuple(rows), note)
 
 
-def _row(p: SpecimenParameter, calibration: str, spread: SpreadRecord | None) -> tuple[Cell, ...]:
+def _row(
+    p: SpecimenParameter, calibration: str, spread: SpreadRecord | None, initial: tuple[str, ...]
+) -> tuple[Cell, ...]:
     cells = [Cell(p.name), Cell(calibration)]
     for v in p.values:
         number, sd, bound = (
@@ -81,7 +89,10 @@ def _row(p: SpecimenParameter, calibration: str, spread: SpreadRecord | None) ->
             if calibration == "joint"
             else (v.separate_value, v.separate_sd, v.separate_at_bound)
         )
-        cells += [Cell(value(number)), Cell("at bound" if bound else short(sd), tone="poor" if bound else "")]
+        if p.individual and v.specimen in initial:
+            cells += [Cell(value(number), tone="muted"), Cell("initial", tone="muted")]
+        else:
+            cells += [Cell(value(number)), Cell("at bound" if bound else short(sd), tone="poor" if bound else "")]
     return (*cells, *_spread(spread))
 
 
@@ -111,13 +122,14 @@ def _pictures(found: SpecimenResults) -> list[Block]:
     own = [p for p in found.parameters if p.individual][:_MOST_SHOWN]
     if not own:
         return []
+    names = tuple(name for name in found.specimens if name not in found.not_calibrated)
+    values = [(p, [v for v in p.values if v.specimen in names]) for p in own]
     rows = [
-        SpecimenRow(p.name, p.unit, tuple(v.value for v in p.values), tuple(v.sd for v in p.values), p.nominal)
-        for p in own
+        SpecimenRow(p.name, p.unit, tuple(v.value for v in vs), tuple(v.sd for v in vs), p.nominal) for p, vs in values
     ]
-    alt = "; ".join(f"{p.name}: " + ", ".join(f"{v.specimen} {value(v.value)}" for v in p.values) for p in own)
+    alt = "; ".join(f"{p.name}: " + ", ".join(f"{v.specimen} {value(v.value)}" for v in vs) for p, vs in values)
     caption = "Individual parameters of the specimens with two standard deviations. Dashed: initial value."
-    return [Figure(partial(specimens_svg, found.specimens, rows), caption, f"{caption} {alt}", wide=True)]
+    return [Figure(partial(specimens_svg, names, rows), caption, f"{caption} {alt}", wide=True)]
 
 
 def _frequencies(found: SpecimenResults) -> list[Block]:

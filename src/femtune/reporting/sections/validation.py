@@ -322,9 +322,16 @@ def goodness(source: ReportSource) -> list[Block]:
         rows.append(row("all", short(found.chi_square), str(found.degrees_of_freedom), _chance(found.p_value)))
     note = (
         "p is the probability of at least this chi-square if the residuals are noise with the stated standard "
-        "deviations. The test uses the part of the residuals that the parameters cannot change."
+        f"deviations. The test uses {_tested_part(source)}."
     )
     return [*goodness_sentence(source), Table("Are the residuals noise?", heads, tuple(rows), note)]
+
+
+def _tested_part(source: ReportSource) -> str:
+    update = source.results.update
+    if update is None or update.ok:
+        return "the part of the residuals that the parameters cannot change"
+    return "all of the residuals, because the update ended without an optimum"
 
 
 def _chance(p: float | None) -> str:

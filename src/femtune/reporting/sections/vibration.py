@@ -49,11 +49,17 @@ def _sweep_peaks(test: VibrationResults) -> Block:
     rows = tuple(
         row(
             p.output, *_three(p, "peak"), freq(p.test_peak_hz), freq(p.before_peak_hz), freq(p.peak_hz),
-            *_errors(p, "peak_hz"),
+            *_frequency_errors(p),
         )
         for p in test.points
     )  # fmt: skip
     return Table("Largest response in the sweep", heads, rows)
+
+
+def _frequency_errors(p: VibrationPoint) -> tuple[str, str]:
+    before, after = _errors(p, "peak_hz")
+    ends = (p.before_peak_at_end or p.test_peak_at_end, p.peak_at_end or p.test_peak_at_end)
+    return tuple("no resonance" if end else error for end, error in zip(ends, (before, after)))  # type: ignore[return-value]
 
 
 def _rms(test: VibrationResults) -> Block:

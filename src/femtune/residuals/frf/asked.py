@@ -22,11 +22,10 @@ from femtune.residuals.frf.lines import Band, Lines, PairedResonances
 from femtune.residuals.frf.measured_zeros import ZeroSearch, measured_antiresonances
 from femtune.residuals.frf.model_way import AtFirstState, ModelWay, ModesWanted, Settled, full_modes
 from femtune.residuals.frf.residual import FrfResidual, Places
-from femtune.residuals.frf.scatter import FrfScatter
+from femtune.residuals.frf.scatter import FrfScatter, relative_sd
 from femtune.residuals.frf.truncation import with_enough_modes
 
 _METHODS: dict[str, Method] = {"real modes": "real-modes", "complex modes": "complex-modes", "direct": "direct"}
-_USUAL_SD = 0.05
 _POOR = 0.1
 """Relative error of an identified system above which modes may be missing in it."""
 
@@ -43,7 +42,7 @@ class AskedFrfs(AtFirstState):
         entry = asked.entry
         measured, places, notices = _functions(asked)
         _check_labels(asked)
-        relative = entry.sd if entry.sd is not None else (0.0 if entry.floor else _USUAL_SD)
+        relative = relative_sd(entry.sd, entry.floor)
         scatter = FrfScatter(relative, entry.floor, entry.averages, _output_sd(asked, measured), _angles(entry))
         way = ModelWay(_METHODS[entry.method], _wanted(entry), None, entry.residual_vectors, _limit(entry))
 

@@ -103,16 +103,32 @@ def frf_residual(
         ``response.held-port``, ``model.unknown-node``, ``model.component``
     """
     scatter, way = scatter or FrfScatter(), (way or ModelWay()).of(model)
-    measured, regions, sd, shift = _chosen(measured, lines or Band(), scatter, form)
     configured = _point(model).configured
     name = configured.configuration.name
     places = places or places_of(configured.model.structure.nodes, measured)
-    residual = FrfResidual(name, measured, places, sd, regions, form, way, shift)
+    residual = weighted_residual(name, measured, places, lines or Band(), form, scatter, way)
     notices = _lost_in_noise(residual) if scatter.floor and form != "linear" else []
     residual = _coupled(residual, silent_functions(residual, model), notices)
     if not np.isfinite(residual.sd).any():
         raise _nothing_left(name, notices)
     return residual, tuple(notices)
+
+
+def weighted_residual(
+    configuration: str,
+    measured: FrfSet,
+    places: Places,
+    lines: Lines,
+    form: FrfForm,
+    scatter: FrfScatter,
+    way: ModelWay,
+) -> FrfResidual:
+    """The residual of all functions at the chosen lines, with the standard deviations of their values.
+
+    Functions that are zero in the model are part of it. Arguments and errors as of `frf_residual`.
+    """
+    some, regions, sd, shift = _chosen(measured, lines, scatter, form)
+    return FrfResidual(configuration, some, places, sd, regions, form, way, shift)
 
 
 def _point(model: ModelPoint | EigenSolution) -> ModelPoint:

@@ -113,6 +113,33 @@ class KnownFunctions:
 
 
 @dataclass(frozen=True, eq=False)
+class _Part:
+    """What makes one block.
+
+    Parameters
+    ----------
+    rows : of its values among those of all blocks, real above imaginary parts
+    own : where they stand once the values are ordered by blocks
+    scale : `ResidualBlock.sd`
+    """
+
+    label: str
+    rows: Integers
+    own: slice
+    scale: float
+    samples: LineSamples
+
+
+@dataclass(frozen=True, eq=False)
+class _Compared:
+    """Places (n,) of what is compared in the flat functions, σ of real above imaginary parts, and the blocks."""
+
+    places: Integers
+    sd: Reals
+    parts: tuple[_Part, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class FrfResidual(Residual):
     """H_model against H_test at some lines of some functions, weighted by the standard deviation of each value.
 
@@ -178,7 +205,18 @@ class FrfResidual(Residual):
 
     def compared(self, values: Complexes, gradient: Complexes) -> list[ResidualBlock]:
         """Residual blocks of functions of the model, (outputs, inputs, lines), and their derivatives (…, p)."""
-        return [self._of_part(label, at, values[at], gradient[at]) for label, at in self._parts]
+        compared = self._compared
+        of, p = compared.places, gradient.shape[-1]
+        test = self.measured.values.ravel()[of]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            residuals, jacobian = FORMS[self.form](values.ravel()[of], gradient.reshape(values.size, p)[of], test)
+        if not (np.isfinite(residuals).all() and np.isfinite(jacobian).all()):
+            raise self._not_finite(residuals, jacobian)
+        if self.form != "linear" and self.shift is not None:
+            residuals[: len(test)] += self.shift.ravel()[of]
+        order = np.concatenate([part.rows for part in compared.parts])
+        residuals, jacobian = (residuals / compared.sd)[order], (jacobian / compared.sd[:, None])[order]
+        return [self._block(part, residuals[part.own], jacobian[part.own]) for part in compared.parts]
 
     def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:
         """The model's functions at the lines, (outputs, inputs, lines), and their derivatives (…, p)."""
@@ -244,23 +282,30 @@ class FrfResidual(Residual):
             one[i, j] = at[i, j]
             yield f"{self.measured.responses[i]} / {self.measured.references[j]}", one
 
-    def _of_part(self, label: str, at: NDArray[np.bool_], model: Complexes, slope: Complexes) -> ResidualBlock:
-        test, sd = self.measured.values[at], self.sd[at]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            values, jacobian = FORMS[self.form](model, slope, test)
-        if not (np.isfinite(values).all() and np.isfinite(jacobian).all()):
-            raise self._not_finite(label)
-        if self.form != "linear" and self.shift is not None:
-            values[: len(test)] += self.shift[at]
-        # logarithms are relative already
-        size = np.abs(test) if self.form == "linear" else 1.0
-        scale = float(1.0 / np.sqrt(np.sum((size / sd) ** 2)))
-        parts = len(values) // len(test)
-        lines, sd = np.tile(self.measured.freq_hz[np.nonzero(at)[2]], parts), np.tile(sd, parts)
-        entry, log_sd = np.tile(np.arange(len(test)), parts), None if self.form == "linear" else sd
-        samples = LineSamples(lines, entry, log_sd, self._identified(at))
-        block = self.block(self.configuration, label, values / sd, jacobian / sd[:, None], scale)
-        return replace(block, samples=samples)
+    def _block(self, part: _Part, values: Reals, jacobian: Reals) -> ResidualBlock:
+        block = self.block(self.configuration, part.label, values, jacobian, part.scale)
+        return replace(block, samples=part.samples)
+
+    @cached_property
+    def _compared(self) -> _Compared:
+        """What of the blocks does not change with the model."""
+        parts, places, total = list[_Part](), list[Integers](), sum(int(at.sum()) for _, at in self._parts)
+        halves = 1 if self.form == "log-magnitude" else 2
+        begun = 0
+        for label, at in self._parts:
+            own, sd, n = np.flatnonzero(at), self.sd[at], int(at.sum())
+            # logarithms are relative already
+            size = np.abs(self.measured.values[at]) if self.form == "linear" else 1.0
+            scale = float(1.0 / np.sqrt(np.sum((size / sd) ** 2)))
+            rows = np.concatenate([half * total + np.arange(begun, begun + n) for half in range(halves)])
+            lines, sd = np.tile(self.measured.freq_hz[np.nonzero(at)[2]], halves), np.tile(sd, halves)
+            entry, log_sd = np.tile(np.arange(n), halves), None if self.form == "linear" else sd
+            samples = LineSamples(lines, entry, log_sd, self._identified(at))
+            parts.append(_Part(label, rows, slice(halves * begun, halves * (begun + n)), scale, samples))
+            places.append(own)
+            begun += n
+        of = np.concatenate(places) if places else np.zeros(0, np.int64)
+        return _Compared(of, np.tile(self.sd.ravel()[of], halves), tuple(parts))
 
     def _identified(self, at: NDArray[np.bool_]) -> IdentifiedValues | None:
         if self.identified is None:
@@ -270,5 +315,7 @@ class FrfResidual(Residual):
         lines = np.searchsorted(self.identified.freq_hz, self.measured.freq_hz)
         return IdentifiedValues(self.identified, (rows[i], columns[j], lines[k]), self.sd[at], self.form)
 
-    def _not_finite(self, label: str) -> FemtuneError:
+    def _not_finite(self, residuals: Reals, jacobian: Reals) -> FemtuneError:
+        bad = ~(np.isfinite(residuals) & np.isfinite(jacobian).all(axis=1))
+        label = next(part.label for part in self._compared.parts if bad[part.rows].any())
         return FemtuneError("residual.frf-not-finite", configuration=self.configuration, function=label)

@@ -119,6 +119,13 @@ class FrfScatter:
         return out
 
 
+def relative_sd(stated: float | None, floor: float) -> float:
+    """The relative standard deviation that a study states; without one the usual one, or zero beside a noise floor."""
+    if stated is not None:
+        return stated
+    return 0.0 if floor else FrfScatter.relative
+
+
 def _ratio(noise: Reals, size: Reals) -> Reals:
     return np.divide(noise, size, out=np.full(size.shape, np.nan), where=size > 0.0)
 

@@ -43,6 +43,7 @@ class Truncation:
     function, line_hz : where `largest` is
     vectors : whether residual vectors are added to the modes
     order : of the reduced model that they are of; None for superposed modes of the full model
+    large : DOFs of a full model that is too large for direct solutions; None where they were made
     """
 
     configuration: str
@@ -60,6 +61,7 @@ class Truncation:
     line_hz: float
     vectors: bool = True
     order: int | None = None
+    large: int | None = None
 
     @property
     def small(self) -> bool:
@@ -130,6 +132,12 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
     if way.method == "direct" and reduced is None:
         none = np.zeros(0)
         return Truncation(residual.configuration, way.method, count, reach, None, way.limit, top, none, 0, 0, 0, "", 0)
+    if reduced is not None and (large := state.full.configured.n_free) > _MOST_DOFS:
+        none = np.zeros(0)
+        return Truncation(
+            residual.configuration, way.method, count, reach, None, way.limit, top, none, 0, 0, 0, "", 0,
+            way.residual_vectors, reduced.order, large,
+        )  # fmt: skip
     values = residual.functions(model)[0] if reduced is None else reduced.values
     at = _lines(residual, np.abs(values))
     few, values = _at_lines(residual, at), values[:, :, at]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -44,6 +45,9 @@ class Exciter:
         return np.asarray(self.axes[self.axis])
 
 
+Choose = Callable[[Integers, Sequence[Exciter]], Integers]
+
+
 @dataclass(frozen=True, eq=False)
 class Excitation:
     """Exciters with the level (e, m) of each target mode."""
@@ -53,9 +57,15 @@ class Excitation:
 
 
 def find_exciters(
-    study: Study, solution: EigenSolution, targets: Integers, table: PlanTable, sites: Sites, uniaxial: Uniaxial
-) -> Excitation:
+    study: Study, solution: EigenSolution, targets: Integers, table: PlanTable, sites: Sites, uniaxial: Uniaxial,
+    choose: Choose | None = None,
+) -> Excitation:  # fmt: skip
     """Given exciters, and those that are placed.
+
+    Parameters
+    ----------
+    choose : positions of the chosen ones among candidates, of which it gets the positions in `uniaxial`, beside given
+        exciters; by the levels of the target modes where None
 
     Raises
     ------
@@ -71,7 +81,12 @@ def find_exciters(
         raise FemtuneError(
             "plan.exciters", where=study.file.where("plan", "exciters"), wanted=table.exciters, candidates=len(some)
         )
-    chosen = some[place_exciters(whole[some], table.exciters, whole[len(shapes) :])] if table.exciters else some[:0]
+    chosen = some[:0]
+    if table.exciters:
+        if choose is None:
+            chosen = some[place_exciters(whole[some], table.exciters, whole[len(shapes) :])]
+        else:
+            chosen = some[choose(some, given)]
     placed = [
         Exciter(int(sites.rows[i]), sites.axes[i], int(a), shapes[k])
         for k, i, a in zip(chosen, uniaxial.site[chosen], uniaxial.axis[chosen])

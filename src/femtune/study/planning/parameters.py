@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.files.study_file import PlanTable
     from femtune.model import EigenSolution
+    from femtune.planning import Objective
     from femtune.study.planning.candidates import Sites, SiteSensor, Uniaxial
 
 
@@ -118,14 +119,14 @@ def calibration(
     """Derivatives at grid points `rows`, at the nominal point and at further points of a Latin hypercube."""
     maker = _Maker(study, case, table, sites, rows)
     found = [maker.at(solution, targets)]
-    for i, x in enumerate(_hypercube(study, table.points - 1, table.seed)):
+    for i, x in enumerate(hypercube(study, table.points - 1, table.seed)):
         progress.step("derivatives within the bounds of the parameters", i, table.points - 1)
         other = study.solver.modes(case.configured.at(x), solution.wanted, None)
         found.append(maker.at(other, maker.matched(solution, targets, other)))
     return Calibration(table, rows, found)
 
 
-def _hypercube(study: Study, count: int, seed: int) -> Reals:
+def hypercube(study: Study, count: int, seed: int) -> Reals:
     """(count, k) normalised points within the bounds."""
     lower, upper = study.parameters.bounds
     if count < 1:
@@ -185,8 +186,29 @@ class _Maker:
         return np.asarray(np.einsum("nij,nj...->ni...", frames, own))
 
 
+class CalibrationKnown(Protocol):
+    """What the planned test would tell of the parameters, of the calibration with modes or with FRFs."""
+
+    def objective(self, rows: Integers, axes: Reals, placed: Sequence[SiteSensor]) -> Objective:
+        """For candidates at rows (s,) along directions (s, d, 3), beside sensors that are there."""
+        ...
+
+    def information(self, sensors: Sequence[SiteSensor]) -> list[Reals]:
+        """(k, k) at each point."""
+        ...
+
+    def of_candidates(self, sites: Sites, uniaxial: Uniaxial, triaxial: bool) -> Reals:
+        """(k, k) at the nominal point with a sensor at every candidate."""
+        ...
+
+    @property
+    def of_frequencies(self) -> Reals | None:
+        """(k, k) of the frequencies alone, at the nominal point; None where they are not compared."""
+        ...
+
+
 def expected_parameters(
-    study: Study, found: Calibration, sensors: Sequence[SiteSensor], every: Reals | None
+    study: Study, found: CalibrationKnown, sensors: Sequence[SiteSensor], every: Reals | None
 ) -> tuple[ExpectedParameter, ...]:
     """Expected standard deviations of the free parameters.
 
@@ -196,7 +218,8 @@ def expected_parameters(
     """
     each = found.information(sensors)
     ratios = [expected_sd(F) for F in each]
-    alone, data = expected_sd(found.of_frequencies), data_sd(each[0])
+    frequencies, data = found.of_frequencies, data_sd(each[0])
+    alone = None if frequencies is None else expected_sd(frequencies)
     best = None if every is None else expected_sd(every)
     values = study.parameters.values(nominal(study))
     return tuple(
@@ -208,7 +231,7 @@ def expected_parameters(
             expected_sd=float(ratios[0][i] * p.sd),
             worst_sd=float(max(r[i] for r in ratios) * p.sd),
             data_sd=float(data[i] * p.sd) if np.isfinite(data[i]) else None,
-            frequencies_sd=float(alone[i] * p.sd),
+            frequencies_sd=None if alone is None else float(alone[i] * p.sd),
             candidates_sd=None if best is None else float(best[i] * p.sd),
         )
         for i, p in enumerate(study.parameters.free)

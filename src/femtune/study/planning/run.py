@@ -20,9 +20,10 @@ from femtune.files.study_file import PlanTable, with_plan
 from femtune.files.study_file.kinds import number_list
 from femtune.model.response.rigid import is_rigid
 from femtune.planning import information_of, mesh_distances, outcome_of, rank_of, set_independence, trace_lines
+from femtune.residuals.frf.scatter import relative_sd
 from femtune.results.base import alert
 from femtune.results.model import model_modes
-from femtune.results.plan import PlannedSensor, PlannedSet, PlanResults, TargetMode
+from femtune.results.plan import PlannedFunctions, PlannedSensor, PlannedSet, PlanResults, TargetMode
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.results import Results
 from femtune.results.shapes import grid_translations, mode_shapes
@@ -32,24 +33,23 @@ from femtune.results.update import citations
 from femtune.study.planning.candidates import (
     Sites,
     SiteSensor,
-    Uniaxial,
     accessible_rows,
-    masses_at,
     moving,
     sites_of,
     surface_mesh,
 )
+from femtune.study.planning.design import Designer, PlannedDesign
 from femtune.study.planning.effects import mass_loading, sensor_masses, suspension_effect
 from femtune.study.planning.excitation import (
+    Excitation,
     Exciter,
     exciter_records,
-    find_exciters,
     frequency_lines,
     mode_excitation,
 )
 from femtune.study.planning.files import NO_FILES, PlanFiles, check_plan_files, write_plan_files
-from femtune.study.planning.parameters import Calibration, calibration, expected_parameters
-from femtune.study.planning.sensors import PlacedSensors, SensorPlan, candidate_shapes, given_sensors
+from femtune.study.planning.parameters import expected_parameters
+from femtune.study.planning.sensors import PlacedSensors, candidate_shapes, given_sensors
 from femtune.study.solutions import looking_up
 from femtune.units import unit_system
 
@@ -249,27 +249,32 @@ class _Plan:
         """The plan; its arrays go into `arrays`."""
         table, targets = self.table, self.targets
         given = given_sensors(self.study, self.case, self.solution, targets.positions, table)
-        triaxial, uniaxial = self._counts(given)
-        masses = masses_at(self.study, self.case, table, self.sites.rows)
-        names = tuple(str(j + 1) for j in targets.positions)
-        known = self._for_parameters(given)
-        plan = SensorPlan(table, self.sites, masses, given, self.xyz, names, known)
-        placed = plan.place(triaxial, uniaxial, table.visualisation)
-        anywhere = outcome_of(candidate_shapes(self.sites, plan.uniaxial, bool(triaxial)))
+        elastic_hz = self.solution.freq_hz[targets.positions][~targets.rigid]
+        lines = frequency_lines(table, elastic_hz, arrays)
+        lines_hz = None if lines is None else arrays[lines.calibration_key]
+        counts = self._counts(given)
+        designer = Designer(
+            self.study, self.case, self.solution, targets.positions, table, self.sites, given, counts, lines_hz,
+            self.progress,
+        )  # fmt: skip
+        found = designer.design()
+        placed, triaxial = found.placed, counts[0]
+        anywhere = outcome_of(candidate_shapes(self.sites, found.uniaxial, bool(triaxial)))
         shapes = np.concatenate([s.shapes for s in placed.sensors])
         if (rank := rank_of(shapes)) < shapes.shape[1]:
             raise FemtuneError("plan.dependent/sensors", channels=len(shapes), rank=rank, modes=shapes.shape[1])
         chosen = outcome_of(shapes)
         arrays["plan/auto_mac"] = chosen.auto_mac
         sensors = self._sensors(placed.sensors)
-        setup = self._setup(placed.sensors, sensors, plan.uniaxial, arrays)
-        setup |= self._expected(placed.sensors, known, plan.uniaxial)
+        setup = self._setup(placed.sensors, sensors, found.excitation)
+        setup["frequency_lines"] = lines
+        setup |= self._expected(found, lines_hz, arrays)
         return PlanResults(
             configuration=self.case.name,
             modes=tuple(self._mode(j, chosen, anywhere) for j in range(len(targets.positions))),
             rigid_left_out=targets.left_out,
             candidate_points=len(self.sites),
-            candidate_directions=len(plan.uniaxial.site),
+            candidate_directions=len(found.uniaxial.site),
             still=self.still,
             method=table.method,
             weighting=table.weighting,
@@ -279,58 +284,56 @@ class _Plan:
             exchanges=placed.exchanges,
             sensors=sensors,
             chosen=_planned_set(len(shapes), chosen),
-            all_candidates=_planned_set(3 * len(self.sites) if triaxial else len(plan.uniaxial.site), anywhere),
+            all_candidates=_planned_set(3 * len(self.sites) if triaxial else len(found.uniaxial.site), anywhere),
             lines=self._lines(placed.sensors),
             auto_mac_key="plan/auto_mac",
             alerts=(*self._alerts(placed, chosen), *self._alerts_of_setup(setup)),
             **setup,
         )
 
-    def _for_parameters(self, given: tuple[SiteSensor, ...]) -> Calibration | None:
-        """Derivatives at all candidates, where the sensors are placed for the parameters."""
-        if self.table.aim != "parameters":
-            return None
-        if not self.study.parameters.free:
-            raise FemtuneError("plan.parameters/none", where=self.study.file.where("plan", "aim"))
-        return self._calibration(np.union1d(self.sites.rows, np.array([s.row for s in given], np.int64)))
-
-    def _calibration(self, rows: Integers) -> Calibration:
-        self.progress.step("derivatives of the target modes", 0, None)
-        return calibration(
-            self.study, self.case, self.solution, self.targets.positions, self.sites, rows, self.table, self.progress
-        )
-
-    def _expected(
-        self, sensors: tuple[SiteSensor, ...], known: Calibration | None, uniaxial: Uniaxial
-    ) -> dict[str, Any]:
+    def _expected(self, found: PlannedDesign, lines_hz: Reals | None, arrays: Arrays) -> dict[str, Any]:
         """Expected standard deviations of the parameters; fields of the record by name."""
-        table, every = self.table, None
-        if not self.study.parameters.free or self.targets.rigid.all():
-            return {}
+        table, known = self.table, found.known
         if known is None:
-            known = self._calibration(np.unique([s.row for s in sensors]))
+            return {}
+        if table.data == "frfs":
+            assert lines_hz is not None
+            assumed: dict[str, Any] = {"functions": self._functions(found, lines_hz, arrays)}
         else:
-            every = known.of_candidates(self.sites, uniaxial, bool(table.triaxial))
+            assumed = {"frequency_sd": table.frequency_sd, "shape_sd": table.shape_sd}
+        information = known.information(found.placed.sensors)[0]
         return {
             "aim": table.aim,
             "criterion": table.criterion if table.aim == "parameters" else None,
             "points": table.points,
-            "frequency_sd": table.frequency_sd,
-            "shape_sd": table.shape_sd,
-            "parameters": expected_parameters(self.study, known, sensors, every),
+            "log_det_parameters": float(np.linalg.slogdet(np.eye(len(information)) + information)[1]),
+            "parameters": expected_parameters(self.study, known, found.placed.sensors, found.every),
+            **assumed,
         }
 
+    def _functions(self, found: PlannedDesign, lines_hz: Reals, arrays: Arrays) -> PlannedFunctions:
+        """What is assumed of the FRFs, and the lines that were chosen."""
+        table = self.table
+        if found.lines is not None:
+            arrays["plan/chosen_lines"] = lines_hz[found.lines]
+        return PlannedFunctions(
+            form=table.frf_form,
+            relative_sd=relative_sd(table.frf_sd, table.frf_floor),
+            floor=table.frf_floor,
+            lines=len(lines_hz) if found.lines is None else len(found.lines),
+            lines_key=None if found.lines is None else "plan/chosen_lines",
+            order=found.order,
+        )
+
     def _setup(
-        self, sensors: tuple[SiteSensor, ...], records: tuple[PlannedSensor, ...], uniaxial: Uniaxial, arrays: Arrays
+        self, sensors: tuple[SiteSensor, ...], records: tuple[PlannedSensor, ...], excitation: Excitation | None
     ) -> dict[str, Any]:
-        """Exciters, frequency lines, and what sensors and suspension change; fields of the record by name."""
+        """Exciters, and what sensors and suspension change; fields of the record by name."""
         table, targets, solution, case = self.table, self.targets, self.solution, self.case
         found: dict[str, Any] = {
-            "frequency_lines": frequency_lines(table, solution.freq_hz[targets.positions][~targets.rigid], arrays),
             "suspension": suspension_effect(self.study, case, solution, targets.positions, table),
         }
-        if table.exciters or table.exciters_placed:
-            excitation = find_exciters(self.study, solution, targets.positions, table, self.sites, uniaxial)
+        if excitation is not None:
             outputs, inputs = self._all_modes(sensors), self._all_modes(excitation.exciters)
             found["exciters"] = exciter_records(self.study, excitation, records)
             found["excitation"] = mode_excitation(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from femtune.model import EigenSolution
     from femtune.planning import ChosenSensors
     from femtune.results.plan import SensorKind
-    from femtune.study.planning.parameters import Calibration
+    from femtune.study.planning.parameters import CalibrationKnown
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class SensorPlan:
         given: Sequence[SiteSensor],
         xyz: Reals,
         names: tuple[str, ...],
-        calibration: Calibration | None = None,
+        calibration: CalibrationKnown | None = None,
     ) -> None:
         self._calibration = calibration
         self._names, self._table, self._sites, self._masses, self._xyz = names, table, sites, masses, xyz

@@ -1,4 +1,4 @@
-"""Shells (CQUAD4, CTRIA3): the parts that all shapes share, put together from a formulation of the strains.
+"""Shells (CQUAD4, CTRIA3, CTRIAR): the parts that all shapes share, put together from a formulation of the strains.
 
 The stiffness is a list of products of rows, each with one coefficient; the rows come in chunks that fit a core's cache.
 """
@@ -23,7 +23,7 @@ from femtune.fem.elements.shells.normals import shared_normals
 from femtune.fem.elements.shells.placement import PlacedShells, ShellPlane, shell_plane
 from femtune.fem.elements.shells.quad import QUAD
 from femtune.fem.elements.shells.strains import ON_TIES, TIES, Rows, ShellFormulation, ShellStrains, nodal_rows
-from femtune.fem.elements.shells.tri import TRI
+from femtune.fem.elements.shells.tri import TRI, TRI_ROTATION
 from femtune.fem.structure import ElementBatch, Structure
 
 # Nastran's scale of K6ROT
@@ -53,6 +53,16 @@ def shell_quad_pieces(batch: ElementBatch, structure: Structure) -> Iterator[lis
 def shell_tri_pieces(batch: ElementBatch, structure: Structure) -> Iterator[list[Contribution]]:
     """The same as ``shell_tri``, some elements at a time."""
     return shell_pieces(batch, structure, TRI)
+
+
+def shell_rotation_tri(batch: ElementBatch, structure: Structure) -> list[Contribution]:
+    """Stiffness and mass of CTRIAR; errors as of ``shell_quad``."""
+    return joined(shell_rotation_tri_pieces(batch, structure))
+
+
+def shell_rotation_tri_pieces(batch: ElementBatch, structure: Structure) -> Iterator[list[Contribution]]:
+    """The same as ``shell_rotation_tri``, some elements at a time."""
+    return shell_pieces(batch, structure, TRI_ROTATION)
 
 
 def shell_pieces(
@@ -185,4 +195,13 @@ SHELL_TRI = ElementKind(
     children=TRIANGLE_PARTS,
     shell=True,
     papers=("lee2004",),
+)
+SHELL_ROTATION_TRI = ElementKind(
+    "shell-rotation-tri",
+    shell_rotation_tri,
+    shell_rotation_tri_pieces,
+    faces=((0, 1, 2, -1),),
+    children=TRIANGLE_PARTS,
+    shell=True,
+    papers=("lee2004", "allman1984"),
 )

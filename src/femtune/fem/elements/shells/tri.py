@@ -10,7 +10,7 @@ from femtune.fem.elements.shells.drilling import drilling_rows
 from femtune.fem.elements.shells.placement import ShellPlane
 from femtune.fem.elements.shells.quad import inverse
 from femtune.fem.elements.shells.residual import ResidualFlexibility, of_one_size
-from femtune.fem.elements.shells.strains import IN_PLANE, ShellFormulation, ShellStrains, placed
+from femtune.fem.elements.shells.strains import ABOUT_NORMAL, IN_PLANE, ShellFormulation, ShellStrains, placed
 
 # ----------------------------------------------------------------------------------------------------
 # Membrane of a flat triangle: constant strains, and the turn about the normal; its geometry and its mass.
@@ -139,3 +139,48 @@ def tri_residual(xyz: Reals) -> ResidualFlexibility:
 
 
 TRI = ShellFormulation(0, tri_strains, tri_shares, tri_residual)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Membrane with rotations about the normal (CTRIAR): Allman, Computers and Structures 19 (1984) 1-8.
+#
+# A side bends as a beam between the rotations of its corners: its middle leaves the chord by l(θi − θj)/8. Equal
+# rotations of all corners strain nothing; a spring of a ten-thousandth of G t holds them, that of K6ROT = 100 before.
+
+
+SLACK = 1e-4
+
+
+def rotation_rows(corners: Reals) -> Reals:
+    """(m, 3, 3, 3, 3) strains at the middles of the sides from (u, v, θ) of corners, times the root of the weight."""
+    gradient = tri_gradient(corners) * (np.sqrt(tri_area(corners)) / ROOT_3)[:, None, None]
+    rows = np.zeros((len(corners), 3, 3, 3, 3))
+    bx, by = gradient[:, None, 0], gradient[:, None, 1]
+    rows[:, :, 0, :, 0], rows[:, :, 1, :, 1] = bx, by
+    rows[:, :, 2, :, 0], rows[:, :, 2, :, 1] = by, bx
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        side = corners[:, j] - corners[:, i]
+        leaves = np.stack([-side[:, 1], side[:, 0]], axis=1) / 8.0
+        for place, middle in enumerate(MIDDLES):
+            g = 4.0 * (middle[i] * gradient[:, :, j] + middle[j] * gradient[:, :, i])
+            strain = np.stack(
+                [g[:, 0] * leaves[:, 0], g[:, 1] * leaves[:, 1], g[:, 1] * leaves[:, 0] + g[:, 0] * leaves[:, 1]],
+                axis=1,
+            )
+            rows[:, place, :, i, 2] += strain
+            rows[:, place, :, j, 2] -= strain
+    return rows
+
+
+def tri_rotation_strains(plane: ShellPlane) -> ShellStrains:
+    """Strain rows of flat triangles whose rotations about the normal belong to the membrane."""
+    flat = tri_strains(plane)
+    held = np.zeros((len(plane.corners), 3, 3, 3, 6))
+    held[:, :, 2] = np.sqrt(SLACK) * flat.drilling
+    membrane = np.concatenate([placed(rotation_rows(plane.corners), ABOUT_NORMAL), held], axis=1)
+    bending = np.zeros_like(membrane)
+    bending[:, :3] = flat.bending / ROOT_3
+    return ShellStrains(membrane, None, np.zeros_like(flat.drilling), bending, flat.shear)
+
+
+TRI_ROTATION = ShellFormulation(0, tri_rotation_strains, tri_shares, tri_residual)

@@ -1,0 +1,97 @@
+"""The folders of runs: which run is in each of them, and which of them are kept.
+
+A file in the folder of a run tells its values and what it is of. A run that failed is named in it; without that, the
+run is under way, or was interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import shutil
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from femtune.runs.process import is_alive
+
+FACTS_FILE = "femtune_run.json"
+"""What femtune writes into the folder of every run, beside its input files."""
+_NAME = re.compile(r"[0-9a-f]{16}-[A-Za-z0-9_]+")
+_MOST_BYTES = 1 << 20
+_LATE_S = 3600.0
+"""After the time-out of a run on another machine, when its folder is taken as that of an interrupted run."""
+
+
+def begin(folder: Path, key: str, values: Mapping[str, float]) -> None:
+    """Say what is run in a folder, and by whom (errors OSError)."""
+    facts = {
+        "key": key, "values": {name: float(v) for name, v in values.items()}, "host": platform.node(),
+        "pid": os.getpid(), "started": time.time(),
+    }  # fmt: skip
+    (folder / FACTS_FILE).write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+
+
+def end(folder: Path, failure: str) -> None:
+    """Say how the run ended: "" for a run that is used (what cannot be written is left)."""
+    facts = {**_facts(folder), "ended": time.time(), "failure": failure}
+    try:
+        (folder / FACTS_FILE).write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+    except OSError:
+        return
+
+
+def clean(parent: Path, most_failed: int, timeout_s: float) -> None:
+    """Remove folders of runs that were interrupted, and of all but the newest runs that failed.
+
+    Parameters
+    ----------
+    most_failed : number of folders of failed runs that stay
+    timeout_s : after which a run is ended; one on another machine that began long before that is not under way
+    """
+    failed = []
+    for folder, facts in _folders(parent):
+        if facts.get("failure"):
+            failed.append((_number(facts.get("ended")), folder))
+        elif "ended" not in facts and not _under_way(facts, timeout_s):
+            shutil.rmtree(folder, ignore_errors=True)
+    failed.sort(key=lambda pair: pair[0])
+    for _, folder in failed[: max(len(failed) - most_failed, 0)]:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _folders(parent: Path) -> Iterator[tuple[Path, Mapping[str, Any]]]:
+    """Folders that femtune has made, with what is known of them; nothing else is ever removed."""
+    try:
+        found = [p for p in parent.iterdir() if _NAME.fullmatch(p.name) and p.is_dir() and not p.is_symlink()]
+    except OSError:
+        return
+    for folder in found:
+        facts = _facts(folder)
+        if str(facts.get("key", ""))[:16] == folder.name[:16]:
+            yield folder, facts
+
+
+def _facts(folder: Path) -> Mapping[str, Any]:
+    path = folder / FACTS_FILE
+    try:
+        if path.is_symlink() or path.stat().st_size > _MOST_BYTES:
+            return {}
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def _under_way(facts: Mapping[str, Any], timeout_s: float) -> bool:
+    """Whether the process that has made a folder may still be at work in it."""
+    if facts.get("host") == platform.node():
+        return is_alive(str(facts.get("pid")))
+    return time.time() - _number(facts.get("started")) < 2.0 * timeout_s + _LATE_S
