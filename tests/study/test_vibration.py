@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from tests.messages.shown import check_shown
 
 from femtune import steps
@@ -17,7 +18,14 @@ from femtune.files.study_file.validation import ValidateTable
 from femtune.model import Configuration, configure, parametric_model, solve_modes
 from femtune.model.damping import constant_damping
 from femtune.model.response import make_ports
-from femtune.model.vibration import Spectrum, Sweep, base_transfer, response_density, swept_response
+from femtune.model.vibration import (
+    ModalTransfer,
+    Spectrum,
+    Sweep,
+    base_transfer,
+    response_density,
+    swept_response,
+)
 from femtune.parameters import ParameterSet
 from femtune.results.step_results import RunResult
 from femtune.results.vibration import VibrationPoint, VibrationResults, vibration_verdicts
@@ -58,19 +66,44 @@ random_rms = 0.05
 """
 
 
-def _measure(bench: Bench) -> None:
-    """Curves of the true beam with a damping ratio of 2 %."""
-    model = parametric_model(
-        build_structure(read_deck(bench.folder / "truth/true.bdf")).structure, ParameterSet(()), ()
-    )
+LEVEL = Spectrum(np.array([10.0, 40.0, 400.0]), np.array([0.01, 0.04, 0.01]))
+
+
+TRANSIENT = """
+[[vibration]]
+name = "shock"
+kind = "transient"
+base = "Y"
+outputs = ["5Y+", "3Y+"]
+damping_ratio = {damping}
+signal = "shock.csv"
+measured = "shock_response.csv"
+"""
+
+
+def _transfer(deck: Path) -> ModalTransfer:
+    """The deck on its base with a damping ratio of 2 %."""
+    model = parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ())
     modes = solve_modes(configure(model, Configuration()).at(np.zeros(0)), 6)
     ports = make_ports(modes.point.configured, ["5Y+"], ["5Y+", "3Y+"])
-    transfer = base_transfer(modes, ports, "Y", constant_damping(0.02))
+    return base_transfer(modes, ports, "Y", constant_damping(0.02))
+
+
+def _of_deck(deck: Path, kind: str, lines: np.ndarray) -> np.ndarray:
+    """Amplitudes of the sweep, or densities, at lines."""
+    transfer = _transfer(deck)
+    if kind == "random":
+        return response_density(transfer, [LEVEL], lines)
     hz, envelope = swept_response(transfer, Sweep(10.0, 80.0, 4.0, amplitude=0.5))
-    _write(bench.folder / "sweep.csv", hz, envelope)
+    return np.array([np.interp(lines, hz, one) for one in envelope])
+
+
+def _measure(bench: Bench) -> None:
+    """Curves of the true beam."""
+    transfer = _transfer(bench.folder / "truth/true.bdf")
+    _write(bench.folder / "sweep.csv", *swept_response(transfer, Sweep(10.0, 80.0, 4.0, amplitude=0.5)))
     lines = np.linspace(15.0, 300.0, 6000)
-    level = Spectrum(np.array([10.0, 40.0, 400.0]), np.array([0.01, 0.04, 0.01]))
-    _write(bench.folder / "random.csv", lines, response_density(transfer, [level], lines))
+    _write(bench.folder / "random.csv", lines, response_density(transfer, [LEVEL], lines))
 
 
 def _write(path: Path, hz: np.ndarray, values: np.ndarray) -> None:
@@ -94,15 +127,27 @@ def test_the_updated_model_meets_the_curves_of_the_true_one(beam: Bench) -> None
     verdicts = [v for v in found.results.validation.verdicts if v.data == "vibration test"]
     assert [v.verdict for v in verdicts] == ["pass"] * 3
     assert all(v.measured is not None and v.measured < 0.5 for v in verdicts)
+    untested = " ".join(found.results.validation.not_tested)
+    assert "forced response" not in untested
+    assert "no configurations or modes were held out" not in untested
     sweep, random = _vibrations(found)
     assert sweep.excitation == "base Y, 10 to 80 Hz with 4 octaves per minute, amplitude 0.5"
     for point in sweep.points:
         assert point.peak == pytest.approx(point.test_peak, rel=1e-3)
     for point in random.points:
         assert point.rms == pytest.approx(point.test_rms, rel=2e-3)
+    # the stiffness changes frequencies; the height of a peak is that of damping and shape
+    assert [v.before_verdict for v in verdicts] == ["fail", "pass", "fail"]
     page = (Path(found.folder) / "report.html").read_text()
-    for word in ("Largest response in the sweep", "Test RMS", "RMS error in random vibration"):
-        assert word in page
+    for word in (
+        "Largest response in the sweep",
+        "Test RMS",
+        "RMS error in random vibration",
+        "Damping ratio 2 %",
+        "Its source is not stated",
+        "Responses of sweep: test, model before and after the update",
+    ):
+        assert word in page  # fmt: skip
 
 
 @pytest.mark.slow
@@ -175,6 +220,93 @@ def test_all_errors_of_vibration_tests_are_reported_together(beam: Bench) -> Non
 
 
 @pytest.mark.slow
+def test_curves_before_and_after_are_those_of_the_two_models(beam: Bench) -> None:
+    """The initial model is the deck itself, solved here past the study; the updated one meets the measured curves."""
+    _measure(beam)
+    found = _run(beam, 0.02)
+    for test in _vibrations(found):
+        assert test.curves is not None
+        hz, before = (found.arrays[key] for key in (test.curves.before_lines_key, test.curves.before_key))
+        expected = _of_deck(beam.folder / "beam.bdf", test.kind, hz)
+        np.testing.assert_allclose(before, expected, rtol=2e-3)
+        at, after = (found.arrays[key] for key in (test.curves.after_lines_key, test.curves.after_key))
+        assert test.curves.test_lines_key is not None
+        assert test.curves.test_key is not None
+        measured = [
+            np.interp(at, found.arrays[test.curves.test_lines_key], v) for v in found.arrays[test.curves.test_key]
+        ]
+        inside = (at > 16.0) & (at < 79.0)
+        np.testing.assert_allclose(after[:, inside], np.array(measured)[:, inside], rtol=0.03)
+
+
+@pytest.mark.slow
+def test_a_shock_that_is_integrated_step_by_step(beam: Bench) -> None:
+    """Measured: the true beam by integration of its equations of motion with an adaptive step."""
+    times, pulse = np.arange(0.0, 0.4, 1e-4), 0.02
+    signal = np.where(times < pulse, 5.0 * np.sin(np.pi * times / pulse), 0.0)
+    transfer = _transfer(beam.folder / "truth/true.bdf")
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        return transfer.poles * y + np.interp(t, times, signal)
+
+    found = solve_ivp(rate, (0.0, times[-1]), np.zeros(len(transfer.poles), complex), "DOP853", times,
+                      rtol=1e-9, atol=1e-12, max_step=1e-3)  # fmt: skip
+    response = 2.0 * np.real(transfer.residues[:, 0] @ found.y) + transfer.direct * signal
+    _write(beam.folder / "shock_response.csv", times, response)
+    np.savetxt(beam.folder / "shock.csv", np.vstack([times, signal]).T, delimiter=",", header="s,g", comments="")
+    tables = TRANSIENT.replace("{damping}", "0.02")
+    run = steps.run(beam.study(EI + tables + LIMITS + "transient_peak = 0.02\n"))
+    (shock,) = _vibrations(run)
+    assert shock.compared_s == (0.0, pytest.approx(times[-1]))
+    for point, measured in zip(shock.points, response):
+        assert point.peak == pytest.approx(np.abs(measured).max(), rel=2e-3)
+        assert point.peak_s == pytest.approx(times[np.abs(measured).argmax()], abs=2e-4)
+        assert point.before_peak != pytest.approx(point.peak, rel=0.01)
+    (verdict,) = [v for v in run.results.validation.verdicts if v.data == "vibration test"]  # type: ignore[union-attr]
+    assert verdict.criterion == "error of the largest response to a transient, own criterion"
+    assert verdict.verdict == "pass"
+    page = (Path(run.folder) / "report.html").read_text()
+    assert "Largest magnitude in the transient" in page
+
+
+@pytest.mark.slow
+def test_a_band_limits_what_is_compared(beam: Bench) -> None:
+    """In a band below the resonance the largest amplitudes are at its upper end, and the RMS is that of the band."""
+    _measure(beam)
+    band = "band_hz = [12.0, 20.0]\n"
+    tables = (SWEEP + band + RANDOM + band.replace("12.0", "15.0")).replace("{damping}", "0.02")
+    found = steps.run(beam.study(EI + tables + LIMITS))
+    sweep, random = _vibrations(found)
+    assert sweep.compared_hz == (12.0, 20.0)
+    assert random.compared_hz == (15.0, 20.0)
+    for point in sweep.points:
+        assert point.peak_hz == pytest.approx(20.0, abs=0.3)
+        assert point.test_peak_hz == pytest.approx(20.0, abs=0.3)
+    assert random.curves is not None
+    hz, after = (found.arrays[key] for key in (random.curves.after_lines_key, random.curves.after_key))
+    line = np.linspace(15.0, 20.0, 4001)
+    for point, density in zip(random.points, after):
+        assert point.rms == pytest.approx(np.sqrt(np.trapezoid(np.interp(line, hz, density), line)), rel=2e-3)
+
+
+@pytest.mark.slow
+def test_ratios_by_frequency_and_their_source(beam: Bench) -> None:
+    """A ratio at the frequency of the first mode and another one high above it: the peak is that of the first ratio."""
+    _measure(beam)
+    found = _run(beam, 0.02)
+    (first, _), (_, constant) = _vibrations(found), _vibrations(found)
+    ratios = 'damping_ratio = [0.04, 0.02]\ndamping_hz = [200.0, 400.0]\ndamping_source = "half-power bandwidths"\n'
+    tables = SWEEP.replace("damping_ratio = {damping}\n", ratios) + RANDOM.replace("{damping}", "0.02")
+    (table, again) = _vibrations(steps.run(beam.study(EI + tables + LIMITS)))
+    doubled = _vibrations(_run(beam, 0.04))[0]
+    assert table.damping == "damping ratio 4 % at 200 Hz, 2 % at 400 Hz, linear between them"
+    assert table.damping_source == "half-power bandwidths"
+    assert [p.peak for p in table.points] == pytest.approx([p.peak for p in doubled.points], rel=1e-5)
+    assert [p.peak for p in table.points] != pytest.approx([p.peak for p in first.points], rel=0.2)
+    assert again == constant
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("curve", ["measured", "computed"])
 def test_a_maximum_at_a_band_end_is_no_resonance(beam: Bench, curve: str) -> None:
     """Below the first mode both curves rise to the end of the band; in the whole band both have their resonance."""
@@ -207,7 +339,7 @@ def test_points_without_resonance_do_not_decide() -> None:
     good = VibrationPoint(output="5Y+", peak_hz=21.0, **facts)
     found = VibrationResults(name="s", kind="sweep", configuration="c", excitation="", points=(flat, good))
     study = SimpleNamespace(file=SimpleNamespace(validation=ValidateTable(profile="own", sweep_frequency=0.1)))
-    (verdict,) = vibration_verdicts(study, found)  # type: ignore[arg-type]
+    ((verdict, _),) = vibration_verdicts(study, found)  # type: ignore[arg-type]
     assert verdict.measured == pytest.approx(0.05)
     assert verdict.remark.startswith("s, 5Y+; 3Y+: the maximum of the measured curve")
 
@@ -239,6 +371,22 @@ def test_files_that_are_no_curves(beam: Bench, monkeypatch: pytest.MonkeyPatch, 
     check_shown(name, caught.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("vibration.signal", "s,g\n0,0\n0.001,1\n0.003,0\n"),
+        ("vibration.file, times", "s,g\n0,0\n0.002,-1\n0.001,0\n"),
+    ],
+)
+def test_signals_that_cannot_be_used(beam: Bench, monkeypatch: pytest.MonkeyPatch, name: str, text: str) -> None:
+    monkeypatch.chdir(beam.folder)
+    beam.study(EI + TRANSIENT.replace("{damping}", "0.02").replace('measured = "shock_response.csv"\n', "") + LIMITS)
+    (beam.folder / "shock.csv").write_text(text)
+    with pytest.raises(FemtuneError) as caught:
+        steps.run(Path("study.toml"))
+    check_shown(name, caught.value)
+
+
 def test_a_file_that_is_not_there(beam: Bench) -> None:
     with pytest.raises(FemtuneError) as caught:
         steps.run(beam.study(EI + SWEEP.replace("{damping}", "0.02") + LIMITS))
@@ -250,6 +398,8 @@ def test_a_file_that_is_not_there(beam: Bench) -> None:
     [
         ("vibration.entry", 'base = "Y"\n', ""),
         ("vibration.entry, missing", "rate = 4.0\n", ""),
+        ("vibration.entry, damping", "0.02\n", "[0.02, 0.01]\ndamping_hz = [20.0]\n"),
+        ("vibration.entry, band", 'base = "Y"\n', 'base = "Y"\nband_hz = [50.0, 40.0]\n'),
         ("vibration.entry, configuration", 'base = "Y"\n', 'base = "Y"\nconfiguration = "table"\n'),
     ],
 )

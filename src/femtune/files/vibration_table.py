@@ -1,4 +1,4 @@
-"""Measured curves of a vibration test: a heading, then a line for each frequency with a value for each point."""
+"""Curves of a vibration test: a heading, then a line for each frequency or time with a value for each point."""
 
 from __future__ import annotations
 
@@ -12,8 +12,12 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Where
 
 
-def read_vibration_table(path: Path, outputs: int) -> tuple[Reals, Reals]:
+def read_vibration_table(path: Path, outputs: int, *, history: bool = False) -> tuple[Reals, Reals]:
     """Frequencies (n,) in Hz, and values (outputs, n): amplitudes of a sweep, or power spectral densities.
+
+    Parameters
+    ----------
+    history : times (n,) in s instead of frequencies, and values of any sign
 
     Raises
     ------
@@ -28,9 +32,24 @@ def read_vibration_table(path: Path, outputs: int) -> tuple[Reals, Reals]:
         # a file without a heading would lose its first line
         raise _error(path, rows[0][0], "vibration.file/heading")
     values = np.array([_numbers(path, i, row, outputs) for i, row in rows[1:]]).reshape(-1, outputs + 1)
-    if len(values) < 2 or np.any(np.diff(values[:, 0]) <= 0.0) or np.any(values <= 0.0):
-        raise _error(path, None, "vibration.file")
+    if len(values) < 2 or np.any(np.diff(values[:, 0]) <= 0.0) or (not history and np.any(values <= 0.0)):
+        raise _error(path, None, "vibration.file/times" if history else "vibration.file")
     return values[:, 0], values[:, 1:].T
+
+
+def read_signal(path: Path) -> tuple[Reals, Reals]:
+    """Times (n,) in s of an excitation, and its values (n,).
+
+    Raises
+    ------
+    FemtuneError : ``vibration.file``; ``vibration.signal`` where the times are not evenly spaced
+    """
+    times, values = read_vibration_table(path, 1, history=True)
+    steps = np.diff(times)
+    # times may be rounded to the digits that are written
+    if np.abs(times - np.linspace(times[0], times[-1], len(times))).max() > 0.1 * steps.mean():
+        raise _error(path, None, "vibration.signal", least=float(steps.min()), most=float(steps.max()))
+    return times, values[0]
 
 
 def _is_text(cell: str) -> bool:

@@ -21,6 +21,7 @@ from femtune.validation.criteria import (
     SHAPE,
     SWEEP_AMPLITUDE,
     SWEEP_FREQUENCY,
+    TRANSIENT_PEAK,
 )
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ _QUANTITIES = {
     "sweep_frequency": SWEEP_FREQUENCY,
     "sweep_amplitude": SWEEP_AMPLITUDE,
     "random_rms": RMS,
+    "transient_peak": TRANSIENT_PEAK,
 }
 
 

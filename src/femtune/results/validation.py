@@ -128,6 +128,10 @@ class ValidationVerdict(Record):
     """Whether noise explains a failure, in words; "" without a failure, or if it is not known."""
     sentence: str
     """The verdict in a sentence."""
+    before: float | None = None
+    """The worst value of the model at the initial values, in `unit`; only for vibration tests."""
+    before_verdict: VerdictWord | None = None
+    """The verdict on it."""
 
 
 class HeldOutShape(Record):
@@ -166,7 +170,7 @@ class ValidationResults(Record):
     curves: tuple[PredictedCurves, ...] = ()
     """These FRFs line by line, by configuration."""
     vibrations: tuple[VibrationResults, ...] = ()
-    """Sine sweeps and random vibration tests, beside the updated model."""
+    """Sine sweeps and random vibration tests, beside the initial and the updated model."""
     deviations: FrfDeviations | None = None
     """Deviation δ of the FRFs before and after the update; None if the update uses no FRFs."""
 
@@ -355,10 +359,13 @@ def validation(
     verdicts = [v for s in scopes for v in _verdicts(study, s, asked, after, predicted, shapes.get(s))]
     verdicts += [v for one in frfs for v in _frf_verdicts(study, one)]
     shaken = ((one, v) for one in vibrations for v in vibration_verdicts(study, one))
-    verdicts += [_verdict(one.configuration, _VIBRATION, v) for one, v in shaken]
+    verdicts += [_verdict(one.configuration, _VIBRATION, after, before) for one, (after, before) in shaken]
     return ValidationResults(
         predictions=tuple(p for c in study.cases for p in _predictions(study, c, before, after, predicted)),
-        not_tested=(*_not_tested(study, scopes, after, frfs), *_without_data(asked, verdicts)),
+        not_tested=(
+            *_not_tested(study, scopes, after, frfs, vibrations),
+            *_without_data(asked, verdicts),
+        ),
         profile=asked.name,
         verdicts=tuple(verdicts),
         frfs=tuple(f for one in frfs for f in predicted_frfs(one, _frf_data(study, one.case))),
@@ -462,7 +469,7 @@ def _frf_verdicts(study: Study, one: UnusedFrfs) -> Iterable[ValidationVerdict]:
     return (_verdict(one.case.name, _frf_data(study, one.case), v) for v in verdicts)
 
 
-def _verdict(configuration: str, data: str, v: Verdict) -> ValidationVerdict:
+def _verdict(configuration: str, data: str, v: Verdict, before: Verdict | None = None) -> ValidationVerdict:
     c = v.criterion
     scale = 100.0 if c.percent else 1.0
     return ValidationVerdict(
@@ -477,6 +484,8 @@ def _verdict(configuration: str, data: str, v: Verdict) -> ValidationVerdict:
         remark=v.remark,
         noise=v.noise,
         sentence=f"{configuration}, {data}: {v.sentence}",
+        before=None if before is None or before.measured is None else scale * before.measured,
+        before_verdict=None if before is None else before.outcome.value,
     )
 
 
@@ -545,16 +554,21 @@ def _answer(c: Correlation, i: int) -> tuple[bool, int | None]:
 
 
 def _not_tested(
-    study: Study, scopes: Sequence[Scope], after: ModelRecords, frfs: Sequence[UnusedFrfs]
+    study: Study,
+    scopes: Sequence[Scope],
+    after: ModelRecords,
+    frfs: Sequence[UnusedFrfs],
+    vibrations: Sequence[VibrationResults],
 ) -> Iterable[str]:
     yield from (f"{c.name}: the configuration has no test with modes" for c in study.cases if c.modal is None)
     of_frfs_only = [_frf_data(study, one.case) for one in frfs if one.found is not None and one.found.matches]
     kinds = {word for s in scopes for word in s.data.split(", ")} | {w for d in of_frfs_only for w in d.split(", ")}
-    if not kinds:
-        yield _NOTHING
-    else:
+    shaken = any(v.compared for v in vibrations)
+    if kinds:
         yield from _kinds_not_tested(kinds)
-    yield from responses_not_tested(study, bool(of_frfs_only), after.responses)
+    elif not shaken:
+        yield _NOTHING
+    yield from responses_not_tested(study, bool(of_frfs_only) or shaken, after.responses)
     yield _LINEARITY
     if _of_ratio(study):
         yield _MASS
@@ -581,7 +595,7 @@ def responses_not_tested(study: Study, predicted: bool, responses: Iterable[Resp
 
     Parameters
     ----------
-    predicted : whether FRFs that were not used are beside those of the model
+    predicted : whether FRFs that were not used, or vibration tests, are beside those of the model
     responses : those of [response] at the end
     """
     with_ratios = any(c.entry.kind in ("complex-eigenvalue", "damping") for c in study.file.comparisons)

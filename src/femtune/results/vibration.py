@@ -1,18 +1,19 @@
-"""Vibration tests that the update did not use, beside the updated model, as records with verdicts."""
+"""Vibration tests that the update did not use, beside the initial and the updated model, with verdicts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.assembly.error_places import errors_at
 from femtune.errors import ErrorCollector, FemtuneError
-from femtune.files.vibration_table import read_vibration_table
-from femtune.model.damping import constant_damping
+from femtune.files.vibration_table import read_signal, read_vibration_table
+from femtune.model.damping import constant_damping, damping_table
 from femtune.model.response import make_ports
 from femtune.model.vibration import (
     ModalTransfer,
@@ -20,53 +21,87 @@ from femtune.model.vibration import (
     Sweep,
     base_transfer,
     force_transfer,
+    response_density,
     response_rms,
     swept_response,
+    transient_response,
 )
 from femtune.results.base import Record
 from femtune.results.criteria import of_vibration
 from femtune.results.solved import solve
 from femtune.validation import judge, not_tested
-from femtune.validation.criteria import RMS, SWEEP_AMPLITUDE, SWEEP_FREQUENCY
+from femtune.validation.criteria import RMS, SWEEP_AMPLITUDE, SWEEP_FREQUENCY, TRANSIENT_PEAK
 
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.study import Study
     from femtune.files.study_file import VibrationEntry
-    from femtune.model import EigenSolution, ModalDamping
+    from femtune.model import EigenSolution
+    from femtune.model.response.modal_damping import DampingRatios
     from femtune.validation import Criterion, Verdict
 
 
 class VibrationPoint(Record):
-    """A point of a vibration test: the updated model beside what was measured."""
+    """A point of a vibration test: the model at the initial and the updated values beside what was measured."""
 
     output: str
     """Degree of freedom."""
     peak: float | None
-    """Largest amplitude of the model in a sweep, over the band that was measured; None for random vibration."""
+    """Largest amplitude of the updated model in a sweep, or magnitude in a transient; None for random vibration."""
     peak_hz: float | None
     """Its frequency, Hz."""
-    peak_at_end: bool = False
-    """True if it lies at an end of the band, which then contains no resonance."""
     rms: float | None
-    """Root mean square of the model in random vibration, over the band that was measured; None for a sweep."""
+    """Root mean square of the updated model in random vibration, over the band that is compared; None for others."""
     test_peak: float | None = None
-    """Largest measured amplitude in the same band; None if nothing was measured."""
+    """Largest measured amplitude or magnitude; None if nothing was measured."""
     test_peak_hz: float | None = None
     """Its frequency, Hz."""
-    test_peak_at_end: bool = False
-    """True if it lies at an end of the band, which then contains no resonance."""
     test_rms: float | None = None
     """Measured root mean square; None if nothing was measured."""
+    peak_at_end: bool = False
+    """True if the peak of a sweep lies at an end of the band, which then contains no resonance."""
+    test_peak_at_end: bool = False
+    """The same of the measured one."""
+    before_peak_at_end: bool = False
+    """The same of the model at the initial values."""
+    before_peak: float | None = None
+    """Largest amplitude of the model at the initial values; None for random vibration."""
+    before_peak_hz: float | None = None
+    """Its frequency, Hz."""
+    before_rms: float | None = None
+    """Root mean square of the model at the initial values; None for other kinds."""
+    peak_s: float | None = None
+    """Time of the largest magnitude of the updated model, s; only for a transient."""
+    test_peak_s: float | None = None
+    """Time of the largest measured magnitude, s."""
+    before_peak_s: float | None = None
+    """Time of the largest magnitude of the model at the initial values, s."""
+
+
+class VibrationCurves(Record):
+    """Responses in a vibration test: amplitudes of a sweep, power spectral densities, or time histories."""
+
+    before_lines_key: str
+    """Key of the frequencies in Hz, or times in s, of the model at the initial values, shape (lines,)."""
+    before_key: str
+    """Key of its responses, shape (outputs, lines)."""
+    after_lines_key: str
+    """The same of the updated model."""
+    after_key: str
+    """The same of the updated model."""
+    test_lines_key: str | None
+    """Key of the measured frequencies or times; None if nothing was measured."""
+    test_key: str | None
+    """Key of what was measured."""
 
 
 class VibrationResults(Record):
-    """A sine sweep or a random vibration test of the updated model."""
+    """A sine sweep, random vibration or a transient of the model, beside what was measured."""
 
     name: str
     """Name of the test."""
     kind: str
-    """"sweep" or "random"."""
+    """"sweep", "random" or "transient"."""
     configuration: str
     """Name of the configuration."""
     excitation: str
@@ -75,9 +110,28 @@ class VibrationResults(Record):
     """One record a point; none if it could not be computed."""
     problem: str = ""
     """Why it could not be computed; "" otherwise."""
+    damping: str = ""
+    """Damping of the model, in words."""
+    damping_source: str = ""
+    """Where the damping is from, as the study states it; "" if it does not."""
+    compared_hz: tuple[float, float] | None = None
+    """Band over which the largest amplitudes or the root mean squares are taken; None for a transient."""
+    compared_s: tuple[float, float] | None = None
+    """Times over which the largest magnitudes are taken; only for a transient."""
+    curves: VibrationCurves | None = None
+    """Responses over frequency; None if they could not be computed."""
+
+    @property
+    def compared(self) -> bool:
+        """True if something was measured, and the model is beside it."""
+        return self.curves is not None and self.curves.test_key is not None
 
 
 Curve = tuple[Reals, Reals]
+Band = tuple[float, float]
+Arrays = dict[str, NDArray]
+_MOST_LINES = {"sweep": 3000, "random": 3000, "transient": 20_000}
+"""Of a curve in the arrays of the results."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,37 +140,34 @@ class VibrationTest:
 
     Parameters
     ----------
-    excitation : of random vibration over the band that was measured
-    damping : of the modes
-    measured : the measured curves, over the frequencies of the excitation; None if nothing was measured
+    excitation : a sweep, a spectrum, or times and values of a transient
+    damping, damping_words : of the modes
+    band : frequencies, or times, over which model and test are compared
+    measured : the measured curves; None if nothing was measured
     """
 
     entry: VibrationEntry
-    excitation: Sweep | Spectrum
-    damping: ModalDamping
+    excitation: Sweep | Spectrum | Curve
+    damping: DampingRatios
+    damping_words: str
+    band: Band
     measured: Curve | None
 
     def case(self, study: Study) -> StudyCase:
         """Its configuration."""
         return _case(study, self.entry)
 
-    def points(self, modes: EigenSolution) -> Iterable[VibrationPoint]:
-        """Its points, by the modes of the model (errors ``vibration.*``)."""
-        transfer = _transfer(self.entry, modes, self.damping)
-        if isinstance(self.excitation, Sweep):
-            return _swept(self.excitation, transfer, self.measured)
-        return _random(self.excitation, transfer, self.measured)
-
 
 def _case(study: Study, entry: VibrationEntry) -> StudyCase:
     return next(c for c in study.cases if entry.configuration in (None, c.name))
 
 
-def _transfer(entry: VibrationEntry, modes: EigenSolution, damping: ModalDamping) -> ModalTransfer:
+def _transfer(test: VibrationTest, modes: EigenSolution) -> ModalTransfer:
+    entry = test.entry
     ports = make_ports(modes.point.configured, [entry.input or entry.outputs[0]], entry.outputs)
     if entry.base is not None:
-        return base_transfer(modes, ports, entry.base, damping)
-    return force_transfer(modes, ports, damping)
+        return base_transfer(modes, ports, entry.base, test.damping)
+    return force_transfer(modes, ports, test.damping)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,126 +203,220 @@ class VibrationTests:
             case = test.case(study)
             modes = solved.get(case.name) or solve(study, case, x)
             with errors.catch(), errors_at(study.file.where("vibration", i)):
-                _transfer(test.entry, modes, test.damping)
+                _transfer(test, modes)
         errors.raise_if_any()
 
-    def beside(self, study: Study, x: Reals) -> tuple[VibrationResults, ...]:
-        """All tests with the model at normalised parameters."""
-        return tuple(_beside(study, test, x) for test in self.tests)
+    def beside(self, study: Study, before: Reals, after: Reals, arrays: Arrays) -> tuple[VibrationResults, ...]:
+        """All tests with the model at the initial and the updated normalised parameters; curves go into `arrays`."""
+        of = enumerate(self.tests)
+        return tuple(_beside(study, test, (before, after), (f"vibration_{i}", arrays)) for i, test in of)
 
 
 def _read(study: Study, entry: VibrationEntry) -> VibrationTest:
-    measured = None
+    path, measured, excitation = study.file.path_of, None, None
     if entry.measured is not None:
-        measured = read_vibration_table(study.file.path_of(entry.measured), len(entry.outputs))
+        measured = read_vibration_table(path(entry.measured), len(entry.outputs), history=entry.kind == "transient")
     make_ports(_case(study, entry).configured, [entry.input or entry.outputs[0]], entry.outputs)
-    damping = study.built.modal_damping
-    if entry.damping_ratio is not None:
-        damping = constant_damping(entry.damping_ratio)
-    if damping is None:
-        raise FemtuneError("vibration.no-damping", name=entry.name)
-    if entry.kind == "random":
-        spectrum = Spectrum(np.array(entry.spectrum_hz), np.array(entry.spectrum))
-        return VibrationTest(entry, _common_spectrum(entry, spectrum, measured), damping, measured)
-    assert entry.from_hz is not None
-    assert entry.to_hz is not None
-    assert entry.rate is not None
-    sweep = Sweep(entry.from_hz, entry.to_hz, entry.rate, entry.law, entry.amplitude)
-    return VibrationTest(entry, sweep, damping, _within_sweep(entry, sweep, measured))
-
-
-def _common_spectrum(entry: VibrationEntry, whole: Spectrum, measured: Curve | None) -> Spectrum:
-    """The excitation over the measured band (errors ``vibration.spectrum``, ``vibration.no-overlap``)."""
-    assert len(whole.pieces)
-    found = whole if measured is None else whole.within(measured[0][0], measured[0][-1])
-    if found is None:
-        raise FemtuneError("vibration.no-overlap", name=entry.name)
-    return found
-
-
-def _within_sweep(entry: VibrationEntry, sweep: Sweep, measured: Curve | None) -> Curve | None:
-    """The measured curves within the band of a sweep (errors ``vibration.sweep``, ``vibration.no-overlap``)."""
-    swept = np.sort(sweep.steps()[0])
-    if measured is None:
-        return None
-    hz, values = measured
-    inside = (hz >= swept[0]) & (hz <= swept[-1])
-    if not inside.any():
-        raise FemtuneError("vibration.no-overlap", name=entry.name)
-    hz, values = hz[inside], values[:, inside]
-    if min(len(hz), int(np.sum((swept >= hz[0]) & (swept <= hz[-1])))) < _FEWEST_LINES:
-        raise FemtuneError("vibration.no-overlap/lines", name=entry.name, fewest=_FEWEST_LINES)
-    return hz, values
+    damping, words = _damping(study, entry)
+    excitation = _excitation(study, entry)
+    band = _band(entry, excitation, measured)
+    if isinstance(excitation, Sweep):
+        lines = [np.sort(excitation.steps()[0]), *([] if measured is None else [measured[0]])]
+        if measured is not None and min(int(np.sum((hz >= band[0]) & (hz <= band[1]))) for hz in lines) < _FEWEST_LINES:
+            raise FemtuneError("vibration.no-overlap/lines", name=entry.name, fewest=_FEWEST_LINES)
+    return VibrationTest(entry, excitation, damping, words, band, measured)
 
 
 _FEWEST_LINES = 3
 """Fewer lines have no maximum between their ends."""
 
 
-def _beside(study: Study, test: VibrationTest, x: Reals) -> VibrationResults:
+def _excitation(study: Study, entry: VibrationEntry) -> Sweep | Spectrum | Curve:
+    """Errors ``vibration.sweep``, ``vibration.spectrum``, ``vibration.signal``, ``vibration.file``."""
+    if entry.signal is not None and entry.kind == "transient":
+        return read_signal(study.file.path_of(entry.signal))
+    if entry.kind == "random":
+        spectrum = Spectrum(np.array(entry.spectrum_hz), np.array(entry.spectrum))
+        assert len(spectrum.pieces)
+        return spectrum
+    assert entry.from_hz is not None
+    assert entry.to_hz is not None
+    assert entry.rate is not None
+    return Sweep(entry.from_hz, entry.to_hz, entry.rate, entry.law, entry.amplitude)
+
+
+def _beside(
+    study: Study, test: VibrationTest, points: tuple[Reals, Reals], keep: tuple[str, Arrays]
+) -> VibrationResults:
     entry, case = test.entry, test.case(study)
     motion = f"base {entry.base}" if entry.base is not None else f"force at {entry.input}"
-    facts = {"name": entry.name, "kind": entry.kind, "configuration": case.name}
+    facts: dict[str, Any] = {
+        "name": entry.name, "kind": entry.kind, "configuration": case.name, "damping": test.damping_words,
+        "damping_source": entry.damping_source or "",
+    }  # fmt: skip
     try:
-        points = tuple(test.points(solve(study, case, x)))
+        before, after = (_transfer(test, solve(study, case, x)) for x in points)
+        found = [_response(test, transfer) for transfer in (before, after)]
+        measured = _measured_levels(entry, test.measured, test.band)
     except FemtuneError as error:
         return VibrationResults(**facts, excitation=motion, points=(), problem=f"{error.what} ({error.code})")
-    return VibrationResults(**facts, excitation=f"{motion}, {_words(entry)}", points=points)
+    levels = zip(after.outputs, found[0].levels, found[1].levels, measured or [{}] * len(after.outputs), strict=True)
+    return VibrationResults(
+        **facts,
+        excitation=f"{motion}, {_words(entry)}",
+        points=tuple(
+            VibrationPoint(output=output, **{**_NO_LEVELS, **of_after}, **_named("before", of_before),
+                           **_named("test", of_test))
+            for output, of_before, of_after, of_test in levels
+        ),
+        compared_hz=None if entry.kind == "transient" else test.band,
+        compared_s=test.band if entry.kind == "transient" else None,
+        curves=_kept((keep[0], entry.kind), keep[1], found[0].curve, found[1].curve, test.measured),
+    )  # fmt: skip
+
+
+_NO_LEVELS: dict[str, Any] = {"peak": None, "peak_hz": None, "rms": None}
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Levels of each output in the band that is compared, by name, and the whole curve."""
+
+    levels: list[dict[str, Any]]
+    curve: Curve
+
+
+def _damping(study: Study, entry: VibrationEntry) -> tuple[DampingRatios, str]:
+    """Damping of the modes, and in words (error ``vibration.no-damping``)."""
+    if isinstance(entry.damping_ratio, tuple):
+        ratios, hz = entry.damping_ratio, entry.damping_hz
+        words = ", ".join(f"{100.0 * r:.3g} % at {f:.4g} Hz" for f, r in zip(hz, ratios, strict=True))
+        return damping_table(hz, ratios, flat=True), f"damping ratio {words}, linear between them"
+    if entry.damping_ratio is not None:
+        return constant_damping(entry.damping_ratio), f"damping ratio {100.0 * entry.damping_ratio:.3g} % of all modes"
+    if study.built.modal_damping is None:
+        raise FemtuneError("vibration.no-damping", name=entry.name)
+    return study.built.modal_damping, "modal damping of the deck (SDAMPING)"
+
+
+def _band(entry: VibrationEntry, excitation: Sweep | Spectrum | Curve, measured: Curve | None) -> Band:
+    """What excitation, measured curve and `band_hz` have in common (error ``vibration.no-overlap``)."""
+    bands = [_excited(excitation)]
+    if measured is not None:
+        bands.append((float(measured[0][0]), float(measured[0][-1])))
+    if entry.band_hz is not None and entry.kind != "transient":
+        bands.append(entry.band_hz)
+    low, high = max(b[0] for b in bands), min(b[1] for b in bands)
+    if not low < high:
+        raise FemtuneError("vibration.no-overlap", name=entry.name)
+    return low, high
+
+
+def _excited(excitation: Sweep | Spectrum | Curve) -> Band:
+    if isinstance(excitation, Sweep):
+        return min(excitation.from_hz, excitation.to_hz), max(excitation.from_hz, excitation.to_hz)
+    lines = excitation.freq_hz if isinstance(excitation, Spectrum) else excitation[0]
+    return float(lines[0]), float(lines[-1])
 
 
 def _words(entry: VibrationEntry) -> str:
+    if entry.kind == "transient":
+        return f"signal {entry.signal}"
     if entry.kind == "random":
         return f"{entry.spectrum_hz[0]:g} to {entry.spectrum_hz[-1]:g} Hz"
     unit = "octaves per minute" if entry.law == "logarithmic" else "Hz/s"
     return f"{entry.from_hz:g} to {entry.to_hz:g} Hz with {entry.rate:g} {unit}, amplitude {entry.amplitude:g}"
 
 
-def _swept(sweep: Sweep, transfer: ModalTransfer, measured: Curve | None) -> Iterable[VibrationPoint]:
-    hz, envelope = swept_response(transfer, sweep)
-    if measured is not None:
-        seen = (hz >= measured[0][0]) & (hz <= measured[0][-1])
-        hz, envelope = hz[seen], envelope[:, seen]
-    for i, output in enumerate(transfer.outputs):
-        peak, peak_hz, at_end = _largest(hz, envelope[i])
-        point = VibrationPoint(output=output, peak=peak, peak_hz=peak_hz, peak_at_end=at_end, rms=None)
-        if measured is not None:
-            peak, peak_hz, at_end = _largest(measured[0], measured[1][i])
-            point = point.model_copy(update={"test_peak": peak, "test_peak_hz": peak_hz, "test_peak_at_end": at_end})
-        yield point
+def _response(test: VibrationTest, transfer: ModalTransfer) -> Response:
+    excitation = test.excitation
+    if isinstance(excitation, Spectrum):
+        return _random(excitation, transfer, test.band)
+    if isinstance(excitation, Sweep):
+        curve = swept_response(transfer, excitation)
+    else:
+        times, signal = excitation
+        curve = times, transient_response(transfer, signal, float(times[-1] - times[0]) / (len(times) - 1))
+    return Response(_peaks(test.entry, curve, test.band), curve)
 
 
-def _largest(hz: Reals, curve: Reals) -> tuple[float, float, bool]:
-    """The largest value, its frequency, and whether it is the first or the last one."""
-    top = int(np.argmax(curve))
-    return float(curve[top]), float(hz[top]), top in (0, len(hz) - 1)
+def _peaks(entry: VibrationEntry, curve: Curve, band: Band) -> list[dict[str, Any]]:
+    """Largest amplitudes or magnitudes, with their frequencies or times."""
+    seen = (curve[0] >= band[0]) & (curve[0] <= band[1])
+    lines, sizes = curve[0][seen], np.abs(curve[1][:, seen])
+    if not len(lines):
+        raise FemtuneError("vibration.no-overlap", name=entry.name)
+    tops = np.argmax(sizes, axis=1)
+    if entry.kind == "transient":
+        return [{"peak": float(v[top]), "peak_s": float(lines[top])} for v, top in zip(sizes, tops, strict=True)]
+    return [
+        {"peak": float(v[top]), "peak_hz": float(lines[top]), "peak_at_end": top in (0, len(lines) - 1)}
+        for v, top in zip(sizes, tops, strict=True)
+    ]
 
 
-def _random(spectrum: Spectrum, transfer: ModalTransfer, measured: Curve | None) -> Iterable[VibrationPoint]:
-    rms = response_rms(transfer, [spectrum])
-    for i, output in enumerate(transfer.outputs):
-        test = None
-        if measured is not None:
-            seen = Spectrum(measured[0], measured[1][i]).within(spectrum.freq_hz[0], spectrum.freq_hz[-1])
-            test = None if seen is None else seen.root_mean_square
-        yield VibrationPoint(output=output, peak=None, peak_hz=None, rms=float(rms[i]), test_rms=test)
+def _random(whole: Spectrum, transfer: ModalTransfer, band: Band) -> Response:
+    compared = whole.within(*band)
+    assert compared is not None
+    # lines beside each pole, so that no resonance is missed
+    near = np.abs(transfer.poles)[:, None] - np.outer(transfer.poles.real, np.linspace(-6.0, 6.0, 25))
+    lines = np.concatenate([np.geomspace(*_excited(whole), 800), near.ravel() / (2.0 * np.pi)])
+    lines = np.unique(lines[(lines >= whole.freq_hz[0]) & (lines <= whole.freq_hz[-1])])
+    levels = [{"rms": float(rms)} for rms in response_rms(transfer, [compared])]
+    return Response(levels, (lines, response_density(transfer, [whole], lines)))
+
+
+def _measured_levels(entry: VibrationEntry, measured: Curve | None, band: Band) -> list[dict[str, Any]] | None:
+    """None where nothing was measured."""
+    if measured is None:
+        return None
+    if entry.kind != "random":
+        return _peaks(entry, measured, band)
+    spectra = (Spectrum(measured[0], values).within(*band) for values in measured[1])
+    return [{"rms": spectrum.root_mean_square} for spectrum in spectra if spectrum is not None]
+
+
+def _named(head: str, levels: dict[str, Any]) -> dict[str, Any]:
+    return {f"{head}_{name}": value for name, value in levels.items()}
+
+
+def _kept(of: tuple[str, str], arrays: Arrays, before: Curve, after: Curve, test: Curve | None) -> VibrationCurves:
+    """Put thinned curves into the arrays under a key, with their largest values; `of` is the key and the kind."""
+    key, kind = of
+    names: dict[str, str | None] = {"test_lines_key": None, "test_key": None}
+    for name, curve in (("before", before), ("after", after), ("test", test)):
+        if curve is None:
+            continue
+        hz, values = curve
+        kept = np.arange(0, len(hz), -(-len(hz) // _MOST_LINES[kind]))
+        tops = np.argmax(np.abs(values), axis=1)
+        kept = np.unique([*kept, *tops, len(hz) - 1])
+        arrays[f"{key}_{name}_lines"], arrays[f"{key}_{name}"] = hz[kept], values[:, kept]
+        names |= {f"{name}_lines_key": f"{key}_{name}_lines", f"{name}_key": f"{key}_{name}"}
+    return VibrationCurves(**names)  # type: ignore[arg-type]
 
 
 # ----------------------------------------------------------------------------------------------------
 # Verdicts.
 
 
-def vibration_verdicts(study: Study, found: VibrationResults) -> Iterable[Verdict]:
-    """A verdict on each criterion of this kind of test, by the worst point that has what is compared."""
+def vibration_verdicts(study: Study, found: VibrationResults) -> Iterable[tuple[Verdict, Verdict | None]]:
+    """Verdicts of the updated and of the initial model on each criterion of this kind of test, by the worst point."""
     for criterion in of_vibration(study):
-        if (criterion.quantity == RMS) == (found.kind == "random"):
-            yield not_tested(criterion, found.problem) if found.problem else _verdict(criterion, found)
+        if found.kind != _KINDS[criterion.quantity]:
+            continue
+        if found.problem:
+            yield not_tested(criterion, found.problem), None
+            continue
+        yield _verdict(criterion, found, ""), _verdict(criterion, found, "before_")
 
 
-def _verdict(criterion: Criterion, found: VibrationResults) -> Verdict:
+def _verdict(criterion: Criterion, found: VibrationResults, head: str) -> Verdict:
+    """By the worst point that has what is compared; `head` is that of the names of the initial model."""
     errors, flat = [], []
     for point in found.points:
-        where = _no_resonance(point) if criterion.quantity == SWEEP_FREQUENCY else ""
-        error = _ERRORS[criterion.quantity](point)
+        where = _no_resonance(point, head) if criterion.quantity == SWEEP_FREQUENCY else ""
+        error = _ERRORS[criterion.quantity](point, head)
         if where:
             flat.append(f"{point.output}: {where}")
         elif error is not None:
@@ -282,25 +427,29 @@ def _verdict(criterion: Criterion, found: VibrationResults) -> Verdict:
     return not_tested(criterion, f"{found.name}: {'; '.join(flat) or 'nothing was measured'}")
 
 
-def _no_resonance(p: VibrationPoint) -> str:
+def _no_resonance(p: VibrationPoint, head: str) -> str:
     """Which curve has its maximum at an end of the band, in words; "" where neither has."""
-    if p.test_peak_hz is None or p.peak_hz is None:
+    hz = getattr(p, f"{head}peak_hz")
+    if p.test_peak_hz is None or hz is None:
         return ""
     if p.test_peak_at_end:
         curve, hz = "measured", p.test_peak_hz
-    elif p.peak_at_end:
-        curve, hz = "computed", p.peak_hz
+    elif getattr(p, f"{head}peak_at_end"):
+        curve = "computed"
     else:
         return ""
     return f"the maximum of the {curve} curve lies at an end of the band ({hz:.4g} Hz), not at a resonance"
 
 
-def _relative(model: float | None, test: float | None) -> float | None:
+def _relative(p: VibrationPoint, name: str, head: str) -> float | None:
+    model, test = getattr(p, head + name), getattr(p, f"test_{name}")
     return None if model is None or test is None else abs(model / test - 1.0)
 
 
-_ERRORS: dict[str, Callable[[VibrationPoint], float | None]] = {
-    SWEEP_FREQUENCY: lambda p: _relative(p.peak_hz, p.test_peak_hz),
-    SWEEP_AMPLITUDE: lambda p: _relative(p.peak, p.test_peak),
-    RMS: lambda p: _relative(p.rms, p.test_rms),
+_KINDS = {SWEEP_FREQUENCY: "sweep", SWEEP_AMPLITUDE: "sweep", RMS: "random", TRANSIENT_PEAK: "transient"}
+_ERRORS: dict[str, Callable[[VibrationPoint, str], float | None]] = {
+    SWEEP_FREQUENCY: lambda p, head: _relative(p, "peak_hz", head),
+    SWEEP_AMPLITUDE: lambda p, head: _relative(p, "peak", head),
+    RMS: lambda p, head: _relative(p, "rms", head),
+    TRANSIENT_PEAK: lambda p, head: _relative(p, "peak", head),
 }

@@ -88,7 +88,7 @@ class Known:
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
     deviations : those of the FRFs at the start and the end of the update
-    vibration_tests, vibrations : sweeps and random vibration tests as measured, and beside the updated model
+    vibration_tests, vibrations : sweeps and random vibration tests as measured, and beside the model
     quantify : covariance of the parameters from the repeats
     bootstrap : spread of the parameters by a bootstrap of the FRFs
     specimens : nominally identical specimens beside each other
@@ -317,7 +317,8 @@ def _unused_frfs(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 
 def _vibrations(run: Run, known: Known, arrays: Arrays) -> Outcome:
-    return {"vibrations": known.vibration_tests.beside(run.study, known.parameters.result.x)}
+    before, after = known.start.x, known.parameters.result.x
+    return {"vibrations": known.vibration_tests.beside(run.study, before, after, arrays)}
 
 
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:

@@ -112,7 +112,8 @@ OF_FRFS = (FRAC, FDAC, MEAN_LEVEL, MAX_LEVEL, RESONANCE)
 """Quantities that are measured on FRFs."""
 SWEEP_FREQUENCY, SWEEP_AMPLITUDE = "resonance frequency error in a sweep", "error of the largest response in a sweep"
 RMS = "RMS error in random vibration"
-OF_VIBRATION = (SWEEP_FREQUENCY, SWEEP_AMPLITUDE, RMS)
+TRANSIENT_PEAK = "error of the largest response to a transient"
+OF_VIBRATION = (SWEEP_FREQUENCY, SWEEP_AMPLITUDE, RMS, TRANSIENT_PEAK)
 """Quantities that are measured in vibration tests."""
 OWN = "own criterion"
 

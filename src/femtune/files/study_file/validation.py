@@ -46,6 +46,7 @@ class ValidateTable(TomlTable):
     sweep_frequency: Fraction | None = None
     sweep_amplitude: Fraction | None = None
     random_rms: Fraction | None = None
+    transient_peak: Fraction | None = None
     frf_from_hz: HertzAboveZero | None = None
     frf_to_hz: HertzAboveZero | None = None
     frequency_sd: Fraction | None = None
@@ -68,7 +69,7 @@ class ChecksTable(TomlTable):
 
 FRF_LIMITS = ("frac", "fdac", "frf_mean_db", "frf_max_db", "resonance_error")
 """Keys of [validate] that are limits of criteria on FRFs."""
-VIBRATION_LIMITS = ("sweep_frequency", "sweep_amplitude", "random_rms")
+VIBRATION_LIMITS = ("sweep_frequency", "sweep_amplitude", "random_rms", "transient_peak")
 """Keys of [validate] that are limits of criteria on vibration tests."""
 OWN_LIMITS = (
     "frequency_error", "mac", "cross_orthogonality", "off_diagonal", "shape_error", *FRF_LIMITS, *VIBRATION_LIMITS,

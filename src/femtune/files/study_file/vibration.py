@@ -1,8 +1,9 @@
-"""[[vibration]]: a sine sweep or a random vibration test that the updated model is compared with."""
+"""[[vibration]]: a sine sweep, random vibration or a transient that the updated model is compared with."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -10,7 +11,7 @@ from pydantic import Field
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
 from femtune.files.study_file.response import HertzAboveZero, Labels
-from femtune.files.study_file.source import StudyLines, named_twice, tables
+from femtune.files.study_file.source import Place, StudyLines, named_twice, tables
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
@@ -19,12 +20,14 @@ class VibrationEntry(TomlTable):
     """[[vibration]]: excitation, points, damping, and the file of what was measured."""
 
     name: Text
-    kind: Literal["sweep", "random"]
+    kind: Literal["sweep", "random", "transient"]
     configuration: Text | None = None
     base: Literal["X", "Y", "Z", "RX", "RY", "RZ"] | None = None
     input: DofLabel | None = None
     outputs: Labels
-    damping_ratio: Fraction | None = None
+    damping_ratio: Fraction | tuple[Fraction, ...] | None = None
+    damping_hz: tuple[HertzAboveZero, ...] = ()
+    damping_source: Text | None = None
     from_hz: HertzAboveZero | None = None
     to_hz: HertzAboveZero | None = None
     rate: Positive | None = None
@@ -32,7 +35,12 @@ class VibrationEntry(TomlTable):
     amplitude: Positive = 1.0
     spectrum_hz: tuple[HertzAboveZero, ...] = ()
     spectrum: tuple[Positive, ...] = ()
+    signal: Text | None = None
     measured: Text | None = None
+    band_hz: tuple[HertzAboveZero, HertzAboveZero] | None = None
+
+
+_NEEDED = {"sweep": ("from_hz", "to_hz", "rate"), "random": ("spectrum_hz", "spectrum"), "transient": ("signal",)}
 
 
 def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
@@ -43,13 +51,30 @@ def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtun
     for place, entry in entries:
         if ("base" in entry) == ("input" in entry):
             yield source.error(place, "vibration.entry", {})
-        needed = ("from_hz", "to_hz", "rate") if entry.get("kind") == "sweep" else ("spectrum_hz", "spectrum")
-        missing = [key for key in needed if key not in entry]
-        if missing and entry.get("kind") in ("sweep", "random"):
+        missing = [key for key in _NEEDED.get(str(entry.get("kind")), ()) if key not in entry]
+        if missing:
             yield source.error(place, "vibration.entry/missing", {}, kind=entry["kind"], keys=", ".join(missing))
+        yield from _damping(place, entry, source)
+        band = entry.get("band_hz")
+        if isinstance(band, list) and len(band) == 2 and not _rises(band):
+            yield source.error((*place, "band_hz"), "vibration.entry/band", {})
         name = entry.get("configuration")
         if isinstance(name, str) and name not in known:
             hint = did_you_mean(name, known) or "the study has no [[configuration]]; remove the key"
             yield source.error((*place, "configuration"), "vibration.entry/configuration", {}, hint=hint, name=name)
         if name is None and len(known) > 1:
             yield source.error(place, "vibration.entry/which-configuration", {})
+
+
+def _damping(place: Place, entry: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    """Several ratios need a rising frequency each."""
+    ratios, hz = entry.get("damping_ratio"), entry.get("damping_hz", [])
+    count = len(ratios) if isinstance(ratios, list) else 0
+    if isinstance(hz, list) and (len(hz) != count or not _rises(hz)):
+        yield source.error((*place, "damping_ratio"), "vibration.entry/damping", {}, ratios=count, lines=len(hz))
+
+
+def _rises(values: list[Any]) -> bool:
+    """Other checks report what is no number."""
+    numbers = [v for v in values if isinstance(v, int | float)]
+    return all(a < b for a, b in pairwise(numbers))

@@ -7,12 +7,19 @@ from femtune._lazy import lazy_names
 if TYPE_CHECKING:
     from femtune.model.vibration.random import Spectrum, response_density, response_rms
     from femtune.model.vibration.sweep import Sweep, swept_response, transient_response
-    from femtune.model.vibration.transfer import ModalTransfer, base_transfer, force_transfer
+    from femtune.model.vibration.transfer import (
+        ModalTransfer,
+        ModesOnBase,
+        base_transfer,
+        force_transfer,
+        transfer_of_base,
+    )
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "ModalTransfer",
+    "ModesOnBase",
     "Spectrum",
     "Sweep",
     "base_transfer",
@@ -20,5 +27,6 @@ __all__ = [
     "response_density",
     "response_rms",
     "swept_response",
+    "transfer_of_base",
     "transient_response",
 ]

@@ -72,7 +72,7 @@ def force_transfer(
     if rigid.any() and motion != "acceleration":
         raise FemtuneError("vibration.free", motion=motion)
     seen, driven = np.asarray(ports.outputs @ shapes), np.asarray(ports.inputs.T @ shapes)
-    poles = _poles(modes, ~rigid, damping)
+    poles = _poles(modes.freq_hz, ~rigid, damping)
     parts = np.einsum("om,im->oim", seen, driven)
     direct = parts.sum(axis=2) if motion == "acceleration" else np.zeros(parts.shape[:2])
     residues = parts[:, :, ~rigid] * poles ** _ORDER[motion] / (poles - poles.conj())
@@ -104,18 +104,63 @@ def base_transfer(
     shapes = modes.shapes[:, : modes.wanted]
     pushed = (configured.transformation @ shapes).T @ inertial_forces(modes.point, motions)[:, axis]
     seen = np.asarray(ports.outputs @ shapes)
-    poles = _poles(modes, np.ones(modes.wanted, bool), damping)
-    parts = -(seen * pushed)[:, None, :]
     carried = np.zeros(len(seen)) if relative else np.asarray(ports.outputs @ motions[configured.free, axis])
+    on_base = ModesOnBase(modes.freq_hz[: modes.wanted], seen, pushed, carried)
+    return transfer_of_base(on_base, damping, ports.output_names, f"base {direction}")
+
+
+@dataclass(frozen=True, eq=False)
+class ModesOnBase:
+    """Modes of a structure on its base, of this program or of another solver.
+
+    Parameters
+    ----------
+    freq_hz : (m,) natural frequencies, without rigid-body modes
+    shapes : (o, m) mass-normalised shapes at the outputs
+    participation : (m,) participation factors φᵀMr, r the rigid-body motion with the base
+    carried : (o,) r at the outputs; zeros for accelerations relative to the base
+    """
+
+    freq_hz: Reals
+    shapes: Reals
+    participation: Reals
+    carried: Reals
+
+
+def transfer_of_base(
+    modes: ModesOnBase, damping: DampingRatios, outputs: tuple[str, ...], base: str = "base"
+) -> ModalTransfer:
+    """Acceleration of the outputs over that of the base.
+
+    Parameters
+    ----------
+    outputs, base : their names
+
+    Raises
+    ------
+    FemtuneError : ``vibration.damping``
+
+    Examples
+    --------
+    A mass of 2 kg on a spring, at 10 Hz; at resonance it moves about 1/2ζ times as much as its base:
+
+    >>> import numpy as np
+    >>> from femtune.model.damping import constant_damping
+    >>> from femtune.model.vibration import ModesOnBase, transfer_of_base
+    >>> one = ModesOnBase(np.array([10.0]), np.array([[2**-0.5]]), np.array([2**0.5]), np.ones(1))
+    >>> transfer = transfer_of_base(one, constant_damping(0.02), ("mass",))
+    >>> round(float(abs(transfer.at(np.array([10.0]))[0, 0, 0])), 2)
+    25.02
+    """
+    poles = _poles(modes.freq_hz, np.ones(len(modes.freq_hz), bool), damping)
+    parts = -(modes.shapes * modes.participation)[:, None, :]
     residues = parts * poles**2 / (poles - poles.conj())
-    return ModalTransfer(
-        poles, residues, carried[:, None] + parts.sum(axis=2), ports.output_names, (f"base {direction}",)
-    )
+    return ModalTransfer(poles, residues, modes.carried[:, None] + parts.sum(axis=2), outputs, (base,))
 
 
-def _poles(modes: EigenSolution, which: Sequence[bool] | np.ndarray, damping: DampingRatios) -> Complexes:
+def _poles(freq_hz: Reals, which: Sequence[bool] | np.ndarray, damping: DampingRatios) -> Complexes:
     """(m,) of the chosen modes (error ``vibration.damping`` for ratios that are not between 0 and 1)."""
-    hz = modes.freq_hz
+    hz = freq_hz
     ratio = np.asarray(damping.ratio(hz), dtype=float)[np.asarray(which)]
     bad = ~((ratio > 0.0) & (ratio < 1.0))
     if bad.any():

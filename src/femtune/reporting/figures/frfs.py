@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ _MOST_POINTS = 1500
 _DECADES = 1e-6
 _CUT = -165.0
 """Lowest phase: noise must not make phases about ±180° jump."""
-_LOOKS: dict[str, dict[str, Any]] = {
+LOOKS: dict[str, dict[str, Any]] = {
     # a wide pale line, opaque so that colours do not mix, under narrow ones: both stay visible where they coincide
     "test": {"color": PALE_ORANGE, "linewidth": 4.0, "zorder": 2.0, "solid_capstyle": "butt"},
     "identified": {"color": INK, "linewidth": 0.9, "linestyle": (0, (1, 1.5)), "zorder": 2.3},
@@ -63,7 +63,7 @@ def frfs_svg(panels: Sequence[FrfPanel]) -> str:
             upper = figure.add_subplot(grid[row, column])
             lower = figure.add_subplot(grid[row + 1, column], sharex=upper)
             _panel(upper, lower, panel)
-        _legend(figure, panels)
+        legend(figure, [c.look for panel in panels for c in panel.curves])
 
     return draw_svg(3.7 * across if across > 1 else 5.6, 2.75 * rows + 0.3, draw)
 
@@ -77,8 +77,8 @@ def _panel(upper: Axes, lower: Axes, panel: FrfPanel) -> None:
         size = np.abs(values)
         size = np.where(size > 0.0, size, np.nan)
         smallest = min(smallest, float(np.nanmin(size, initial=largest)))
-        upper.plot(freq_hz, size, **_LOOKS[curve.look])
-        lower.plot(*_phase(freq_hz, values), **_LOOKS[curve.look])
+        upper.plot(freq_hz, size, **LOOKS[curve.look])
+        lower.plot(*_phase(freq_hz, values), **LOOKS[curve.look])
     _finish(upper, lower, panel, max(smallest, _DECADES * largest), largest)
 
 
@@ -121,8 +121,9 @@ def thinned(freq_hz: NDArray, values: NDArray, most: int = _MOST_POINTS) -> tupl
     return freq_hz[kept], values[kept]
 
 
-def _legend(figure: Figure, panels: Sequence[FrfPanel]) -> None:
-    looks = [look for look in _LOOKS if any(c.look == look for p in panels for c in p.curves)]
+def legend(figure: Figure, shown: Collection[str]) -> None:
+    """The looks that are shown, each once; nothing for a single one."""
+    looks = [look for look in LOOKS if look in shown]
     if len(looks) < 2:
         return
     words = {
@@ -134,5 +135,5 @@ def _legend(figure: Figure, panels: Sequence[FrfPanel]) -> None:
     }
     from matplotlib.lines import Line2D  # noqa: PLC0415
 
-    lines = [Line2D([], [], label=words[look], **_LOOKS[look]) for look in looks]
+    lines = [Line2D([], [], label=words[look], **LOOKS[look]) for look in looks]
     figure.legend(handles=lines, loc="outside upper left", ncols=len(lines), frameon=False, fontsize=8)

@@ -37,6 +37,7 @@ from femtune.reporting.numbers import (
     with_unit,
 )
 from femtune.reporting.sections.modes import mac_cell
+from femtune.reporting.sections.vibration import vibration_blocks
 from femtune.reporting.source import VERSION_HEADS, VERSION_WORDS, versions
 
 if TYPE_CHECKING:
@@ -75,39 +76,10 @@ def validation(source: ReportSource) -> list[Block]:
         *deviation_blocks(found),
         *frf_blocks(found),
         *_frf_figures(source, found),
-        *vibration_blocks(found),
+        *vibration_blocks(source, found),
         Heading("What was not tested"),
         _listing([*untested_reasons(found), *found.not_tested]),
     ]
-
-
-def vibration_blocks(found: ValidationResults) -> list[Block]:
-    """Sweeps and random vibration tests: a table each, or the reason why there is none."""
-    out: list[Block] = []
-    for test in found.vibrations:
-        out.append(Heading(f"{test.name}: {test.excitation} ({test.configuration})"))
-        if test.problem:
-            out.append(Paragraph(f"Not computed: {test.problem}"))
-        elif test.kind == "sweep":
-            heads = columns("Point", ">Test", ">Test Hz", ">Model", ">Model Hz", ">Error %", ">Frequency error %")
-            rows = (
-                row(
-                    p.output, short(p.test_peak), short(p.test_peak_hz), short(p.peak), short(p.peak_hz),
-                    _error(p.peak, p.test_peak),
-                    "no resonance" if p.peak_at_end or p.test_peak_at_end else _error(p.peak_hz, p.test_peak_hz),
-                )
-                for p in test.points
-            )  # fmt: skip
-            out.append(Table("Largest response in the sweep", heads, tuple(rows)))
-        else:
-            heads = columns("Point", ">Test RMS", ">Model RMS", ">Error %")
-            rows = (row(p.output, short(p.test_rms), short(p.rms), _error(p.rms, p.test_rms)) for p in test.points)
-            out.append(Table("Random vibration", heads, tuple(rows)))
-    return out
-
-
-def _error(model: float | None, test: float | None) -> str:
-    return NONE if model is None or test is None else signed_percent(100.0 * (model / test - 1.0))
 
 
 def _listing(lines: list[str]) -> Block:
@@ -133,18 +105,27 @@ def validation_verdicts(found: ValidationResults) -> list[Block]:
     sentence = outcome_sentence(found)
     if not sentence:
         return []
-    heads = columns("Configuration", "Data", "Criterion", ">Required", ">Measured", "Verdict", "Decided by")
-    rows = tuple(_verdict_row(v) for v in found.verdicts if v.verdict != NOT_TESTED)
+    tested = [v for v in found.verdicts if v.verdict != NOT_TESTED]
+    heads = columns(
+        "Configuration", "Data", "Criterion", ">Required", ">Before the update", ">Measured", "Verdict", "Decided by"
+    )
+    table = Table("", heads, tuple(_verdict_row(v) for v in tested))
+    if all(v.before is None for v in tested):
+        table = without_column(table, "Before the update")
     noise = tuple(f"{v.configuration}, {v.criterion}: {v.noise}" for v in found.verdicts if v.noise)
     misses: list[Block] = [Heading("Can measurement noise explain the failures?"), Listing(noise)] if noise else []
     tone: Tone = "poor" if any(v.verdict == "fail" for v in found.verdicts) else "good"
-    return [Paragraph(as_sentence(sentence), tone), Table("", heads, rows), *misses]
+    return [Paragraph(as_sentence(sentence), tone), table, *misses]
 
 
 def _verdict_row(v: ValidationVerdict) -> tuple[Cell, ...]:
     asked = with_unit(f"{'≤' if v.sense == 'at most' else '≥'} {value(v.required)}", v.unit)
     measured = NOT_TESTED if v.measured is None else with_unit(short(v.measured), v.unit)
-    return row(v.configuration, v.data, v.criterion, asked, measured, verdict_cell(v.verdict), v.remark or NONE)
+    before = NONE if v.before is None else with_unit(short(v.before), v.unit)
+    initial = Cell(before, tone=_VERDICT_TONES.get(v.before_verdict or "", ""))
+    return row(
+        v.configuration, v.data, v.criterion, asked, initial, measured, verdict_cell(v.verdict), v.remark or NONE
+    )
 
 
 def untested_reasons(found: ValidationResults) -> list[str]:
