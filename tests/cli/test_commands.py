@@ -21,6 +21,7 @@ Invoke = Callable[..., Result]
 _COMMANDS = [
     "info",
     "modes",
+    "compare",
     "respond",
     "plan",
     "identify",
@@ -130,7 +131,7 @@ def test_report_takes_a_run_folder(invoke: Invoke, steps: Any, tmp_path: Path) -
     assert invoke("report", tmp_path).stdout == f"report: {tmp_path / 'report.html'}\n"
 
 
-@pytest.mark.parametrize("command", [c for c in _COMMANDS if c not in ("report", "explain")])
+@pytest.mark.parametrize("command", [c for c in _COMMANDS if c not in ("compare", "report", "explain")])
 def test_missing_study(invoke: Invoke, steps: Any, tmp_path: Path, command: str) -> None:
     result = invoke(command, tmp_path / "none.toml")
     assert result.exit_code == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.fem.solid_parts import ANISO, lean
@@ -43,6 +45,16 @@ CASES: dict[str, Part] = {
         PAIRS[:1], {"E": 2.1e11, "G": 8.1e10, "rho": 7850.0}, [0.0, 1.0],
         {"A": [2e-4, 3e-4], "I1": [1.5e-8, 4e-8], "I2": [6e-9], "J": [1e-8, 2e-8], "NSM": [0.3], "K1": [0.8]},
     ),
+    "curved bar": Part(
+        "curved-bar", "CBEND", np.array(PAIRS[:1]),
+        {**SECTION, "A": 2e-4, "I1": 1.5e-8, "K1": 0.85, "K2": 0.6},
+        {"axes": FRAME[None], "radius": np.array([1.1]), "angle": np.array([0.9])},
+    ),
+    "curved bar without shear": Part(
+        "curved-bar", "CBEND", np.array(PAIRS[:1]),
+        {**SECTION, "A": 2e-4, "I1": 1.5e-8, "K1": 0.0, "K2": 0.0},
+        {"axes": FRAME[None], "radius": np.array([1.1]), "angle": np.array([0.9])},
+    ),
     "rod": rods(PAIRS, {"E": 2.1e11, "G": 8.1e10, "A": [2e-4, 3e-4], "J": 1e-8, "rho": 7850.0, "NSM": 0.3}),
     "bush": bushes(PAIRS, {f"K{i}": 1e4 * i for i in range(1, 7)}, frame=FRAME, arm_a=(0.1, 0.2, 0.3)),
     "damped bush": bushes(PAIRS, {f"{x}{i}": 0.1 * i for x in ("K", "B", "GE") for i in range(1, 7)}, frame=FRAME),
@@ -82,6 +94,9 @@ SHELLS = {
 }  # fmt: skip
 
 
+ROTATION = "shell-rotation-tri"
+
+
 def _shell(name: str, consistent: bool) -> Structure:
     xyz, cells, section = SHELLS[name]
     part = ShellPart(np.array(CELLS[cells]), SECTIONS[section], theta=0.3)
@@ -100,9 +115,21 @@ def _terms_of(structure: Structure) -> list[tuple[Contribution, dict[str, np.nda
 
 def test_every_kernel_has_a_case():
     kinds = {part.kind for part in CASES.values()} | {_shell(name, False).batches[0].kind for name in SHELLS}
+    kinds.add(ROTATION)
     # tests/fem/elements: test_shear_panel, test_curved_shell; tests/fem/test_generic
     elsewhere = {"shear-panel", "shell-quad8", "shell-tri6", "generic"}
     assert kinds | set(CARDS) | elsewhere == set(KINDS)
+
+
+@pytest.mark.quick(3)
+@pytest.mark.parametrize("name", [name for name in SHELLS if name.startswith("tri")])
+def test_terms_of_triangles_with_rotations(name: str) -> None:
+    structure = _shell(name, False)
+    batch = replace(structure.batches[0], kind=ROTATION, card="CTRIAR")
+    terms = _terms_of(replace(structure, batches=(batch,)))
+    assert {term.matrix for term, _ in terms} == {"stiffness", "mass", "hysteretic"}
+    for term, values in terms:
+        check_contribution(term, values)
 
 
 @pytest.mark.quick(8)

@@ -14,7 +14,7 @@ from scipy.stats import qmc
 from femtune import Study, steps
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.reporting import build_plan_page, html_text
+from femtune.reporting import build_page, html_text
 from femtune.results.results import Results
 from structures.plan_chain import BOUNDS, MASSES, NAMES, chain_deck, chain_frfs, scatter_of_calibrations
 
@@ -81,7 +81,7 @@ def test_expected_standard_deviations_beside_differences(tmp_path: Path, form: s
     assert functions is not None
     assert (functions.form, functions.relative_sd, functions.floor) == (form, _SD, 0.0)
     assert functions.lines == len(found.calibration_lines)
-    page = html_text(build_plan_page(found.results, found.arrays))
+    page = html_text(build_page("plan", found.results, found.arrays))
     assert "5 % of each value" in page
     assert Results.model_validate_json(found.results.model_dump_json()) == found.results
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from femtune.selection.information import Collinearity, Information, collinearity, fisher_information
     from femtune.selection.localise import ResidualEnergy, residual_energy
     from femtune.selection.output_covariance import CosineDistances, cosine_distances
-    from femtune.selection.smoothness import Smoothness, SmoothnessRules, line_smoothness, smoothness
+    from femtune.selection.smooth import Smoothness, SmoothnessRules, line_smoothness, smoothness
     from femtune.selection.subset import Subset, SubsetStep, forward_selection, stepwise_selection
 else:
     __getattr__, __dir__ = lazy_names(__name__)

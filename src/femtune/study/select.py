@@ -15,7 +15,7 @@ from femtune.results.selection import selection_measures
 from femtune.results.solved import solutions_of
 from femtune.results.update import SmoothnessRecord, selection_results
 from femtune.selection import estimated_size, identifiability
-from femtune.selection.smoothness import Smoothness, smoothness
+from femtune.selection.smooth import Smoothness, smoothness
 from femtune.updating.on_reduced_model import NOBODY, train, unassessed
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from pydantic import Field
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
 from femtune.files.study_file.response import HertzAboveZero, Labels
-from femtune.files.study_file.source import Place, StudyLines, named_twice, tables
+from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, tables
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
@@ -55,8 +55,7 @@ def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtun
         if missing:
             yield source.error(place, "vibration.entry/missing", {}, kind=entry["kind"], keys=", ".join(missing))
         yield from _damping(place, entry, source)
-        band = entry.get("band_hz")
-        if isinstance(band, list) and len(band) == 2 and not _rises(band):
+        if falls(entry.get("band_hz")):
             yield source.error((*place, "band_hz"), "vibration.entry/band", {})
         name = entry.get("configuration")
         if isinstance(name, str) and name not in known:
@@ -68,13 +67,13 @@ def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtun
 
 def _damping(place: Place, entry: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """Several ratios need a rising frequency each."""
-    ratios, hz = entry.get("damping_ratio"), entry.get("damping_hz", [])
-    count = len(ratios) if isinstance(ratios, list) else 0
-    if isinstance(hz, list) and (len(hz) != count or not _rises(hz)):
+    ratios, hz = entry.get("damping_ratio"), entry.get("damping_hz", ())
+    count = len(ratios) if isinstance(ratios, tuple) else 0
+    if isinstance(hz, tuple) and (len(hz) != count or not _rises(hz)):
         yield source.error((*place, "damping_ratio"), "vibration.entry/damping", {}, ratios=count, lines=len(hz))
 
 
-def _rises(values: list[Any]) -> bool:
+def _rises(values: tuple[Any, ...]) -> bool:
     """Other checks report what is no number."""
     numbers = [v for v in values if isinstance(v, int | float)]
     return all(a < b for a, b in pairwise(numbers))

@@ -119,7 +119,7 @@ def line_smoothness(
 
     Examples
     --------
-    >>> from femtune.selection.smoothness import line_smoothness
+    >>> from femtune.selection.smooth import line_smoothness
     >>> line_smoothness("E", lambda x: (x * x, 2.0 * x), -1.0, 1.0).verdict
     'smooth'
     >>> line_smoothness("E", lambda x: (abs(x - 0.3), 1.0 if x > 0.3 else -1.0), -1.0, 1.0).verdict
