@@ -70,11 +70,14 @@ def test_mutants_are_the_same_again_and_changed() -> None:
     assert sum(one != OWN["frame"] for one in both[0]) > 90
 
 
-@pytest.mark.parametrize(("count", "kinds"), [(QUICK, 8), pytest.param(SOME, 20, marks=pytest.mark.slow)])
-def test_mutants_of_our_own_decks(count: int, kinds: int) -> None:
+# about a quarter is understood; of a small number it may be less
+@pytest.mark.parametrize(
+    ("count", "kinds", "understood"), [(QUICK, 8, 1 / 8), pytest.param(SOME, 20, 1 / 5, marks=pytest.mark.slow)]
+)
+def test_mutants_of_our_own_decks(count: int, kinds: int, understood: float) -> None:
     codes: Counter[str] = Counter()
     assert not failures((run(OWN, number) for number in range(count)), codes)
-    assert codes["result"] > count // 8  # many are understood all the same
+    assert codes["result"] > understood * count
     assert len(codes) > kinds
 
 
