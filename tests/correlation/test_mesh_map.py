@@ -86,3 +86,11 @@ def test_meshes_that_are_apart(two: tuple[Path, Path]) -> None:
     with pytest.raises(FemtuneError) as caught:
         ft.compare(*two, count=3, units="m-kg-s")
     check_shown("correlate.no-common-points", caught.value)
+
+
+@pytest.mark.parametrize(("tolerance", "most"), [(-0.1, 300), (0.1, 2), (0.1, -1)])
+def test_impossible_options(tolerance: float, most: int) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        map_meshes(np.eye(3), np.eye(3), tolerance, most)
+    assert caught.value.code == "correlate.no-common-points"
+    assert "must not be negative" in str(caught.value)

@@ -202,6 +202,16 @@ def test_no_front(beam: Bench, name: str, residuals: str, csv: bool) -> None:
     check_shown(name, str(caught.value).replace(str(path.parent), "FOLDER"))
 
 
+@pytest.mark.parametrize("name", ["beam.bdf", "study.toml"])
+def test_the_table_of_a_front_does_not_overwrite_an_input(beam: Bench, name: str) -> None:
+    path = beam.study(contradictory(beam) + FRONT)
+    before = (path.parent / name).read_bytes()
+    with pytest.raises(FemtuneError) as caught:
+        steps.search(path, csv=path.parent / name)
+    assert caught.value.code == "write.overwrites-input"
+    assert (path.parent / name).read_bytes() == before
+
+
 @pytest.mark.parametrize("form", ["root", "ratio", "difference"])
 def test_one_less_mac_from_each_form(form: str) -> None:
     rng = np.random.default_rng(4)

@@ -82,6 +82,17 @@ def test_each_configuration_has_its_own_modes_and_a_foreign_parameter_costs_no_r
 
 
 @pytest.mark.slow
+def test_a_missing_program_is_said_of_its_configuration(study: Path) -> None:
+    whole = study.read_text()
+    before, own = whole.split("solver = {")
+    rest = own.split("]", 1)[1]
+    study.write_text(f'{before}solver = {{ command = ["absent-program"]{rest}')
+    with pytest.raises(FemtuneError) as caught:
+        ft.modes(study)
+    assert caught.value.code == "external.no-program"
+    assert "configuration[2].solver.command" in str(caught.value)
+
+
 def test_an_update_with_both_configurations(study: Path) -> None:
     result = ft.run(study)
     table = result.parameters

@@ -10,6 +10,7 @@ from tests.study.test_runs_study import study as table_study
 from tests.study.test_solver_study import TRUTH, exact, started, study, write
 
 import femtune as ft
+from femtune.errors import FemtuneError
 
 __all__ = ["study", "table_study"]
 
@@ -40,6 +41,25 @@ def test_a_screening_runs_each_point_of_the_design_once_and_follows_modes(study:
     assert again.record == found.record
     ft.screen(study, fresh=True)
     assert started(study) == 20
+
+
+def test_a_table_does_not_overwrite_files_of_the_solver(study: Path) -> None:
+    script = study.parent / "solve.py"
+    assert script.name in study.read_text()
+    before = script.read_bytes()
+    with pytest.raises(FemtuneError) as caught:
+        ft.screen(study, csv=script)
+    assert caught.value.code == "write.overwrites-input"
+    assert script.read_bytes() == before
+
+
+def test_a_table_does_not_overwrite_the_table_of_runs(table_study: Path) -> None:
+    table = next(table_study.parent.glob("*.csv"))
+    before = table.read_bytes()
+    with pytest.raises(FemtuneError) as caught:
+        ft.screen(table_study, csv=table)
+    assert caught.value.code == "write.overwrites-input"
+    assert table.read_bytes() == before
 
 
 def test_runs_of_a_screening_that_fail_are_named(study: Path) -> None:

@@ -328,7 +328,11 @@ def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> Ex
         entry.timeout_s, entry.retries, entry.error_texts, entry.licence_texts, entry.licence_wait_s,
         entry.licence_tries, tuple(sorted(entry.environment.items())), entry.version, entry.keep, entry.keep_most,
     )  # fmt: skip
-    with errors_at(file.where("solver", "command")):
+    place: tuple[str | int, ...] = ("solver", "command")
+    if own.command is not None:
+        at = next(i for i, c in enumerate(file.configurations) if c.solver == own)
+        place = ("configuration", at, *place)
+    with errors_at(file.where(*place)):
         solver.check()
     return solver
 

@@ -49,6 +49,8 @@ def map_meshes(first: Reals, second: Reals, tolerance: float, most: int) -> Mesh
     """
     from scipy.spatial import cKDTree  # noqa: PLC0415  slow to import, and wanted here alone
 
+    if tolerance < 0.0 or most < _LEAST:
+        raise FemtuneError("correlate.no-common-points/options", tolerance=tolerance, most=most)
     if not len(first) or not len(second):
         raise FemtuneError("correlate.no-common-points/empty")
     distance, nearest = cKDTree(second).query(first)

@@ -56,7 +56,10 @@ def _tube(nodes: NodeTable, at: Integers, ratio: float, points: Sequence[int], w
     lines = np.diff(nodes.xyz[at], axis=0)
     lengths = np.linalg.norm(lines, axis=1)
     if (lengths == 0.0).any():
-        raise FemtuneError("constraint.own-node/two-ends", where=where, grid=points[int(np.argmin(lengths)) + 1])
+        first = int(np.argmin(lengths))
+        raise FemtuneError(
+            "constraint.own-node/one-place", where=where, grid=points[first], next_grid=points[first + 1]
+        )
     bending = (ratio * lengths.sum()) ** 2 / 8.0
     axes = placement.any_axes(lines / lengths[:, None])
     out = np.zeros((6 * len(at), 6 * len(at)))

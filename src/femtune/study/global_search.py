@@ -37,6 +37,7 @@ from femtune.results.update import citations
 from femtune.study.executor import check_executor, executor_of
 from femtune.study.external import SolverResiduals, least_squares_on_solver, opened_solver
 from femtune.study.model_runs import ModelRun, ResidualRuns, failures, runs_at
+from femtune.study.respond import check_places
 from femtune.study.search_front import ErrorParts
 from femtune.study.select import check_parameters
 from femtune.study.solutions import looking_up
@@ -90,6 +91,10 @@ def search_minimum(
         study.problem()
         table = with_search(study.file, options).search
         assert table is not None
+        if table_of_front is not None:
+            if not table.front:
+                raise FemtuneError("search.front/csv")
+            check_places(study, [table_of_front], None)
         check_executor(study)
         inputs = inputs_of(study)
     arrays: dict[str, Any] = {}
@@ -103,8 +108,6 @@ def search_minimum(
         with watch.step("least squares"):
             record = search.record(ended, arrays)
     if table_of_front is not None:
-        if record.front is None:
-            raise FemtuneError("search.front/csv")
         heads = [*(p.name for p in record.parameters), "frequency_error_squared", "other_error"]
         write_csv(table_of_front, heads, arrays[_FRONT])
     results = Results(

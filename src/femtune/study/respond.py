@@ -130,13 +130,24 @@ def check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
     ------
     FemtuneError : ``uff.cannot-write``, ``write.overwrites-input``
     """
-    taken = dict.fromkeys(map(os.path.realpath, (study.file.path, *input_paths(study))), "an input file")
+    read = (study.file.path, *input_paths(study), *_solver_files(study))
+    taken = dict.fromkeys(map(os.path.realpath, read), "an input file")
     if uff is not None and not (uff.name and uff.parent.is_dir()):
         raise FemtuneError("uff.cannot-write/folder", where=Where(str(uff)))  # fmt: skip
     for file in files:
         if (place := os.path.realpath(file)) in taken:
             raise FemtuneError("write.overwrites-input/named-file", where=Where(str(file)), other_file=taken[place])
         taken[place] = "another file that is to be written"
+
+
+def _solver_files(study: Study) -> list[Path]:
+    """Templates and files of an external solver, and tables of runs."""
+    tables = [t for t in (study.file.solver, *(case.entry.solver for case in study.cases)) if t is not None]
+    names = [name for table in tables for name in (*(table.templates or ()), *(table.files or ()))]
+    if study.file.runs is not None:
+        names.append(study.file.runs.file)
+    names += [case.entry.runs for case in study.cases if case.entry.runs is not None]
+    return [study.file.path_of(name) for name in names]
 
 
 def write_frf_files(

@@ -107,6 +107,17 @@ def test_impossible_arcs(deck_of: DeckOf, card: str, rb: str, theta: str) -> Non
 
 
 @pytest.mark.parametrize(
+    ("card", "words"),
+    [("CBEND,7,4,1,2,4,,,3", "radius of a curved bar is 0.05"), ("CBEND,7,4,1,1,4,,,1", "at one place")],
+)
+def test_messages_of_impossible_arcs(deck_of: DeckOf, card: str, words: str) -> None:
+    text = POINTS + MATERIAL + SECTION.format(rb=".05", theta="", k1="", k2="")
+    with pytest.raises(FemtuneError) as caught:
+        build_structure(deck_of(text + card + "\n"))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
     "card", ["PBEND,4,1,2,.1,.01", "PBEND,4,1,1.-3,3.-6,2.-6", "PBEND,4,1,1.-3,3.-6,2.-6,4.-6\n,\n,,,,,,.1"]
 )
 def test_impossible_sections(deck_of: DeckOf, card: str) -> None:

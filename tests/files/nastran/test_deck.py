@@ -179,6 +179,14 @@ def test_superelements_are_marked(deck_of: DeckOf) -> None:
     assert deck.notices == ()
 
 
+@pytest.mark.parametrize(
+    "line", ["BEGIN BULK SUPER=3", "begin bulk super = 3 ", "BEGIN BULK,SUPER=3", "BEGIN AUXMODEL=3"]
+)
+def test_superelements_in_the_form_with_bulk(deck_of: DeckOf, line: str) -> None:
+    deck = deck_of(f"BEGIN BULK\nGRID,1\n{line}\nGRID,1\nBEGIN BULK SUPER=0\nGRID,2\nENDDATA\n")
+    assert [card.superelement for card in deck.cards] == [0, 3, 0]
+
+
 def test_deck_without_cend(deck_of: DeckOf) -> None:
     deck = deck_of("SOL 103\nSPC = 3\nBEGIN BULK\nGRID,1\nENDDATA\n")
     assert (deck.executive.solution_number, deck.case_control.spc) == (103, 3)

@@ -76,6 +76,14 @@ def test_a_gap_between_coincident_points_needs_a_system(deck_of: DeckOf) -> None
     with pytest.raises(FemtuneError) as caught:
         build_structure(deck_of(text + "CGAP,7,4,1,4,0.,1.,0.\n"))
     assert caught.value.code == "deck.orientation"
+    assert "CGAP" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["PGAP,4", "PGAP,4,,,-5.", "PGAP,4,.1,,5.,-1.", "PGAP,4,,,5.,,-1."])
+def test_impossible_gaps(deck_of: DeckOf, text: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        build_structure(deck_of(POINTS + text + "\nCGAP,7,4,1,3,0.,1.,0.\n"))
+    assert caught.value.code == "deck.field-value"
 
 
 def test_a_general_element_is_the_bar_that_it_came_from(deck_of: DeckOf) -> None:
@@ -109,7 +117,7 @@ def test_a_general_element_with_its_own_matrix(deck_of: DeckOf) -> None:
 @pytest.mark.parametrize(
     "lines",
     ["GENEL,9,,1,1\n,K,5.,6.\n", "GENEL,9,,1,1\n,UD,,2,1\n,K,5.\n", "GENEL,9,,1,1,2,1\n,Z,1.,1.,1.\n",
-     "GENEL,9,,1,1\n", "GENEL,9,,1,1,1,1\n,K,1.,1.,1.\n"],
+     "GENEL,9,,1,1\n", "GENEL,9,,1,1\n,K\n", "GENEL,9,,1,1,1,1\n,K,1.,1.,1.\n"],
 )  # fmt: skip
 def test_impossible_general_elements(deck_of: DeckOf, lines: str) -> None:
     with pytest.raises(FemtuneError) as caught:
@@ -135,6 +143,19 @@ def test_a_spline_is_cubic_between_independent_points(deck_of: DeckOf) -> None:
         np.testing.assert_allclose(T[row + 2, [2, 4, 8, 10]], cubic * [1, -1, 1, -1], atol=1e-9)
         np.testing.assert_allclose(T[row, [0, 6]], [1 - s, s], atol=1e-9)
         np.testing.assert_allclose(T[row + 3, [3, 9]], [1 - s, s], atol=1e-9)
+
+
+def test_a_spline_of_points_at_one_place(deck_of: DeckOf) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        build_structure(deck_of(POINTS + "GRID,4,,0.,2.,0.,5\nRSPLINE,9,,1,2,123456,4,123456,3\n"))
+    assert caught.value.code == "constraint.own-node"
+    assert "grid points 2 and 4" in str(caught.value)
+
+
+def test_a_spline_needs_a_positive_diameter(deck_of: DeckOf) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        build_structure(deck_of(POINTS + "RSPLINE,9,0.,1,2,123,3\n"))
+    assert "D/L" in str(caught.value)
 
 
 def test_a_spline_follows_rigid_motion(deck_of: DeckOf) -> None:

@@ -107,7 +107,8 @@ def _error(cut: FieldLine, code: str, **facts: Any) -> FemtuneError:
 
 
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,7}")
-_BEGIN = re.compile(r"\s*BEGIN\b[\s,]*([A-Z]*)\s*=?\s*(\d{0,9})", re.IGNORECASE)
+# BEGIN BULK, BEGIN SUPER = 2, BEGIN BULK SUPER = 2
+_BEGIN = re.compile(r"\s*BEGIN\b[\s,]*(?:BULK\b[\s,]*)?(?:[A-Z]+\s*=?\s*(\d{1,9}))?", re.IGNORECASE)
 # data in columns 9 to 72 without commas, tabs and comments; at the most a lone + in columns 73 to 80
 _PLAIN_COLUMNS = re.compile(r"[^,\t$\r\n]{0,64}(?: {0,7}\+)? *(?:\r\n?|\n)?")
 _PLAIN_HEAD = re.compile(r" *[A-Z][A-Z0-9_]* *", re.IGNORECASE)
@@ -303,10 +304,7 @@ class _Assembly:
         self.cards.extend(replicate(self.cards, cut, self.superelement))
 
     def _begin(self, begin: re.Match[str]) -> None:
-        if begin[1].upper() == "BULK" or begin[2] in ("", "0"):
-            self.superelement = 0
-            return
-        self.superelement = int(begin[2])
+        self.superelement = int(begin[1] or 0)
 
     def _note_width(self, cut: FieldLine, body: str) -> None:
         if beyond_last_column(cut, body):

@@ -57,7 +57,9 @@ def _arc(record: CardEntry, section: CardEntry, grids: Grids, a: int, b: int) ->
     start, end = grids.table.xyz[a], grids.table.xyz[b]
     chord, v = end - start, orientation_vector(record, grids, a)
     size = length(chord)
-    if size == 0.0 or length(cross(chord, v)) <= _STRAIGHT * size * length(v):
+    if size == 0.0:
+        raise record.error("deck.orientation/bend-length", at="GB")
+    if length(cross(chord, v)) <= _STRAIGHT * size * length(v):
         raise record.error("deck.orientation/bend", at="X1")
     v = v / length(v)
     radius, angle, centre = _circle(record, section, start, chord, v)
@@ -105,5 +107,7 @@ def _circle(record: CardEntry, section: CardEntry, start: Reals, chord: Reals, v
 
 
 def _check_radius(record: CardEntry, radius: float, chord: float, at: str) -> None:
-    if not np.isfinite(radius) or radius < 0.5 * chord * (1.0 - 1e-9):
+    if not np.isfinite(radius):
         raise record.error("deck.orientation/bend", at=at)
+    if radius < 0.5 * chord * (1.0 - 1e-9):
+        raise record.error("deck.orientation/bend-radius", at=at, radius=radius, least=0.5 * chord)

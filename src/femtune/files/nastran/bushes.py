@@ -114,7 +114,7 @@ def _frame(record: CardEntry, grids: Grids, a: int, line: Reals, stiffness: Mapp
     if not record.blank("CID"):
         return grids.systems.get(record.integer("CID"), record).frame(grids.table.xyz[a])
     if length(line) <= _COINCIDENT * max(1.0, length(grids.table.xyz[a])):
-        raise record.error("deck.orientation/bush", at="CID")
+        raise record.error("deck.orientation/bush", at="CID", card=record.name)
     v = _any_across(line) if _axial_only(record, stiffness) else orientation_vector(record, grids, a)
     check_line(record, line, v)
     return element_frame(line, v)
@@ -166,6 +166,9 @@ def _gap_values(building: Building, record: CardEntry, pid: int) -> Roles:
     """K1 along the gap and K2 = K3 across it in the initial state; the rest is zero."""
     none = building.values.add(FieldRef("PGAP", pid, "none"), 0.0)
     roles = dict.fromkeys((*(f"K{i}" for i in range(1, 7)), *(f"GE{i}" for i in range(1, 7))), none)
+    for name in ("KA", "KB", "KT"):
+        if record.real(name, -1.0 if name == "KA" else 0.0) < 0.0:
+            raise record.error("deck.field-value/gap-stiffness", at=name)
     if record.real("U0", 0.0) > 0.0:
         return roles | {"K1": building.value(record, pid, "KB")}
     roles["K1"] = building.value(record, pid, "KA")

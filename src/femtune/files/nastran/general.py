@@ -98,7 +98,8 @@ def _values(card: Card, fields: list[int], count: int) -> NDArray[np.float64]:
     given = [card.real(at, 0.0) for at in fields]
     while len(given) > count and card.blank(fields[len(given) - 1]):
         given.pop()
-    if len(given) > count or len(given) < count - 7:
+    # blank fields are zero, but not a whole matrix of them
+    if len(given) > count or len(given) < count - 7 or all(card.blank(at) for at in fields):
         raise _error(card, f"{count} values are needed, {len(given)} are given")
     return np.array(given + [0.0] * (count - len(given)))
 

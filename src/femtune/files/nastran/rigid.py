@@ -243,7 +243,9 @@ def _spline(record: CardEntry, grids: Grids) -> ConstraintRows:
         elif not card.blank(at + 1):
             raise card.error("deck.field-value/spline-point", index=at)
     ratio = card.real(1, _TUBE)
-    if ratio <= 0.0 or len(points) < 3 or dependent[-1] or not any(dependent):
+    if ratio <= 0.0:
+        raise card.error("deck.field-value/spline-ratio", index=1)
+    if len(points) < 3 or dependent[-1] or not any(dependent):
         raise record.error("deck.field-value/spline")
     for number in points:
         grids.row(number, record)
