@@ -126,6 +126,12 @@ def test_ratios_that_are_none(ratio: float) -> None:
         half_band_lines((1.0, 2.0), ratio)
 
 
+def test_more_lines_than_memory_are_refused() -> None:
+    with pytest.raises(FemtuneError) as caught:
+        half_band_lines((40.0, 400.0), 1e-9)
+    check_shown("system.equalise, too many lines", caught.value)
+
+
 def test_a_sampled_system_is_refused() -> None:
     continuous = exact_system("receptance")
     sampled = StateSpace(

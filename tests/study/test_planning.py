@@ -217,6 +217,15 @@ def test_axes_of_an_inclined_surface(tmp_path: Path) -> None:
         axes = np.array(s.axes)
         np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(axes) == pytest.approx(1.0)
+    assert _LETTER in html_text(build_page("plan", found.results, found.arrays))
+
+
+_LETTER = "the letter is an axis of the sensor"
+
+
+def test_letters_that_are_axes_of_the_model_are_not_explained(free: Path) -> None:
+    found = steps.plan(free, modes="7 THRU 9", uniaxial=4)
+    assert _LETTER not in html_text(build_page("plan", found.results, found.arrays))
 
 
 def test_normals_of_a_cube_and_of_a_shell_wound_both_ways() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import qmc
+from tests.messages.shown import check_shown
 
 from femtune import Study, steps
 from femtune.arrays import Reals
@@ -183,3 +184,10 @@ def test_the_scatter_of_1000_simulated_tests_is_the_expected_one(tmp_path: Path,
     factors = scatter_of_calibrations(masses, inputs, found.calibration_lines, _RATIO, _SD, floor, 1000)
     # the standard error of a standard deviation of 1000 values is 2.2 %
     assert factors.std(axis=0) == pytest.approx(found.parameters.column("data_sd"), rel=0.1)
+
+
+def test_more_lines_than_memory_are_refused(tmp_path: Path) -> None:
+    """A damping ratio that is far too small must not fill the memory."""
+    with pytest.raises(FemtuneError) as caught:
+        steps.plan(_chain(tmp_path, uniaxial=4, exciters=1, damping_ratio=1e-9))
+    check_shown("plan.too-many-lines", caught.value)

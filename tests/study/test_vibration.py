@@ -14,6 +14,7 @@ from femtune import steps
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
+from femtune.files.study_file.reading import read_study_file
 from femtune.files.study_file.validation import ValidateTable
 from femtune.model import Configuration, configure, parametric_model, solve_modes
 from femtune.model.damping import constant_damping
@@ -400,6 +401,8 @@ def test_a_file_that_is_not_there(beam: Bench) -> None:
         ("vibration.entry, missing", "rate = 4.0\n", ""),
         ("vibration.entry, damping", "0.02\n", "[0.02, 0.01]\ndamping_hz = [20.0]\n"),
         ("vibration.entry, band", 'base = "Y"\n', 'base = "Y"\nband_hz = [50.0, 40.0]\n'),
+        ("vibration.entry, no list", "0.02\n", "0.02\ndamping_hz = [20.0]\n"),
+        ("vibration.entry, other kind", 'base = "Y"\n', 'base = "Y"\nspectrum = [0.1, 0.1]\n'),
         ("vibration.entry, configuration", 'base = "Y"\n', 'base = "Y"\nconfiguration = "table"\n'),
     ],
 )
@@ -411,3 +414,33 @@ def test_entries_that_are_not_complete(
     with pytest.raises(FemtuneError) as caught:
         steps.run(Path("study.toml"))
     check_shown(name, caught.value)
+
+
+@pytest.mark.parametrize(
+    "damping",
+    ["0.02\ndamping_hz = [20.0]", "[0.02, 0.01]", "[0.02, 0.01]\ndamping_hz = [40.0, 20.0]"],
+)
+def test_a_list_of_ratios_needs_a_rising_frequency_each(beam: Bench, damping: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        read_study_file(beam.study(EI + SWEEP.replace("{damping}", damping) + LIMITS))
+    assert "vibration.entry" in {e.code for e in _all(caught.value)}
+
+
+@pytest.mark.parametrize(
+    ("damping", "said"),
+    [
+        ("0.0", "'damping_ratio' should be greater than 0"),
+        ("[0.02, 2.0]\ndamping_hz = [20.0, 40.0]", "entry 2 of 'damping_ratio' should be less than 1"),
+        ('"2 %"', "'damping_ratio' should be a number"),
+    ],
+)
+def test_a_wrong_ratio_is_one_error_at_its_place(beam: Bench, damping: str, said: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        read_study_file(beam.study(EI + SWEEP.replace("{damping}", damping) + LIMITS))
+    wrong = [e for e in _all(caught.value) if e.code != "study.missing-file"]
+    assert [e.what for e in wrong if "damping_ratio" in e.what] == [said]
+    assert "tuple[" not in str(caught.value)
+
+
+def _all(error: FemtuneError) -> tuple[FemtuneError, ...]:
+    return error.errors if isinstance(error, FemtuneErrors) else (error,)

@@ -151,6 +151,10 @@ def _joined(a: Reals, b: Reals, way: str) -> Reals:
     return np.vstack([a, b]) if way == "rows" else np.hstack([a, b])
 
 
+MOST_LINES = 100_000
+"""Of FRFs at equalised damping; many more do not fit into the memory."""
+
+
 def half_band_lines(
     band_hz: Band, damping_ratio: float, per_half_band: float = 3.0, left_out_hz: Sequence[Band] = ()
 ) -> Reals:
@@ -173,6 +177,8 @@ def half_band_lines(
         raise FemtuneError("system.equalise/ratio", ratio=damping_ratio)
     low, high = band_hz
     count = int(np.ceil(per_half_band * np.log(high / low) / (2.0 * damping_ratio) - _SAME)) + 1
+    if count > MOST_LINES:
+        raise FemtuneError("system.equalise/too-many-lines", lines=f"{count:,}", most=f"{MOST_LINES:,}")
     lines = np.geomspace(low, high, max(count, 2))
     for band in left_out_hz:
         lines = lines[~_inside(lines, band)]

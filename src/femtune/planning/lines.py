@@ -10,6 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+
+MOST_LINES = 100_000
+"""More do not fit into the memory with the functions of many sensors."""
 
 _DECAYED = np.log(1000.0)
 """Of a free decay to a thousandth (60 dB)."""
@@ -17,6 +21,10 @@ _DECAYED = np.log(1000.0)
 
 def calibration_lines(low_hz: float, high_hz: float, damping_ratio: float, per_half_band: int) -> Reals:
     """(lines,) logarithmically spaced: everywhere at least `per_half_band` lines to 2ξf.
+
+    Raises
+    ------
+    FemtuneError : ``plan.too-many-lines``
 
     Examples
     --------
@@ -27,6 +35,8 @@ def calibration_lines(low_hz: float, high_hz: float, damping_ratio: float, per_h
     """
     step = 2.0 * damping_ratio / per_half_band
     count = int(np.ceil(np.log(high_hz / low_hz) / np.log1p(step) - 1e-9)) + 1
+    if count > MOST_LINES:
+        raise FemtuneError("plan.too-many-lines", lines=f"{count:,}", most=f"{MOST_LINES:,}")
     return np.geomspace(low_hz, high_hz, count)
 
 

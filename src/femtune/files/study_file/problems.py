@@ -28,8 +28,29 @@ _WANTED = {
 
 def problems(findings: ValidationError, source: StudyLines, model: type[BaseModel] = StudyFile) -> list[FemtuneError]:
     """One error for each finding, in the order of the file; `model` is what the file was checked against."""
-    found = findings.errors(include_url=False)
+    found = _of_unions(findings.errors(include_url=False))
     return [_error(finding, source, model) for finding in found if not _follows(finding, found)]
+
+
+def _of_unions(found: Sequence[ErrorDetails]) -> list[ErrorDetails]:
+    """Of a value that may be a number or a list: what is wrong with it as what it is, or its type."""
+    kept: list[ErrorDetails] = []
+    for finding in found:
+        at = next((i for i, part in enumerate(finding["loc"]) if _names_type(part)), None)
+        if at is None:
+            kept.append(finding)
+            continue
+        value = finding["loc"][:at]
+        others = [f for f in found if f["loc"][:at] == value and f["loc"][at : at + 1] != finding["loc"][at : at + 1]]
+        of_type = len(finding["loc"]) == at + 1 and finding["type"] in _WANTED
+        if not (of_type and others and (any(f["type"] not in _WANTED for f in others) or others[0] in kept)):
+            kept.append(finding)
+    return kept
+
+
+def _names_type(part: str | int) -> bool:
+    """True for the mark that pydantic puts behind the place of a value of several types."""
+    return isinstance(part, str) and (part == "constrained-float" or part.startswith("tuple["))
 
 
 def _follows(finding: ErrorDetails, found: Sequence[ErrorDetails]) -> bool:
@@ -54,8 +75,8 @@ def _error(finding: ErrorDetails, source: StudyLines, model: type[BaseModel]) ->
 
 
 def _place(finding: ErrorDetails) -> Place:
-    """Where it is, without the marks of keys and the tag of a table whose kind is chosen by a key."""
-    place: Place = tuple(part for part in finding["loc"] if part != "[key]")
+    """Where it is, without the marks of keys and types, and the tag of a table whose kind is chosen by a key."""
+    place: Place = tuple(part for part in finding["loc"] if part != "[key]" and not _names_type(part))
     tagged = len(place) > 2 and place[0] == "residual" and isinstance(place[1], int) and place[2] in TABLES
     return place[:2] + place[3:] if tagged else place
 

@@ -41,6 +41,8 @@ class VibrationEntry(TomlTable):
 
 
 _NEEDED = {"sweep": ("from_hz", "to_hz", "rate"), "random": ("spectrum_hz", "spectrum"), "transient": ("signal",)}
+_OWN = {**_NEEDED, "sweep": (*_NEEDED["sweep"], "law", "amplitude")}
+"""The keys of each kind that the others do not have."""
 
 
 def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
@@ -54,6 +56,9 @@ def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtun
         missing = [key for key in _NEEDED.get(str(entry.get("kind")), ()) if key not in entry]
         if missing:
             yield source.error(place, "vibration.entry/missing", {}, kind=entry["kind"], keys=", ".join(missing))
+        kind, others = str(entry.get("kind")), {k: kind for kind, keys in _OWN.items() for k in keys}
+        for key in (k for k in entry if kind in _OWN and others.get(k, kind) != kind):
+            yield source.error((*place, key), "vibration.entry/other-kind", {}, kind=kind, key=key, other=others[key])
         yield from _damping(place, entry, source)
         if falls(entry.get("band_hz")):
             yield source.error((*place, "band_hz"), "vibration.entry/band", {})
@@ -68,8 +73,14 @@ def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtun
 def _damping(place: Place, entry: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """Several ratios need a rising frequency each."""
     ratios, hz = entry.get("damping_ratio"), entry.get("damping_hz", ())
-    count = len(ratios) if isinstance(ratios, tuple) else 0
-    if isinstance(hz, tuple) and (len(hz) != count or not _rises(hz)):
+    if not isinstance(hz, tuple):
+        return
+    if not isinstance(ratios, tuple):
+        if hz:
+            yield source.error((*place, "damping_hz"), "vibration.entry/no-list", {})
+        return
+    count = len(ratios)
+    if len(hz) != count or not _rises(hz):
         yield source.error((*place, "damping_ratio"), "vibration.entry/damping", {}, ratios=count, lines=len(hz))
 
 

@@ -85,7 +85,7 @@ def plan_sensors(source: ReportSource) -> list[Block]:
     """The picture and the table."""
     plan = _plan(source)
     unit = source.results.study.units.partition("-")[0]
-    return [*_picture(source, plan), sensor_table(plan, unit), *exciter_tables(plan, unit)]
+    return [*_picture(source, plan), sensor_table(plan, unit), *own_axes(plan), *exciter_tables(plan, unit)]
 
 
 def _picture(source: ReportSource, plan: PlanResults) -> list[Block]:
@@ -113,6 +113,21 @@ def sensor_table(plan: PlanResults, unit: str) -> Table:
     heads = columns("Sensor", "Kind", "Point", place, ">Direction", ">Independence")
     return Table("", heads, tuple(_row(s) for s in plan.sensors))
 
+
+def own_axes(plan: PlanResults) -> list[Block]:
+    """Whose axes the letters behind a point are, where these are not those of the basic system."""
+    if not any(np.abs(np.asarray(s.axes) - np.eye(3)).max() > _TURNED for s in (*plan.sensors, *plan.exciters)):
+        return []
+    return [
+        Paragraph(
+            "Point: the letter is an axis of the sensor, whose axes are in the Universal File; on a surface Z is the "
+            "normal. A DOF of the model, as for femtune respond, has the axes of its grid point: see Direction.",
+            "muted",
+        )
+    ]
+
+
+_TURNED = 1e-6
 
 _DIRECTIONS = " X, Y, Z"
 """Of a triaxial sensor, behind the number of its point."""

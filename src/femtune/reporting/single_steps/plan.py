@@ -9,6 +9,7 @@ from femtune.reporting.sections.plan import (
     exciter_tables,
     method_sentences,
     mode_table,
+    own_axes,
     parameter_blocks,
     plan_numbers,
     sensor_table,
@@ -29,7 +30,9 @@ def plan_document(subject: Subject, plan: PlanResults) -> Document:
     sections = (
         Section("plan", f"Test plan: {plan.configuration}", (plan_numbers(plan), *alerts)),
         Section(
-            "sensors", "Sensors", (sensor_table(plan, subject.length_unit), *exciter_tables(plan, subject.length_unit))
+            "sensors",
+            "Sensors",
+            (sensor_table(plan, subject.length_unit), *own_axes(plan), *exciter_tables(plan, subject.length_unit)),
         ),
         Section("modes", "Target modes", (mode_table(plan),)),
         Section("parameters", "Expected standard deviations of the parameters", tuple(parameter_blocks(plan))),

@@ -11,7 +11,7 @@ import numpy as np
 from femtune.arrays import Integers, Reals
 from femtune.assembly.error_places import errors_at
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Where
 from femtune.files.study_file.kinds import number_list
 from femtune.planning import calibration_lines, driving_point_levels, mode_indicator, place_exciters, record_length
 from femtune.results.plan import ModeExcitation, PlannedExciter, PlannedLines
@@ -179,15 +179,23 @@ def mode_excitation(
     )
 
 
-def frequency_lines(table: PlanTable, elastic_hz: Reals, arrays: dict[str, Reals]) -> PlannedLines | None:
-    """Lines over the band, or from a tenth below to a tenth above the elastic target modes."""
+def frequency_lines(
+    table: PlanTable, elastic_hz: Reals, arrays: dict[str, Reals], where: Where | None = None
+) -> PlannedLines | None:
+    """Lines over the band, or from a tenth below to a tenth above the elastic target modes.
+
+    Parameters
+    ----------
+    where : of the damping ratio, for the error ``plan.too-many-lines``
+    """
     if not len(elastic_hz):
         return None
     low, high = (1.0 - _BEYOND) * elastic_hz.min(), (1.0 + _BEYOND) * elastic_hz.max()
     if table.band_hz is not None and table.band_hz[0] > 0.0:
         low, high = table.band_hz
     ratio, per = table.damping_ratio, table.lines_per_half_band
-    lines = calibration_lines(low, high, ratio, per)
+    with errors_at(where):
+        lines = calibration_lines(low, high, ratio, per)
     arrays["plan/calibration_lines"] = lines
     record = record_length(low, high, float(elastic_hz.min()), ratio, per)
     return PlannedLines(

@@ -250,7 +250,7 @@ class _Plan:
         table, targets = self.table, self.targets
         given = given_sensors(self.study, self.case, self.solution, targets.positions, table)
         elastic_hz = self.solution.freq_hz[targets.positions][~targets.rigid]
-        lines = frequency_lines(table, elastic_hz, arrays)
+        lines = frequency_lines(table, elastic_hz, arrays, self.study.file.where("plan", "damping_ratio"))
         lines_hz = None if lines is None else arrays[lines.calibration_key]
         counts = self._counts(given)
         designer = Designer(
