@@ -35,6 +35,7 @@ def check_shown(name: str, message: object) -> None:
     message : the error or notice, or its text
     """
     area = name.partition(".")[0]
+    assert name.partition(",")[0] in str(message).partition("\n")[0], "the message has another code than its snapshot"
     if os.environ.get("FEMTUNE_SHOWN") == "write":
         _write(area, {**shown_messages(area), name: str(message).rstrip("\n")})
     assert shown_messages(area).get(name) == str(message).rstrip("\n")

@@ -14,6 +14,8 @@ Bench = Any
 def test_mass_that_autospc_holds_is_an_alert(beam: Bench) -> None:
     point = "GRID    6               2.0     0.0     0.0\n"
     beam.write("beam.bdf", beam.text.replace("CONM2   9       5 ", f"{point}CONM2   9       6 "))
+    (modes,) = steps.modes(beam.folder / "beam.bdf").records
+    assert any(a.code == "model.held-mass" and "6X, 6Y, 6Z" in a.sentence for a in modes.alerts)
     alerts = steps.update(beam.study("[correlate]\nfrequency_gate = 0.6\n" + beam.parameters)).results.alerts
     assert any(a.code == "model.held-mass" and "6X, 6Y, 6Z" in a.sentence for a in alerts)
 

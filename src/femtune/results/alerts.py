@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from femtune.model import grid_matrix
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
 from femtune.residuals.frf.model_way import AtFirstState
 from femtune.residuals.frf.residual import FrfResidual
@@ -56,7 +53,6 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_model(results),
         *_of_modes(results),
         *_of_correlation(results),
-        *_of_held_masses(study),
         *_of_silent_modes(study),
         *_of_residuals(study),
         *_of_truncation(results),
@@ -197,17 +193,6 @@ def _of_model(results: Results) -> Iterable[Alert]:
         if c.rigid_body_check.verdict == "fail":
             found = c.rigid_body_check.sentence
             yield alert("warning", "model.grounded", configuration=c.configuration, found=found)
-
-
-def _of_held_masses(study: Study) -> Iterable[Alert]:
-    """Masses at grid points without stiffness: AUTOSPC constrains them, so that they do not contribute to any mode."""
-    for case in study.cases:
-        held = [d for d in case.configured.held_singular if 1 <= d.component <= 3]
-        mass = grid_matrix(study.model, case.configured.configuration, "mass").diagonal() if held else np.zeros(0)
-        heavy = [str(d)[:-1] for d in held if mass[study.model.structure.nodes.dof(d.node, d.component)] > 0.0]
-        if heavy:
-            shown = ", ".join(heavy[:6]) + (" …" if len(heavy) > 6 else "")
-            yield alert("warning", "model.held-mass", configuration=case.name, grids=shown)
 
 
 def _of_silent_modes(study: Study) -> Iterable[Alert]:

@@ -793,11 +793,26 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         test_masses=effect,
         alerts=(
             *_of_slow_modes(solution),
+            *_of_held_masses(name, solution),
             *_of_drilling(name, solution),
             *of_neutral_axis(name, solution),
             *_of_test_masses(name, effect),
         ),
     )
+
+
+def _of_held_masses(name: str, solution: EigenSolution) -> Iterable[Alert]:
+    """Masses at grid points without stiffness: AUTOSPC constrains them, so that they do not contribute to any mode."""
+    configured = solution.point.configured
+    held = [d for d in configured.held_singular if 1 <= d.component <= 3]
+    if not held:
+        return
+    nodes = configured.model.structure.nodes
+    mass = grid_matrix(configured.model, configured.configuration, "mass").diagonal()
+    heavy = [str(d)[:-1] for d in held if mass[nodes.dof(d.node, d.component)] > 0.0]
+    if heavy:
+        shown = ", ".join(heavy[:6]) + (" …" if len(heavy) > 6 else "")
+        yield alert("warning", "model.held-mass", configuration=name, grids=shown)
 
 
 def _of_slow_modes(solution: EigenSolution) -> Iterable[Alert]:

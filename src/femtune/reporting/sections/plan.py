@@ -116,7 +116,8 @@ def sensor_table(plan: PlanResults, unit: str) -> Table:
 
 def own_axes(plan: PlanResults) -> list[Block]:
     """Whose axes the letters behind a point are, where these are not those of the basic system."""
-    if not any(np.abs(np.asarray(s.axes) - np.eye(3)).max() > _TURNED for s in (*plan.sensors, *plan.exciters)):
+    axes = [*(s.axes for s in plan.sensors), *(e.axes for e in plan.exciters)]
+    if not any(np.abs(np.asarray(a) - np.eye(3)).max() > _TURNED for a in axes):
         return []
     return [
         Paragraph(

@@ -179,9 +179,7 @@ def mode_excitation(
     )
 
 
-def frequency_lines(
-    table: PlanTable, elastic_hz: Reals, arrays: dict[str, Reals], where: Where | None = None
-) -> PlannedLines | None:
+def frequency_lines(table: PlanTable, elastic_hz: Reals, arrays: dict[str, Reals], where: Where) -> PlannedLines | None:
     """Lines over the band, or from a tenth below to a tenth above the elastic target modes.
 
     Parameters
