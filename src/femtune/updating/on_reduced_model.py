@@ -738,6 +738,9 @@ def multi_start_reduced(
         *first, last = equation_error_phases(reduced)
         found = multi_start(last, NO_SIDE, rules, first=first, **options)
         found = run.certify(found, lambda p: equation_error_phases(p)[-1], NO_SIDE)
+        # the look at its end left the basis with the enriched models only
+        assert run.at_end is not None
+        run.search.take(run.at_end.better)
         found = follow_up(found, run.search.reduced_problem(), method, side, active, unfinished=True)
     else:
         found = multi_start(reduced, method, rules, **options)

@@ -70,6 +70,7 @@ SPRINGS = (*GRIDS, "CELAS1,11,7,1,1", "CELAS1,12,7,2,1,5,1")
 DASHPOTS = (*GRIDS, "CDAMP1,11,7,1,1", "CDAMP1,12,7,2,1,5,1")
 VISCOUS = (*GRIDS, "CVISC,11,7,1,2", "CVISC,12,7,2,5")
 BUSHES = (*GRIDS, "CBUSH,11,7,1,2,,,,0", "CBUSH,12,7,2,5,,,,0")
+GAPS = (*GRIDS, "CGAP,11,7,1,2,0.,1.,0.", "CGAP,12,7,2,5,0.,1.,.3")
 MASSES = (*GRIDS, "CMASS1,11,7,1,1", "CMASS1,12,7,2,1")
 SOLIDS = (*GRIDS, "GRID,21,,0.,0.,1.", "GRID,22,,1.,0.,1.", "GRID,23,,1.,1.,1.", "GRID,25,,2.,0.,1.",
           "CTETRA,11,7,1,2,4,21", "CPENTA,12,7,2,5,3,22,25,23")  # fmt: skip
@@ -128,8 +129,8 @@ SAMPLES = (
     Sample("PROD", 7, "7 1 A=.01 J=1.-5 - NSM=.5", RODS),
     Sample("PBEND", 7, "7 1 A=.01 I1=2.-5 I2=1.-5 J=1.-5 - - - - - - - - - - K1=.8 K2=.7 NSM=.5",
            (*GRIDS, STEEL, "CBEND,11,7,1,2,0.,1.,0.,2", "CBEND,12,7,2,5,0.,1.,.3,2"), needed="A I1 I2 J"),
-    Sample("PGAP", 7, "7 - - KA=1.+5 KB=10. KT=1.+4", (*GRIDS, "CGAP,11,7,1,2,0.,1.,0.", "CGAP,12,7,2,5,0.,1.,.3"),
-           beside="KB"),
+    Sample("PGAP", 7, "7 - - KA=1.+5 - KT=1.+4", GAPS, needed="KA KT"),
+    Sample("PGAP", 7, "7 .1 - 1.+5 KB=10.", GAPS),
     Sample("PTUBE", 7, "7 1 OD=.1 T=.01 NSM=.5", (*GRIDS, STEEL, "CTUBE,11,7,1,2", "CTUBE,12,7,2,5"), needed="OD T",
            beside="NSM"),
     Sample("CONROD", 11, "11 1 2 1 A=.01 J=1.-5 - NSM=.5", (*GRIDS, STEEL), True),

@@ -172,7 +172,15 @@ def test_a_spline_follows_rigid_motion(deck_of: DeckOf) -> None:
 
 
 @pytest.mark.parametrize(
-    "card", ["RSPLINE,9,,1,2,123,3,1", "RSPLINE,9,,1,2,,3", "RSPLINE,9,-1.,1,2,1,3", "RSPLINE,9,,1,2"]
+    "card",
+    [
+        "RSPLINE,9,,1,2,123,3,1",
+        "RSPLINE,9,,1,2,,3",
+        "RSPLINE,9,-1.,1,2,1,3",
+        "RSPLINE,9,1.-99,1,2,123456,3",
+        "RSPLINE,9,1.+99,1,2,123456,3",
+        "RSPLINE,9,,1,2",
+    ],
 )
 def test_impossible_splines(deck_of: DeckOf, card: str) -> None:
     with pytest.raises(FemtuneError) as caught:

@@ -110,7 +110,7 @@ _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,7}")
 # BEGIN BULK, BEGIN SUPER = 2, BEGIN BULK SUPER = 2
 _BEGIN = re.compile(r"\s*BEGIN\b[\s,]*(?:BULK\b[\s,]*)?(?:[A-Z]+\s*=?\s*(\d{1,9}))?", re.IGNORECASE)
 # data in columns 9 to 72 without commas, tabs and comments; at the most a lone + in columns 73 to 80
-_PLAIN_COLUMNS = re.compile(r"[^,\t$\r\n]{0,64}(?: {0,7}\+)? *(?:\r\n?|\n)?")
+_PLAIN_COLUMNS = re.compile(r"[^,=\t$\r\n]{0,64}(?: {0,7}\+)? *(?:\r\n?|\n)?")
 _PLAIN_HEAD = re.compile(r" *[A-Z][A-Z0-9_]* *", re.IGNORECASE)
 _PLAIN_CONTINUATIONS = ("        ", "+       ")
 # an equation is free text up to the next line that starts in column 1

@@ -231,6 +231,10 @@ def _rod(record: CardEntry, grids: Grids) -> ConstraintRows:
 _TUBE = 0.1
 
 
+_THINNEST, _THICKEST = 1e-6, 1e3
+"""D/L of an RSPLINE; beyond these its bending is lost beside its extension by rounding, or the reverse."""
+
+
 def _spline(record: CardEntry, grids: Grids) -> ConstraintRows:
     """RSPLINE: G1, then pairs of grid point and dependent components; blank where a point is independent."""
     card = record.card
@@ -243,7 +247,7 @@ def _spline(record: CardEntry, grids: Grids) -> ConstraintRows:
         elif not card.blank(at + 1):
             raise card.error("deck.field-value/spline-point", index=at)
     ratio = card.real(1, _TUBE)
-    if ratio <= 0.0:
+    if not _THINNEST <= ratio <= _THICKEST:
         raise card.error("deck.field-value/spline-ratio", index=1)
     if len(points) < 3 or dependent[-1] or not any(dependent):
         raise record.error("deck.field-value/spline")
