@@ -25,15 +25,17 @@ NAMES = ("checks", "goals", "journal", "plan", "process", "summary", "tables")
 @pytest.fixture(scope="module")
 def bench() -> Iterator[dict[str, ModuleType]]:
     """Its modules by name; they import one another as scripts of one folder do."""
-    before = set(sys.modules)
+    # other tests import folders of the same names, such as examples/cases
+    names = [path.stem for path in FOLDER.glob("*.py")]
+    before = {name: sys.modules.pop(name) for name in names if name in sys.modules}
     sys.path.insert(0, str(FOLDER))
     try:
         yield {name: importlib.import_module(name) for name in NAMES}
     finally:
         sys.path.remove(str(FOLDER))
-        for name in set(sys.modules) - before:
-            if (FOLDER / f"{name}.py").exists():
-                del sys.modules[name]
+        for name in names:
+            sys.modules.pop(name, None)
+        sys.modules.update(before)
 
 
 def row(way: str, repeat: int, seconds: float, **other: object) -> dict:

@@ -385,7 +385,7 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
         (_broken("1,2\n10,60\n11,61\n12,61\n", "hold_out = [4]\n"), "quantify.hold-out", "repeat 4, which does not"),
         (_broken("1,2\n10,60\n11,61\n12,61\n", "hold_out = 0.1\n"), "quantify.hold-out", "leaves no repeats"),
         (_broken("1,2\n10,60\n11,61\n", "hold_out = 1.5\n"), "study.value", "hold_out"),
-        (_broken("1,2\n10,60\n11,61\n", "hold_out = [0]\n"), "study.type", "hold_out"),
+        (_broken("1,2\n10,60\n11,61\n", "hold_out = [0]\n"), "study.value", "hold_out"),
         (_broken("1,2\n10,60\n11,61\n", 'covariance = "other"\n'), "study.value", "covariance"),
         (_broken("1,2\n10,60\n11,61\n12,61\n", 'noise_sd = { "1" = 0.01 }\n'), "quantify.noise", "for mode 2"),
         (_broken("1,2\n10,60\n11,61\n", "shapes = true\n"), "quantify.shapes", "a table has frequencies only"),
