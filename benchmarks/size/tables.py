@@ -22,7 +22,8 @@ NAMES = {
 }
 _INTRODUCTION = f"""# Speed and memory against size
 
-Two generated structures without supports: the shell subframe of `structures.subframe` (a welded car subframe with
+Generated structures without supports, of which the tables below show those that were run: the shell subframe of
+`structures.subframe` (a welded car subframe with
 rubber bushings of solids, 15 parameters: 12 thicknesses, 3 moduli) and the solid bracket (6 parameters: moduli and
 densities of its three parts). Each run is a process of its own; times are medians of the runs; memory is the largest
 resident memory of the process, that of its children added. All ways but CalculiX have the same matrices, and eigsh and

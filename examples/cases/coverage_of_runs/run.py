@@ -50,8 +50,9 @@ def page(found: dict[str, RunsCoverage]) -> str:
         lines.append(f"| {name} | {100 * f.error.max():.2g} % | {f.specimens} | {each} | {100 * f.share:.1f} |")
     lines += [
         "",
-        "The intervals contain the scatter of the test only. They hold because the error of the model is small beside "
-        f"it. The standard deviation of a coverage of {specimens} specimens is "
+        "The intervals contain the scatter of the test only, not the error of the model. The intervals of Kriging are "
+        "shorter than they should be for two of the parameters although its error at left-out runs is smaller; the "
+        f"cause was not found. The standard deviation of a coverage of {specimens} specimens is "
         f"{100 * (LEVEL * (1 - LEVEL) / specimens) ** 0.5:.1f} percentage points for one parameter.",
         "",
     ]

@@ -108,14 +108,6 @@ def test_the_leading_part_of_a_reduced_model_is_that_of_fewer_vectors(plate: Con
     np.testing.assert_allclose(there.mass, small.at(x).mass, rtol=1e-9, atol=1e-12)
 
 
-def test_factors_of_the_estimate_that_were_forgotten_are_made_again(plate: ConfiguredModel, trained: Trained) -> None:
-    x = np.array([0.2, -0.1, 0.1])
-    before = trained.estimator.at(trained.model, trained.basis, x).worst
-    trained.estimator.forget_factor()
-    after = trained.estimator.at(trained.model, trained.basis, x).worst
-    assert after == pytest.approx(before, rel=1e-6)
-
-
 def test_the_estimate_is_never_below_a_tenth_of_the_error_nor_far_above_it(
     plate: ConfiguredModel, trainer: Trainer, told: list[Trained], trained: Trained
 ) -> None:

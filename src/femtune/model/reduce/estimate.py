@@ -83,11 +83,6 @@ class ErrorEstimator:
         """Factors of A0."""
         return self.known or factorise(self.metric)
 
-    def forget_factor(self) -> None:
-        """Give the memory of the factors back; they are made again where they are needed."""
-        object.__setattr__(self, "known", None)
-        self.__dict__.pop("factor", None)
-
     def at(self, model: ReducedModel, basis: Reals, x: Reals) -> ErrorEstimate:
         """The estimate at one parameter vector; costs one block solve and two products with K and M."""
         if self.functions:
