@@ -11,7 +11,7 @@ import scipy.linalg as la
 from femtune.errors import FemtuneError
 from femtune.fem import NodeTable
 from femtune.model import Assignment, Configuration, configure, parametric_model, solve_modes
-from femtune.model.imported.from_runs import FittedRuns, Runs, fit_configurations
+from femtune.model.imported.from_runs import FittedRuns, Runs, fit_runs
 from femtune.model.imported.kriged import KrigedCoefficient
 from femtune.model.imported.model import field_of_variable
 from femtune.parameters import Parameter, ParameterSet
@@ -23,13 +23,6 @@ MASS = np.diag([2.0, 1.0, 1.5, 0.5])
 NODES = NodeTable(np.arange(1, 5), np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)), has_coordinates=False)
 DOFS = 6 * np.arange(4)
 NAMES = ("k1", "k2")
-
-
-def fit_runs(
-    runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None, correlation: str | None = None
-) -> FittedRuns:
-    """The model of one configuration."""
-    return fit_configurations([runs], nodes, degree, crossed, centre, correlation)[0]
 
 
 def stiffness(k1: float, k2: float) -> np.ndarray:

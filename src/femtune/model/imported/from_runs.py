@@ -104,6 +104,13 @@ class FittedRuns:
     nominal: Reals
 
 
+def fit_runs(
+    runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None, correlation: str | None = None
+) -> FittedRuns:
+    """Fit the model to runs; arguments and errors as of `fit_configurations`."""
+    return fit_configurations([runs], nodes, degree, crossed, centre, correlation)[0]
+
+
 def fit_configurations(
     parts: Sequence[Runs], nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None,
     correlation: str | None = None,
