@@ -201,7 +201,8 @@ def _at_the_file(file: IdentifyFile) -> Iterator[None]:
 def _check_folder(folder: Path, file: IdentifyFile) -> None:
     check_writable(folder)
     levels = [level_file(file, entry).measured_path for entry in file.level]
-    inputs = {os.path.realpath(p) for p in (file.path, file.measured_path, *levels)}
+    geometry = (file.geometry_path,) if file.geometry_path is not None else ()
+    inputs = {os.path.realpath(p) for p in (file.path, *file.measured_paths, *geometry, *levels)}
     if any(os.path.realpath(p) in inputs for p in folder.iterdir()):
         raise FemtuneError("write.overwrites-input/measurement", where=Where(str(folder)))
 
