@@ -67,6 +67,27 @@ Column = Annotated[int, Field(ge=1)] | Text
 Axis = Literal["frequency", "response", "reference", "function", "part"]
 
 
+class SetupEntry(TomlTable):
+    """[[setup]]: one of several measurements of the same structure with sensors at other places."""
+
+    name: Text | None = None
+    record: Text | None = None
+    frfs: Text | None = None
+    sampling_hz: Positive | None = None
+    variable: Text | None = None
+    take_hz: tuple[Positive, ...] = ()
+    drop_hz: tuple[Positive, ...] = ()
+    channel: tuple[ChannelEntry, ...] = ()
+
+
+class RigidBodyEntry(TomlTable):
+    """[[rigid_body]]: sensors on a rigid body, such as a floor, that are reduced to its motions."""
+
+    node: Annotated[int, Field(ge=1, le=2**31)]
+    sensors: Annotated[tuple[DofLabel, ...], Field(min_length=1)]
+    motions: Annotated[str, Field(min_length=1, pattern="^1?2?3?4?5?6?$")] = "126"
+
+
 class FunctionsTable(TomlTable):
     """[functions]: what the axes of a file of FRFs mean, if it is not a Universal File."""
 
@@ -116,6 +137,8 @@ class IdentifyFile(TomlTable):
 
     identify: IdentifyTable
     channel: tuple[ChannelEntry, ...] = ()
+    setup: tuple[SetupEntry, ...] = ()
+    rigid_body: tuple[RigidBodyEntry, ...] = ()
     functions: FunctionsTable | None = None
     function: tuple[FunctionEntry, ...] = ()
     level: tuple[LevelEntry, ...] = ()
@@ -138,7 +161,7 @@ class IdentifyFile(TomlTable):
     @property
     def measured_paths(self) -> tuple[Path, ...]:
         """The record, or all files of the functions."""
-        named = self.identify.record or self.identify.frfs or ""
+        named = self.identify.record or self.identify.frfs or tuple(s.record or s.frfs or "" for s in self.setup)
         return tuple(self._path.parent / name for name in ((named,) if isinstance(named, str) else named))
 
     @property
@@ -189,7 +212,8 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
 
 def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     asked = table(data, "identify")
-    if "identify" in data and ("record" in asked) == ("frfs" in asked):
+    yield from _setups(data, asked, source)
+    if "identify" in data and "setup" not in data and ("record" in asked) == ("frfs" in asked):
         hint = 'write record = "ambient.csv" or frfs = "frf.unv"'
         yield source.error(("identify",), "identify.source", {}, hint=hint)
     yield from _layout(data, asked, source)
@@ -198,6 +222,15 @@ def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     if falls(asked.get("band_hz")):
         shown = {"band_hz": asked["band_hz"]}
         yield source.error(("identify", "band_hz"), "study.value/empty-band", shown)
+
+
+def _setups(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    """Every set-up has a measurement of its own, and [identify] has none then."""
+    for place, entry in tables(data, "setup"):
+        if "record" in asked or "frfs" in asked or ("record" in entry) == ("frfs" in entry):
+            yield source.error(place, "identify.setup-source", entry)
+    if "setup" in data and "level" in data:
+        yield source.error(("level",), "identify.setup-source/levels", {})
 
 
 def _layout(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
