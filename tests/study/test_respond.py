@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from femtune import steps
 from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.files.uff import read_uff, write_uff_frfs
@@ -343,3 +344,42 @@ def test_a_limit_of_the_modes_is_told_with_its_error(bench: Bench, limit: dict[s
     assert found.frfs is not None
     assert found.frfs.truncation_error is not None
     assert 0.0 < found.frfs.truncation_error <= (np.abs(values - exact) / size).max() * 1.001
+
+
+def test_noise_of_a_simulated_test_has_the_stated_deviation(bench: Bench) -> None:
+    """Real and imaginary part apart, with a part of the magnitude and of the largest one; 6 × 400 values of each."""
+    deck = bench.write("deck.bdf", CANTILEVER)
+    asked: dict[str, Any] = {
+        "inputs": ("5Z+",), "outputs": ("2Z+", "3Z+", "4Z+", "5Z+", "2RY+", "5RY+"), "from_hz": 5.0, "to_hz": 400.0,
+        "lines": 400, "ratio": 0.01, "units": "m-kg-s",
+    }  # fmt: skip
+
+    def written(**more: Any) -> NDArray[np.complex128]:
+        result = steps.respond(deck, uff=bench.folder / "frfs.uff", **asked, **more)
+        frfs = read_uff(bench.folder / "frfs.uff", units=SI).test.frfs
+        assert frfs is not None
+        assert np.abs(result.frfs.values - exact).max() <= 1e-11 * np.abs(exact).max()
+        return frfs.values
+
+    exact = steps.respond(deck, **asked).frfs.values
+    np.testing.assert_allclose(written(), exact, atol=1e-11 * np.abs(exact).max())
+    found = written(scatter=0.03, floor=0.001, seed=7)
+    size = np.abs(exact)
+    sd = np.sqrt((0.03 * size) ** 2 + (0.001 * size.max(axis=2, keepdims=True)) ** 2)
+    for part in ((found - exact).real / sd, (found - exact).imag / sd):
+        # χ² of 2400 values: 2400 ± 5 standard deviations of 69
+        assert abs(float((part**2).sum()) - 2400.0) < 5 * 69.3
+        assert abs(float(part.sum())) < 5 * 49.0
+    np.testing.assert_array_equal(found, written(scatter=0.03, floor=0.001, seed=7))
+    assert np.abs(found - written(scatter=0.03, floor=0.001, seed=8)).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    "noise", [{"scatter": -0.1}, {"floor": float("nan")}, {"seed": -1}, {"scatter": 0.1, "uff": None}]
+)
+def test_noise_that_is_none(bench: Bench, noise: dict[str, Any]) -> None:
+    deck = bench.write("deck.bdf", CANTILEVER)
+    asked: dict[str, Any] = {"inputs": ("5Z+",), "from_hz": 1.0, "to_hz": 2.0, "lines": 2, "units": "m-kg-s"}
+    with pytest.raises(FemtuneError) as caught:
+        steps.respond(deck, **{"uff": bench.folder / "frfs.uff", **asked, **noise})
+    assert caught.value.code == "response.noise"

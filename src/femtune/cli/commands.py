@@ -179,6 +179,9 @@ def _given(options: dict[str, Any]) -> dict[str, Any]:
 @click.option("--ratio", type=float, help="Damping ratio of all modes, instead of SDAMPING.")
 @click.option("--damping", metavar="WORD", help="deck, or modal (ignores loss factors and dashpots).")
 @click.option("--uff", type=_FILE, metavar="FILE", help="Write the functions to a Universal File (58).")
+@click.option("--scatter", type=_SCATTER, metavar="PART", help="For --uff: noise relative to the magnitude.")
+@click.option("--floor", type=_SCATTER, metavar="PART", help="For --uff: noise relative to the largest magnitude.")
+@click.option("--seed", type=click.IntRange(min=0), help="For --uff: seed of the noise.  [default: 1]")
 @click.option("--units", metavar="m-kg-s", help="Units, if a deck is given instead of a study; for --uff.")
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with plots of the responses.")
 @_eigensolver
@@ -190,7 +193,8 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 
     PATH is a study file (.toml) or a Nastran deck. Options replace keys of [response] in the study.
     """
-    result = run_step("of_model:respond", path, quiet, fresh=fresh, report=page, **_given(asked))
+    noise = {key: value for key in ("scatter", "floor", "seed") if (value := asked.pop(key)) is not None}
+    result = run_step("of_model:respond", path, quiet, fresh=fresh, report=page, **noise, **_given(asked))
     out.say(result.remarks, quiet)
     out.show("modes:responses_document", path, result.records, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)

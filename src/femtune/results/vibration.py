@@ -308,14 +308,16 @@ def _damping(study: Study, entry: VibrationEntry) -> tuple[DampingRatios, str]:
 
 def _band(entry: VibrationEntry, excitation: Sweep | Spectrum | Curve, measured: Curve | None) -> Band:
     """What excitation, measured curve and `band_hz` have in common (error ``vibration.no-overlap``)."""
-    bands = [_excited(excitation)]
+    bands = {"excitation": _excited(excitation)}
     if measured is not None:
-        bands.append((float(measured[0][0]), float(measured[0][-1])))
+        bands["measured curve"] = float(measured[0][0]), float(measured[0][-1])
     if entry.band_hz is not None and entry.kind != "transient":
-        bands.append(entry.band_hz)
-    low, high = max(b[0] for b in bands), min(b[1] for b in bands)
+        bands["band_hz"] = entry.band_hz
+    low, high = max(b[0] for b in bands.values()), min(b[1] for b in bands.values())
     if not low < high:
-        raise FemtuneError("vibration.no-overlap", name=entry.name)
+        unit = "s" if entry.kind == "transient" else "Hz"
+        ranges = {name: f"{first:.6g} to {last:.6g} {unit}" for name, (first, last) in bands.items()}
+        raise FemtuneError("vibration.no-overlap", values=ranges, name=entry.name)
     return low, high
 
 
