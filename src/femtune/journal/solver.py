@@ -97,11 +97,32 @@ def _modes(point: ModelPoint, entry: Entry) -> EigenSolution:
     shift = _number(entry, "shift")
     if (np.diff(values) < 0.0).any() or not shift < values[0]:
         raise ValueError("its eigenvalues are not in their order")
+    _check_pairs(point, values, shapes)
     notices = tuple(_notice(*n) for n in entry.facts["notices"])
     cut, method = _number(entry, "sturm_shift"), entry.facts.get("method", "")
     if not isinstance(method, str):
         raise ValueError("its method is no text")
     return EigenSolution(point, values, shapes, wanted, shift, cut, counted, notices, method=method)
+
+
+_ALIKE, _ROUNDING = 1e-5, 1e-12
+
+
+def _check_pairs(point: ModelPoint, values: NDArray[np.float64], shapes: NDArray[np.float64]) -> None:
+    """The recalled pairs are modes of these matrices: ΦᵀKΦ = Λ, ΦᵀMΦ = 1, and Kφ = λMφ.
+
+    The first two show values and scales that are wrong, the last one shapes; each is compared with rounding.
+    """
+    elastic, inertial = point.stiffness @ shapes, point.mass @ shapes
+    largest = float(np.abs(point.stiffness.diagonal()).max(initial=0.0))
+    lengths = np.linalg.norm(shapes, axis=0)
+    rounding = _ROUNDING * largest * np.outer(lengths, lengths)
+    size = np.sqrt(np.abs(np.outer(values, values)))
+    energy = np.abs(shapes.T @ elastic - np.diag(values)) <= _ALIKE * size + rounding
+    unit = np.abs(shapes.T @ inertial - np.eye(len(values))) <= _ALIKE
+    rest = np.linalg.norm(elastic - inertial * values, axis=0) <= _ALIKE * largest * lengths
+    if not (energy.all() and unit.all() and rest.all()):
+        raise ValueError("its modes do not satisfy the equation of motion")
 
 
 def _notice(code: object, what: object, level: object) -> Notice:

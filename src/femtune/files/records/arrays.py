@@ -87,14 +87,14 @@ _BROKEN = (
 
 def mat_arrays(path: Path) -> dict[str, Any]:
     """Arrays of a MATLAB file before version 7.3; fields of structures as ``a.b``, elements as ``a(2).b``, ``c{3}``."""
-    from scipy.io import loadmat  # noqa: PLC0415  half a second that no other step wants
+    from scipy.io import loadmat, matlab  # noqa: PLC0415  half a second that no other step wants
 
     try:
         _check_mat(path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             arrays = loadmat(path)
-    except _BROKEN as bad:
+    except (*_BROKEN, matlab.MatReadError) as bad:
         raise problem(path, "record.file/matlab", first_line=_first_line(bad)) from bad
     found: dict[str, Any] = {}
     for name, array in arrays.items():
