@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.files.study_file import StudyFile
 
-_FOLLOWS = frozenset({"study.missing-key", "tie.unknown", "study.no-test", "stage.unknown-parameter"})
+_FOLLOWS = frozenset({"study.missing-key", "tie.unknown", "study.no-test", "sensor.unmatched"})
 """Codes that may only follow from tables that were set aside because of another mistake."""
 _OF_UNITS = frozenset({"study.units-doubtful", "sensor.units"})
 
