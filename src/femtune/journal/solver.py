@@ -39,11 +39,13 @@ class JournaledSolver:
         """In another process there is no journal, which belongs to this one."""
         return _without_journal, (self.solver,)
 
-    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
-        """As `solve_modes`: by K, M and how many modes are wanted."""
+    def modes(
+        self, point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None = None
+    ) -> EigenSolution:
+        """As `solve_modes`: by K, M and how many modes are wanted, wherever the iteration starts."""
         key = _key("modes", matrices_digest(point, "stiffness", "mass"), count, max_hz)
-        form = Form("modes", _of_modes, partial(_modes, point))
-        return self.journal.obtain(form, key, partial(self.solver.modes, point, count, max_hz))
+        form, begun = Form("modes", _of_modes, partial(_modes, point)), () if start is None else (start,)
+        return self.journal.obtain(form, key, partial(self.solver.modes, point, count, max_hz, *begun))
 
     def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
         """As `improved_modes`: by K, M and the vectors that it begins with."""
