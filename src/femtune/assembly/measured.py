@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from femtune.assembly.cases import HeldOut, sensor_tolerance
+from femtune.assembly.cases import HeldOut, ModesOfDeck, sensor_tolerance
 from femtune.assembly.error_places import errors_at, place_of
 from femtune.correlation import map_sensors, rigid_motion_sensor
 from femtune.correlation.generalised import GeneralisedSensor
@@ -382,12 +382,16 @@ def _compared(
 def _modes_wanted(file: StudyFile, test: ModeSet) -> tuple[int | None, float | None]:
     """How many modes of the model are solved, or up to which frequency.
 
-    Where nothing is said, all up to 1.25 times the highest frequency of the test, and at least ten elastic modes.
+    Where the study says nothing, all up to 1.25 times the highest frequency of the test, and at least ten elastic
+    modes, or as many as METHOD of the deck asks for; rigid-body modes do not count among these.
     """
-    asked = file.modes
-    if asked.count is not None or asked.max_hz is not None or not len(test):
+    asked, of_deck = file.modes, isinstance(file.modes, ModesOfDeck)
+    if not len(test) or (not of_deck and (asked.count is not None or asked.max_hz is not None)):
         return asked.count, asked.max_hz
-    return ELASTIC_MODES, BEYOND_TEST * float(np.max(test.freq_hz))
+    reach = BEYOND_TEST * float(np.max(test.freq_hz))
+    if asked.max_hz is not None and asked.max_hz >= reach:
+        return None, asked.max_hz
+    return asked.count or ELASTIC_MODES, reach
 
 
 def _with_scatter(file: StudyFile, modes: ModeSet) -> ModeSet:
