@@ -13,12 +13,18 @@ from femtune.errors import FemtuneError
 from femtune.fem.constraints import rigid_bar_rows, rigid_element_rows
 from femtune.fem.elements import contributions
 from femtune.fem.elimination import eliminate
+from femtune.fem.splines import spline_rows
 from femtune.fem.structure import ConstraintRows, NodeTable
 from structures.frames import bars, make_structure
 
 _SECTION = {"E": 200.0, "G": 80.0, "A": 3.0, "I1": 0.7, "I2": 0.4, "J": 0.9, "rho": 2.0}
 _NODES = NodeTable(np.array([10, 20]), np.array([[0.0, 0, 0], [0, 0, 2.0]]), np.tile(np.eye(3), (2, 1, 1)))
 _ALL = (1, 2, 3, 4, 5, 6)
+_LINE = NodeTable(
+    np.array([1, 2, 3, 4]),
+    np.array([[0, 0, 0], [1e-12, 1e-12, 0], [1, 1, 0.5], [1, 1, 2.0]]),
+    np.tile(np.eye(3), (4, 1, 1)),
+)
 
 
 def _describe(dof: int) -> Dof:
@@ -52,6 +58,7 @@ CASES: dict[str, Callable[[], object]] = {
     "element.orientation": _bars({}, orientation=(0.0, 0.0, 1.0)),
     "element.pinned-i12": _bars({"I12": 0.1}, pins=(5,)),
     "constraint.own-node": lambda: rigid_element_rows(_NODES, 10, [20, 10], _ALL, 7),
+    "constraint.spline": lambda: spline_rows(_LINE, (1, 2, 3, 4), ((), _ALL, _ALL, ()), 1e-3, 9),
     "constraint.rigid-independent": lambda: rigid_bar_rows(_NODES, (10, 20), ((1, 2, 3, 4, 5), ()), ((), ()), 9),
     "constraint.twice-in-element": lambda: rigid_bar_rows(_NODES, (10, 20), (_ALL, ()), ((6,), ()), 9),
     "constraint.dependent-twice": lambda: _solve(

@@ -18,13 +18,13 @@ from femtune.files.nastran.build import build_structure
 from femtune.files.uff import read_uff, write_uff_frfs
 from femtune.modal import FrfSet, as_kind
 from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
-from femtune.model.response import frf, make_ports
+from femtune.model.response import ACCURACY, frf, make_ports
 from femtune.parameters import ParameterSet
 from femtune.results.response import ResponseResults
 from femtune.testdata import ModalTest
 from femtune.units import SI
 
-from .conftest import EI, Bench
+from .conftest import CANTILEVER, EI, Bench
 
 OSCILLATOR = """SOL 111
 CEND
@@ -311,3 +311,35 @@ def test_a_universal_file_of_each_configuration(bench: Bench) -> None:
     assert sets[0] is not None
     assert sets[1] is not None
     assert not np.allclose(sets[0].values, sets[1].values)
+
+
+@pytest.mark.parametrize("method", ["real modes", "complex modes"])
+def test_the_default_is_as_exact_as_the_direct_way(bench: Bench, method: str) -> None:
+    """Simulated FRFs are measured FRFs of an update: a systematic error moves its parameters."""
+    asked: dict[str, Any] = {
+        "inputs": ("5Z+", "3Z+"), "outputs": ("2Z+", "4Z+", "5Z+"), "from_hz": 5.0, "to_hz": 100.0, "lines": 96,
+        "ratio": 0.01,
+    }  # fmt: skip
+    deck = bench.write("deck.bdf", CANTILEVER)
+    _, _, exact = _respond(deck, method="direct", **asked)
+    found, _, values = _respond(deck, method=method, **asked)
+    size = np.maximum(np.abs(exact), 0.01 * np.abs(exact).max(axis=2, keepdims=True))
+    assert (np.abs(values - exact) / size).max() <= ACCURACY
+    assert found.frfs is not None
+    assert found.frfs.truncation_error is not None
+    assert found.frfs.truncation_error <= ACCURACY
+    assert not found.alerts
+
+
+@pytest.mark.parametrize(("limit", "said"), [({"modes": 1}, "modes = 1"), ({"max_hz": 30.0}, "max_hz = 30"),
+                                              ({"residual_vectors": False}, "residual_vectors = false")])  # fmt: skip
+def test_a_limit_of_the_modes_is_told_with_its_error(bench: Bench, limit: dict[str, Any], said: str) -> None:
+    asked: dict[str, Any] = {"inputs": ("5Z+",), "from_hz": 5.0, "to_hz": 200.0, "lines": 40, "ratio": 0.01}
+    found, _, values = _respond(bench.write("deck.bdf", CANTILEVER), **asked, **limit)
+    assert [alert.code for alert in found.alerts] == ["response.truncated"]
+    assert said in found.alerts[0].sentence
+    _, _, exact = _respond(bench.folder / "deck.bdf", method="direct", **asked)
+    size = np.maximum(np.abs(exact), 0.01 * np.abs(exact).max(axis=2, keepdims=True))
+    assert found.frfs is not None
+    assert found.frfs.truncation_error is not None
+    assert 0.0 < found.frfs.truncation_error <= (np.abs(values - exact) / size).max() * 1.001

@@ -20,7 +20,7 @@ from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.error_places import errors_at_cards
 from femtune.files.nastran.inventory import MISSING
 from femtune.files.nastran.left_out import preloads
-from femtune.files.study_file import Given, ModesTable, StudyFile, is_deck, read_study_file, with_modes
+from femtune.files.study_file import Given, ModesTable, StudyFile, is_deck, read_study_file, test_files, with_modes
 from femtune.files.study_file.source import StudyLines
 from femtune.model import frequency_table, parametric_model
 from femtune.model.distributed import check_slepc
@@ -113,7 +113,8 @@ def _what_is_there(case: StudyCase) -> str:
     if case.test is None:
         return "it has no test"
     if case.modal is None:
-        return f"{case.entry.test} has no modes" + (", only frequency responses" if case.test.frfs else "")
+        names = ", ".join(test_files(case.entry))
+        return f"{names} has no modes" + (", only frequency responses" if case.test.frfs else "")
     return "it is kept for validation"
 
 

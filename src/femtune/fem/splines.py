@@ -14,13 +14,14 @@ import scipy.linalg
 
 from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError, Where
-from femtune.fem.constraints import follow_rows
+from femtune.fem.constraints import follow_rows, motion_of
 from femtune.fem.elements import placement
 from femtune.fem.structure import ConstraintRows, NodeTable
 
 # of a thin tube with unit area and Young's modulus: I = D²/8, J = 2I, G = E / 2.6
 _SHEAR = 1.0 / 2.6
 _NOISE = 1e-11
+_ACCURACY = 1e-6
 
 
 def spline_rows(
@@ -38,17 +39,36 @@ def spline_rows(
 
     Raises
     ------
-    FemtuneError : ``model.unknown-node``, ``constraint.own-node`` where two points in sequence are at one place
+    FemtuneError : ``model.unknown-node``, ``constraint.own-node`` where two points in sequence are at one place,
+        ``constraint.spline`` where rounding spoils the equations
     """
     where = Where(record=f"RSPLINE {owner}")
     at = np.array([nodes.position(n, where) for n in points], dtype=np.int64)
     stiffness = _tube(nodes, at, ratio, points, where)
     follows = np.concatenate([6 * i + np.array(c, np.int64) - 1 for i, c in enumerate(dependent)]).astype(np.int64)
     given = np.setdiff1d(np.arange(6 * len(at)), follows)
-    factor = scipy.linalg.cho_factor(stiffness[np.ix_(follows, follows)])
-    follow = -scipy.linalg.cho_solve(factor, stiffness[np.ix_(follows, given)])
+    follow = _condensed(stiffness, follows, given)
     dofs = (6 * at[:, None] + np.arange(6)).ravel()
+    rigid = motion_of(nodes, dofs, at[:1])
+    # rigid-body motion leaves the tube without strain, so the dependent components must follow it
+    wrong = np.abs(rigid[follows] - follow @ rigid[given]) > _ACCURACY * np.abs(rigid).max(axis=0)
+    if not np.isfinite(follow).all() or wrong.any():
+        lengths = np.linalg.norm(np.diff(nodes.xyz[at], axis=0), axis=1)
+        raise FemtuneError("constraint.spline", where=where, ratio=ratio, least=lengths.min(), most=lengths.max())
     return follow_rows(dofs[follows], np.tile(dofs[given], (len(follows), 1)), follow, owner, _NOISE)
+
+
+def _condensed(stiffness: Reals, follows: Integers, given: Integers) -> Reals:
+    """(m, n) displacements `follows` that unit displacements `given` cause; NaN where the tube is singular."""
+    # diagonal scaling: translations and rotations, short and long segments count alike
+    size = np.sqrt(np.diag(stiffness)[follows])
+    own = stiffness[np.ix_(follows, follows)] / np.outer(size, size)
+    try:
+        factor = scipy.linalg.cho_factor(own)
+    except np.linalg.LinAlgError:
+        return np.full((len(follows), len(given)), np.nan)
+    solved = scipy.linalg.cho_solve(factor, stiffness[np.ix_(follows, given)] / size[:, None])
+    return np.asarray(-solved / size[:, None])
 
 
 def _tube(nodes: NodeTable, at: Integers, ratio: float, points: Sequence[int], where: Where) -> Reals:

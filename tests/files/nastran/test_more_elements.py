@@ -152,6 +152,19 @@ def test_a_spline_of_points_at_one_place(deck_of: DeckOf) -> None:
     assert "grid points 2 and 4" in str(caught.value)
 
 
+@pytest.mark.parametrize("gap", ["1.-7", "1.-12"])
+def test_a_spline_with_a_tiny_segment_is_right_or_an_error(deck_of: DeckOf, gap: str) -> None:
+    points = f"GRID,1,,0.,0.,0.\nGRID,2,,{gap},{gap},0.\nGRID,3,,1.,1.,.5\nGRID,4,,1.,1.,2.\n"
+    deck = deck_of(points + "RSPLINE,9,1.-3,1,2,123456,3,123456,4\n")
+    if gap == "1.-7":
+        np.testing.assert_allclose(_follow(build_structure(deck).structure)[6:9, :3], np.eye(3), atol=1e-6)
+        return
+    with pytest.raises(FemtuneError) as caught:
+        build_structure(deck)
+    assert caught.value.code == "constraint.spline"
+    assert "1.414e-12" in str(caught.value)
+
+
 def test_a_spline_needs_a_positive_diameter(deck_of: DeckOf) -> None:
     with pytest.raises(FemtuneError) as caught:
         build_structure(deck_of(POINTS + "RSPLINE,9,0.,1,2,123,3\n"))

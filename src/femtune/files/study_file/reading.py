@@ -102,18 +102,24 @@ def frozen(value: Any) -> Any:
     return tuple(map(frozen, value)) if isinstance(value, list | tuple) else value
 
 
+def _each(names: object) -> tuple[object, ...]:
+    return names if isinstance(names, tuple) else (names,)
+
+
 def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
     yield ("study", "deck"), table(data, "study").get("deck"), "deck"
-    yield ("test", "file"), table(data, "test").get("file"), "test file"
+    for name in _each(table(data, "test").get("file")):
+        yield ("test", "file"), name, "test file"
     for key, what in (("grid", "file of grid points"), ("dofs", "list of DOFs"), ("listing", "list of modes")):
         yield ("model", key), table(data, "model").get(key), what
     names = table(data, "quantify").get("repeats")
-    for name in names if isinstance(names, tuple) else (names,):
+    for name in _each(names):
         yield ("quantify", "repeats"), name, "file of repeats"
     for place, entry in tables(data, "matrix"):
         yield (*place, "file"), entry.get("file"), "file of a matrix"
     for place, entry in tables(data, "configuration"):
-        yield (*place, "test"), entry.get("test"), "test file"
+        for name in _each(entry.get("test")):
+            yield (*place, "test"), name, "test file"
         yield (*place, "masses_file"), entry.get("masses_file"), "table of masses"
     for place, entry in tables(data, "parameter"):
         yield (*place, "prior"), entry.get("prior"), "catalogue of damping"
