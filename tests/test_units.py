@@ -41,3 +41,35 @@ def test_another_name_gets_a_hint(name: str, hint: str) -> None:
         unit_system(name)
     assert caught.value.code == "units.unknown"
     assert hint in caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("name", "length", "force"),
+    [
+        ("in-lbf-s", 0.0254, 4.4482216152605),
+        ("kip-in-s", 0.0254, 4448.2216152605),
+        ("in-kip-s", 0.0254, 4448.2216152605),
+        ("kip-ft-s", 0.3048, 4448.2216152605),
+        ("in-lbf-s2/in-s", 0.0254, 4.4482216152605),
+        ("mm-N-s", 1e-3, 1.0),
+        ("m-kN-s", 1.0, 1e3),
+    ],
+)
+def test_a_system_named_by_its_force(name: str, length: float, force: float) -> None:
+    found = unit_system(name)
+    assert (found.length, found.force) == pytest.approx((length, force), rel=1e-12)
+    # a body of weight 1 lbf has a mass of 1/386.0886 lbf s2/in: standard gravity in in/s2
+    assert unit_system("in-lbf-s").mass / unit_system("in-lbm-s").mass == pytest.approx(386.0886, rel=1e-6)
+
+
+def test_pound_systems_have_the_same_size_by_either_name() -> None:
+    for one, other in (("in-lbf-s", "in-slinch-s"), ("ft-lbf-s", "ft-slug-s"), ("mm-N-s", "mm-t-s")):
+        assert unit_system(one).mass == pytest.approx(unit_system(other).mass, rel=1e-12)
+        assert unit_system(one).word == unit_system(other).word
+
+
+@pytest.mark.parametrize("name", ["lbf-lbf-s", "in-lbf", "lbf-s2/in-s", "in-lbf-s2/in", "kip-s", "in-foo-s"])
+def test_what_is_no_system_of_a_force_is_refused(name: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        unit_system(name)
+    assert caught.value.code == "units.unknown"

@@ -55,8 +55,11 @@ if TYPE_CHECKING:
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
     from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
+    from femtune.steps.of_start import check, init
     from femtune.steps.of_study import compare, correlate, quantify, select
     from femtune.steps.pages import report
+    from femtune.study.first_study.check import CheckResult
+    from femtune.study.first_study.make import InitResult
     from femtune.study.identification.run import IdentifyResult
     from femtune.testdata import ModalTest
 else:
@@ -68,6 +71,7 @@ __all__ = [
     "AntiresonanceResidual",
     "CandidatesResult",
     "CentreOfGravityResidual",
+    "CheckResult",
     "ComplexEigenvalueResidual",
     "Configuration",
     "CorrelateResult",
@@ -83,6 +87,7 @@ __all__ = [
     "IdentifyResult",
     "InertiaResidual",
     "InfoResult",
+    "InitResult",
     "MacResidual",
     "MassResidual",
     "ModalTest",
@@ -106,10 +111,12 @@ __all__ = [
     "TimeSeries",
     "bootstrap",
     "candidates",
+    "check",
     "compare",
     "correlate",
     "identify",
     "info",
+    "init",
     "mac",
     "modes",
     "plan",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from femtune.errors import FemtuneError, did_you_mean
@@ -16,6 +17,11 @@ _MASSES = {
     "slug": _POUND_FORCE / 0.3048,
     "slinch": _POUND_FORCE / 0.0254,
 }
+
+
+_FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": _POUND_FORCE, "kip": 1e3 * _POUND_FORCE}
+_OF_FORCE = re.compile(rf"(?P<force>{'|'.join(_FORCES)})[-*·.]?s(?:2|\^2|²)/(?P<length>{'|'.join(_LENGTHS)})")
+"""A unit of mass that is spelled as force·s²/length, as lbf-s2/in."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +63,26 @@ def _same(a: float, b: float) -> bool:
 SI = UnitSystem("m-kg-s", 1.0, 1.0)
 
 
+def _by_force(name: str) -> UnitSystem | None:
+    """The system of a length and a force, None where the name is none; lbm and lbf are never taken for each other."""
+    if spelled := _OF_FORCE.search(name):
+        rest = name.replace(spelled[0], "mass").split("-")
+        force, per, length = spelled["force"], spelled["length"], rest[0]
+        if rest[1:] == ["mass", "s"] and length in _LENGTHS:
+            return UnitSystem(name, _LENGTHS[length], _FORCES[force] / _LENGTHS[per])
+        return None
+    first, _, second = name.removesuffix("-s").partition("-")
+    length, force = (first, second) if first in _LENGTHS else (second, first)
+    if not name.endswith("-s") or length not in _LENGTHS or force not in _FORCES:
+        return None
+    return UnitSystem(name, _LENGTHS[length], _FORCES[force] / _LENGTHS[length])
+
+
 def unit_system(name: str) -> UnitSystem:
     """The system called ``length-mass-s``, for example "m-kg-s", "mm-t-s", "mm-kg-s", "in-slinch-s".
+
+    A force may stand in place of the mass, in either order with the length: in "in-lbf-s" and "kip-ft-s" the unit of
+    mass is lbf·s²/in and kip·s²/ft, with which force = mass·length/s². The mass may be spelled so: "in-lbf-s2/in-s".
 
     Raises
     ------
@@ -67,10 +91,12 @@ def unit_system(name: str) -> UnitSystem:
     parts = name.split("-")
     if len(parts) == 3 and parts[0] in _LENGTHS and parts[1] in _MASSES and parts[2] == "s":
         return UnitSystem(name, _LENGTHS[parts[0]], _MASSES[parts[1]])
+    if (found := _by_force(name)) is not None:
+        return found
     known = [f"{length}-{mass}-s" for length in _LENGTHS for mass in _MASSES]
     raise FemtuneError(
         "units.unknown",
-        values={"lengths": ", ".join(_LENGTHS), "masses": ", ".join(_MASSES)},
+        values={"lengths": ", ".join(_LENGTHS), "masses": ", ".join(_MASSES), "forces": ", ".join(_FORCES)},
         hint=did_you_mean(name, known) if len(parts) == 3 else 'write for example units = "m-kg-s"',
         name=name,
     )

@@ -19,6 +19,9 @@ import femtune
 Invoke = Callable[..., Result]
 
 _COMMANDS = [
+    "init",
+    "check",
+    "schema",
     "info",
     "modes",
     "compare",

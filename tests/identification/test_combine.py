@@ -10,8 +10,9 @@ from femtune.errors import FemtuneError
 from femtune.identification.averaging import cross_spectra
 from femtune.identification.combine import Estimate, combine
 from femtune.identification.input_lines import ground_to_floor, judge_peaks, stands_out_db, unmoved_by_mass
-from femtune.identification.setups import merge_setups, to_rigid_motion
+from femtune.identification.setups import merge_setups, same_modes, to_rigid_motion
 from femtune.modal import Channel, ModeSet, TimeSeries
+from femtune.modal.shape_criteria import mac
 from structures.braced_building import sensor_rows
 
 DOFS = DofSet(Dof(i, "X") for i in range(1, 5))
@@ -70,11 +71,10 @@ def test_nothing_in_common_is_an_error():
 
 
 def test_setups_of_different_scale_and_sign_are_one_shape():
-    references = DofSet([Dof(1, "X")])
     whole = ModeSet(FREQ, SHAPES, DOFS)
     one = whole.select_dofs(DofSet([Dof(1, "X"), Dof(2, "X")]))
     other = ModeSet(FREQ + 0.02, -3.0 * SHAPES[[3, 0, 2]], DofSet([Dof(4, "X"), Dof(1, "X"), Dof(3, "X")]))
-    merged = merge_setups([one, other], references).select_dofs(DOFS)
+    merged = merge_setups([one, other]).select_dofs(DOFS)
     assert merged.shapes == pytest.approx(SHAPES)
     assert merged.freq_hz == pytest.approx(FREQ + 0.01)
     assert merged.freq_sd_hz == pytest.approx([0.01] * 3)
@@ -83,16 +83,77 @@ def test_setups_of_different_scale_and_sign_are_one_shape():
 def test_setups_that_cannot_be_merged_say_why():
     references = DofSet([Dof(1, "X")])
     whole = ModeSet(FREQ, SHAPES, DOFS)
-    with pytest.raises(FemtuneError, match="is in two set-ups"):
-        merge_setups([whole, whole], references)
     with pytest.raises(FemtuneError, match="different numbers of modes"):
-        merge_setups([whole, whole.select_modes([0])], references)
+        merge_setups([whole, whole.select_modes([0])])
+    apart = ModeSet(FREQ, SHAPES, DofSet(Dof(i + 10, "X") for i in range(4)))
+    with pytest.raises(FemtuneError, match="set-ups 2 share no degree of freedom"):
+        merge_setups([whole, apart])
     still = SHAPES.copy()
     still[0, 1] = 0.0
     part = ModeSet(FREQ, SHAPES[:1], references)
     rest = ModeSet(FREQ, still, DOFS)
     with pytest.raises(FemtuneError, match=r"mode 2 of set-up 2 does not move"):
-        merge_setups([part, rest], references)
+        merge_setups([part, rest])
+
+
+def chain_of_setups():
+    """Five set-ups of eleven DOFs, each overlapping with the next one in one or two points; no common reference."""
+    rng = np.random.default_rng(1)
+    whole = rng.standard_normal((11, 3))
+    parts = [(0, 1, 2, 3), (2, 3, 4), (4, 5, 6, 7), (6, 7, 8), (8, 9, 10)]
+    factors = [1.0, -2.0, 0.1, 30.0, -0.7]
+    sets = [ModeSet(FREQ, f * whole[list(p)], DofSet(Dof(i + 1, "X") for i in p)) for f, p in zip(factors, parts)]
+    return whole, sets
+
+
+def test_setups_that_only_overlap_are_joined_along_the_chain():
+    whole, sets = chain_of_setups()
+    merged = merge_setups(sets)
+    assert merged.shapes == pytest.approx(whole)
+    assert merged.dofs.labels() == [f"{i}X+" for i in range(1, 12)]
+
+
+def test_joint_scales_are_the_least_squares_ones():
+    """The gradient of the sum of squares, computed entry by entry, vanishes on the sphere of the factors."""
+    _, sets = chain_of_setups()
+    rng = np.random.default_rng(2)
+    noisy = (s.shapes * rng.normal(1.0, 0.1, s.shapes.shape) for s in (*sets, sets[0]))
+    sets = [ModeSet(FREQ, shapes, s.dofs) for shapes, s in zip(noisy, (*sets, sets[0]))]
+    merged = merge_setups(sets)
+    counts = {str(d): sum(d in s.dofs for s in sets) for d in merged.dofs}
+    for mode in range(3):
+        sizes, slopes, scales = [], [], []
+        for s in sets:
+            common = [d for d in s.dofs if counts[str(d)] > 1]
+            own = s.select_dofs(DofSet(common)).shapes[:, mode]
+            mean = merged.select_dofs(DofSet(common)).shapes[:, mode]
+            alone = DofSet([d for d in s.dofs if counts[str(d)] == 1][:1])
+            ratio = merged.select_dofs(alone).shapes[:, mode] / s.select_dofs(alone).shapes[:, mode]
+            scale = float(ratio[0]) if len(ratio) else None
+            sizes.append(own @ own)
+            slopes.append((own, mean))
+            scales.append(scale)
+        # stationary: |ψ|² α − ψ·φ = λ |ψ|² α with one λ for all set-ups
+        ratios = [
+            1.0 - (own @ mean) / (size * scale)
+            for (own, mean), size, scale in zip(slopes, sizes, scales)
+            if scale is not None
+        ]
+        assert len(ratios) > 1
+        assert ratios == pytest.approx([ratios[0]] * len(ratios), rel=1e-6)
+
+
+def test_the_same_modes_are_found_by_frequency_and_shape():
+    rng = np.random.default_rng(3)
+    shapes = np.linalg.qr(rng.standard_normal((4, 4)))[0]
+    freq = np.array([2.0, 2.02, 5.0, 9.0])
+    one = ModeSet(freq, shapes, DOFS)
+    # the close pair has changed places, a mode is missing, and there is one more
+    other = ModeSet(np.array([1.99, 2.01, 7.0, 9.1]), -2.0 * shapes[:, [1, 0, 2, 3]], DOFS)
+    (first, second), left = same_modes([one, other])
+    assert first.freq_hz.tolist() == [2.0, 2.02, 9.0] or sorted(first.freq_hz) == [2.0, 2.02, 9.0]
+    assert np.diag(mac(first.shapes, second.shapes)) == pytest.approx([1.0] * 3)
+    assert sorted(round(m.freq_hz, 3) for m in left) == [5.0, 7.0]
 
 
 def record_of(values, inputs=0):

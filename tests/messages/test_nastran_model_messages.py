@@ -32,6 +32,7 @@ DECKS = {
     "deck.duplicate-id": _BASE + _BAR + "CBAR,7,3,2,1,0.,1.,0.\n",
     "deck.superelement": _BASE + "BEGIN SUPER=4\n" + _BASE,
     "deck.superelement, external": _BASE + "SEBULK,4,EXTOP2,,MANUAL\n",
+    "deck.superelement, no part": _BASE + "SEBULK,4,PRIMARY\n",
     "deck.preload": "SOL 103\nCEND\nSUBCASE 1\nTEMP(LOAD) = 3\nSUBCASE 2\nMETHOD = 1\nSTATSUB(PRELOAD) = 1\n"
     "BEGIN BULK\nEIGRL,1,,,3\n" + _BASE + "ENDDATA\n",
     "deck.property-type": _BASE + "CBAR,7,8,1,2,0.,1.,0.\n",

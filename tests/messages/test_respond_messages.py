@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune import steps
 from femtune.errors import FemtuneError
@@ -156,3 +157,13 @@ def test_an_option_does_not_point_to_the_line_that_it_replaces(tmp_path: Path) -
     assert error.where.line == 8
     error = _refused(tmp_path, f'[response]\ninputs = ["2Z+"]\n{_LINES}', kind="inertance")
     assert (error.code, error.where and error.where.file) == ("study.value", "option or argument")
+
+
+def test_too_few_modes(tmp_path: Path) -> None:
+    (tmp_path / "beam.bdf").write_text(_DECK)
+    (tmp_path / "study.toml").write_text(_HEAD + f'[response]\ninputs = ["2Z+"]\nratio = 0.01\nmodes = 1\n{_LINES}')
+    (found,) = steps.respond(tmp_path / "study.toml", residual_vectors=False)
+    (alert,) = found.alerts
+    assert alert.code == "response.truncated"
+    assert "residual_vectors = false of [response] limits them" in alert.sentence
+    check_shown("response.truncated", f"[{alert.code}] {alert.sentence}")

@@ -108,7 +108,7 @@ _OTHERS = (
     _Case("units.unknown", '"m-kg-s"', '"m-kgs-s"', 4, "did you mean 'm-kg-s'?"),
     _Case("parameter.bounds", "lower = 0.5", "lower = 3.0", 17, "lower bound is above the upper bound"),
     _Case("parameter.bounds", "lower = 0.5", "lower = 2.0", 17, "equals the upper bound"),
-    _Case("parameter.bounds", "lower = 0.5", "lower = 1.5", 17, "nominal value lies outside"),
+    _Case("parameter.bounds", "lower = 0.5", "lower = 1.5", 17, "do not include 1"),
     _Case("parameter.bounds", "lower = 0.5", "nominal = 3.0\nlower = 0.5", 17, "nominal value lies outside"),
     _Case("parameter.name", '"EI"', '"E I"', 15, "letters, digits and _"),
     _Case("parameter.duplicate", "[[configuration]]", '[[parameter]]\nname = "EI"\ntie = "2.0"\n\n[[configuration]]',

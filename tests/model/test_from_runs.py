@@ -227,3 +227,20 @@ def test_the_error_of_a_run_that_is_left_out_of_kriging() -> None:
         part = fitted_at(replace(fitted, x=fitted.x[rest], y=fitted.y[rest]))
         hz = np.sqrt(part.predict(runs.points[i])[0] + values.mean(axis=0)) / (2.0 * np.pi)
         np.testing.assert_allclose(whole.error[i], np.sort(hz) / np.sort(runs.freq_hz[i]) - 1.0, rtol=1e-4, atol=1e-9)
+
+
+def test_rigid_body_modes_that_are_listed_as_zero_do_not_hide_the_others() -> None:
+    """A solver lists zero, or a small number, for the motion of a free chain; its elastic modes stay."""
+    K = np.diag([1e4, 3e4, 4e4, 2e4]) - np.diag([1e4, 2e4, 2e4], 1) - np.diag([1e4, 2e4, 2e4], -1)
+    values, shapes = la.eigh(K, MASS)
+    exact = np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
+    for listed in (0.0, 1e-12, 1e-4):
+        hz = np.append(listed, exact[1:])
+        points = np.array([[1e4, 2e4], [1.1e4, 2.2e4]])
+        fitted = fit_runs(
+            Runs(NAMES, points, np.tile(hz, (2, 1)), np.tile(shapes, (2, 1, 1)), DOFS), NODES, 0, False, 0
+        )
+        found, phi = solved(fitted, fitted.nominal)
+        np.testing.assert_allclose(found[1:], exact[1:], rtol=1e-9)
+        assert found[0] < 2e-6 * exact[-1] or found[0] == pytest.approx(listed, rel=1e-6)
+        np.testing.assert_allclose(alignment(phi, shapes), 1.0, atol=1e-9)

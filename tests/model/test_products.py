@@ -44,6 +44,18 @@ def test_projections_add_up_to_the_projected_matrix(point: ModelPoint, kind: str
     np.testing.assert_allclose(total, left.T @ (getattr(point, kind) @ right), rtol=1e-11)
 
 
+@pytest.mark.parametrize("same", [True, False])
+def test_projections_on_more_vectors_than_are_multiplied_at_a_time(point: ModelPoint, same: bool) -> None:
+    left = _vectors(point, 2 * products._COLUMNS + 5, 6)
+    right = left if same else _vectors(point, products._COLUMNS + 3, 7)
+    total = np.zeros((left.shape[1], right.shape[1]))
+    for at, sandwich in projections(point.configured, "stiffness", left, right).items():
+        c = point.coefficients[at]
+        total += sandwich[0] if c is None else np.tensordot(c.value, sandwich, (0, 0))
+    expected = left.T @ (point.stiffness @ right)
+    np.testing.assert_allclose(total, expected, atol=1e-11 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("kind", ["stiffness", "mass"])
 def test_derivative_products_equal_those_of_assembled_derivatives(point: ModelPoint, kind: str) -> None:
     left, right = _vectors(point, 3, 2), _vectors(point, 4, 3)

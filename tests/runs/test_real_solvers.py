@@ -110,3 +110,43 @@ def test_a_template_that_the_nastran_compatible_solver_rejects(tmp_path: Path) -
     found = mystran(tmp_path, text=BDF.replace("MAT1    1  ", "MAT1    2  ")).run({"E": 2.1e11})
     assert found.modes is None
     assert {f.kind for f in found.failures} <= {FailureKind.ERROR_TEXT, FailureKind.EXIT_CODE}
+
+
+def _solid_cantilever(across: int = 2, along: int = 20) -> str:
+    """The cantilever of quadratic solids, with the forces at its clamped end."""
+    lines, numbers = ["*NODE, NSET=NALL"], {}
+    sides = (2 * along, 2 * across, 2 * across)
+    for place in np.ndindex(*(n + 1 for n in sides)):
+        if sum(i % 2 for i in place) <= 1:
+            numbers[place] = len(numbers) + 1
+            x, y, z = (i * length / n for i, n, length in zip(place, sides, (LENGTH, WIDTH, HEIGHT)))
+            lines.append(f"{numbers[place]},{x:.9g},{y:.9g},{z:.9g}")
+    lines.append("*ELEMENT, TYPE=C3D20R, ELSET=EALL")
+    corners = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+    middles = [(1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2),
+               (0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)]  # fmt: skip
+    for e, cell in enumerate(np.ndindex(along, across, across), start=1):
+        nodes = [str(numbers[tuple(2 * c + n for c, n in zip(cell, node))]) for node in (*corners, *middles)]
+        lines += [f"{e},{','.join(nodes[:15])},", ",".join(nodes[15:])]
+    lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", "{{E:.6e}},0.", "*DENSITY", f"{DENSITY}"]
+    lines += ["*SOLID SECTION, ELSET=EALL, MATERIAL=STEEL", "*BOUNDARY"]
+    lines += [f"{n},1,3" for place, n in numbers.items() if place[0] == 0]
+    return "\n".join([*lines, "*STEP", "*FREQUENCY", "16", "*NODE FILE", "U, RF", "*END STEP", ""])
+
+
+@pytest.mark.slow
+def test_participation_factors_of_a_cantilever(tmp_path: Path) -> None:
+    """Effective masses of the first two modes of bending in both planes and of the first one of extension."""
+    solver = calculix(tmp_path, text=_solid_cantilever())
+    modes = solver.run({"E": _STIFFNESSES[0]}).modes
+    assert modes is not None
+    assert modes.participation is not None
+    mass = LENGTH * WIDTH * HEIGHT * DENSITY
+    effective = np.sort(modes.participation[:3] ** 2 / mass, axis=1)[:, ::-1]
+    # (∫φ)²/∫φ² = 4 σ²/β² with the constants of a clamped-free beam; 8/π² of a bar
+    bending = (2.0 * np.array([0.734096, 1.018467]) / _ROOTS) ** 2
+    np.testing.assert_allclose(effective[1:, :2], [bending, bending], rtol=5e-3)
+    assert effective[0, 0] == pytest.approx(8.0 / np.pi**2, rel=2e-3)
+    # about the clamped end: ∫xφ/(l√∫φ²) = 2/β² of a clamped-free beam, of a mass l
+    turning = np.sort(modes.participation[[4, 5]] ** 2 / (mass * LENGTH**2), axis=1)[:, ::-1]
+    np.testing.assert_allclose(turning[:, 0], (2.0 / _ROOTS[0] ** 2) ** 2, rtol=5e-3)

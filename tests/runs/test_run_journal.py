@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,10 @@ from tests.messages.shown import check_shown
 from tests.runs.fake import fail, fake_solver, started
 
 from femtune.executor import Threads
+from femtune.files.modes.solved import SolvedModes
 from femtune.journal.runs import open_run_journal
 from femtune.runs import evaluate
+from femtune.runs.outcome import RunOutcome
 
 POINTS = [{"k1": 4.0 + i, "k2": 9.0, "point": i} for i in range(6)]
 
@@ -83,3 +86,22 @@ def test_a_full_disk_stops_the_journal_and_not_the_runs(tmp_path: Path) -> None:
     found = evaluate(fake_solver(tmp_path), points, Threads(2), journal)
     assert (found.failed, found.started) == ((), 25)
     check_shown("journal.unwritable, external runs", str(journal.notices[0]).replace(str(tmp_path), "RUN"))
+
+
+def test_participation_factors_are_kept(tmp_path: Path) -> None:
+    """Also those that are not finite, as of rigid-body modes."""
+    factors = np.array([[1.0, -2.5], [np.inf, np.nan], *np.zeros((4, 2))])
+    modes = SolvedModes(np.array([1.0, 2.0]), np.array([7]), np.ones((1, 6, 2)), None, factors)
+    journal = open_run_journal(tmp_path)
+    journal.keep(RunOutcome("a", modes))
+    journal.keep(RunOutcome("b", replace(modes, participation=None)))
+    journal.close()
+    journal = open_run_journal(tmp_path)
+    found = [journal.recall(key) for key in "ab"]
+    journal.close()
+    first, second = (outcome.modes for outcome in found if outcome is not None)
+    assert first is not None
+    assert first.participation is not None
+    np.testing.assert_array_equal(first.participation, factors)
+    assert second is not None
+    assert second.participation is None

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
 from femtune.residuals import Evaluation, ResidualBlock
+from femtune.residuals.weights import LineSamples
 from femtune.selection.expected import expected_knowledge
 
 PRIOR = np.array([0.1, 0.2, 0.3])
@@ -60,3 +64,63 @@ def test_combinations_without_effect() -> None:
     assert some.open == ()
     assert np.isfinite(some.together).all()
     assert some.known.all()
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """An identified test whose functions are n values, with normal noise of one size."""
+
+    n: int
+    sd: float
+
+    def draw(self, how: str, rng: np.random.Generator) -> np.ndarray:
+        assert how == "noise"
+        return self.sd * rng.standard_normal(self.n)
+
+    def functions(self, change: np.ndarray) -> np.ndarray:
+        return change
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """They are the residuals."""
+
+    test: Noise
+
+    def change(self, functions: np.ndarray) -> np.ndarray:
+        return functions
+
+
+def identified(residuals: np.ndarray, jacobian: np.ndarray, sd: float) -> Evaluation:
+    n = len(residuals)
+    samples = LineSamples(np.zeros(n), np.arange(n), identified=cast("Any", Values(Noise(n, sd))))
+    block = ResidualBlock("frf", "free", "all", residuals, jacobian, 1.0, samples=samples)
+    return Evaluation(np.zeros(jacobian.shape[1]), (), (block,))
+
+
+def test_residuals_of_an_identified_test_larger_than_its_noise_increase_the_deviations() -> None:
+    rng = np.random.default_rng(4)
+    J = 50.0 * rng.standard_normal((4000, 3))
+    outside = np.eye(4000) - J @ np.linalg.solve(J.T @ J, J.T)
+    noise = outside @ rng.standard_normal(4000)
+    sd = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+    for size, misfit in ((0.2, 1.0), (0.6, 3.0)):
+        at = identified(size * noise + 10.0 * J @ np.ones(3) / 50.0, J, 0.2)
+        found = expected_knowledge(at, PRIOR, NAMES, updated=True)
+        # 200 draws; what the parameters can do is no misfit
+        assert found.misfit == pytest.approx(misfit, rel=0.05)
+        np.testing.assert_allclose(found.together, 0.2 * misfit * sd, rtol=0.25)
+        told = any("times as large as the noise" in s for s in found.sentences(np.ones(3)))
+        assert told == (misfit > 1.0)
+        assert expected_knowledge(at, PRIOR, NAMES).misfit == 1.0
+
+
+def test_residuals_as_large_as_the_noise_are_no_misfit() -> None:
+    rng = np.random.default_rng(5)
+    J = rng.standard_normal((500, 3))
+    found = [
+        expected_knowledge(identified(0.2 * rng.standard_normal(500), J, 0.2), PRIOR, NAMES, updated=True).misfit
+        for _ in range(30)
+    ]
+    # at 1 %, three or more of 30 have a probability of .3 %
+    assert sum(m > 1.0 for m in found) < 3

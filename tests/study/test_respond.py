@@ -13,18 +13,19 @@ from numpy.typing import NDArray
 
 from femtune import steps
 from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.files.uff import read_uff, write_uff_frfs
 from femtune.modal import FrfSet, as_kind
 from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
-from femtune.model.response import frf, make_ports
+from femtune.model.response import ACCURACY, frf, make_ports
 from femtune.parameters import ParameterSet
 from femtune.results.response import ResponseResults
 from femtune.testdata import ModalTest
 from femtune.units import SI
 
-from .conftest import EI, Bench
+from .conftest import CANTILEVER, EI, Bench
 
 OSCILLATOR = """SOL 111
 CEND
@@ -311,3 +312,74 @@ def test_a_universal_file_of_each_configuration(bench: Bench) -> None:
     assert sets[0] is not None
     assert sets[1] is not None
     assert not np.allclose(sets[0].values, sets[1].values)
+
+
+@pytest.mark.parametrize("method", ["real modes", "complex modes"])
+def test_the_default_is_as_exact_as_the_direct_way(bench: Bench, method: str) -> None:
+    """Simulated FRFs are measured FRFs of an update: a systematic error moves its parameters."""
+    asked: dict[str, Any] = {
+        "inputs": ("5Z+", "3Z+"), "outputs": ("2Z+", "4Z+", "5Z+"), "from_hz": 5.0, "to_hz": 100.0, "lines": 96,
+        "ratio": 0.01,
+    }  # fmt: skip
+    deck = bench.write("deck.bdf", CANTILEVER)
+    _, _, exact = _respond(deck, method="direct", **asked)
+    found, _, values = _respond(deck, method=method, **asked)
+    size = np.maximum(np.abs(exact), 0.01 * np.abs(exact).max(axis=2, keepdims=True))
+    assert (np.abs(values - exact) / size).max() <= ACCURACY
+    assert found.frfs is not None
+    assert found.frfs.truncation_error is not None
+    assert found.frfs.truncation_error <= ACCURACY
+    assert not found.alerts
+
+
+@pytest.mark.parametrize(("limit", "said"), [({"modes": 1}, "modes = 1"), ({"max_hz": 30.0}, "max_hz = 30"),
+                                              ({"residual_vectors": False}, "residual_vectors = false")])  # fmt: skip
+def test_a_limit_of_the_modes_is_told_with_its_error(bench: Bench, limit: dict[str, Any], said: str) -> None:
+    asked: dict[str, Any] = {"inputs": ("5Z+",), "from_hz": 5.0, "to_hz": 200.0, "lines": 40, "ratio": 0.01}
+    found, _, values = _respond(bench.write("deck.bdf", CANTILEVER), **asked, **limit)
+    assert [alert.code for alert in found.alerts] == ["response.truncated"]
+    assert said in found.alerts[0].sentence
+    _, _, exact = _respond(bench.folder / "deck.bdf", method="direct", **asked)
+    size = np.maximum(np.abs(exact), 0.01 * np.abs(exact).max(axis=2, keepdims=True))
+    assert found.frfs is not None
+    assert found.frfs.truncation_error is not None
+    assert 0.0 < found.frfs.truncation_error <= (np.abs(values - exact) / size).max() * 1.001
+
+
+def test_noise_of_a_simulated_test_has_the_stated_deviation(bench: Bench) -> None:
+    """Real and imaginary part apart, with a part of the magnitude and of the largest one; 6 × 400 values of each."""
+    deck = bench.write("deck.bdf", CANTILEVER)
+    asked: dict[str, Any] = {
+        "inputs": ("5Z+",), "outputs": ("2Z+", "3Z+", "4Z+", "5Z+", "2RY+", "5RY+"), "from_hz": 5.0, "to_hz": 400.0,
+        "lines": 400, "ratio": 0.01, "units": "m-kg-s",
+    }  # fmt: skip
+
+    def written(**more: Any) -> NDArray[np.complex128]:
+        result = steps.respond(deck, uff=bench.folder / "frfs.uff", **asked, **more)
+        frfs = read_uff(bench.folder / "frfs.uff", units=SI).test.frfs
+        assert frfs is not None
+        assert np.abs(result.frfs.values - exact).max() <= 1e-11 * np.abs(exact).max()
+        return frfs.values
+
+    exact = steps.respond(deck, **asked).frfs.values
+    np.testing.assert_allclose(written(), exact, atol=1e-11 * np.abs(exact).max())
+    found = written(scatter=0.03, floor=0.001, seed=7)
+    size = np.abs(exact)
+    sd = np.sqrt((0.03 * size) ** 2 + (0.001 * size.max(axis=2, keepdims=True)) ** 2)
+    for part in ((found - exact).real / sd, (found - exact).imag / sd):
+        # χ² of 2400 values: 2400 ± 5 standard deviations of 69
+        assert abs(float((part**2).sum()) - 2400.0) < 5 * 69.3
+        assert abs(float(part.sum())) < 5 * 49.0
+    np.testing.assert_array_equal(found, written(scatter=0.03, floor=0.001, seed=7))
+    assert np.abs(found - written(scatter=0.03, floor=0.001, seed=8)).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    "noise", [{"scatter": -0.1}, {"floor": float("nan")}, {"seed": -1}, {"scatter": 0.1, "uff": None}]
+)
+def test_noise_that_is_none(bench: Bench, noise: dict[str, Any]) -> None:
+    deck = bench.write("deck.bdf", CANTILEVER)
+    asked: dict[str, Any] = {"inputs": ("5Z+",), "from_hz": 1.0, "to_hz": 2.0, "lines": 2, "units": "m-kg-s"}
+    with pytest.raises(FemtuneError) as caught:
+        steps.respond(deck, **{"uff": bench.folder / "frfs.uff", **asked, **noise})
+    assert caught.value.code == "response.noise"

@@ -21,7 +21,7 @@ from .conftest import EI, TRUE, Bench, measured
 
 RESIDUALS = "\n[residuals]\nfrequency_sd = 0.01\n"
 SHAPES = "\n[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.05\n"
-SMALL = "\n[search]\nruns = 16\nfresh = 3\ninfill = 2\nseeds = 2\n"
+SMALL = "\n[search]\nruns = 16\nfresh_runs = 3\ninfill = 2\nseeds = 2\n"
 
 
 def chi2(study: Path, values: dict[str, float]) -> float:
@@ -219,3 +219,9 @@ def test_one_less_mac_from_each_form(form: str) -> None:
     mac = (shape @ test) ** 2 / ((shape @ shape) * (test @ test))
     value, _ = mac_residual(shape, np.zeros((5, 1)), test, 0.05, form)  # type: ignore[arg-type]
     assert one_less_mac(0.05 * value, form)[0] == pytest.approx(1.0 - mac, rel=1e-12)
+
+
+def test_the_number_of_runs_that_check_the_surrogate_is_an_argument(beam: Bench) -> None:
+    record = steps.search(beam.study(EI + RESIDUALS + SMALL), fresh_runs=0, fresh=True).record
+    assert record.surrogate is not None
+    assert (record.surrogate.fresh_runs, record.surrogate.fresh_rms) == (0, None)

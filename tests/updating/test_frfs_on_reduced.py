@@ -266,15 +266,49 @@ def test_modes_that_are_known_where_the_training_begins_are_not_solved_again(pro
     assert len({tuple(x) for x in counted.points}) == len(counted.points)
 
 
+@pytest.mark.slow
+def test_where_a_search_of_a_large_model_ends_its_modes_start_from_those_of_the_reduced_one(
+    problem: UpdateProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the full model is asked for there comes with modes that are nearly its own, and is found all the same."""
+    monkeypatch.setattr(on_reduced_model, "RANKED_FROM", 0)
+    (case,) = problem.cases
+    plain = update_reduced(problem, SensitivityMethod(), RULES)
+    counted = Counting()
+    found = update_reduced(replace(problem, cases=(replace(case, solver=counted),)), SensitivityMethod(), RULES)
+    last = counted.starts[-1]
+    assert last is not None
+    full = solve_modes(last.point, last.wanted)
+    np.testing.assert_allclose(last.eigenvalues[: last.wanted], full.eigenvalues[: last.wanted], rtol=1e-3)
+    assert counted.starts[0] is None
+    assert found.certified
+    np.testing.assert_allclose(found.result.x, plain.result.x, atol=1e-12)
+
+
+def test_a_count_of_modes_that_is_too_small_for_the_functions_is_not_solved_for(problem: UpdateProblem) -> None:
+    counted = Counting()
+    (case,) = problem.cases
+    (residual,) = case.residuals
+    state = state_at(replace(case, solver=counted, count=1, max_hz=None), np.zeros(3))
+    way = ModelWay().settled(state, residual.highest_hz)  # type: ignore[attr-defined]
+    assert len(counted.points) == 1
+    assert way.modes is not None
+    assert (way.modes[0] or 0) > 1
+
+
 @dataclass
 class Counting:
     """Solves, and keeps the points at which it was asked."""
 
     points: list[np.ndarray] = field(default_factory=list)
+    starts: list[EigenSolution | None] = field(default_factory=list)
 
-    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+    def modes(
+        self, point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None = None
+    ) -> EigenSolution:
         self.points.append(point.x)
-        return direct.modes(point, count, max_hz)
+        self.starts.append(start)
+        return direct.modes(point, count, max_hz, start)
 
     def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
         self.points.append(start.point.x)

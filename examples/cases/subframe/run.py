@@ -66,12 +66,11 @@ class Calibrated:
         assert update is not None
         assert update.fisher is not None
         found = {p.name: p for p in update.parameters}
-        noise = {p.parameter: p.sd_percent for p in update.fisher.parameters}
+        # without the factor by which the residuals of the identified test increase it
+        noise = {p.parameter: (p.sd_percent or 0.0) / update.fisher.misfit for p in update.fisher.parameters}
         truth = dict(zip(self.lab.names, (1.0 + self.lab.truth(self.component)).tolist()))
         return [
-            Estimate(
-                self.component, n, t, found[n].value, found[n].sd or 0.0, 0.01 * found[n].value * (noise[n] or 0.0)
-            )
+            Estimate(self.component, n, t, found[n].value, found[n].sd or 0.0, 0.01 * found[n].value * noise[n])
             for n, t in truth.items()
         ]
 

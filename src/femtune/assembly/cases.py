@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from femtune.assembly.error_places import errors_at, errors_at_configuration, place_of
 from femtune.errors import ErrorCollector, Where
 from femtune.files.masses_table import read_masses_table
-from femtune.files.study_file import supports, switched_off
+from femtune.files.study_file import ModesTable, supports, switched_off
 from femtune.files.study_file.kinds import support
 from femtune.model import AddedMass, Configuration, configure
 from femtune.units import unit_system
@@ -27,6 +27,11 @@ if TYPE_CHECKING:
     from femtune.model.reduce import Alone
     from femtune.residuals import ComparedCase
     from femtune.testdata import ModalTest
+
+
+class ModesOfDeck(ModesTable):
+    """[modes] as the METHOD of the deck has it; what is compared with a test may need more."""
+
 
 # ----------------------------------------------------------------------------------------------------
 # Modes and sensors of a test that the update does not see: they are kept to judge it by.

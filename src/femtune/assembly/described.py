@@ -278,7 +278,8 @@ class _Draft:
             self.tests[name] = test
             table[key] = name
         elif test is not None:
-            table[key] = os.path.abspath(test)
+            several = isinstance(test, list | tuple)
+            table[key] = [os.path.abspath(one) for one in test] if several else os.path.abspath(test)
         return table
 
     def finished(self) -> StudyFile:

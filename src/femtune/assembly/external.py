@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.study_file import StudyFile
     from femtune.model import ParametricModel
+    from femtune.parameters import ParameterSet
 
 RUNS_FOLDER = "external"
 _DIGITS = 5e-7
@@ -299,9 +300,31 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     ------
     FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
     """
-    assert file.solver is not None
     inputs = _inputs(file)
     solvers = tuple(_solver(file, own, files) for own, files in zip(_owners(file), inputs))
+    return _runs(file, solvers, progress, fresh)
+
+
+def own_runs(file: StudyFile, own: ConfigurationSolver, where: Where) -> SolverRuns:
+    """The runs of one set of input files, such as those of a vibration test, in the journal of the study.
+
+    Parameters
+    ----------
+    where : place in the study that names them
+
+    Raises
+    ------
+    FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
+    """
+    files = _input_files(file, own)
+    if isinstance(files, Templates):
+        check_names(files.names, [p.name for p in file.parameter], (), where)
+    return _runs(file, (_solver(file, own, files),))
+
+
+def _runs(
+    file: StudyFile, solvers: tuple[ExternalSolver, ...], progress: Progress = silent, fresh: bool = False
+) -> SolverRuns:
     parallel = file.parallel
     executor: Executor = (
         Cluster(parallel.address, parallel.remote) if parallel.how == "cluster" else Threads(_workers(file))
@@ -330,8 +353,9 @@ def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> Ex
     )  # fmt: skip
     place: tuple[str | int, ...] = ("solver", "command")
     if own.command is not None:
-        at = next(i for i, c in enumerate(file.configurations) if c.solver == own)
-        place = ("configuration", at, *place)
+        known = [("configuration", i, c.solver) for i, c in enumerate(file.configurations)]
+        known += [("vibration", i, v.solver) for i, v in enumerate(file.vibration)]
+        place = (*next((table, i) for table, i, solver in known if solver == own), *place)
     with errors_at(file.where(*place)):
         solver.check()
     return solver
@@ -339,23 +363,24 @@ def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> Ex
 
 def _inputs(file: StudyFile) -> tuple[InputFiles, ...]:
     """Decks, or templates whose placeholders are the parameters, each of which occurs in one of them at least."""
-    assert file.solver is not None
     found: list[InputFiles] = []
     names = [p.name for p in file.parameter]
     placeholders: dict[str, None] = {}
     for own in _owners(file):
-        deck = own.deck or file.study.deck
-        templates = file.solver.templates if own.templates is None else own.templates
-        if deck is not None and not templates:
-            found.append(_deck_files(file, deck))
-            placeholders |= dict.fromkeys(names)
-            continue
-        files = file.solver.files if own.files is None else own.files
-        texts = tuple(read_template(file.path_of(name)) for name in templates)
-        found.append(Templates(texts, tuple(map(file.path_of, files))))
+        found.append(_input_files(file, own))
         placeholders |= dict.fromkeys(found[-1].names)
     check_names(tuple(placeholders), names, names, file.where("solver", "templates"))
     return tuple(found)
+
+
+def _input_files(file: StudyFile, own: ConfigurationSolver) -> DeckFiles | Templates:
+    assert file.solver is not None
+    deck = own.deck or file.study.deck
+    templates = file.solver.templates if own.templates is None else own.templates
+    if deck is not None and not templates:
+        return _deck_files(file, deck)
+    files = file.solver.files if own.files is None else own.files
+    return Templates(tuple(read_template(file.path_of(name)) for name in templates), tuple(map(file.path_of, files)))
 
 
 def _workers(file: StudyFile) -> int:
@@ -415,6 +440,13 @@ def _beside_own(file: StudyFile, runs: SolverRuns, known: PointRuns) -> tuple[No
             mode=int(np.flatnonzero(elastic)[worst]) + 1, count=len(difference),
         ),
     )  # fmt: skip
+
+
+def point_of(parameters: ParameterSet, runs: SolverRuns, x: Reals) -> Reals:
+    """Values of the parameters of the runs at normalised parameters, within their bounds."""
+    values = parameters.values(x)
+    lower, upper = runs.bounds
+    return np.clip(np.array([values[name] for name in runs.names]), lower, upper)
 
 
 def nominal_point(file: StudyFile) -> Reals:

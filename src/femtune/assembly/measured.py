@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from femtune.assembly.cases import HeldOut, sensor_tolerance
+from femtune.assembly.cases import HeldOut, ModesOfDeck, sensor_tolerance
 from femtune.assembly.error_places import errors_at, place_of
 from femtune.correlation import map_sensors, rigid_motion_sensor
 from femtune.correlation.generalised import GeneralisedSensor
 from femtune.dofs import DIRECTIONS, parse_dof
 from femtune.errors import FemtuneError, Notice
+from femtune.files.described_test import described_test
 from femtune.files.deviations import with_deviations
+from femtune.files.study_file import test_files
 from femtune.files.uff import UffFile, read_uff
 from femtune.model.eigen.default_count import ELASTIC_MODES
 from femtune.residuals import ComparedCase, PairingRules
@@ -243,13 +245,15 @@ def _of_modes(sensors: SensorMap, modes: ModeSet) -> SensorMap:
 def _read_test(
     file: StudyFile, entry: ConfigurationEntry, tests: dict[Path, UffFile]
 ) -> tuple[ModalTest, tuple[Notice, ...]]:
-    assert entry.test is not None
-    path = file.path_of(entry.test)
+    names = test_files(entry)
+    paths = [file.path_of(name) for name in names]
     with errors_at(place_of(file, entry, "test")):
-        if entry.test in file.given.tests:
-            found = _given(file.given.tests[entry.test], file.study.unit_system)
+        if names[0] in file.given.tests:
+            found = _given(file.given.tests[names[0]], file.study.unit_system)
+        elif paths[0].suffix.lower() == ".toml":
+            found = described_test(paths[0], entry.name, file.study.unit_system)
         else:
-            found = _content(file, entry, tests.setdefault(path, UffFile(path))).test
+            found = _content(file, entry, _parsed(paths, tests)).test
         found = _with_deviations(file, entry, found)
         test = place(found, entry.rotation, entry.origin)
         notices = (*found.notices, *check_test(test))
@@ -257,6 +261,11 @@ def _read_test(
         return test, notices
     modes = real_modes(test.modes).modes
     return replace(test, modes=_labelled(file, entry, modes)), notices
+
+
+def _parsed(paths: list[Path], tests: dict[Path, UffFile]) -> UffFile:
+    """One file, or several files of one test."""
+    return tests.setdefault(paths[0], UffFile(paths[0])) if len(paths) == 1 else UffFile(paths[0], tuple(paths[1:]))
 
 
 def _with_deviations(file: StudyFile, entry: ConfigurationEntry, test: ModalTest) -> ModalTest:
@@ -373,12 +382,16 @@ def _compared(
 def _modes_wanted(file: StudyFile, test: ModeSet) -> tuple[int | None, float | None]:
     """How many modes of the model are solved, or up to which frequency.
 
-    Where nothing is said, all up to 1.25 times the highest frequency of the test, and at least ten elastic modes.
+    Where the study says nothing, all up to 1.25 times the highest frequency of the test, and at least ten elastic
+    modes, or as many as METHOD of the deck asks for; rigid-body modes do not count among these.
     """
-    asked = file.modes
-    if asked.count is not None or asked.max_hz is not None or not len(test):
+    asked, of_deck = file.modes, isinstance(file.modes, ModesOfDeck)
+    if not len(test) or (not of_deck and (asked.count is not None or asked.max_hz is not None)):
         return asked.count, asked.max_hz
-    return ELASTIC_MODES, BEYOND_TEST * float(np.max(test.freq_hz))
+    reach = BEYOND_TEST * float(np.max(test.freq_hz))
+    if asked.max_hz is not None and asked.max_hz >= reach:
+        return None, asked.max_hz
+    return asked.count or ELASTIC_MODES, reach
 
 
 def _with_scatter(file: StudyFile, modes: ModeSet) -> ModeSet:

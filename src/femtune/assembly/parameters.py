@@ -154,8 +154,35 @@ def _parameter(target: Target, built: BuiltModel) -> Parameter:
     _check_positive(target)
     lower = nominal if entry.lower is None else entry.lower
     upper = nominal if entry.upper is None else entry.upper
+    if not entry.absolute:
+        _check_factors(target, built, nominal, (lower, upper))
     positive = bool(target.refs) and all(field_nature(ref).positive for ref in target.refs)
     return Parameter(entry.name, nominal, lower, upper, entry.unit, entry.mean, entry.sd, None, where, positive)
+
+
+LARGEST_FACTOR, LIKE_VALUE = 1e4, (0.2, 1.0)
+"""An upper bound above the first, with a value of the field between these parts of it, is no factor."""
+
+
+def _check_factors(target: Target, built: BuiltModel, nominal: float, bounds: tuple[float, float]) -> None:
+    """Bounds of the field itself where factors are meant (error ``parameter.bounds``)."""
+    table = built.structure.values
+    values = np.abs([table.values[at] for ref in target.refs if (at := table.index(ref)) is not None])
+    low, high = bounds
+    if not values.size or not values.all() or not np.isfinite([low, high, nominal]).all():
+        return
+    value = float(values[0])
+    outside = low <= high and not low <= nominal <= high and low <= value <= high
+    large = high > LARGEST_FACTOR * abs(nominal) and LIKE_VALUE[0] <= value / high <= LIKE_VALUE[1]
+    if outside or large:
+        raise FemtuneError(
+            "parameter.bounds/absolute-meant",
+            where=target.where,
+            values={"lower": low, "upper": high, "in the deck": value},
+            parameter=target.entry.name,
+            lower_factor=low / value if outside else low,
+            upper_factor=high / value,
+        )
 
 
 def _check_positive(target: Target) -> None:

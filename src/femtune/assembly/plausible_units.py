@@ -64,6 +64,14 @@ class Material:
         """Density in kg/m³ where the deck has a weight per volume."""
         return self.density * units.force / units.length**3 / _GRAVITY
 
+    def common(self, units: UnitSystem) -> str:
+        """Name of the common material with these values; "" where there is none."""
+        return _common(self.modulus_si(units), self.density_si(units))
+
+    def common_weight(self, units: UnitSystem) -> str:
+        """The same where the density is a weight per volume."""
+        return _common(self.modulus_si(units), self.weight_density_si(units))
+
     def is_possible(self, units: UnitSystem) -> bool:
         modulus, density = self.modulus_si(units), self.density_si(units)
         return (
@@ -112,11 +120,11 @@ def _explained(material: Material, declared: UnitSystem) -> tuple[str, dict[str,
     """The units in which a material is a common one: of both values, with a weight density, or of each value."""
     systems = [unit_system(name) for name in SYSTEMS if name != declared.word]
     for units in systems:
-        common = _common(material.modulus_si(units), material.density_si(units))
+        common = material.common(units)
         if common:
             return "study.units-doubtful", {"fitting": units.name, "common": common}
     for units in (declared, *systems):
-        common = _common(material.modulus_si(units), material.weight_density_si(units))
+        common = material.common_weight(units)
         if common:
             factor = f"{units.length / _GRAVITY:.5g}"
             return "study.units-doubtful/weight", {"fitting": units.name, "common": common, "factor": factor}

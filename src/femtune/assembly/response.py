@@ -25,7 +25,7 @@ from femtune.model import (
     digest,
     matrices_digest,
 )
-from femtune.model.response import TIMES_HIGHEST_LINE, complex_modes, frf, matrix_ports, static_response
+from femtune.model.response import TIMES_HIGHEST_LINE, complex_modes, frf_with_error, matrix_ports, static_response
 from femtune.model.response.rigid import is_rigid
 
 if TYPE_CHECKING:
@@ -73,6 +73,17 @@ class ResponseRequest:
             return table.modes, table.max_hz
         top = float(self.freq_hz[-1])
         return (None, TIMES_HIGHEST_LINE * top) if top > 0.0 else (1, None)
+
+    @property
+    def limit(self) -> str:
+        """What keeps vectors from the basis: ``modes = 3``; "" where nothing does."""
+        table = self.table
+        if self.method == "direct":
+            return ""
+        if not table.residual_vectors:
+            return "residual_vectors = false"
+        named = ((key, getattr(table, key)) for key in ("modes", "max_hz"))
+        return next((f"{key} = {value:g}" for key, value in named if value is not None), "")
 
     @property
     def needs_modes(self) -> bool:
@@ -240,25 +251,27 @@ def solved_frfs(
     point: ModelPoint,
     modes: Solve,
     progress: Callable[[int, int], None] | None = None,
-) -> NDArray[np.complex128]:
-    """(outputs, inputs, lines) values; `modes` is called where they are needed and the journal has no solution.
+) -> tuple[NDArray[np.complex128], float | None]:
+    """(outputs, inputs, lines) values, and the error of their truncation (`WithError.error`).
 
-    `progress` is called with the lines that are done, and with all.
+    `modes` is called where they are needed and the journal has no solution. `progress` is called with the lines that
+    are done, and with all.
     """
     table, ports = request.table, request.ports
     shape = (ports.outputs.shape[0], ports.inputs.shape[1], len(request.freq_hz))
 
-    def solve() -> NDArray[np.complex128]:
+    def solve() -> tuple[NDArray[np.complex128], float | None]:
         model = modes() if request.needs_modes else point
-        found = frf(
+        found = frf_with_error(
             model, ports, request.freq_hz, table.kind, request.method, damping=request.damping,
-            residual_vectors=table.residual_vectors, progress=progress,
+            residual_vectors=table.residual_vectors, add_vectors=not request.limit, progress=progress,
         )  # fmt: skip
-        return np.ascontiguousarray(found.values)
+        return np.ascontiguousarray(found.frfs.values), found.error
 
     form = Form("frf", _of_values, partial(_values, shape))
     parts = (table.kind, request.method, table.residual_vectors, request.freq_hz, *_of_ports(ports))
-    return _obtained(study, form, (_matrices(point), *_chosen(request, point), *parts), solve)
+    # the same number of modes may be what the lines need, to which vectors are added, or what the study states
+    return _obtained(study, form, (_matrices(point), *_chosen(request, point), request.limit, *parts), solve)
 
 
 def solved_poles(study: Study, request: ResponseRequest, point: ModelPoint, modes: Solve) -> ComplexModeTable:
@@ -324,12 +337,15 @@ def _chosen(request: ResponseRequest, point: ModelPoint) -> tuple[Part, ...]:
     return (*modes, damping.values, damping.freq_hz, flags)
 
 
-def _of_values(values: NDArray[np.complex128]) -> Entry:
-    return Entry({"values": values}, {})
+def _of_values(found: tuple[NDArray[np.complex128], float | None]) -> Entry:
+    return Entry({"values": found[0]}, {"error": found[1]})
 
 
-def _values(shape: tuple[int, ...], entry: Entry) -> NDArray[np.complex128]:
-    return _array(entry, "values", np.complex128, shape)
+def _values(shape: tuple[int, ...], entry: Entry) -> tuple[NDArray[np.complex128], float | None]:
+    error = entry.facts["error"]
+    if not (error is None or (isinstance(error, float) and error >= 0.0)):
+        raise TypeError("error is neither a positive number nor null")
+    return _array(entry, "values", np.complex128, shape), error
 
 
 def _of_static(found: tuple[NDArray[np.float64], bool]) -> Entry:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.cases import States, on_model
+from femtune.assembly.cases import ModesOfDeck, States, on_model
 from femtune.assembly.named_fields import with_named_fields
 from femtune.assembly.parameters import assignments, parameter_set, targets, with_parameters_of_modes
 from femtune.assembly.progress import silent
@@ -20,7 +20,7 @@ from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.error_places import errors_at_cards
 from femtune.files.nastran.inventory import MISSING
 from femtune.files.nastran.left_out import preloads
-from femtune.files.study_file import Given, ModesTable, StudyFile, is_deck, read_study_file, with_modes
+from femtune.files.study_file import Given, StudyFile, is_deck, read_study_file, test_files, with_modes
 from femtune.files.study_file.source import StudyLines
 from femtune.model import frequency_table, parametric_model
 from femtune.model.distributed import check_slepc
@@ -113,7 +113,8 @@ def _what_is_there(case: StudyCase) -> str:
     if case.test is None:
         return "it has no test"
     if case.modal is None:
-        return f"{case.entry.test} has no modes" + (", only frequency responses" if case.test.frfs else "")
+        names = ", ".join(test_files(case.entry))
+        return f"{names} has no modes" + (", only frequency responses" if case.test.frfs else "")
     return "it is kept for validation"
 
 
@@ -206,9 +207,9 @@ def _with_modes_of_deck(file: StudyFile, built: BuiltModel) -> StudyFile:
     if asked.count is not None or asked.max_hz is not None or method is None:
         return file
     if method.wanted:
-        return file.model_copy(update={"modes": ModesTable(count=method.wanted)})
+        return file.model_copy(update={"modes": ModesOfDeck(count=method.wanted)})
     if method.upper_hz and method.upper_hz > 0.0:
-        return file.model_copy(update={"modes": ModesTable(max_hz=method.upper_hz)})
+        return file.model_copy(update={"modes": ModesOfDeck(max_hz=method.upper_hz)})
     return file
 
 

@@ -17,8 +17,8 @@ import click
 
 from femtune import __version__
 from femtune.cli import output as out
-from femtune.cli.guard import GuardedGroup
-from femtune.cli.running import identification_of, load, run_step, study_of
+from femtune.cli.guard import BAD_INPUT, GuardedGroup, coloured
+from femtune.cli.running import identification_of, load, no_file, run_step, study_of
 from femtune.errors import codes, did_you_mean, explanation, printable
 
 # ----------------------------------------------------------------------------------------------------
@@ -73,6 +73,57 @@ def main() -> None:
     Exit codes: 0 if the command succeeded, 1 if the update did not reach an optimum (its results are written) or a
     criterion of validate fails, 2 if the input has errors, 70 after an internal error of femtune, 130 after Ctrl-C.
     """
+
+
+@main.command()
+@click.argument("deck", type=_FILE)
+@click.argument("test", type=_FILE)
+@click.argument("folder", type=_FILE, default=".", required=False)
+@click.option("--units", metavar="m-kg-s", help="Units of the deck, instead of guessing them.")
+@click.option("--force", is_flag=True, help="Replace files that are there.")
+@_json
+@_quiet
+def init(deck: Path, test: Path, folder: Path, as_json: bool, quiet: bool, **asked: Any) -> None:
+    """Write a commented study from a deck and a test: units, sensors, modes and parameters are proposed.
+
+    TEST is a Universal File with modes or FRFs, or a record, from which the modes are identified first. FOLDER is the
+    current folder by default; it receives study.toml.
+    """
+    result = run_step("of_start:init", deck, quiet, read=no_file, test=test, folder=folder, **asked)
+    if as_json:
+        click.echo(out.as_text(result.record))
+        return
+    if not quiet:
+        click.echo(printable(result.overview))
+    click.echo(printable(f"study: {Path(result.path).resolve()}"))
+
+
+@main.command()
+@click.argument("path", type=_FILE)
+@_json
+@_quiet
+def check(path: Path, as_json: bool, quiet: bool) -> None:
+    """All mistakes of a study, of its deck and of its tests at once; nothing is solved.
+
+    PATH is a study file (.toml) or a Nastran deck. The exit code is 2 if there are errors.
+    """
+    result = run_step("of_start:check", path, quiet, read=no_file)
+    if as_json:
+        click.echo(out.as_text(result.record))
+    else:
+        for text in result.texts:
+            click.echo(f"{coloured(text)}\n", err=True)
+        if not quiet:
+            click.echo(printable(repr(result).partition("\n")[0].partition(": ")[2]))
+    if not result.ok:
+        click.get_current_context().exit(BAD_INPUT)
+
+
+@main.command()
+@click.argument("kind", type=click.Choice(["study", "identify"]), default="study")
+def schema(kind: str) -> None:
+    """JSON Schema of the study file, or of the identification file, for editors."""
+    click.echo(load("femtune.files.study_file.json_schema:schema_text")(kind), nl=False)
 
 
 @main.command()
@@ -179,6 +230,9 @@ def _given(options: dict[str, Any]) -> dict[str, Any]:
 @click.option("--ratio", type=float, help="Damping ratio of all modes, instead of SDAMPING.")
 @click.option("--damping", metavar="WORD", help="deck, or modal (ignores loss factors and dashpots).")
 @click.option("--uff", type=_FILE, metavar="FILE", help="Write the functions to a Universal File (58).")
+@click.option("--scatter", type=_SCATTER, metavar="PART", help="For --uff: noise relative to the magnitude.")
+@click.option("--floor", type=_SCATTER, metavar="PART", help="For --uff: noise relative to the largest magnitude.")
+@click.option("--seed", type=click.IntRange(min=0), help="For --uff: seed of the noise.  [default: 1]")
 @click.option("--units", metavar="m-kg-s", help="Units, if a deck is given instead of a study; for --uff.")
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with plots of the responses.")
 @_eigensolver
@@ -190,7 +244,8 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 
     PATH is a study file (.toml) or a Nastran deck. Options replace keys of [response] in the study.
     """
-    result = run_step("of_model:respond", path, quiet, fresh=fresh, report=page, **_given(asked))
+    noise = {key: value for key in ("scatter", "floor", "seed") if (value := asked.pop(key)) is not None}
+    result = run_step("of_model:respond", path, quiet, fresh=fresh, report=page, **noise, **_given(asked))
     out.say(result.remarks, quiet)
     out.show("modes:responses_document", path, result.records, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)

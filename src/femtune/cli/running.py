@@ -42,6 +42,11 @@ def identification_of(path: Path) -> NamedFile | None:
     return read_identify_file(path) if is_identification_file(path) else None
 
 
+def no_file(path: Path) -> NamedFile | None:
+    """None: the step itself tells what is wrong with its files."""
+    return None
+
+
 def run_step(
     step: str, path: Path, quiet: bool, *, read: Callable[[Path], NamedFile | None] = study_of, **options: Any
 ) -> Any:

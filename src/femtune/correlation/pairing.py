@@ -116,6 +116,12 @@ def reason_unpaired(
     if not np.isfinite(found.score[i]).any():
         return "all model modes are zero at the measured DOFs of this mode"
     j = _best(i, found, gates)
+    solved, reached = float(model.freq_hz.max()), float(test.freq_hz.max())
+    if test.freq_hz[i] > solved and abs(found.frequency_error[i, j]) > gates[0]:
+        return (
+            f"the model is solved to {solved:.4g} Hz, the test reaches {reached:.4g} Hz: increase max_hz or count in "
+            "[modes]"
+        )
     head = (
         f"the best candidate is {_named(j, model, found)} ({model.freq_hz[j]:.4g} Hz): "
         f"MAC {found.score[i, j]:.2f}, frequency error {100 * found.frequency_error[i, j]:+.1f} %"

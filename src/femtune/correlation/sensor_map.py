@@ -80,14 +80,14 @@ class NodeSearch:
         different = np.unique(points, axis=0)
         if self._tree is None or len(different) < 2:
             return ""
-        for (factor, words), (axes, matrix) in itertools.product(_FACTORS.items(), _axes()):
+        for (factor, words), (axes, matrix) in itertools.product(_FACTORS.items(), axis_changes()):
             distance, at = self._tree.query(factor * different @ matrix.T)
             if (distance <= self._tolerance).all() and len(set(at)) == len(different):
                 return _in_words(words, factor, axes)
         return ""
 
 
-def _axes() -> Iterator[tuple[str, Reals]]:
+def axis_changes() -> Iterator[tuple[str, Reals]]:
     """The 48 ways to exchange and turn round axes, the identity first."""
     for order, signs in itertools.product(itertools.permutations(range(3)), itertools.product((1, -1), repeat=3)):
         matrix = np.zeros((3, 3))
@@ -384,7 +384,7 @@ def _scaled(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Reque
     points = np.array([p for p, _ in pairs])
     grids = np.array([request.nodes.xyz[request.nodes.position(m.node or 0)] for _, m in pairs])
     if any(m.how != "nearest" for _, m in pairs):
-        words = _fitted_words(_fitted_ratio(points, grids))
+        words = unit_ratio(points, grids)
     elif 2 * len({m.node for _, m in pairs}) <= len(np.unique(points, axis=0)):
         words = _extent_words(points, request.nodes.xyz)
     else:
@@ -401,8 +401,12 @@ def _fitted_ratio(points: Reals, grids: Reals) -> float:
     return ratio if ratio > 0.0 and left <= _NEAR_FIT * np.linalg.norm(grids) else 1.0
 
 
-def _fitted_words(ratio: float) -> str:
-    """The units that a ratio of places belongs to; "" where it is near 1 or none that is known."""
+def unit_ratio(points: Reals, grids: Reals) -> str:
+    """The units that the ratio of the places of grid points and of their test points (n, 3) belongs to, in words.
+
+    "" where the ratio is near 1, none that is known, or not the same for all points.
+    """
+    ratio = _fitted_ratio(points, grids)
     factor = min(_FACTORS, key=lambda known: abs(np.log(ratio / known)))
     near = abs(np.log(ratio / factor)) <= _NEAR_FIT
     return _in_words(_FACTORS[factor], factor, "X, Y, Z") if near else ""

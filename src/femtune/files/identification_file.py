@@ -22,6 +22,7 @@ from femtune.files.study_file.step_tables import OutputTable
 KNOWN_INPUT = ("N4SID", "pLSCF")
 OUTPUT_ONLY = ("SSI-cov", "SSI-data", "ERA", "FDD", "TFIE")
 MethodWord = Literal["N4SID", "pLSCF", "SSI-cov", "SSI-data", "ERA", "FDD", "TFIE"]
+NodePath = Annotated[tuple[Annotated[int, Field(ge=1, le=2**31)], ...], Field(min_length=2)]
 Hertz = Annotated[float, Field(ge=0, le=1e12)]
 
 
@@ -30,7 +31,9 @@ class IdentifyTable(TomlTable):
 
     title: Text | None = None
     record: Text | None = None
-    frfs: Text | None = None
+    frfs: Text | tuple[Text, ...] | None = None
+    geometry: Text | None = None
+    lines: Annotated[tuple[NodePath, ...], Field(max_length=100_000)] = ()
     units: Units = "m-kg-s"
     format: Literal["text", "numpy", "matlab", "hdf5", "wav", "uff"] | None = None
     variable: Text | None = None
@@ -60,6 +63,57 @@ class ChannelEntry(TomlTable):
     factor: float = 1.0
 
 
+Column = Annotated[int, Field(ge=1)] | Text
+Axis = Literal["frequency", "response", "reference", "function", "part"]
+
+
+class SetupEntry(TomlTable):
+    """[[setup]]: one of several measurements of the same structure with sensors at other places."""
+
+    name: Text | None = None
+    record: Text | None = None
+    frfs: Text | None = None
+    sampling_hz: Positive | None = None
+    variable: Text | None = None
+    take_hz: tuple[Positive, ...] = ()
+    drop_hz: tuple[Positive, ...] = ()
+    channel: tuple[ChannelEntry, ...] = ()
+
+
+class RigidBodyEntry(TomlTable):
+    """[[rigid_body]]: sensors on a rigid body, such as a floor, that are reduced to its motions."""
+
+    node: Annotated[int, Field(ge=1, le=2**31)]
+    sensors: Annotated[tuple[DofLabel, ...], Field(min_length=1)]
+    motions: Annotated[str, Field(min_length=1, pattern="^1?2?3?4?5?6?$")] = "126"
+
+
+class FunctionsTable(TomlTable):
+    """[functions]: what the axes of a file of FRFs mean, if it is not a Universal File."""
+
+    kind: Literal["receptance", "mobility", "accelerance"]
+    responses: tuple[DofLabel, ...] = ()
+    references: tuple[DofLabel, ...] = ()
+    axes: Annotated[tuple[Axis, ...], Field(max_length=4)] = ()
+    variable: Text | None = None
+    imaginary: Text | None = None
+    coherence: Text | None = None
+    frequency: Column | None = None
+    start_hz: Hertz | None = None
+    step_hz: Positive | None = None
+    factor: float = 1.0
+
+
+class FunctionEntry(TomlTable):
+    """[[function]]: DOFs of one function of a table, or along the axis "function" of an array."""
+
+    column: Column
+    imaginary: Column | None = None
+    coherence: Column | None = None
+    response: DofLabel
+    reference: DofLabel
+
+
 class LevelEntry(TomlTable):
     """[[level]]: the same measurement at another level of the force."""
 
@@ -83,6 +137,10 @@ class IdentifyFile(TomlTable):
 
     identify: IdentifyTable
     channel: tuple[ChannelEntry, ...] = ()
+    setup: tuple[SetupEntry, ...] = ()
+    rigid_body: tuple[RigidBodyEntry, ...] = ()
+    functions: FunctionsTable | None = None
+    function: tuple[FunctionEntry, ...] = ()
     level: tuple[LevelEntry, ...] = ()
     linearity: LinearityTable = Field(default_factory=LinearityTable)
     output: OutputTable = Field(default_factory=lambda: OutputTable(folder="identified"))
@@ -97,8 +155,19 @@ class IdentifyFile(TomlTable):
 
     @property
     def measured_path(self) -> Path:
-        """The record or the functions."""
-        return self._path.parent / (self.identify.record or self.identify.frfs or "")
+        """The record or the functions; the first of several files."""
+        return self.measured_paths[0]
+
+    @property
+    def measured_paths(self) -> tuple[Path, ...]:
+        """The record, or all files of the functions."""
+        named = self.identify.record or self.identify.frfs or tuple(s.record or s.frfs or "" for s in self.setup)
+        return tuple(self._path.parent / name for name in ((named,) if isinstance(named, str) else named))
+
+    @property
+    def geometry_path(self) -> Path | None:
+        """The file of the geometry."""
+        return None if self.identify.geometry is None else self._path.parent / self.identify.geometry
 
     @property
     def output_folder(self) -> Path:
@@ -143,14 +212,39 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
 
 def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     asked = table(data, "identify")
-    if "identify" in data and ("record" in asked) == ("frfs" in asked):
+    yield from _setups(data, asked, source)
+    if "identify" in data and "setup" not in data and ("record" in asked) == ("frfs" in asked):
         hint = 'write record = "ambient.csv" or frfs = "frf.unv"'
         yield source.error(("identify",), "identify.source", {}, hint=hint)
+    yield from _layout(data, asked, source)
     yield from _methods(asked, source)
     yield from _levels(data, source)
     if falls(asked.get("band_hz")):
         shown = {"band_hz": asked["band_hz"]}
         yield source.error(("identify", "band_hz"), "study.value/empty-band", shown)
+
+
+def _setups(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    """Every set-up has a measurement of its own, and [identify] has none then."""
+    for place, entry in tables(data, "setup"):
+        if "record" in asked or "frfs" in asked or ("record" in entry) == ("frfs" in entry):
+            yield source.error(place, "identify.setup-source", entry)
+    if "setup" in data and "level" in data:
+        yield source.error(("level",), "identify.setup-source/levels", {})
+
+
+def _layout(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    """[functions] belongs to functions; its axes are named once, and the lines are given in one way."""
+    stated = table(data, "functions")
+    if ("functions" in data or "function" in data) and "frfs" not in asked:
+        yield source.error(("functions",), "identify.layout", {})
+    axes = texts(stated.get("axes"))
+    if len(set(axes)) < len(axes) or (axes and "frequency" not in axes) or {"function", "response"} <= set(axes):
+        yield source.error(("functions", "axes"), "identify.layout/axes", {"axes": ", ".join(axes)})
+    if "frequency" in stated and ("start_hz" in stated or "step_hz" in stated):
+        yield source.error(("functions", "frequency"), "identify.layout/lines", {})
+    if asked.get("frfs") == ():
+        yield source.error(("identify", "frfs"), "identify.source", {}, hint='write frfs = "frf.unv"')
 
 
 def _levels(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:

@@ -158,6 +158,8 @@ def _row(outcome: RunOutcome) -> Sequence[Any]:
     if modes is None:
         return outcome.key, outcome.state, json.dumps(facts), None, None, None
     facts["mass"] = modes.mass
+    if modes.participation is not None:
+        facts["participation"] = modes.participation.tolist()
     blobs = (
         np.ascontiguousarray(modes.freq_hz, _REAL).tobytes(),
         np.ascontiguousarray(modes.nodes, _INTEGER).tobytes(),
@@ -179,4 +181,7 @@ def _outcome(key: str, row: Sequence[Any]) -> RunOutcome:
     mass = facts["mass"]
     if not np.isfinite(freq).all() or not (mass is None or isinstance(mass, float)):
         raise ValueError("a run of numbers that are none")
-    return RunOutcome(key, SolvedModes(freq, nodes, shapes, mass), failures)
+    participation = facts.get("participation")
+    if participation is not None:
+        participation = np.array(participation, float).reshape(6, len(freq))
+    return RunOutcome(key, SolvedModes(freq, nodes, shapes, mass, participation), failures)

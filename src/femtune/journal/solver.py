@@ -39,11 +39,13 @@ class JournaledSolver:
         """In another process there is no journal, which belongs to this one."""
         return _without_journal, (self.solver,)
 
-    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
-        """As `solve_modes`: by K, M and how many modes are wanted."""
+    def modes(
+        self, point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None = None
+    ) -> EigenSolution:
+        """As `solve_modes`: by K, M and how many modes are wanted, wherever the iteration starts."""
         key = _key("modes", matrices_digest(point, "stiffness", "mass"), count, max_hz)
-        form = Form("modes", _of_modes, partial(_modes, point))
-        return self.journal.obtain(form, key, partial(self.solver.modes, point, count, max_hz))
+        form, begun = Form("modes", _of_modes, partial(_modes, point)), () if start is None else (start,)
+        return self.journal.obtain(form, key, partial(self.solver.modes, point, count, max_hz, *begun))
 
     def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
         """As `improved_modes`: by K, M and the vectors that it begins with."""
@@ -95,11 +97,32 @@ def _modes(point: ModelPoint, entry: Entry) -> EigenSolution:
     shift = _number(entry, "shift")
     if (np.diff(values) < 0.0).any() or not shift < values[0]:
         raise ValueError("its eigenvalues are not in their order")
+    _check_pairs(point, values, shapes)
     notices = tuple(_notice(*n) for n in entry.facts["notices"])
     cut, method = _number(entry, "sturm_shift"), entry.facts.get("method", "")
     if not isinstance(method, str):
         raise ValueError("its method is no text")
     return EigenSolution(point, values, shapes, wanted, shift, cut, counted, notices, method=method)
+
+
+_ALIKE, _ROUNDING = 1e-5, 1e-12
+
+
+def _check_pairs(point: ModelPoint, values: NDArray[np.float64], shapes: NDArray[np.float64]) -> None:
+    """The recalled pairs are modes of these matrices: ΦᵀKΦ = Λ, ΦᵀMΦ = 1, and Kφ = λMφ.
+
+    The first two show values and scales that are wrong, the last one shapes; each is compared with rounding.
+    """
+    elastic, inertial = point.stiffness @ shapes, point.mass @ shapes
+    largest = float(np.abs(point.stiffness.diagonal()).max(initial=0.0))
+    lengths = np.linalg.norm(shapes, axis=0)
+    rounding = _ROUNDING * largest * np.outer(lengths, lengths)
+    size = np.sqrt(np.abs(np.outer(values, values)))
+    energy = np.abs(shapes.T @ elastic - np.diag(values)) <= _ALIKE * size + rounding
+    unit = np.abs(shapes.T @ inertial - np.eye(len(values))) <= _ALIKE
+    rest = np.linalg.norm(elastic - inertial * values, axis=0) <= _ALIKE * largest * lengths
+    if not (energy.all() and unit.all() and rest.all()):
+        raise ValueError("its modes do not satisfy the equation of motion")
 
 
 def _notice(code: object, what: object, level: object) -> Notice:

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 class ModelSolver(Protocol):
     """Solutions of the full model and their derivatives, see `solve_modes` and `subspace_derivative`."""
 
-    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
-        """Modes of a model point."""
+    def modes(
+        self, point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None = None
+    ) -> EigenSolution:
+        """Modes of a model point; where they are solved for, modes nearby shorten the way."""
         ...
 
     def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
@@ -32,14 +34,16 @@ class ModelSolver(Protocol):
 class _Direct:
     """The model's own functions, imported by those who solve."""
 
-    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+    def modes(
+        self, point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None = None
+    ) -> EigenSolution:
         from femtune.model.eigen.solution import solve_modes  # noqa: PLC0415
 
         if point.depends_on_frequency:
             from femtune.model.eigen.own_frequency import own_frequency_solution  # noqa: PLC0415
 
             return own_frequency_solution(point, count, max_hz)
-        return solve_modes(point, count, max_hz)
+        return solve_modes(point, count, max_hz, start)
 
     def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
         from femtune.model.eigen.improved import improved_modes  # noqa: PLC0415

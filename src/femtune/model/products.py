@@ -23,6 +23,7 @@ from femtune.parameters.jet import Jet
 
 _ROWS = 1 << 16
 """Rows of a block of vectors that are copied at once."""
+_COLUMNS = 48
 
 # columns for each parameter above which their sum for that parameter is formed first
 MANY = 8
@@ -46,16 +47,23 @@ class Local:
 
     def sandwich(self, left: Reals, right: Reals) -> Reals:
         """(a, b) leftᵀA right for (n_free, a) and (n_free, b)."""
-        own = np.ascontiguousarray(right[self.dofs])
+        out = np.zeros((left.shape[1], right.shape[1]), np.result_type(left, right, self.half))
         if left is right:
-            one = in_any_order(own.T, self.half @ own)
-            return np.asarray(one + one.T)
-        driven = self.times(own)
-        out = np.zeros((left.shape[1], right.shape[1]), np.result_type(left, driven))
-        for first in range(0, len(driven), _ROWS):
-            rows = slice(first, first + _ROWS)
-            out += in_any_order(np.ascontiguousarray(left[self.dofs[rows]]).T, driven[rows])
+            own = np.ascontiguousarray(right[self.dofs])
+            for part in _parts(right.shape[1]):
+                out[:, part] = in_any_order(own.T, self.half @ np.ascontiguousarray(own[:, part]))
+            return np.asarray(out + out.T)
+        for part in _parts(right.shape[1]):
+            driven = self.times(np.ascontiguousarray(right[:, part][self.dofs]))
+            for first in range(0, len(driven), _ROWS):
+                rows = slice(first, first + _ROWS)
+                out[:, part] += in_any_order(np.ascontiguousarray(left[self.dofs[rows]]).T, driven[rows])
         return out
+
+
+def _parts(count: int) -> list[slice]:
+    """Columns of a product at a time: as many as the memory of a large model has room for, beside its basis."""
+    return [slice(i, min(i + _COLUMNS, count)) for i in range(0, count, _COLUMNS)]
 
 
 def projections(configured: ConfiguredModel, kind: MatrixKind, left: Reals, right: Reals) -> dict[int, Reals]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ from femtune.reporting.document import (
     row,
 )
 from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
+from femtune.reporting.figures.shapes import ShapePanel, Wireframe, shapes_svg
 from femtune.reporting.figures.stabilisation import StabilisationPicture, stabilisation_svg
 from femtune.reporting.numbers import (
     NONE,
@@ -37,6 +39,9 @@ from femtune.reporting.numbers import (
 )
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from femtune.modal import ModeSet
     from femtune.reporting.document import (
         Block,
         Level,
@@ -44,6 +49,7 @@ if TYPE_CHECKING:
     from femtune.study.identification import IdentifyResult
     from femtune.study.identification.levels import LevelFunctions, LevelMode, LevelTrend, LinearityResults
     from femtune.study.identification.records import IdentifiedMode
+    from femtune.testdata import WireFrame
 
 _SHOWN_FUNCTIONS = 6
 
@@ -53,6 +59,7 @@ def build_identification_page(made: IdentifyResult) -> Document:
     sentence, level = _verdict(made)
     sections = (
         Section("modes", "Modes", tuple(_modes(made))),
+        Section("shapes", "Mode shapes", tuple(_shapes(made))),
         Section("poles", "Choice of the modes", tuple(_poles(made))),
         Section("fit", "Measured and synthesised functions", tuple(_fit(made))),
         Section("linearity", "Linearity", tuple(_linearity(made))),
@@ -137,6 +144,56 @@ def _mode_cells(mode: IdentifiedMode, methods: list[str], estimates: int, counte
 
 def _spread(number: float | None) -> str:
     return NONE if number is None else typeset(f"{number:.2g}")
+
+
+_A_FIGURE, _MOST_LINES = 6, 20_000
+"""Modes in a figure, and trace lines in all of them: the page must stay small enough to be sent."""
+
+
+def _shapes(made: IdentifyResult) -> Iterator[Block]:
+    """The identified shapes on the wire frame of the test; nothing without a geometry."""
+    geometry, modes = made.found.geometry, made.found.modes
+    placed = [i for i, dof in enumerate(modes.dofs) if dof.node in geometry and 1 <= dof.component <= 3]
+    if not placed:
+        return
+    frame = _wire_frame(geometry)
+    most = min(len(modes), max(1, _MOST_LINES // max(len(frame.lines), 1)))
+    for first in range(0, most, _A_FIGURE):
+        group = range(first, min(first + _A_FIGURE, most))
+        titles = [f"{modes.labels[i]}: {freq(modes.freq_hz[i])} Hz" for i in group]
+        draw = partial(_draw_shapes, frame, geometry, modes, group, placed)
+        yield Figure(draw, "", f"Identified mode shapes. {'; '.join(titles)}", wide=True)
+    lost = len(modes.dofs) - len(placed)
+    if lost:
+        yield Paragraph(
+            f"{counted(lost, 'degree')} of freedom not drawn: rotations, or points without a place.", "muted"
+        )
+
+
+def _wire_frame(geometry: WireFrame) -> Wireframe:
+    row = {int(node): i for i, node in enumerate(geometry.nodes)}
+    paths = [*geometry.lines, *((*e, e[0]) for e in geometry.elements if len(e) > 1)]
+    lines = [(row[a], row[b]) for path in paths for a, b in pairwise(path)]
+    ends = np.array(lines, dtype=np.int64).reshape(-1, 2)
+    return Wireframe(geometry.coordinates, ends, np.zeros(len(ends), dtype=bool))
+
+
+def _draw_shapes(frame: Wireframe, geometry: WireFrame, modes: ModeSet, group: range, placed: list[int]) -> str:
+    titles = [f"{modes.labels[i]}: {freq(modes.freq_hz[i])} Hz" for i in group]
+    panels = [ShapePanel(title, motion_at_points(geometry, modes, i, placed)) for title, i in zip(titles, group)]
+    return shapes_svg(frame, panels, axes=group[0] == 0)
+
+
+def motion_at_points(geometry: WireFrame, modes: ModeSet, mode: int, placed: list[int]) -> NDArray[np.float64]:
+    """(n, 3) the shortest motion of each point that its sensors, along their directions, agree with."""
+    values = np.nan_to_num(np.real(modes.shapes[:, mode]))
+    motion = np.zeros((len(geometry), 3))
+    nodes = np.array([modes.dofs[i].node for i in placed])
+    for node in np.unique(nodes):
+        at = [i for i, n in zip(placed, nodes) if n == node]
+        directions = np.array([geometry.direction(modes.dofs[i]) for i in at])
+        motion[geometry.nodes == node] = np.linalg.lstsq(directions, values[at], rcond=None)[0]
+    return motion
 
 
 def _poles(made: IdentifyResult) -> Iterator[Block]:

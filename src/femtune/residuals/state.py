@@ -55,7 +55,9 @@ def paired_count(states: Sequence[CaseState]) -> int:
 class _Reduced:
     """Modes and derivatives of reduced models; what they return answers all that residuals ask of a solution."""
 
-    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+    def modes(
+        self, point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None = None
+    ) -> EigenSolution:
         """As `reduced_modes`."""
         return cast(EigenSolution, reduced_modes(cast(ReducedPoint, point), count, max_hz))
 

@@ -41,6 +41,9 @@ class FisherResults(Record):
     measured: bool
     """Whether the noise is that of the measured FRFs, followed through identification and equalised damping; otherwise
     that of the stated standard deviations of the residuals."""
+    misfit: float = 1.0
+    """After an update with an identified test: residuals over those that its noise makes, by which the standard
+    deviations are increased; 1 where the noise explains them."""
     parameters: tuple[KnownParameter, ...]
     """The free parameters."""
     groups: tuple[tuple[str, ...], ...]
@@ -70,12 +73,13 @@ def fisher_results(
     moving = np.array([active is None or n in active for n in names])
     prior = np.asarray(parameters.prior[1]) * moving
     values, jets = parameters.values(at.x), parameters.jets(at.x)
-    known = expected_knowledge(at, prior, names, size).select(moving)
+    known = expected_knowledge(at, prior, names, size, updated=stage == "after").select(moving)
     scale = np.array([_percent(jets[n].grad, i, values[n]) for i, n in enumerate(names) if moving[i]])
     percent = known.together * scale
     return FisherResults(
         stage=stage,
         measured=known.measured,
+        misfit=known.misfit,
         parameters=tuple(
             KnownParameter(
                 parameter=name, value=float(values[name]), sd_percent=_finite(sd), sd_alone_percent=_finite(alone),

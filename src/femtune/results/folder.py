@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
@@ -116,6 +117,9 @@ def _read_json(path: Path) -> Results:
 
 def _read_bytes(path: Path) -> bytes:
     try:
+        # a pipe would be waited for without end
+        if path.exists() and not path.is_file():
+            raise OSError(errno.EINVAL, "it is not an ordinary file")
         return path.read_bytes()
     except OSError as error:
         raise FemtuneError(

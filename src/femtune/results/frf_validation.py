@@ -200,7 +200,7 @@ def _unused(study: Study, case: StudyCase, x: Reals) -> UnusedFrfs:
         # the update had one damping ratio; measured FRFs are compared with the measured one of each mode
         ratios = measured_damping(residual, test, modes()).ratios
         request = replace(request, damping=damping_by_mode(ratios.tolist()))
-    model = solved_frfs(study, request, point, modes)
+    model, _ = solved_frfs(study, request, point, modes)
     lines = np.searchsorted(measured.freq_hz, request.freq_hz)
     labels = (request.outputs.labels.labels(), request.inputs.labels.labels())
     return UnusedFrfs(case, PredictedFrfs(*labels, request.freq_hz, model, measured.values[:, :, lines]))

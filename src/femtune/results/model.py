@@ -21,6 +21,7 @@ from femtune.files.nastran.constraints import effect_of
 from femtune.files.nastran.control import UNDERSTOOD_PARAMS
 from femtune.files.nastran.geomcheck import geometry_checks
 from femtune.files.nastran.inventory import READ
+from femtune.files.study_file import test_files
 from femtune.model import grid_matrix
 from femtune.model.configuration import held_dofs
 from femtune.model.drilling import drilling_modes
@@ -754,7 +755,7 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
     by_id = study.file.sensors.by_id
     return SensorResults(
         configuration=case.configured.configuration.name,
-        test_file=case.entry.test,
+        test_file=", ".join(test_files(case.entry)),
         tolerance=None if by_id else sensor_tolerance(study.file, study.built.structure),
         matched=tuple(
             MatchedSensor(

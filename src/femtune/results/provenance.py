@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from femtune import __version__
-from femtune.files.study_file import StudyFile
+from femtune.files.study_file import StudyFile, test_files
 from femtune.model import available_solvers
 from femtune.model.distributed import slepc_is_chosen
 from femtune.results.base import InputFile, Provenance, StepDuration, StudyFacts
@@ -101,9 +101,9 @@ def input_paths(study: Study) -> tuple[Path, ...]:
     paths = [Path(f.file) for f in study.built.deck.files]
     for case in study.cases:
         # a test that was given as an object may be of no file
-        name = case.entry.test
-        if name is not None and (name not in study.file.given.tests or study.file.path_of(name).is_file()):
-            paths.append(study.file.path_of(name))
+        names = test_files(case.entry)
+        given = study.file.given.tests
+        paths += [p for name in names if (p := study.file.path_of(name)).is_file() or name not in given]
         more = (case.entry.deviations, case.entry.masses_file)
         paths += [study.file.path_of(name) for name in more if name is not None]
     return tuple(dict.fromkeys(paths))

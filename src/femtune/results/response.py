@@ -106,7 +106,10 @@ class FrfResults(Record):
     modes: int | None
     """Number of modes that are superposed or damped; None if the method needs none."""
     residual_vectors: bool
-    """True if residual vectors (static responses to the inputs) are added to the modes."""
+    """True if residual vectors (static responses to the inputs, and further ones) are added to the modes."""
+    truncation_error: float | None = None
+    """Largest error by the truncated set of modes at some lines, relative to the value, or to 1 % of the largest value
+    of the function where this is larger; 0 with the direct method, None if it is not known."""
     damping: str
     """The damping, in words."""
     outputs: tuple[str, ...]
@@ -389,16 +392,19 @@ def _with_frfs(
 
     with errors_at(study.file.where("response", *_about_damping(request.table))):
         way = "frequency lines, directly" if request.method == "direct" else f"responses by {request.table.method}"
-        values = solved_frfs(study, request, point, modes, partial(doing, way))
+        values, error = solved_frfs(study, request, point, modes, partial(doing, way))
     # whether anything damps the model is the same at every frequency
     some = point.at_frequency(float(request.freq_hz[-1])) if point.depends_on_frequency else point
     damping = damping_words(study, request, some)
     notices = request.notices if damping else (*request.notices, _undamped(request))
+    notices = (*notices, *_truncated(request, error))
     doing("complex modes")
     poles, reason = listed_poles(study, request, point, modes, damped=bool(damping))
     notices = (*notices, *unstable(request, poles))
     parts = {
-        "frfs": _frf_results(study, request, modes, values, damping, prefix, arrays),
+        "frfs": _frf_results(study, request, modes, values, damping, prefix, arrays).model_copy(
+            update={"truncation_error": error}
+        ),
         "poles": () if poles is None else pole_records(poles),
         "poles_reason": reason,
         "alerts": tuple(map(alert_of, notices)),
@@ -408,6 +414,17 @@ def _with_frfs(
 
 def _about_damping(table: ResponseTable) -> tuple[str, ...]:
     return ("ratios",) if table.ratios is not None else ()
+
+
+_TRUNCATED = 1e-3
+
+
+def _truncated(request: ResponseRequest, error: float | None) -> tuple[Notice, ...]:
+    """A notice where modes are missing that the functions need."""
+    if error is None or error <= _TRUNCATED:
+        return ()
+    code = "response.truncated" if request.limit else "response.truncated/default"
+    return (Notice(code, configuration=request.case.name, percent=100.0 * error, limit=request.limit),)
 
 
 def _undamped(request: ResponseRequest) -> Notice:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.assembly.error_places import errors_at
+from femtune.dofs import DofSet
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.files.vibration_table import read_signal, read_vibration_table
 from femtune.model.damping import constant_damping, damping_table
@@ -29,6 +30,7 @@ from femtune.model.vibration import (
 from femtune.results.base import Record
 from femtune.results.criteria import of_vibration
 from femtune.results.solved import solve
+from femtune.results.solver_on_base import solver_transfer
 from femtune.validation import judge, not_tested
 from femtune.validation.criteria import RMS, SWEEP_AMPLITUDE, SWEEP_FREQUENCY, TRANSIENT_PEAK
 
@@ -162,8 +164,12 @@ def _case(study: Study, entry: VibrationEntry) -> StudyCase:
     return next(c for c in study.cases if entry.configuration in (None, c.name))
 
 
-def _transfer(test: VibrationTest, modes: EigenSolution) -> ModalTransfer:
+def _transfer(study: Study, test: VibrationTest, x: Reals, known: EigenSolution | None = None) -> ModalTransfer:
+    """Of the model at normalised parameters, whose modes may be known, or of a run of the solver."""
     entry = test.entry
+    if study.file.solver is not None:
+        return solver_transfer(study, entry, x, test.damping)
+    modes = known or solve(study, test.case(study), x)
     ports = make_ports(modes.point.configured, [entry.input or entry.outputs[0]], entry.outputs)
     if entry.base is not None:
         return base_transfer(modes, ports, entry.base, test.damping)
@@ -196,14 +202,12 @@ class VibrationTests:
 
         Raises
         ------
-        FemtuneError : ``vibration.damping``, ``vibration.no-base``
+        FemtuneError : ``vibration.damping``, ``vibration.no-base``; ``external.*``, ``vibration.solver``
         """
         errors = ErrorCollector()
         for i, test in enumerate(self.tests):
-            case = test.case(study)
-            modes = solved.get(case.name) or solve(study, case, x)
             with errors.catch(), errors_at(study.file.where("vibration", i)):
-                _transfer(test, modes)
+                _transfer(study, test, x, solved.get(test.case(study).name))
         errors.raise_if_any()
 
     def beside(self, study: Study, before: Reals, after: Reals, arrays: Arrays) -> tuple[VibrationResults, ...]:
@@ -216,7 +220,10 @@ def _read(study: Study, entry: VibrationEntry) -> VibrationTest:
     path, measured, excitation = study.file.path_of, None, None
     if entry.measured is not None:
         measured = read_vibration_table(path(entry.measured), len(entry.outputs), history=entry.kind == "transient")
-    make_ports(_case(study, entry).configured, [entry.input or entry.outputs[0]], entry.outputs)
+    if study.file.solver is None:
+        make_ports(_case(study, entry).configured, [entry.input or entry.outputs[0]], entry.outputs)
+    else:
+        DofSet.parse(entry.outputs)
     damping, words = _damping(study, entry)
     excitation = _excitation(study, entry)
     band = _band(entry, excitation, measured)
@@ -255,7 +262,7 @@ def _beside(
         "damping_source": entry.damping_source or "",
     }  # fmt: skip
     try:
-        before, after = (_transfer(test, solve(study, case, x)) for x in points)
+        before, after = (_transfer(study, test, x) for x in points)
         found = [_response(test, transfer) for transfer in (before, after)]
         measured = _measured_levels(entry, test.measured, test.band)
     except FemtuneError as error:
@@ -301,14 +308,16 @@ def _damping(study: Study, entry: VibrationEntry) -> tuple[DampingRatios, str]:
 
 def _band(entry: VibrationEntry, excitation: Sweep | Spectrum | Curve, measured: Curve | None) -> Band:
     """What excitation, measured curve and `band_hz` have in common (error ``vibration.no-overlap``)."""
-    bands = [_excited(excitation)]
+    bands = {"excitation": _excited(excitation)}
     if measured is not None:
-        bands.append((float(measured[0][0]), float(measured[0][-1])))
+        bands["measured curve"] = float(measured[0][0]), float(measured[0][-1])
     if entry.band_hz is not None and entry.kind != "transient":
-        bands.append(entry.band_hz)
-    low, high = max(b[0] for b in bands), min(b[1] for b in bands)
+        bands["band_hz"] = entry.band_hz
+    low, high = max(b[0] for b in bands.values()), min(b[1] for b in bands.values())
     if not low < high:
-        raise FemtuneError("vibration.no-overlap", name=entry.name)
+        unit = "s" if entry.kind == "transient" else "Hz"
+        ranges = {name: f"{first:.6g} to {last:.6g} {unit}" for name, (first, last) in bands.items()}
+        raise FemtuneError("vibration.no-overlap", values=ranges, name=entry.name)
     return low, high
 
 

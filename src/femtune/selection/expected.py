@@ -3,7 +3,10 @@
 The covariance is F⁻¹ with the Fisher information F = JᵀJ of residuals in units of their standard deviations. Where
 residuals compare FRFs of an identified test, whose errors all lines share, it is F⁻¹Jᵀ Cov(Δr) J F⁻¹: the covariance of
 the estimate with the weights of the residuals, the changes Δr being those that noise as large as the errors of the
-identification makes through identification and equalisation.
+identification makes through identification and equalisation. After an update the residuals r that are left tell whether
+these changes are all: if |r|² is larger than 99 % of the values of |Δr|², both without what the parameters can do, the
+standard deviations are multiplied by |r| over the root mean square of |Δr|. Modes that the identification missed and
+errors of the model make r larger.
 """
 
 from __future__ import annotations
@@ -21,6 +24,8 @@ from femtune.selection.information import KNOWN
 TOGETHER = 0.9
 """Absolute correlation from which a combination of parameters is known much better than each."""
 _DRAWS = 200
+_BY_CHANCE = 0.01
+"""Significance level above which the residuals are larger than the noise of an identified test makes them."""
 _SHARE = 0.1
 _NO_PART = 1e-6
 
@@ -38,6 +43,8 @@ class ExpectedKnowledge:
     correlation : (k, k) of the estimate in what the data determine
     null : (m, k) combinations in prior standard deviations that the data leave open, as sparse as they can be made
     measured : whether the noise is that of the measured FRFs behind an identified test
+    misfit : residuals of identified tests after an update over those that the noise makes; 1 where the noise explains
+        them, before an update, and for other data. The standard deviations contain it
     """
 
     names: tuple[str, ...]
@@ -47,6 +54,7 @@ class ExpectedKnowledge:
     correlation: Reals
     null: Reals
     measured: bool
+    misfit: float = 1.0
 
     @property
     def known(self) -> Flags:
@@ -107,10 +115,18 @@ class ExpectedKnowledge:
         for parts in self.open:
             joint = f"A joint change of {listed(parts)}" if len(parts) > 1 else f"A change of {parts[0]}"
             out.append(f"{joint} has no effect on the data.")
+        if self.misfit > 1.0:
+            out.append(
+                f"The residuals are {self.misfit:.2g} times as large as the noise of the identified test makes them: "
+                "the identification misses modes, or the model is wrong. The standard deviations are increased by this "
+                "factor."
+            )
         return out
 
 
-def expected_knowledge(at: Evaluation, prior_sd: Reals, names: tuple[str, ...], size: float = 1.0) -> ExpectedKnowledge:
+def expected_knowledge(
+    at: Evaluation, prior_sd: Reals, names: tuple[str, ...], size: float = 1.0, *, updated: bool = False
+) -> ExpectedKnowledge:
     """What the data of an evaluation would tell of its parameters.
 
     Parameters
@@ -119,6 +135,7 @@ def expected_knowledge(at: Evaluation, prior_sd: Reals, names: tuple[str, ...], 
     prior_sd : (k,)
     names : of the parameters
     size : actual over stated standard deviation of the residuals; not used for identified tests
+    updated : whether the parameters are those of an update, so that the residuals are errors of the data and the model
     """
     S = at.jacobian * prior_sd
     k = S.shape[1]
@@ -126,7 +143,9 @@ def expected_knowledge(at: Evaluation, prior_sd: Reals, names: tuple[str, ...], 
     kept = determined(s)
     inverse = (vt[kept].T / s[kept] ** 2) @ vt[kept]
     measured = bool(identified_tests(at.weighted))
-    noise = _noise(at, S) if measured else size**2 * (S.T @ S)
+    noise, misfit = _noise(at, S, vt[kept]) if measured else (size**2 * (S.T @ S), 1.0)
+    misfit = misfit if updated else 1.0
+    noise = misfit**2 * noise
     covariance = inverse @ noise @ inverse
     null = sparse_basis(vt[~kept])
     open_ = (np.abs(vt[~kept]) > _NO_PART).any(axis=0)
@@ -137,18 +156,38 @@ def expected_knowledge(at: Evaluation, prior_sd: Reals, names: tuple[str, ...], 
         alone = np.where(lengths > 0.0, np.sqrt(np.diag(noise)) / lengths, np.inf)
     # what does not move has no spread, whatever the data tell
     together, alone = (np.where(prior_sd > 0.0, x, 0.0) * prior_sd for x in (np.where(open_, np.inf, sd), alone))
-    return ExpectedKnowledge(names, prior_sd, together, alone, covariance / np.outer(safe, safe), null, measured)
+    correlation = covariance / np.outer(safe, safe)
+    return ExpectedKnowledge(names, prior_sd, together, alone, correlation, null, measured, misfit)
 
 
-def _noise(at: Evaluation, S: Reals) -> Reals:
-    """(k, k) covariance of Sᵀ Δr; blocks of other data have independent errors of the stated size."""
+def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:
+    """(k, k) covariance of Sᵀ Δr, and how much larger the residuals of identified tests are than Δr.
+
+    Blocks of other data have independent errors of the stated size.
+
+    Parameters
+    ----------
+    directions : (q, k) combinations that the data determine
+    """
     ends = np.cumsum([0, *(len(b.values) for b in at.weighted)])
-    rows = np.split(S, ends[1:-1])
-    sums, others = np.zeros((_DRAWS, S.shape[1])), np.zeros((S.shape[1], S.shape[1]))
+    rows, left = np.split(S, ends[1:-1]), np.split(at.residuals, ends[1:-1])
+    identified = [b.samples is not None and b.samples.identified is not None for b in at.weighted]
+    mine = [i for i, is_so in enumerate(identified) if is_so]
+    # an orthonormal basis of what the parameters can do to these residuals
+    basis = np.linalg.qr(np.concatenate([rows[i] for i in mine]) @ directions.T)[0]
+    sums, squares = np.zeros((_DRAWS, S.shape[1])), np.zeros(_DRAWS)
     for i in range(_DRAWS):
-        for part, change in zip(rows, drawn_changes(at.weighted, "noise", np.random.default_rng(i))):
-            if change is not None:
-                sums[i] += change @ part
-            elif i == 0:
-                others += part.T @ part
-    return np.asarray(np.atleast_2d(np.cov(sums.T)) + others)
+        changes = drawn_changes(at.weighted, "noise", np.random.default_rng(i))
+        found = np.concatenate([change for change in changes if change is not None])
+        sums[i] = found @ np.concatenate([rows[j] for j in mine])
+        squares[i] = _square_outside(found, basis)
+    others = sum((rows[i].T @ rows[i] for i, is_so in enumerate(identified) if not is_so), np.zeros((S.shape[1],) * 2))
+    square = _square_outside(np.concatenate([left[i] for i in mine]), basis)
+    large = square > np.quantile(squares, 1.0 - _BY_CHANCE)
+    misfit = float(np.sqrt(square / squares.mean())) if large else 1.0
+    return np.asarray(np.atleast_2d(np.cov(sums.T)) + others), misfit
+
+
+def _square_outside(values: Reals, basis: Reals) -> float:
+    inside = basis.T @ values
+    return float(values @ values - inside @ inside)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
     from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
+    from femtune.steps.of_start import check, init
     from femtune.steps.of_study import compare, correlate, quantify, select
     from femtune.steps.pages import report
 else:
@@ -23,10 +24,12 @@ else:
 __all__ = [
     "bootstrap",
     "candidates",
+    "check",
     "compare",
     "correlate",
     "identify",
     "info",
+    "init",
     "modes",
     "plan",
     "quantify",

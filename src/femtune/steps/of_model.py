@@ -165,6 +165,9 @@ def respond(
     *,
     uff: Path | str | None = None,
     units: str | None = None,
+    scatter: float = 0.0,
+    floor: float = 0.0,
+    seed: int = 1,
     report: Path | str | None = None,
     fresh: bool = False,
     progress: Progress = silent,
@@ -177,6 +180,9 @@ def respond(
     source : as for `info`
     uff : Universal File to write the functions to; with several configurations each has its own, numbered
     units : length-mass-s of a deck, required for a Universal File
+    scatter, floor : noise of the functions in the file: standard deviations of real and imaginary part relative to the
+        magnitude of each value and to the largest one of each function, as ``sd`` and ``floor`` of FRF residuals
+    seed : of the noise
     report : HTML page to write, with pictures of the functions
     fresh : ignore the journal of an earlier run of the study and solve everything again
     progress : receives progress reports
@@ -197,11 +203,14 @@ def respond(
     >>> found.frfs.values.shape
     (1, 1, 199)
     """
-    from femtune.study.respond import solve_responses  # noqa: PLC0415
+    from femtune.study.respond import FrfNoise, solve_responses  # noqa: PLC0415
 
     page = checked_page(report)
     file = None if uff is None else Path(uff)
-    result = solve_responses(source_of(source), options, progress, fresh=fresh, uff=file, units=units, keep=page)
+    result = solve_responses(
+        source_of(source), options, progress, fresh=fresh, uff=file, units=units, keep=page,
+        noise=FrfNoise(scatter, floor, seed),
+    )  # fmt: skip
     return with_page(result, page, progress)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from femtune._optional import require
 from femtune.assembly.error_places import errors_at
+from femtune.assembly.external import point_of
 from femtune.assembly.study import load_study, solved_by
 from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
@@ -31,7 +32,7 @@ from femtune.selection.candidate_models import CandidateFit, Group, rank_candida
 from femtune.selection.combinations import listed
 from femtune.status import Status
 from femtune.study.executor import executor_of
-from femtune.study.external import least_squares_on_solver, moved_to, opened_solver, point_of
+from femtune.study.external import least_squares_on_solver, moved_to, opened_solver
 from femtune.study.model_runs import ResidualRuns
 from femtune.updating import StartResult, StartRules, starting_points, update
 from femtune.updating.sensitivity_method import moving_parameters
@@ -234,7 +235,7 @@ class _SolverFitting(_Fitting):
     def _at(self, number: int, left_out: int, x: Reals) -> Evaluation:
         assert self.runs is not None
         study = self._with_cases(number, lambda i: i == left_out)
-        return moved_to(study, self.runs, point_of(study, self.runs, x)).problem().start(x)
+        return moved_to(study, self.runs, point_of(study.parameters, self.runs, x)).problem().start(x)
 
     def _with_cases(self, number: int, wanted: Callable[[int], bool]) -> Study:
         """The study with some of the configurations that the update uses."""

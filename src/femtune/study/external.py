@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.assembly.cases import on_model
-from femtune.assembly.external import PointRuns, SolverRuns, nominal_point, solver_runs
+from femtune.assembly.external import PointRuns, SolverRuns, nominal_point, point_of, solver_runs
 from femtune.assembly.parameters import assignments, targets
 from femtune.assembly.runs_model import built_of_tables, part_of
 from femtune.errors import FemtuneError, Notice
@@ -149,19 +149,12 @@ def _at_place(result: UpdateResult, place: _Place, number: int, radius: float) -
     )  # fmt: skip
 
 
-def point_of(study: Study, runs: SolverRuns, x: Reals) -> Reals:
-    """Values of the parameters of the runs at normalised parameters, within their bounds."""
-    values = study.parameters.values(x)
-    lower, upper = runs.bounds
-    return np.clip(np.array([values[name] for name in runs.names]), lower, upper)
-
-
 def _tried(
     runs: SolverRuns, place: _Place, updated: Callable[[Study, Evaluation], UpdateResult], x: Reals, told: list[Notice]
 ) -> _Place | None:
     """The model around a point and the update from there; None where it is no better, or its runs fail."""
     try:
-        study = moved_to(place.study, runs, point_of(place.study, runs, x))
+        study = moved_to(place.study, runs, point_of(place.study.parameters, runs, x))
         start = study.problem().start(x)
         there = _Place(x, study, start, updated(study, start))
     except FemtuneError as error:
@@ -267,7 +260,7 @@ class SolverFrequencies:
 
     def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
         """See `ManyAtOnce`."""
-        places = [point_of(self.study, self.runs, x) for x in points]
+        places = [point_of(self.study.parameters, self.runs, x) for x in points]
         outcomes = self.runs.run(places)
         good = [i for i, outcome in enumerate(outcomes) if outcome.failure is None]
         first = nominal_point(self.runs.file)
@@ -318,7 +311,7 @@ class SolverResiduals:
 
     def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
         """See `ManyAtOnce`."""
-        places = [point_of(self.study, self.runs, x) for x in points]
+        places = [point_of(self.study.parameters, self.runs, x) for x in points]
         return [self._at(*each) for each in zip(points, places, self.runs.run(places))]
 
     def _at(self, x: Reals, place: Reals, outcome: PointRuns) -> ModelRun:
@@ -340,5 +333,5 @@ def least_squares_on_solver(
     study: Study, runs: SolverRuns, method: SensitivityMethod, x: Reals, active: Sequence[str] | None = None
 ) -> SolverUpdate:
     """The update with the solver from a point (arguments and errors as of `find_on_solver`)."""
-    there = moved_to(study, runs, point_of(study, runs, x))
+    there = moved_to(study, runs, point_of(study.parameters, runs, x))
     return find_on_solver(there, runs, method, nothing, there.problem().start(x), active)

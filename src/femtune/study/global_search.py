@@ -214,8 +214,8 @@ class _Search:
         responses = _Responses.of(r)
         surrogate = self._fit(x, responses.of_residuals(r))
         checked, fresh_rms = 0, None
-        if table.fresh:
-            points = lower + latin_hypercube(len(lower), table.fresh, table.seed + 1).points * (upper - lower)
+        if table.fresh_runs:
+            points = lower + latin_hypercube(len(lower), table.fresh_runs, table.seed + 1).points * (upper - lower)
             new_x, new_r = self._good(points, self.run(points, "fresh runs"), 0)
             checked = len(new_x)
             if checked:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,42 @@ FRFS_FILE = "frfs.uff"
 """In a run folder, the functions of the model at its last stage."""
 
 
+@dataclass(frozen=True)
+class FrfNoise:
+    """Random errors of simulated FRFs: standard deviations of real and imaginary part, as of FRF residuals.
+
+    Parameters
+    ----------
+    scatter : part of the magnitude of each value
+    floor : part of the largest magnitude of each function
+    seed : of the random errors
+    """
+
+    scatter: float = 0.0
+    floor: float = 0.0
+    seed: int = 1
+
+    def check(self, uff: Path | None) -> None:
+        """Refuse what is no noise, and noise without a file to write it to (errors ``response.noise``)."""
+        values = {"scatter": self.scatter, "floor": self.floor}
+        if not all(0.0 <= value < np.inf for value in values.values()):
+            raise FemtuneError("response.noise", values=values)
+        if self.seed < 0:
+            raise FemtuneError("response.noise/seed", values={"seed": self.seed})
+        if uff is None and any(values.values()):
+            raise FemtuneError("response.noise/no-file", values=values)
+
+    def added(self, frfs: FrfSet, chance: np.random.Generator) -> FrfSet:
+        """The functions with errors."""
+        size = np.abs(frfs.values)
+        sd = np.hypot(self.scatter * size, self.floor * size.max(axis=2, keepdims=True))
+        real, imaginary = chance.standard_normal((2, *size.shape))
+        return replace(frfs, values=frfs.values + sd * (real + 1j * imaginary))
+
+
+NO_NOISE = FrfNoise()
+
+
 def solve_responses(
     source: Path | str | StudyFile,
     options: Mapping[str, Any],
@@ -49,6 +85,7 @@ def solve_responses(
     uff: Path | None = None,
     units: str | None = None,
     keep: Path | None = None,
+    noise: FrfNoise = NO_NOISE,
 ) -> RespondResult:
     """Responses at the initial values of the parameters.
 
@@ -58,12 +95,14 @@ def solve_responses(
     uff : Universal File for the FRFs; with several configurations each has its own, with its number in the name
     units : of a deck alone, which tells none
     keep : a file that will be written with what this returns; it must not be one that was read
+    noise : of the FRFs in the file; what is returned has none
 
     Raises
     ------
-    FemtuneError : ``response.nothing-asked``, ``response.units-needed``, ``write.overwrites-input``,
-        ``uff.cannot-write``, and as `response_results`
+    FemtuneError : ``response.nothing-asked``, ``response.noise``, ``response.units-needed``,
+        ``write.overwrites-input``, ``uff.cannot-write``, and as `response_results`
     """
+    noise.check(uff)
     watch = Stopwatch(call("respond", source))
     arrays: Arrays = {}
     with watch.step("read"):
@@ -74,7 +113,7 @@ def solve_responses(
     with watch.step("respond"), looking_up(loaded, fresh) as found:
         start = np.zeros(len(loaded.parameters.free))
         responses = responses_at(found.study, "before", start, arrays, progress)
-    written = [] if uff is None else write_frf_files(loaded, responses, arrays, files)
+    written = [] if uff is None else write_frf_files(loaded, responses, arrays, files, noise)
     facts = study_facts(loaded)
     if not loaded.units_known:
         facts = facts.model_copy(update={"units": ""})
@@ -151,13 +190,17 @@ def _solver_files(study: Study) -> list[Path]:
 
 
 def write_frf_files(
-    study: Study, responses: Sequence[ResponseResults], arrays: Mapping[str, NDArray], paths: Sequence[Path]
+    study: Study,
+    responses: Sequence[ResponseResults],
+    arrays: Mapping[str, NDArray],
+    paths: Sequence[Path],
+    noise: FrfNoise = NO_NOISE,
 ) -> list[Path]:
     """The FRFs of each configuration as a Universal File (error ``uff.cannot-write``)."""
-    written = []
+    written, chance = [], np.random.default_rng(noise.seed)
     for case, response, path in zip(study.cases, responses, paths):
         if response.frfs is not None:
-            frfs = frf_set(response.frfs, arrays)
+            frfs = noise.added(frf_set(response.frfs, arrays), chance)
             test = ModalTest(id_line(case.name), study.file.study.unit_system, _geometry(case, frfs), frfs=frfs)
             written.append(write_uff_frfs(path, test, tuple(map(id_line, _about(study, case, response)))))
     return written

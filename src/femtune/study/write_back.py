@@ -19,12 +19,14 @@ from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.field_refs import OF_MATRICES, WITHOUT_CARD
 from femtune.files.nastran.write import check_overwrites, plan_edits, write_deck
+from femtune.journal.journal import JOURNAL_FOLDER
 from femtune.results.folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.results.provenance import input_paths
 from femtune.results.update import WriteBackResults, WrittenValue
 from femtune.results.write_back import edits, new_cards, repointed
 from femtune.study.expanded_files import EXPANDED_FILE
 from femtune.study.respond import FRFS_FILE, uff_paths
+from femtune.study.run_lock import LOCK_FILE
 from femtune.study.starts import HISTORY_FILE
 
 if TYPE_CHECKING:
@@ -66,6 +68,17 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
             raise FemtuneError("write.overwrites-input/study-file", where=Where(str(folder / name)))
 
 
+def _reserved(study: Study) -> set[str]:
+    """Names of the files of a run folder, which changed INCLUDEs must not take."""
+    paths = (Path(name) for name in (FRFS_FILE, EXPANDED_FILE))
+    more = [path.name for one in paths for path in (one, *uff_paths(one, study))]
+    return {RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, PAGE_FILE, JOURNAL_FOLDER, LOCK_FILE, *more}
+
+
+PAGE_FILE = "report.html"
+"""The page, which a higher layer writes."""
+
+
 def check_writable_fields(study: Study, wide: bool) -> None:
     """Check, before the update, that the deck has a place for the values, by the changes at the initial values.
 
@@ -104,7 +117,7 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
 
 def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wide: bool) -> WriteBack:
     plan, values, blocked = _planned(study, result.x, wide)
-    deck = write_deck(plan.edited, folder, NAME)
+    deck = write_deck(plan.edited, folder, NAME, _reserved(study))
     rebuilt = build_allowing(read_deck(deck.main), study.file.study.allow_ignored)
     rebuilt = with_updated_ratios(rebuilt, values)
     record = _record(study, plan, deck, run, values, blocked)

@@ -26,6 +26,7 @@ from femtune.model.reduce import (
     TrainingStatus,
     certified_error,
     divide,
+    modes_nearby,
 )
 from femtune.residuals import CaseState, ComparedCase, Evaluation, FrfResidual, ResidualBlock, UpdateProblem
 from femtune.residuals.frf.model_way import settle_all
@@ -291,8 +292,10 @@ class ReducedSearch:
         return [self.problem.cases[i] for i in self.reduced]
 
     def solutions(self, states: Sequence[CaseState]) -> list[EigenSolution]:
-        """Full modes of the cases that are reduced, as many as something there needs."""
-        return [_most_modes(states[i], functions) for i, functions in zip(self.reduced, self.functions)]
+        """Full modes of the cases that are reduced, as many as something there needs; of large models from the reduced
+        ones there."""
+        four = zip(self.reduced, self.functions, self.trainers, self.trained)
+        return [_most_modes(states[i], functions, _nearly(t, m, states[i], functions)) for i, functions, t, m in four]
 
     @property
     def serves_all(self) -> bool:
@@ -454,6 +457,8 @@ def update_reduced(
         x, look = found.x, search.look(found.x, rounds)
         if look.agree or search.used_up or not search.take(look.better):
             break
+        # full modes, whose room the next look needs
+        del look
     full = search.assess(x, look.states, look.better)
     facts, better = search.facts(look.there.frequencies), replace(search, trained=look.better)
     return ReducedUpdate(
@@ -578,10 +583,22 @@ def _count(state: CaseState, functions: Sequence[FrfResidual]) -> int:
     return max(counts)
 
 
-def _most_modes(state: CaseState, functions: Sequence[FrfResidual]) -> EigenSolution:
+def _most_modes(
+    state: CaseState, functions: Sequence[FrfResidual], start: EigenSolution | None = None
+) -> EigenSolution:
     """The largest of the solutions that something in a case needs."""
-    found = [modes_for(state, residual) for residual in functions]
+    found = [modes_for(state, residual, start) for residual in functions]
     return max([state.solution, *found] if state.case.on_modes else found, key=lambda s: s.wanted)
+
+
+def _nearly(
+    trainer: Trainer | ComponentTrainer, trained: Trained, state: CaseState, functions: Sequence[FrfResidual]
+) -> EigenSolution | None:
+    """Modes of a reduced model from which those of a large one are found with few solutions; None of a small one."""
+    if not functions or not trainer.rules.ranked or trained.components is not None:
+        return None
+    counts = [count for count, _ in (residual.way.modes or (None, None) for residual in functions) if count]
+    return modes_nearby(trained, state.full, max(counts, default=trainer.rules.count))
 
 
 def _finer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | ComponentTrainer:
@@ -775,5 +792,8 @@ class _Run:
             look = self.at_end = self.search.look(found.best.x, self.rounds)
             if look.agree or self.search.used_up or not self.search.take(look.better):
                 return found
+            # full modes, whose room the next look needs
+            self.at_end = None
+            del look
             reduced = compared(self.search.reduced_problem())
             found = follow_up(found, reduced, method, found.best.side, self.active)

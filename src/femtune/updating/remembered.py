@@ -25,12 +25,14 @@ class RememberingSolver:
     solver: ModelSolver
     kept: dict[_Key, EigenSolution] = field(default_factory=dict, repr=False)
 
-    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+    def modes(
+        self, point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None = None
+    ) -> EigenSolution:
         """Modes of a point; those of the last point, where it has the same stiffness and mass."""
         key = (id(point.configured), count, max_hz)
         old = self.kept.get(key)
         if old is None or not _same(old.point, point):
-            self.kept[key] = self.solver.modes(point, count, max_hz)
+            self.kept[key] = self.solver.modes(point, count, max_hz, *(() if start is None else (start,)))
             return self.kept[key]
         return replace(old, point=point, known_factor=old.factor)
 

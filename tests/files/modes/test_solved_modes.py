@@ -94,7 +94,7 @@ _ABAQUS = """
      THE ANALYSIS HAS BEEN COMPLETED
 """
 
-_TABLE = "# frequencies\n1.0, 2.0\nmass 2.5\n5X 0.5 1\n5Y- 1 1\n7RZ+ 1 2\nend\n"
+_TABLE = "# frequencies\n1.0, 2.0\nmass 2.5\n5X 0.5 1\n5Y- 1 1\n7RZ+ 1 2\nparticipation RY 3 -4\nend\n"
 _WHOLE: dict[ModesFormat, str] = {
     "abaqus-dat": _ABAQUS, "calculix-dat": _DAT, "calculix-frd": _frd(), "nastran-f06": _f06(),
     "nastran-punch": _punch(), "table": _TABLE,
@@ -134,6 +134,40 @@ def test_shapes_of_a_table(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.shapes[0, :2], [[0.5, 1.0], [-1.0, -1.0]])
     np.testing.assert_array_equal(found.shapes[1, 5], [1.0, 2.0])
     assert found.mass == 2.5
+    assert found.participation is not None
+    np.testing.assert_array_equal(found.participation[4], [3.0, -4.0])
+    assert np.isnan(found.participation[[0, 1, 2, 3, 5]]).all()
+
+
+def _with_forces(moving: float, forces: tuple[float, float, float]) -> str:
+    """One mode of 1/2π Hz: node 1 moves, nodes 2 and 3 at different places are held by the same forces."""
+    hz = 1.0 / (2.0 * np.pi)
+    lines = ["    1C", "    2C                             3                                     1"]
+    lines += [f" -1{n:10d}{x:12.5E}{y:12.5E}{0.0:12.5E}" for n, x, y in ((1, 9.0, 9.0), (2, 1.0, 0.0), (3, 0.0, 2.0))]
+    for name, first, others in (("DISP", (moving,) * 3, (0.0,) * 3), ("FORC", (7.0,) * 3, forces)):
+        lines += [" -3", f"  100CL  101{hz:12.9f}           3                     2    1MODAL      1"]
+        lines += [f" -4  {name}        4    1", " -5  D1          1    2    1    0"]
+        rows = ((1, first), (2, others), (3, others))
+        lines += [f" -1{n:10d}" + "".join(f"{v:12.5E}" for v in row) for n, row in rows]
+    return "\n".join([*lines, " -3", " 9999", ""])
+
+
+def test_participation_factors_of_calculix_are_the_forces_at_the_supports(tmp_path: Path) -> None:
+    (tmp_path / "a.frd").write_text(_with_forces(0.5, (3.0, 5.0, -4.0)))
+    found = read_modes(tmp_path / "a.frd", "calculix-frd").participation
+    assert found is not None
+    # ω = 1; moments are those of (1, 0, 0) × F and (0, 2, 0) × F
+    moments = [2.0 * -4.0, 4.0, 5.0 - 2.0 * 3.0]
+    np.testing.assert_allclose(found[:, 0], [-6.0, -10.0, 8.0, *np.negative(moments)], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("forces", [(0.0, 5.0, -4.0), (3.0, 0.0, 0.0)])
+def test_missing_forces_are_not_taken_for_zero(forces: tuple[float, float, float], tmp_path: Path) -> None:
+    """CalculiX lists none at clamped nodes of beams and shells."""
+    (tmp_path / "a.frd").write_text(_with_forces(0.5, forces))
+    assert read_modes(tmp_path / "a.frd", "calculix-frd").participation is None
+    (tmp_path / "a.frd").write_text(_frd())
+    assert read_modes(tmp_path / "a.frd", "calculix-frd").participation is None
 
 
 @pytest.mark.parametrize("format", [f for f in _WHOLE if f != "nastran-punch"])

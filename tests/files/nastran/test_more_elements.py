@@ -117,6 +117,7 @@ def test_a_general_element_with_its_own_matrix(deck_of: DeckOf) -> None:
 @pytest.mark.parametrize(
     "lines",
     ["GENEL,9,,1,1\n,K,5.,6.\n", "GENEL,9,,1,1\n,UD,,2,1\n,K,5.\n", "GENEL,9,,1,1,2,1\n,Z,1.,1.,1.\n",
+     "GENEL,9,,1,1,2,1\n,K,1.,2.\n", "GENEL,9,,1,1,2,1\n,K,1.,2.,,,,,\n",
      "GENEL,9,,1,1\n", "GENEL,9,,1,1\n,K\n", "GENEL,9,,1,1,1,1\n,K,1.,1.,1.\n"],
 )  # fmt: skip
 def test_impossible_general_elements(deck_of: DeckOf, lines: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError
-from femtune.files.uff import UffContent, read_uff, scan_uff
+from femtune.files.uff import UffContent, UffFile, read_uff, scan_uff
 from femtune.units import SI, UnitSystem, unit_system
 
 
@@ -160,7 +160,24 @@ def test_trace_line_longer_than_declared(tmp_path: Path) -> None:
 
 
 def test_node_twice(tmp_path: Path) -> None:
-    assert refused(tmp_path, NODE + NODE).code == "uff.duplicate-node"
+    """Repeated geometry is read once; another place is an error, and a number twice in one data set too."""
+    assert len(read(tmp_path, NODE + NODE).test.geometry) == 1
+    assert refused(tmp_path, NODE + NODE.replace("1.0", "1.1", 1)).code == "uff.duplicate-node"
+    line = NODE.splitlines()[2]
+    assert refused(tmp_path, NODE.replace(line, f"{line}\n{line}")).code == "uff.duplicate-node"
+
+
+def test_a_test_in_several_files(tmp_path: Path) -> None:
+    whole = NODE + mode(f"{1:10d}", singles(1.0, 0.0, -0.5))
+    (tmp_path / "a.uff").write_text(NODE)
+    (tmp_path / "b.uff").write_text(whole)
+    (tmp_path / "c.uff").write_text(NODE.replace("1.0", "1.1", 1))
+    test = read_uff(UffFile(tmp_path / "a.uff", (tmp_path / "b.uff",)), units=SI, file_units=SI).test
+    assert test.modes is not None
+    assert (len(test.geometry), test.modes.shapes[:, 0].tolist()) == (1, [1.0, -0.5])
+    with pytest.raises(FemtuneError, match="node") as caught:
+        read_uff(UffFile(tmp_path / "b.uff", (tmp_path / "c.uff",)), units=SI, file_units=SI)
+    assert "c.uff" in str(caught.value.where)
 
 
 VALUES = [f"{1:10d}", singles(1.0, 0.0, -0.5), f"{2:10d}", singles(0.25, 0.0, 2.0)]

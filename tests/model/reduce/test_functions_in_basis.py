@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.fem import FieldRef
@@ -21,7 +22,7 @@ from femtune.model import (
 )
 from femtune.model.damping import ModalDamping, constant_damping
 from femtune.model.reduce import ReducedPoint, Trained, Trainer, TrainingRules, reduce_model, reduced_modes
-from femtune.model.reduce.function_estimate import FunctionsWanted, log_difference
+from femtune.model.reduce.function_estimate import FunctionsWanted, log_difference, missed_responses
 from femtune.model.reduce.functions_in_basis import BasisPorts, FunctionsInBasis, reduced_functions
 from femtune.model.response import Ports, frf, frf_gradient, make_ports
 from femtune.parameters import Parameter, ParameterSet
@@ -52,6 +53,19 @@ MODAL = {
 def ring(damped: str = "no damping") -> ConfiguredModel:
     structure = spring_structure(SPRINGS, [1.0] * 6, **DAMPED[damped])  # type: ignore[arg-type]
     return factor_model(structure, {"a": [1], "b": [3], "m": [1002]})
+
+
+def test_what_modes_miss_of_the_responses_to_many_forces() -> None:
+    """Beside the dense inverse; more forces than are solved for at a time."""
+    point = ring().at(APART)
+    solution = solve_modes(point, 3)
+    dense = np.random.default_rng(2).standard_normal((point.configured.n_free, 37))
+    dense[np.abs(dense) < 0.5] = 0.0
+    phi = solution.shapes
+    whole = la.solve((point.stiffness - solution.shift * point.mass).toarray(), dense)
+    expected = whole - phi @ ((phi.T @ dense) / (solution.eigenvalues - solution.shift)[:, None])
+    found = missed_responses(solution, sp.csc_array(dense))
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(whole).max())
 
 
 def ports_of(model: ConfiguredModel) -> Ports:

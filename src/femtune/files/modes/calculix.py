@@ -2,12 +2,17 @@
 
 The .frd file has frequencies of six to ten digits and shapes of six. Both files are written step by step, so that a
 file of a run that was killed is recognised by its end.
+
+Participation factors follow from the forces at the supports (RF). With K r = 0 for a rigid-body motion r of the whole
+model, φᵀMr = φᵀKr/ω² = −(sum of the support forces along r)/ω²; what the mass matrix couples to the supports is left
+out. The factors of the .dat file are not used: for C3D8I elements they are three times as large.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +58,8 @@ def _frequency(eigenvalue: float, freq_hz: float, imaginary: float) -> float:
 def read_frd(path: Path) -> SolvedModes:
     """Frequencies and shapes of a .frd file: ``*NODE FILE`` with U, for shells and beams with ``OUTPUT=2D``.
 
+    With RF of solid elements there are participation factors as well, if the nodes in the file include all supports.
+
     Raises
     ------
     FemtuneError : ``external.output`` in its variants
@@ -62,13 +69,39 @@ def read_frd(path: Path) -> SolvedModes:
         raise truncated(path, "9999")
     freq_hz: list[float] = []
     blocks: dict[int, dict[int, Reals]] = {}
+    forces: list[dict[int, Reals]] = []
     for i, line in enumerate(lines):
-        if line.startswith("  100CL") and "MODAL" in line and lines[i + 1].split()[:2] == ["-4", "DISP"]:
+        if not line.startswith("  100CL") or "MODAL" not in line or i + 1 == len(lines):
+            continue
+        if lines[i + 1].split()[:2] == ["-4", "DISP"]:
             freq_hz.append(number(line[12:24], path, i + 1))
             blocks[len(freq_hz)] = dict(_shape(lines, i + 2, path))
+        elif lines[i + 1].split()[:2] == ["-4", "FORC"]:
+            forces.append(dict(_shape(lines, i + 2, path)))
     if not freq_hz:
         raise no_modes(path, "100CL … MODAL")
-    return of_blocks(np.array(freq_hz), blocks, path, None)
+    found = of_blocks(np.array(freq_hz), blocks, path, None)
+    if len(forces) != len(freq_hz) or any(sorted(f) != found.nodes.tolist() for f in forces):
+        return found
+    start = next((i for i, line in enumerate(lines) if line.startswith("    2C")), len(lines))
+    return replace(found, participation=_participation(found, dict(_shape(lines, start + 1, path)), forces))
+
+
+def _participation(modes: SolvedModes, xyz: Mapping[int, Reals], forces: Sequence[Mapping[int, Reals]]) -> Reals | None:
+    """(6, m) from the forces where nothing moves; None unless there are forces in all three directions.
+
+    At nodes of beams and shells, whose section is tied to them, forces are missing.
+    """
+    held = (modes.shapes[:, :3] == 0.0).all(axis=2)
+    if not all(int(n) in xyz for n in modes.nodes):
+        return None
+    places = np.array([xyz[int(n)][:3] for n in modes.nodes])
+    at_supports = np.array([[held[i] * mode[int(n)][:3] for i, n in enumerate(modes.nodes)] for mode in forces])
+    if not at_supports.any(axis=(0, 1)).all():
+        return None
+    pushed = np.concatenate([at_supports, np.cross(places, at_supports)], axis=2).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(-pushed.T / (2.0 * np.pi * modes.freq_hz) ** 2)
 
 
 def _shape(lines: list[str], at: int, path: Path) -> Iterator[tuple[int, Reals]]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femtune.dofs import parse_dof
+from femtune.dofs import DIRECTIONS, parse_dof
 from femtune.errors import FemtuneError, Where
 from femtune.files.modes.solved import SolvedModes, lines_of, no_modes, number
 
@@ -17,7 +17,8 @@ def read_plain_table(path: Path) -> SolvedModes:
     """A text of numbers separated by blanks or commas; ``#`` begins a comment, ``end`` is the last line.
 
     The first line has the frequencies in Hz. Each further line has a node with direction (``12Z+``) and its
-    displacement in each mode. ``mass 12.5`` is the mass of the model.
+    displacement in each mode. ``mass 12.5`` is the mass of the model. ``participation X`` (Y, Z, RX, RY, RZ) and a
+    value for each mode are participation factors of shapes of unit modal mass.
 
     Raises
     ------
@@ -29,11 +30,16 @@ def read_plain_table(path: Path) -> SolvedModes:
         raise FemtuneError("external.output/truncated", where=Where(str(path)), expected=_END)
     mass, freq_hz = None, np.zeros(0)
     shapes: dict[int, np.ndarray] = {}
+    participation: np.ndarray | None = None
     for i, words in rows[:-1]:
         if words[0].lower() == "mass" and len(words) == 2:
             mass = number(words[1], path, i)
         elif not len(freq_hz):
             freq_hz = np.array([number(word, path, i) for word in words])
+        elif words[0].lower() == "participation":
+            if participation is None:
+                participation = np.full((6, len(freq_hz)), np.nan)
+            _add_participation(participation, words, path, i)
         else:
             _add_row(shapes, words, len(freq_hz), path, i)
     if not len(freq_hz):
@@ -41,7 +47,19 @@ def read_plain_table(path: Path) -> SolvedModes:
     if not shapes:
         return SolvedModes.of_frequencies(freq_hz, mass)
     nodes = sorted(shapes)
-    return SolvedModes(freq_hz, np.array(nodes, np.int64), np.stack([shapes[n] for n in nodes]), mass)
+    found = np.stack([shapes[n] for n in nodes])
+    return SolvedModes(freq_hz, np.array(nodes, np.int64), found, mass, participation)
+
+
+def _add_participation(participation: np.ndarray, words: list[str], path: Path, line: int) -> None:
+    count, label = participation.shape[1], " ".join(words[:2])
+    if len(words) < 2 or words[1].upper() not in DIRECTIONS[1:]:
+        raise FemtuneError("external.output/no-dof", where=Where(str(path), line), text=label[:20])
+    if len(words) != count + 2:
+        raise FemtuneError(
+            "external.output/row", where=Where(str(path), line), dof=label, found=len(words) - 2, expected=count
+        )
+    participation[DIRECTIONS.index(words[1].upper()) - 1] = [number(word, path, line) for word in words[2:]]
 
 
 def _add_row(shapes: dict[int, np.ndarray], words: list[str], count: int, path: Path, line: int) -> None:

@@ -26,12 +26,15 @@ class SolvedModes:
     nodes : (n,) numbers of the nodes with shapes; none where only frequencies were read
     shapes : (n, 6, m) translations and rotations in the solver's scale; NaN where it gives none
     mass : of the whole model, where the solver prints it
+    participation : (6, m) participation factors φᵀMr of rigid-body translations along the axes and rotations about
+        the origin, for shapes of unit modal mass, where they are known
     """
 
     freq_hz: Reals
     nodes: NDArray[np.int64]
     shapes: Reals
     mass: float | None = None
+    participation: Reals | None = None
 
     @classmethod
     def of_frequencies(cls, freq_hz: Reals, mass: float | None = None) -> SolvedModes:

@@ -96,12 +96,12 @@ def _triangle(card: Card, fields: list[int], m: int) -> Reals:
 
 def _values(card: Card, fields: list[int], count: int) -> NDArray[np.float64]:
     given = [card.real(at, 0.0) for at in fields]
-    while len(given) > count and card.blank(fields[len(given) - 1]):
+    # blank fields between values are zero; after the last value they only fill the line
+    while given and card.blank(fields[len(given) - 1]):
         given.pop()
-    # blank fields are zero, but not a whole matrix of them
-    if len(given) > count or len(given) < count - 7 or all(card.blank(at) for at in fields):
-        raise _error(card, f"{count} values are needed, {len(given)} are given")
-    return np.array(given + [0.0] * (count - len(given)))
+    if len(given) != count:
+        raise _error(card, f"{count} values are needed, {len(given)} are given; write zeros at the end as 0.")
+    return np.array(given)
 
 
 def _rigid(card: Card, grids: Grids, independent: list[int], supports: list[int]) -> Reals:

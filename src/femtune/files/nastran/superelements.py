@@ -25,6 +25,9 @@ def check_superelements(deck: Deck) -> list[Notice]:
         number, first = min(parts.items())
         count = f"{len(parts)} superelement{'s' if len(parts) > 1 else ''}"
         raise FemtuneError("deck.superelement", where=first.where(), count=count, number=number)
+    missing = next(iter(deck.by_name("SEBULK")), None)
+    if missing is not None:
+        raise FemtuneError("deck.superelement/no-part", where=missing.where(), card=missing.record)
     joined = next((deck.by_name(name)[0] for name in _IN_PARTS if deck.by_name(name)), None)
     if joined is not None:
         raise FemtuneError("deck.superelement/external", where=joined.where(), card=joined.record)

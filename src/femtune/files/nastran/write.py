@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -45,8 +45,12 @@ class WrittenDeck:
     include_changes: tuple[IncludeChange, ...]
 
 
-def write_deck(edited: EditedDeck, folder: str | Path, name: str = "updated.bdf") -> WrittenDeck:
+def write_deck(
+    edited: EditedDeck, folder: str | Path, name: str = "updated.bdf", reserved: Collection[str] = ()
+) -> WrittenDeck:
     """Write an edited deck into `folder`, which is made if it is not there.
+
+    `reserved` are names of other files of the folder, which no changed INCLUDE may have.
 
     Raises
     ------
@@ -54,7 +58,7 @@ def write_deck(edited: EditedDeck, folder: str | Path, name: str = "updated.bdf"
     """
     folder, deck = Path(folder), edited.deck
     check_overwrites(deck, folder, name)
-    names = _new_names(edited, name, folder)
+    names = _new_names(edited, name, folder, reserved)
     includes = _rewritten_includes(deck, names, folder)
     replacements = {**edited.replacements, **_include_lines(deck, includes)}
     texts = {names[file.file]: new_text(file, replacements) for file in deck.files if file.file in names}
@@ -65,7 +69,7 @@ def write_deck(edited: EditedDeck, folder: str | Path, name: str = "updated.bdf"
     return WrittenDeck(folder / name, tuple(folder / new for new in texts), changes)
 
 
-def _new_names(edited: EditedDeck, name: str, folder: Path) -> dict[str, str]:
+def _new_names(edited: EditedDeck, name: str, folder: Path, reserved: Collection[str]) -> dict[str, str]:
     """Names in the run folder of all files that must be written, by their present file; none is that of an input."""
     main = edited.deck.files[0].file
     written = {main} | set(edited.texts)
@@ -75,14 +79,14 @@ def _new_names(edited: EditedDeck, name: str, folder: Path) -> dict[str, str]:
     names = {main: name}
     for file in edited.deck.files[1:]:
         if file.file in written:
-            names[file.file] = _free_name(os.path.basename(file.file), names, folder, read)
+            names[file.file] = _free_name(os.path.basename(file.file), {*names.values(), *reserved}, folder, read)
     return names
 
 
-def _free_name(name: str, names: Mapping[str, str], folder: Path, read: set[str]) -> str:
-    taken = {other.lower() for other in names.values()}
+def _free_name(name: str, used: set[str], folder: Path, read: set[str]) -> str:
+    taken = {other.lower() for other in used}
     stem, ending = os.path.splitext(name)
-    candidates = [name, *(f"{stem}_{number}{ending}" for number in range(2, len(names) + len(read) + 3))]
+    candidates = [name, *(f"{stem}_{number}{ending}" for number in range(2, len(used) + len(read) + 3))]
     return next(one for one in candidates if one.lower() not in taken and os.path.realpath(folder / one) not in read)
 
 

@@ -1,12 +1,13 @@
-"""Time records in: text, UFF, NumPy, MATLAB, HDF5, WAV."""
+"""Time records and functions in: text, UFF, NumPy, MATLAB, HDF5, WAV."""
 
 from typing import TYPE_CHECKING
 
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.files.records.frf_file import FunctionColumn, FunctionLayout, read_frfs
     from femtune.files.records.read import FORMATS, ChannelColumn, read_record
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
-__all__ = ["FORMATS", "ChannelColumn", "read_record"]
+__all__ = ["FORMATS", "ChannelColumn", "FunctionColumn", "FunctionLayout", "read_frfs", "read_record"]

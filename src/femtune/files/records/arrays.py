@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import struct
+import tokenize
+import warnings
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
+from typing import IO, Any
+from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import numpy as np
 
@@ -18,55 +21,189 @@ from femtune.files.records.table import RecordTable, as_columns, problem
 _RATES = ("fs", "sampling_hz", "sampling_rate", "sample_rate", "samplerate", "srate")
 
 
+LARGEST_EXPANSION, LARGEST_BYTES = 20.0, 1 << 28
+"""Arrays may take 256 MiB, or more if the file is not a twentieth of them: no measurement can be compressed so far."""
+_MOST_NAMES, _DEEPEST = 10_000, 20
+
+
 def read_npy(path: Path, variable: str | None = None) -> RecordTable:
     """One array, or that called `variable` of an .npz; Python objects in it are refused."""
-    try:
-        # a stream of our own: numpy leaves the file of a broken archive open
-        with np.errstate(all="ignore"), path.open("rb") as stream:
-            loaded: Any = np.load(stream, allow_pickle=False)
-            arrays = {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"": loaded}
-    except (ValueError, EOFError, OSError, KeyError, BadZipFile, zlib.error) as bad:
-        raise problem(path, "record.file", first_line=_first_line(bad)) from bad
-    return _table(path, arrays, variable)
+    return _table(path, npy_arrays(path), variable)
 
 
 def read_mat(path: Path, variable: str | None = None) -> RecordTable:
     """A variable of a MATLAB file, of version 7.3 too."""
-    from scipy.io import loadmat, matlab  # noqa: PLC0415  half a second that no other step wants
-
-    try:
-        arrays = loadmat(path)
-    except NotImplementedError:
+    if _is_hdf5(path):
         return read_hdf5(path, variable)
-    except (
-        ValueError,
-        TypeError,
-        OSError,
-        EOFError,
-        LookupError,
-        struct.error,
-        zlib.error,
-        matlab.MatReadError,
-    ) as bad:
-        raise problem(path, "record.file/matlab", first_line=_first_line(bad)) from bad
-    return _table(path, {k: v for k, v in arrays.items() if not k.startswith("__")}, variable)
+    return _table(path, mat_arrays(path), variable)
 
 
 def read_hdf5(path: Path, variable: str | None = None) -> RecordTable:
-    """A dataset of an HDF5 file; groups are written with slashes."""
+    """A dataset of an HDF5 file; groups are written with slashes or dots."""
+    with hdf5_arrays(path) as arrays:
+        return _table(path, arrays, variable)
+
+
+@contextmanager
+def arrays_of(path: Path, format: str) -> Iterator[Mapping[str, Any]]:
+    """All arrays of a file by name, fields of structures with dots; those of HDF5 are read when they are used.
+
+    Raises
+    ------
+    FemtuneError : ``record.file``, ``record.too-large``
+    """
+    if format == "hdf5" or (format == "matlab" and _is_hdf5(path)):
+        with hdf5_arrays(path) as arrays:
+            yield arrays
+    else:
+        yield npy_arrays(path) if format == "numpy" else mat_arrays(path)
+
+
+def _is_hdf5(path: Path) -> bool:
+    """The signature stands at the start, or behind the 512 bytes that MATLAB puts before it."""
+    with path.open("rb") as stream:
+        head = stream.read(520)
+    return b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520])
+
+
+def npy_arrays(path: Path) -> dict[str, np.ndarray]:
+    """The array of an .npy, called "", or those of an .npz."""
+    try:
+        _check_zip(path)
+        # a stream of our own: numpy leaves the file of a broken archive open
+        with np.errstate(all="ignore"), path.open("rb") as stream:
+            loaded: Any = np.load(stream, allow_pickle=False)
+            return {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"": loaded}
+    except _BROKEN as bad:
+        raise problem(path, "record.file", first_line=_first_line(bad)) from bad
+
+
+_BROKEN = (
+    ValueError, TypeError, EOFError, OSError, LookupError, BadZipFile, zlib.error, struct.error, MemoryError,
+    SyntaxError, NotImplementedError, RuntimeError, UnicodeError, tokenize.TokenError,
+)  # fmt: skip
+"""What numpy, scipy and the standard library raise for files that are damaged."""
+
+
+def mat_arrays(path: Path) -> dict[str, Any]:
+    """Arrays of a MATLAB file before version 7.3; fields of structures as ``a.b``, elements as ``a(2).b``, ``c{3}``."""
+    from scipy.io import loadmat, matlab  # noqa: PLC0415  half a second that no other step wants
+
+    try:
+        _check_mat(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            arrays = loadmat(path)
+    except (*_BROKEN, matlab.MatReadError) as bad:
+        raise problem(path, "record.file/matlab", first_line=_first_line(bad)) from bad
+    found: dict[str, Any] = {}
+    for name, array in arrays.items():
+        if not name.startswith("__"):
+            _flatten(found, name, array, 0)
+    return found
+
+
+def _flatten(found: dict[str, Any], name: str, array: Any, depth: int) -> None:
+    fields = getattr(getattr(array, "dtype", None), "names", None)
+    is_cell = getattr(getattr(array, "dtype", None), "kind", "") == "O" and not fields
+    if len(found) >= _MOST_NAMES or depth > _DEEPEST:
+        return
+    if not fields and not is_cell:
+        found[name] = array
+        return
+    elements = np.asarray(array).ravel(order="F")
+    for i, element in enumerate(elements[:_MOST_NAMES], 1):
+        at = name if len(elements) == 1 and fields else f"{name}({i})" if fields else f"{name}{{{i}}}"
+        for field in fields or ("",):
+            _flatten(found, f"{at}.{field}" if fields else at, element[field] if fields else element, depth + 1)
+
+
+@contextmanager
+def hdf5_arrays(path: Path) -> Iterator[Mapping[str, Any]]:
+    """Datasets of numbers by name; an open file, whose datasets are read when they are used."""
     h5py = require("h5py", extra="hdf5")
-    arrays: dict[str, np.ndarray] = {}
+    found: dict[str, _Dataset] = {}
 
     def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "iufb":
-            arrays[name] = item
+        if isinstance(item, h5py.Dataset) and len(found) < _MOST_NAMES:
+            complex_pair = item.dtype.names is not None and set(item.dtype.names) == {"real", "imag"}
+            if item.dtype.kind in "iufbc" or complex_pair:
+                found[name] = _Dataset(item, path)
 
     try:
         with h5py.File(path, "r") as file:
             file.visititems(keep)
-            return _table(path, arrays, variable)
-    except OSError as bad:
+            yield {**found, **{name.replace("/", "."): item for name, item in found.items()}}
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError) as bad:
         raise problem(path, "record.file/hdf5", first_line=_first_line(bad)) from bad
+
+
+class _Dataset:
+    """A dataset of HDF5, read when it is made an array; MATLAB stores its axes in reverse order."""
+
+    def __init__(self, dataset: Any, path: Path) -> None:
+        self._dataset, self._path = dataset, path
+        self._turned = "MATLAB_class" in dataset.attrs
+        self.shape = tuple(dataset.shape[::-1] if self._turned else dataset.shape)
+        self.ndim, self.size = len(self.shape), int(dataset.size)
+        self.dtype = np.dtype(complex) if dataset.dtype.names else dataset.dtype
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        check_size(self._path, int(self._dataset.nbytes))
+        raw = self._dataset[()]
+        values = raw["real"] + 1j * raw["imag"] if raw.dtype.names else raw
+        turned = np.asarray(values.T if self._turned else values)
+        return turned if dtype is None else turned.astype(dtype)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Sizes that a file declares, checked before anything is read: a few kilobytes can inflate to gigabytes.
+
+
+def check_size(path: Path, declared: int) -> None:
+    """Refuse arrays that are far larger than their file (error ``record.too-large``)."""
+    stored = max(path.stat().st_size, 1)
+    if declared > max(LARGEST_BYTES, LARGEST_EXPANSION * stored):
+        values = {"file": f"{stored / 1e6:.3g} MB", "declared": f"{declared / 1e6:.3g} MB"}
+        raise problem(path, "record.too-large", values=values)
+
+
+def _check_zip(path: Path) -> None:
+    """The sizes of an .npz as its directory states them, and that no array states a larger one."""
+    if not is_zipfile(path):
+        return
+    with ZipFile(path) as archive:
+        check_size(path, sum(info.file_size for info in archive.infolist()))
+
+
+def _check_mat(path: Path) -> None:
+    """Inflate the compressed parts piece by piece and count, only if they could exceed the limit."""
+    if path.stat().st_size * _MOST_DEFLATE <= LARGEST_BYTES:
+        return
+    with path.open("rb") as stream:
+        order = "<" if stream.read(128)[126:128] == b"IM" else ">"
+        total = 0
+        while len(tag := stream.read(8)) == 8:
+            kind, size = struct.unpack(order + "II", tag)
+            if kind == _COMPRESSED:
+                total = _counted(path, stream, size, total)
+            else:
+                stream.seek(size, 1)
+
+
+_COMPRESSED, _MOST_DEFLATE, _PIECE = 15, 1032, 1 << 20
+"""Data type of compressed elements; the most that deflate makes of a byte."""
+
+
+def _counted(path: Path, stream: IO[bytes], size: int, total: int) -> int:
+    inflate = zlib.decompressobj()
+    while size > 0 and (piece := stream.read(min(size, _PIECE))):
+        size -= len(piece)
+        while piece:
+            total += len(inflate.decompress(piece, _PIECE))
+            check_size(path, total)
+            piece = inflate.unconsumed_tail
+    return total
 
 
 def _first_line(bad: BaseException) -> str:
@@ -78,13 +215,20 @@ def _table(path: Path, arrays: Mapping[str, Any], variable: str | None) -> Recor
     return RecordTable(values, ("",) * len(values), _rate(arrays), None, str(path))
 
 
+def named(path: Path, arrays: Mapping[str, Any], variable: str) -> Any:
+    """The array of a name (error ``record.variable``)."""
+    if variable in arrays:
+        return arrays[variable]
+    shown = ", ".join(sorted(arrays)[:20]) or "none"
+    hint = did_you_mean(variable, arrays)
+    raise problem(path, "record.variable", values={"variables": shown}, hint=hint, variable=variable)
+
+
 def _wanted(path: Path, arrays: Mapping[str, Any], variable: str | None) -> str:
     if variable is not None:
-        if variable in arrays:
-            return variable
-        shown = ", ".join(sorted(arrays)) or "none"
-        hint = did_you_mean(variable, arrays)
-        raise problem(path, "record.variable", values={"variables": shown}, hint=hint, variable=variable)
+        named(path, arrays, variable)
+        return variable
+    arrays = {name: a for name, a in arrays.items() if "." not in name or name.replace(".", "/") not in arrays}
     tables = [name for name, a in arrays.items() if getattr(a, "ndim", 0) == 2 and a.size > 1 and a.dtype.kind in "iuf"]
     found = [name for name in tables if min(arrays[name].shape) > 0] or list(arrays)
     if len(found) != 1:
@@ -96,8 +240,8 @@ def _wanted(path: Path, arrays: Mapping[str, Any], variable: str | None) -> str:
 def _rate(arrays: Mapping[str, Any]) -> float | None:
     """A single positive number whose name says that it is a sampling rate."""
     for name, array in arrays.items():
-        value = np.asarray(array)
-        if name.lower().rsplit("/", 1)[-1] in _RATES and value.size == 1 and value.dtype.kind in "iuf":
-            rate = float(value.reshape(()))
+        last = name.lower().replace("/", ".").rsplit(".", 1)[-1]
+        if last in _RATES and getattr(array, "size", 0) == 1 and array.dtype.kind in "iuf":
+            rate = float(np.asarray(array).reshape(()))
             return rate if np.isfinite(rate) and rate > 0.0 else None
     return None

@@ -73,8 +73,8 @@ def read_record(
         other
     """
     path = Path(path)
-    table, known = _read(path, format or _format(path), variable)
-    chosen = [_chosen(table, c) for c in columns] or list(range(len(table.values)))
+    table, known = _read(path, format or format_of(path), variable)
+    chosen = [position_of(table, c.column) for c in columns] or list(range(len(table.values)))
     channels = [_channel(c, table.names[i]) for c, i in zip(columns, chosen)] or _own(table, known)
     factors = np.array([c.factor for c in columns] or np.ones(len(chosen)))
     rate = _rate(table, sampling_hz)
@@ -91,7 +91,8 @@ def _read(path: Path, format: str, variable: str | None) -> tuple[RecordTable, t
     return (read_wav(path) if format == "wav" else read_text(path)), ()
 
 
-def _format(path: Path) -> str:
+def format_of(path: Path) -> str:
+    """The format that belongs to an extension (error ``record.format``)."""
     found = _BY_EXTENSION.get(path.suffix.lower())
     if found is None:
         known = ", ".join(_BY_EXTENSION)
@@ -99,20 +100,21 @@ def _format(path: Path) -> str:
     return found
 
 
-def _chosen(table: RecordTable, wanted: ChannelColumn) -> int:
-    if isinstance(wanted.column, int):
-        if 1 <= wanted.column <= len(table.values):
-            return wanted.column - 1
+def position_of(table: RecordTable, column: int | str) -> int:
+    """Position of a column given by its number from 1 or its name (errors ``record.column``)."""
+    if isinstance(column, int):
+        if 1 <= column <= len(table.values):
+            return column - 1
         values: dict[str, object] = {"columns": len(table.values)}
-        raise problem(table.source, "record.column", values=values, column=wanted.column)
-    if table.names.count(wanted.column) != 1:
-        times = table.names.count(wanted.column)
+        raise problem(table.source, "record.column", values=values, column=column)
+    if table.names.count(column) != 1:
+        times = table.names.count(column)
         code = "record.column/ambiguous-name" if times else "record.column/unknown-name"
         names = [n for n in table.names if n]
-        hint = did_you_mean(wanted.column, names) or None
+        hint = did_you_mean(column, names) or None
         values = {"names": ", ".join(names)[:300]}
-        raise problem(table.source, code, values=values, hint=hint, column=wanted.column, times=times)
-    return table.names.index(wanted.column)
+        raise problem(table.source, code, values=values, hint=hint, column=column, times=times)
+    return table.names.index(column)
 
 
 def _channel(column: ChannelColumn, name: str) -> Channel:

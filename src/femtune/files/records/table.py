@@ -60,7 +60,18 @@ def as_columns(array: NDArray, path: object) -> Reals:
         found = f"{array.ndim} dimensions {array.shape} of type {array.dtype}"
         raise problem(path, "record.file/array", values={"found": found})
     columns = np.atleast_2d(array.astype(float))
+    check_columns(min(columns.shape), path)
     return columns if columns.shape[1] >= columns.shape[0] else np.ascontiguousarray(columns.T)
+
+
+MOST_COLUMNS = 10_000
+"""More channels than any test has: a wider table is a transposed one or none at all."""
+
+
+def check_columns(count: int, path: object, line: int | None = None) -> None:
+    """Refuse tables with more columns than a test can have (error ``record.too-wide``)."""
+    if count > MOST_COLUMNS:
+        raise problem(path, "record.too-wide", line, count=count, most=MOST_COLUMNS)
 
 
 def is_time(name: str) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femtune.files.records.table import RecordTable, is_time, problem, split_times
+from femtune.files.records.table import RecordTable, check_columns, is_time, problem, split_times
 
 _MISSING = {"": "nan", "na": "nan", "n/a": "nan", "nan": "nan"}
 _MOST_HEADER_LINES = 200
@@ -26,6 +26,7 @@ def read_text(path: Path) -> RecordTable:
     separator = _separator(lines[first])
     comma = separator != "," and any("," in line for line in lines[first:])
     width = len(_fields(lines[first], separator))
+    check_columns(width, path, first + 1)
     values = _quick(lines[first:], separator, comma)
     if values is None or values.shape[1] != width:
         values = _strict(lines, first, separator, comma, width, path)

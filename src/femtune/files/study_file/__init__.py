@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         TestKeys,
         supports,
         switched_off,
+        test_files,
     )
     from femtune.files.study_file.derived import DerivedEntry
     from femtune.files.study_file.distribution import DistributionEntry
@@ -128,6 +129,7 @@ __all__ = [
     "study_from_text",
     "supports",
     "switched_off",
+    "test_files",
     "with_expansion",
     "with_modes",
     "with_plan",

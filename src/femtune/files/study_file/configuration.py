@@ -82,7 +82,7 @@ MEASURED = "freq_hz of [test]"
 class SingleTest(TestKeys):
     """[test]: the only test of a study without [[configuration]]; a file, or frequencies without shapes."""
 
-    file: Text | None = None
+    file: Text | Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
     freq_hz: Annotated[tuple[Positive, ...], Field(max_length=1000)] = ()
     units: Units | None = None
 
@@ -104,7 +104,7 @@ class ConfigurationEntry(TestKeys):
 
     name: Text
     specimen: SpecimenName | None = None
-    test: Text | None = None
+    test: Text | Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
     test_units: Units | None = None
     elements_off: ElementsOff = ()
     components: Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
@@ -119,6 +119,11 @@ class ConfigurationEntry(TestKeys):
     use: Literal["update", "validation"] = "update"
     runs: Text | None = None
     solver: ConfigurationSolver | None = None
+
+
+def test_files(entry: ConfigurationEntry) -> tuple[str, ...]:
+    """Names of the files of the test of a configuration."""
+    return (entry.test,) if isinstance(entry.test, str) else entry.test or ()
 
 
 def switched_off(entry: ConfigurationEntry) -> frozenset[int]:

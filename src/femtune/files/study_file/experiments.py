@@ -28,7 +28,7 @@ class SearchTable(TomlTable):
 
     on: Literal["surrogate", "model"] = "surrogate"
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
-    fresh: Annotated[int, Field(ge=0, le=10_000)] = 5
+    fresh_runs: Annotated[int, Field(ge=0, le=10_000)] = 5
     infill: Annotated[int, Field(ge=0, le=10_000)] = 5
     trend: Literal["constant", "linear", "quadratic"] = "linear"
     correlation: Literal["gaussian", "matern-5/2", "matern-3/2", "none"] = "gaussian"

@@ -152,9 +152,9 @@ def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
     elif (start := _start(entry)) is not None and not lower <= start <= upper:
         shown = {"nominal": start, "lower": lower, "upper": upper}
         key = "nominal" if "nominal" in entry else "lower"
-        yield source.error(
-            (*place, key), "parameter.bounds/nominal-outside-in-study", shown, parameter=entry.get("name", "")
-        )
+        own = "nominal" in entry or entry.get("absolute") is True
+        code = "parameter.bounds/nominal-outside-in-study" if own else "parameter.bounds/factor-outside-in-study"
+        yield source.error((*place, key), code, shown, parameter=entry.get("name", ""))
 
 
 def _prior_sd(place: Place, entry: Data, source: StudyLines) -> Problems:

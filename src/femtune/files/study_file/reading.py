@@ -19,6 +19,8 @@ from femtune.files.study_file.study import Given, StudyFile
 
 _LARGEST = 10_000_000
 _DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")
+_DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?$")
+_BACKSLASH = re.compile(r'"([^"]*\\[^"]*)"')
 _PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
 
 
@@ -90,9 +92,15 @@ def _parsed(text: str, file: Path) -> dict[str, Any]:
         message = "brackets are nested too deeply" if isinstance(error, RecursionError) else str(error)
         match = _PLACE.search(message)
         line = int(match[1]) if match and match[1] else text.count("\n") + 1 if match else None
-        raise FemtuneError(
-            "study.syntax/not-toml", where=Where(str(file), line), reason=_PLACE.sub("", message)
-        ) from error
+        written = text.split("\n")[line - 1] if line and line <= text.count("\n") + 1 else ""
+        where = Where(str(file), line)
+        if comma := _DECIMAL_COMMA.search(written):
+            fixed = comma[1].replace(",", ".")
+            raise FemtuneError("study.syntax/decimal-comma", where=where, written=comma[1], fixed=fixed) from error
+        if path := _BACKSLASH.search(written):
+            fixed = path[1].replace("\\", "/")
+            raise FemtuneError("study.syntax/backslash", where=where, fixed=fixed) from error
+        raise FemtuneError("study.syntax/not-toml", where=where, reason=_PLACE.sub("", message)) from error
 
 
 def frozen(value: Any) -> Any:
@@ -102,18 +110,24 @@ def frozen(value: Any) -> Any:
     return tuple(map(frozen, value)) if isinstance(value, list | tuple) else value
 
 
+def _each(names: object) -> tuple[object, ...]:
+    return names if isinstance(names, tuple) else (names,)
+
+
 def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
     yield ("study", "deck"), table(data, "study").get("deck"), "deck"
-    yield ("test", "file"), table(data, "test").get("file"), "test file"
+    for name in _each(table(data, "test").get("file")):
+        yield ("test", "file"), name, "test file"
     for key, what in (("grid", "file of grid points"), ("dofs", "list of DOFs"), ("listing", "list of modes")):
         yield ("model", key), table(data, "model").get(key), what
     names = table(data, "quantify").get("repeats")
-    for name in names if isinstance(names, tuple) else (names,):
+    for name in _each(names):
         yield ("quantify", "repeats"), name, "file of repeats"
     for place, entry in tables(data, "matrix"):
         yield (*place, "file"), entry.get("file"), "file of a matrix"
     for place, entry in tables(data, "configuration"):
-        yield (*place, "test"), entry.get("test"), "test file"
+        for name in _each(entry.get("test")):
+            yield (*place, "test"), name, "test file"
         yield (*place, "masses_file"), entry.get("masses_file"), "table of masses"
     for place, entry in tables(data, "parameter"):
         yield (*place, "prior"), entry.get("prior"), "catalogue of damping"
@@ -128,6 +142,8 @@ def _missing_files(data: dict[str, Any], source: StudyLines, folder: Path, given
             values = {str(place[-1]): name, "looked for": os.path.abspath(folder / name)}
             there = os.path.exists(folder / name)
             code = "study.missing-file/not-a-file" if there else "study.missing-file/named"
+            # "C:\temp" has a tabulator in TOML
+            code = "study.missing-file/escaped" if any(c in name for c in "\t\n\r\b\f\x1b") else code
             yield source.error(place, code, values, file_kind=what)
 
 

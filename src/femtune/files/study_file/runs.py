@@ -29,7 +29,7 @@ MOST_TREND = 2
 _KINDS = ("frequency", "shape", "mac", "flexibility")
 _NEEDS_MATRICES = (
     "matrix", "variable", "reduction", "component", "generic", "distribution", "frequency_table", "response", "load",
-    "equalise", "vibration", "plan",
+    "equalise", "plan",
 )  # fmt: skip
 """Tables that need the matrices of the structure, or shapes in its units."""
 _OF_CONFIGURATIONS = (
@@ -51,6 +51,8 @@ def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     if "deck" in table(data, "study") and not of_deck:
         yield source.error(("study", "deck"), "runs.study/deck", {})
     places: list[Place] = [(name,) for name in _NEEDS_MATRICES if name in data]
+    if "solver" not in data and "vibration" in data:
+        places.append(("vibration",))
     places += [("validate", key) for key in FRF_LIMITS if key in table(data, "validate")]
     for place in places:
         yield source.error(place, "runs.study/table", {}, name=place[-1])

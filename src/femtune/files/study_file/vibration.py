@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.configuration import ConfigurationSolver
 from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
 from femtune.files.study_file.response import HertzAboveZero, Labels
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, tables
@@ -38,6 +39,7 @@ class VibrationEntry(TomlTable):
     signal: Text | None = None
     measured: Text | None = None
     band_hz: tuple[HertzAboveZero, HertzAboveZero] | None = None
+    solver: ConfigurationSolver | None = None
 
 
 _NEEDED = {"sweep": ("from_hz", "to_hz", "rate"), "random": ("spectrum_hz", "spectrum"), "transient": ("signal",)}
@@ -62,11 +64,15 @@ def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtun
         yield from _damping(place, entry, source)
         if falls(entry.get("band_hz")):
             yield source.error((*place, "band_hz"), "vibration.entry/band", {})
+        if "solver" in entry and "solver" not in data:
+            yield source.error((*place, "solver"), "vibration.entry/no-solver", {})
+        if "solver" in data and "input" in entry:
+            yield source.error((*place, "input"), "vibration.entry/solver-input", {})
         name = entry.get("configuration")
         if isinstance(name, str) and name not in known:
             hint = did_you_mean(name, known) or "the study has no [[configuration]]; remove the key"
             yield source.error((*place, "configuration"), "vibration.entry/configuration", {}, hint=hint, name=name)
-        if name is None and len(known) > 1:
+        if name is None and len(known) > 1 and "solver" not in entry:
             yield source.error(place, "vibration.entry/which-configuration", {})
 
 

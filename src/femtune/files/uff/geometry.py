@@ -173,7 +173,7 @@ def read_geometry(sets: Sequence[DataSet]) -> tuple[WireFrame, tuple[Notice, ...
     nodes = [node for one in sets if one.number in (15, 2411) for node in _nodes(one)]
     if not nodes:
         return NO_GEOMETRY, ()
-    _refuse_duplicates(nodes)
+    nodes = _distinct(nodes)
     notices = _default_system(nodes, systems)
     placed = [_placed(node, systems) for node in nodes]
     known = {node.number for node in nodes}
@@ -235,17 +235,32 @@ def _whole_line(data_set: DataSet, i: int, line: str, integers: int, floats: int
         as_float(text, data_set, i)
 
 
-def _refuse_duplicates(nodes: Iterable[_Node]) -> None:
+_SAME = 1e-5
+"""Coordinates of repeated nodes agree to the digits of single precision, relative to the largest one."""
+
+
+def _distinct(nodes: Sequence[_Node]) -> list[_Node]:
+    """Every node once: programs repeat the whole geometry with each group of functions.
+
+    Raises
+    ------
+    FemtuneError : ``uff.duplicate-node`` for a number twice in one data set, or with another place or other directions
+    """
     seen: dict[int, _Node] = {}
+    size = max((abs(x) for node in nodes for x in node.point), default=0.0)
     for node in nodes:
         first = seen.setdefault(node.number, node)
-        if first is not node:
-            same = first.point == node.point and first.data_set is not node.data_set
+        if first is node:
+            continue
+        same = max(abs(a - b) for a, b in zip(first.point, node.point)) <= _SAME * size
+        systems = (first.definition, first.displacement) == (node.definition, node.displacement)
+        if not (same and systems) or first.data_set is node.data_set:
             raise node.data_set.error(
                 "uff.duplicate-node",
                 values={"first": first.data_set.where(), "same coordinates": same},
                 node_number=node.number,
             )
+    return list(seen.values())
 
 
 def _default_system(
@@ -289,7 +304,7 @@ def _paths(sets: Iterable[DataSet], number: int, read: object, known: set[int]) 
         kept += whole
         if len(whole) < len(found):
             notices.append(Notice("uff.unknown-node", where=data_set.where(), n_found=len(found) - len(whole)))
-    return tuple(kept), tuple(notices)
+    return tuple(dict.fromkeys(kept)), tuple(notices)
 
 
 def _trace_lines(data_set: DataSet) -> list[tuple[int, ...]]:

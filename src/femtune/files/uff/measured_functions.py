@@ -247,7 +247,9 @@ def frf_sets(
         untyped += [function] if function.header.function_type == _UNKNOWN else []
         _add(groups.setdefault(_group(function), {}), function)
     sets = tuple(_frf_set(str(key[0]), pairs, source, coherences) for key, pairs in groups.items())
-    return sets, (*_unused(unused), *_untyped(untyped))
+    used = {_place(function) for pairs in groups.values() for function in pairs.values()}
+    alone = [one for one in functions if _is_coherence(one) and _place(one) not in used]
+    return sets, (*_unused(unused), *_untyped(untyped), *_unused_coherence(alone))
 
 
 def _is_coherence(function: MeasuredFunction) -> bool:
@@ -285,6 +287,11 @@ def _why_no_frf(function: MeasuredFunction) -> str:
 def _unused(unused: dict[str, list[MeasuredFunction]]) -> Iterable[Notice]:
     for why, functions in unused.items():
         yield Notice("uff.not-an-frf", where=functions[0].where, n_functions=len(functions), reason=why)
+
+
+def _unused_coherence(functions: Sequence[MeasuredFunction]) -> Iterable[Notice]:
+    if functions:
+        yield Notice("uff.unused-coherence", where=functions[0].where, n_functions=len(functions))
 
 
 def _untyped(functions: Sequence[MeasuredFunction]) -> Iterable[Notice]:

@@ -59,14 +59,18 @@ class UffContent:
 
 @dataclass(frozen=True, eq=False)
 class UffFile:
-    """A Universal File that is parsed once, whatever is read from it: records of several tests, say."""
+    """A Universal File that is parsed once, whatever is read from it: records of several tests, say.
+
+    `more` are further files of the same test: modes in one and functions in another.
+    """
 
     path: str | Path
+    more: tuple[str | Path, ...] = ()
 
     @cached_property
     def sets(self) -> tuple[DataSet, ...]:
-        """All data sets, as of `scan_uff`."""
-        return scan_uff(self.path)
+        """All data sets of all files, as of `scan_uff`."""
+        return tuple(one for path in (self.path, *self.more) for one in scan_uff(path))
 
     @cached_property
     def geometry(self) -> tuple[WireFrame, tuple[Notice, ...]]:

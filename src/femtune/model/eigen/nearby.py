@@ -15,6 +15,7 @@ from femtune.model.eigen.mass_space import MassSpace
 from femtune.model.eigen.pairs import check_negative
 from femtune.model.eigen.pencil import Pencil, pieces
 from femtune.model.eigen.sturm import Count, count_below, cut_above, with_repeats
+from femtune.model.linear.dense_products import in_any_order
 from femtune.model.linear.sparse_products import column_major
 from femtune.model.solvers.interface import Factor
 
@@ -94,8 +95,10 @@ def _projected(pencil: Pencil, shapes: Reals) -> tuple[Reals, Reals]:
     """Rayleigh and Ritz: the best estimates in the span of known shapes, ascending, and their coefficients."""
     stiff, heavy = np.empty((2, shapes.shape[1], shapes.shape[1]))
     for part in pieces(0, shapes.shape[1]):
-        some = column_major(shapes[:, part])
-        stiff[:, part], heavy[:, part] = shapes.T @ (pencil.stiffness @ some), shapes.T @ (pencil.mass @ some)
+        # by rows, as the library that multiplies wants them
+        some = np.ascontiguousarray(shapes[:, part])
+        for own, matrix in ((stiff, pencil.stiffness), (heavy, pencil.mass)):
+            own[:, part] = in_any_order(shapes.T, matrix @ some)
     values, vectors = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (heavy + heavy.T))
     return values, vectors
 

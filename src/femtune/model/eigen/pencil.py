@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
-from femtune.model.linear.sparse_products import Product, product
+from femtune.model.linear.sparse_products import Product, product, without_zeros
 from femtune.model.linear.symmetric import SymmetricMatrix, symmetric
 from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import Factor
@@ -51,7 +51,7 @@ class Pencil:
     def heavy_mass(self) -> Product:
         """M among the DOFs that have mass."""
         rows = self.heavy
-        return product(symmetric(sp.csr_array(self.M.upper[rows][:, rows])), _USUAL_BLOCK)
+        return product(symmetric(sp.csr_array(without_zeros(self.M)[rows][:, rows])), _USUAL_BLOCK)
 
     def shifted(self, shift: float) -> SymmetricMatrix:
         """K − σM."""

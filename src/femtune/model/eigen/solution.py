@@ -63,9 +63,12 @@ class EigenSolution:
 
     @cached_property
     def factor(self) -> Factor:
-        """Factors of K − σM, made again where the solution came without them."""
+        """Factors of K − σM, made again where the solution came without them; those of the count of a large model are
+        forgotten first."""
         if self.known_factor is not None:
             return self.known_factor
+        if len(self.shapes) >= _ONE_FACTOR_FROM:
+            object.__setattr__(self, "sturm_factor", None)
         return factorise(self.point.symmetric_stiffness.plus(-self.shift, self.point.symmetric_mass))
 
     def forget_factors(self) -> None:

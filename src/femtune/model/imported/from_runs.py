@@ -51,6 +51,8 @@ _UNSEEN = 1e-6
 _ALIKE = 1e-6
 """Least singular value of the shapes of the central run, each of length one, that tells them apart."""
 _LEVERAGE = 1.0 - 1e-9
+_ROUNDED = 1e-6
+"""Frequency over the highest one of a run, below which it is raised to this: solvers list zero for rigid-body modes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +254,9 @@ def _powers(count: int, degree: int, crossed: bool) -> list[Powers]:
 
 def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
     """Basis (s, r), (2, n, r, r) stiffness and mass of every run, and which runs have the modes of the central one."""
-    values = (2.0 * np.pi * runs.freq_hz) ** 2
+    # what is listed of rigid-body modes is rounding; eigenvalues of different rounding would hide all others
+    least = _ROUNDED * runs.freq_hz.max(axis=1, keepdims=True)
+    values = (2.0 * np.pi * np.maximum(runs.freq_hz, least)) ** 2
     n, m = values.shape
     if runs.shapes is None:
         K = np.zeros((n, m, m))

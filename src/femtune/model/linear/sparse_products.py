@@ -42,7 +42,7 @@ def product(matrix: SymmetricMatrix, block: int = 0) -> Product:
     `block` is the usual number of columns where many products will be requested: the library may then keep a copy of
     the matrix in the order that it likes best.
     """
-    lean = _without_zeros(matrix)
+    lean = without_zeros(matrix)
     n = matrix.shape[0]
     if lean.nnz <= _NEARLY * n:
         return Product(matrix.shape, _NearlyDiagonal.of(lean))
@@ -80,7 +80,7 @@ class _NearlyDiagonal:
         return out
 
 
-def _without_zeros(matrix: SymmetricMatrix) -> sp.csr_array:
+def without_zeros(matrix: SymmetricMatrix) -> sp.csr_array:
     """The upper triangle with its whole diagonal and no other zeros, where these are many."""
     keep = matrix.data != 0.0
     if np.count_nonzero(keep) > _DENSE * len(keep):

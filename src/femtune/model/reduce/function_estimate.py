@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from femtune.arrays import Complexes, Reals
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.solution import EigenSolution
+from femtune.model.linear.dense_products import in_any_order
 from femtune.model.reduce.functions_in_basis import BasisPorts, reduced_functions
 from femtune.model.reduce.modes_in_basis import ReducedModes, reduced_modes
 from femtune.model.reduce.reduced_model import ReducedModel, ReducedPoint
@@ -27,6 +28,8 @@ from femtune.model.response.ports import Ports
 _INDEPENDENT = 1e-10
 _ROUNDING = 1e-8
 _MOST_LINES = 200
+_COLUMNS = 16
+"""Columns of a solve at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +48,10 @@ class FunctionsWanted:
     damped: int
     damping: DampingRatios | None = None
 
-    @property
-    def forces(self) -> Reals:
+    @cached_property
+    def forces(self) -> sp.csc_array:
         """(n_free, f) the inputs, and unit forces at the outputs."""
-        return np.hstack([self.ports.inputs.toarray(), self.ports.outputs.T.toarray()])
+        return sp.csc_array(sp.hstack([self.ports.inputs, self.ports.outputs.T], format="csc"))
 
     @cached_property
     def s(self) -> Complexes:
@@ -62,11 +65,15 @@ class FunctionsWanted:
         return BasisPorts(np.asarray(self.ports.inputs.T @ basis).T, np.asarray(self.ports.outputs @ basis))
 
 
-def missed_responses(solution: EigenSolution, forces: Reals) -> Reals:
-    """(n_free, f) what the known modes miss of (K − σM)⁻¹ F."""
-    phi = solution.shapes
-    seen = phi @ ((phi.T @ forces) / (solution.eigenvalues - solution.shift)[:, None])
-    return np.asarray(solution.factor.solve(np.asfortranarray(forces)) - seen)
+def missed_responses(solution: EigenSolution, forces: sp.csc_array) -> Reals:
+    """(n_free, f) what the known modes miss of (K − σM)⁻¹ F, some columns at a time: factors fill the memory."""
+    phi, out = solution.shapes, np.empty(forces.shape)
+    seen = np.asarray(forces.T @ phi).T / (solution.eigenvalues - solution.shift)[:, None]
+    for first in range(0, forces.shape[1], _COLUMNS):
+        part = slice(first, first + _COLUMNS)
+        out[:, part] = solution.factor.solve(forces[:, part].toarray(order="F"))
+        out[:, part] -= in_any_order(phi, np.ascontiguousarray(seen[:, part]))
+    return out
 
 
 def inertia_residual(

@@ -205,7 +205,7 @@ def enlarge(model: ReducedModel, basis: Reals, rows: NDArray | None = None) -> R
     FemtuneError : ``reduce.too-many-terms``, ``model.memory``
     """
     check_size(model.configured, basis.shape[1])
-    new = np.ascontiguousarray(basis[:, model.order :])
+    new = basis[:, model.order :]
     terms: dict[int, Reals] = {}
     for kind in KINDS:
         found = projections(model.configured, kind, basis, new)

@@ -422,6 +422,7 @@ class Trainer:
             solution.point.release()
         groups = [(solution.shapes, self.rules.negligible, None), *((m, self.rules.responses, None) for m in missed)]
         basis = extend_by(trained.basis, groups, trained.metric)
+        del missed, groups
         point = Certified(np.asarray(x, float), values, before, error, basis.shape[1])
         at = (trained.points == x).all(axis=1)
         trained = replace(
@@ -446,7 +447,8 @@ def covered(one: FunctionsWanted, other: FunctionsWanted) -> bool:
     return (
         one.freq_hz.max() <= _FURTHER * other.freq_hz.max()
         and one.damped == other.damped
-        and np.array_equal(one.forces, other.forces)
+        and one.forces.shape == other.forces.shape
+        and not (one.forces != other.forces).nnz
     )
 
 
@@ -497,4 +499,5 @@ def modes_nearby(trained: Trained, point: ModelPoint, count: int) -> EigenSoluti
     modes = reduced_modes(model.at(point.x), count)
     some = slice(0, int((1.0 + ABOVE) * count))
     shapes = in_any_order(trained.basis, np.ascontiguousarray(modes.shapes[:, some]))
-    return EigenSolution(point, modes.eigenvalues[some], shapes, modes.wanted, model.shift, np.nan, -1)
+    values, last = modes.eigenvalues[some], min(modes.wanted, shapes.shape[1]) - 1
+    return EigenSolution(point, values, shapes, modes.wanted, model.shift, float(values[last]), -1)

@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     from femtune.model.response.ports import Ports, Signal, make_ports, matrix_ports
     from femtune.model.response.static import StaticResponse, static_response
     from femtune.model.response.survey import survey_functions
+    from femtune.model.response.to_accuracy import ACCURACY, WithError, frf_with_error
     from femtune.model.response.zeros import Zero, ZeroFinder, zero_finder
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "ACCURACY",
     "METHODS",
     "TIMES_HIGHEST_LINE",
     "ComplexModeDerivative",
@@ -38,6 +40,7 @@ __all__ = [
     "Ports",
     "Signal",
     "StaticResponse",
+    "WithError",
     "Zero",
     "ZeroFinder",
     "complex_mode_derivative",
@@ -46,6 +49,7 @@ __all__ = [
     "effective_mass",
     "frf",
     "frf_gradient",
+    "frf_with_error",
     "make_ports",
     "mass_response",
     "matrix_ports",

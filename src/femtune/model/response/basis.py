@@ -14,6 +14,7 @@ from femtune.arrays import Reals
 from femtune.model.configured import ModelPoint
 from femtune.model.derivatives.chosen import subspace_derivative
 from femtune.model.derivatives.modes import complement
+from femtune.model.eigen.pencil import pieces
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
 
@@ -84,10 +85,15 @@ def shifted_basis(modes: EigenSolution, forces: Reals) -> ModalBasis:
     rigid = is_rigid(modes)
     keep = max(modes.wanted, int(rigid.sum()))
     phi, values = modes.shapes[:, :keep], modes.eigenvalues[:keep]
-    whole = modes.factor.solve(np.asfortranarray(forces))
-    missed = whole - phi @ ((phi.T @ forces) / (values - modes.shift)[:, None])
-    energy = np.einsum("ij,ij->j", missed, modes.point.stiffness @ missed)
-    missed = missed[:, energy > _ROUNDING * np.einsum("ij,ij->j", forces, whole)]
+    missed = np.empty(forces.shape)
+    energy, whole = np.empty((2, forces.shape[1]))
+    for part in pieces(0, forces.shape[1]):
+        some = np.asfortranarray(forces[:, part])
+        response = modes.factor.solve(some)
+        whole[part] = np.einsum("ij,ij->j", some, response)
+        missed[:, part] = response - phi @ ((phi.T @ some) / (values - modes.shift)[:, None])
+        energy[part] = np.einsum("ij,ij->j", missed[:, part], modes.point.stiffness @ missed[:, part])
+    missed = missed[:, energy > _ROUNDING * whole]
     turn, k, m = ritz_vectors(modes.point, missed)
     stiffness = np.concatenate([np.where(rigid, 0.0, modes.eigenvalues)[:keep], k])
     return ModalBasis(np.hstack([phi, missed @ turn]), stiffness, np.concatenate([np.ones(keep), m]), keep)

@@ -161,9 +161,9 @@ def frf(
     """
     request = checked_request(model, ports, freq_hz, kind, method, damping)
     if method == "direct":
-        return as_frf_set(request, _direct(request, progress))
+        return as_frf_set(request, direct_receptance(request, progress))
     system = reduced_system(request, residual_vectors)
-    return as_frf_set(request, _superposed(request, system, progress))
+    return as_frf_set(request, superposed(request, system, progress))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,11 @@ def reduced_system(request: Request, residual_vectors: bool, more_forces: NDArra
     """The basis that the method superposes, with residual vectors for inputs and `more_forces` (n_free, b)."""
     assert request.modes is not None
     forces = _forces(request, more_forces) if residual_vectors else None
-    basis = _basis(request, forces)
+    return system_on(request, _basis(request, forces))
+
+
+def system_on(request: Request, basis: ModalBasis) -> System:
+    """The dynamic stiffness on a basis."""
     reduced = reduce(request.stiffness, basis, request.ports)
     if request.method == "complex-modes":
         return System(reduced, lambda s, f: pole_residues(reduced, f).fields(s))
@@ -210,7 +214,8 @@ def as_frf_set(request: Request, receptance: NDArray) -> FrfSet:
     )  # fmt: skip
 
 
-def _direct(request: Request, progress: Progress | None) -> NDArray:
+def direct_receptance(request: Request, progress: Progress | None) -> NDArray:
+    """(k, n_out, n_in) receptance by a solution at each line."""
     B, C = request.ports.inputs.toarray(), request.ports.outputs
     out = np.empty((len(request.freq_hz), C.shape[0], B.shape[1]), dtype=complex)
     for i, s in enumerate(request.s):
@@ -228,7 +233,8 @@ def direct_fields(stiffness: DynamicStiffness, s: complex, forces: NDArray) -> N
         raise singular_at(stiffness.point, float(s.imag / (2.0 * np.pi))) from error
 
 
-def _superposed(request: Request, system: System, progress: Progress | None) -> NDArray:
+def superposed(request: Request, system: System, progress: Progress | None) -> NDArray:
+    """(k, n_out, n_in) receptance on a basis."""
     q = system.respond(request.s, system.reduced.inputs)
     if progress is not None:
         progress(len(request.s), len(request.s))

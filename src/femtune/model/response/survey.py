@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from femtune.arrays import Complexes
+from femtune.arrays import Complexes, Reals
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.basis import modal_basis, shifted_basis
@@ -44,8 +45,16 @@ def survey_functions(
         receptance = np.array([ports.outputs @ direct_fields(request.stiffness_at(s), s, B) for s in points])
     else:
         assert request.modes is not None
-        forces = np.hstack([ports.inputs.toarray(), ports.outputs.T.toarray()])
+        forces = _distinct(sp.csc_array(sp.hstack([ports.inputs, ports.outputs.T], format="csc")))
         basis = shifted_basis(request.modes, forces) if residual_vectors else modal_basis(request.modes, None)
         reduced = reduce(request.stiffness, basis, ports)
         receptance = reduced.outputs @ fields(reduced, request.s, reduced.inputs)
     return np.asarray(np.moveaxis(receptance * request.factor[:, None, None], 0, -1))
+
+
+def _distinct(forces: sp.csc_array) -> Reals:
+    """(n_free, k) dense, each column once: the response to a force serves where it acts and where motion is seen."""
+    forces.sort_indices()
+    places = zip(forces.indptr[:-1], forces.indptr[1:])
+    first = {(forces.indices[a:b].tobytes(), forces.data[a:b].tobytes()): k for k, (a, b) in enumerate(places)}
+    return np.asarray(forces[:, sorted(first.values())].toarray())

@@ -214,7 +214,9 @@ def how(frfs: FrfResults) -> str:
     modes = "" if frfs.modes is None else f" with {counted(frfs.modes, 'mode')}"
     extra = " and residual vectors" if frfs.residual_vectors else ""
     way = "directly" if frfs.method == "direct" else f"by {frfs.method}"
-    return f"{kind}, computed {way}{modes}{extra}. Damping: {frfs.damping or 'none'}."
+    error = frfs.truncation_error
+    lost = f" Truncation error: {error:.1g} of the values." if error else ""
+    return f"{kind}, computed {way}{modes}{extra}.{lost} Damping: {frfs.damping or 'none'}."
 
 
 def _rest(count: int) -> str:

@@ -61,23 +61,25 @@ class ModelWay:
         case, top = state.case, TIMES_HIGHEST_LINE * highest_hz
         found = full_modes(state, (None, top))
         number = found.wanted
-        reaches = case.full is None and (case.max_hz is None or case.max_hz >= top)
-        shared = reaches and state.solution.wanted >= number
+        # a number that is too small is seen without a solution, whose factors would stay
+        enough = case.count is None or case.count >= number if case.max_hz is None else case.max_hz >= top
+        shared = case.full is None and enough and state.solution.wanted >= number
         if not shared:
             # those that have just been found serve the residual too
             state.further[number, None] = found
         return replace(self, modes=(case.count, case.max_hz) if shared else (number, None))
 
 
-def full_modes(state: CaseState, modes: ModesWanted | None) -> EigenSolution:
-    """Modes of the full model at a state; those of the configuration where nothing is said."""
+def full_modes(state: CaseState, modes: ModesWanted | None, start: EigenSolution | None = None) -> EigenSolution:
+    """Modes of the full model at a state, solved from modes nearby where they are given; those of the configuration
+    where nothing is said."""
     case = state.case
     wanted = modes or (case.count, case.max_hz)
     if case.full is None and wanted == (case.count, case.max_hz):
         return state.solution
     if wanted not in state.further:
         solver = case.solver if case.full is None else direct
-        state.further[wanted] = solver.modes(state.full, *wanted)
+        state.further[wanted] = solver.modes(state.full, *wanted, *(() if start is None else (start,)))
     return state.further[wanted]
 
 

@@ -44,9 +44,12 @@ def _truncates(state: CaseState, residual: FrfResidual) -> bool:
     return not way.residual_vectors or reach < TIMES_HIGHEST_LINE * residual.highest_hz
 
 
-def modes_for(state: CaseState, residual: FrfResidual) -> EigenSolution:
-    """Modes of the full model that a residual needs: those that its way takes, or up to twice the highest line."""
-    return full_modes(state, residual.way.modes or (None, TIMES_HIGHEST_LINE * residual.highest_hz))
+def modes_for(state: CaseState, residual: FrfResidual, start: EigenSolution | None = None) -> EigenSolution:
+    """Modes of the full model that a residual needs: those that its way takes, or up to twice the highest line.
+
+    `start` are modes nearby that shorten the way where they are solved for.
+    """
+    return full_modes(state, residual.way.modes or (None, TIMES_HIGHEST_LINE * residual.highest_hz), start)
 
 
 def wanted_of(state: CaseState, residual: FrfResidual) -> FunctionsWanted:

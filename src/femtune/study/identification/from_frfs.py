@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.files.uff import UffFile, read_uff
+from femtune.files.described_test import read_described
 from femtune.identification.averaging import Averaging, input_output_spectra
 from femtune.identification.estimators import estimate_frfs
 from femtune.identification.input_known import FRF_METHODS, InputKnown, identify_frfs
@@ -20,7 +20,6 @@ from femtune.identification.shapes import leading_shapes
 from femtune.study.identification.found import Curve, Found
 from femtune.testdata import NO_GEOMETRY
 from femtune.testdata.checks import phase_collinearity
-from femtune.units import unit_system
 
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
@@ -32,30 +31,18 @@ DEFAULT_ORDER = 60
 
 
 def found_from_file(file: IdentifyFile) -> Found:
-    """Modes of the functions of a Universal File.
+    """Modes of measured functions.
 
     Raises
     ------
-    FemtuneError : ``uff.*``, ``identify.no-frfs`` for a file without functions of motion over force, ``identify.*``
+    FemtuneError : ``uff.*``, ``frf.layout``, ``identify.no-frfs`` for a file without functions of motion over force,
+        ``identify.*``
     """
-    units = unit_system(file.identify.units)
-    measured = UffFile(file.measured_path)
-    try:
-        content = read_uff(measured, units=units)
-    except FemtuneError as error:
-        if error.code != "uff.no-units":
-            raise
-        content = read_uff(measured, units=units, file_units=units)
-    frfs = _only(content.frf_sets, str(file.measured_path))
-    found = found_from_frfs(frfs, file, content.test.geometry)
-    return replace(found, notices=(*content.notices, *found.notices))
-
-
-def _only(sets: tuple[FrfSet, ...], path: str) -> FrfSet:
-    if len(sets) != 1:
-        kinds = ", ".join(f"{len(s.responses)} × {len(s.references)} {s.kind}, {len(s.freq_hz)} lines" for s in sets)
-        raise FemtuneError("identify.no-frfs", values={"file": path, "sets": kinds or "none"}, n_sets=len(sets))
-    return sets[0]
+    described = read_described(file)
+    usable = np.isfinite(described.frfs.values).any(axis=(0, 1)) & (described.frfs.freq_hz > 0.0)
+    frfs = described.frfs if usable.all() else at_lines(described.frfs, np.flatnonzero(usable))
+    found = found_from_frfs(frfs, file, described.geometry)
+    return replace(found, notices=(*described.notices, *found.notices))
 
 
 def found_from_frfs(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from femtune.assembly.progress import silent
 from femtune.errors import FemtuneError, Notice, Where, with_notices
+from femtune.files.described_test import read_described_geometry
 from femtune.identification.choice import Limits, stable
 from femtune.identification.record_checks import check_record
 from femtune.results.base import InputFile
@@ -24,6 +25,8 @@ from femtune.study.identification.from_record import found_from_record, read_ask
 from femtune.study.identification.levels import level_file, linearity_notice, linearity_of
 from femtune.study.identification.records import identification
 from femtune.study.identification.request import asked_of, check_methods, check_usable
+from femtune.study.identification.rigid_bodies import with_rigid_bodies
+from femtune.study.identification.several import found_from_setups
 from femtune.study.identification.write import write_found
 
 if TYPE_CHECKING:
@@ -164,16 +167,31 @@ def _found_at_level(progress: Progress, file: IdentifyFile) -> Found:
 
 
 def _found(file: IdentifyFile, progress: Progress) -> Found:
+    if file.setup:
+        return _with_geometry(found_from_setups(file, partial(_found_of_setup, progress)), file)
     if file.identify.frfs is not None:
         progress.step("poles of every order", 0, None)
         return _with_agreement(found_from_file(file))
-    record = read_asked(file)
+    geometry = read_described_geometry(file)
+    record, of_bodies = with_rigid_bodies(read_asked(file), file, geometry)
     check_usable(record)
-    notices = check_record(record)
+    notices = (*of_bodies, *check_record(record))
     check_methods(file, has_forces(record))
     with with_notices(notices):
         found = found_from_forces(record, file) if has_forces(record) else found_from_record(record, file, progress)
-    return _with_agreement(replace(found, notices=(*notices, *found.notices)))
+    found = replace(found, notices=(*notices, *found.notices))
+    return _with_agreement(found if geometry is None else replace(found, geometry=geometry))
+
+
+def _with_geometry(found: Found, file: IdentifyFile) -> Found:
+    geometry = read_described_geometry(file)
+    return found if geometry is None else replace(found, geometry=geometry)
+
+
+def _found_of_setup(progress: Progress, file: IdentifyFile, name: str) -> Found:
+    progress.step(name, 0, None)
+    with _at_the_file(file):
+        return _found(file, progress)
 
 
 def _with_agreement(found: Found) -> Found:
@@ -201,7 +219,8 @@ def _at_the_file(file: IdentifyFile) -> Iterator[None]:
 def _check_folder(folder: Path, file: IdentifyFile) -> None:
     check_writable(folder)
     levels = [level_file(file, entry).measured_path for entry in file.level]
-    inputs = {os.path.realpath(p) for p in (file.path, file.measured_path, *levels)}
+    geometry = (file.geometry_path,) if file.geometry_path is not None else ()
+    inputs = {os.path.realpath(p) for p in (file.path, *file.measured_paths, *geometry, *levels)}
     if any(os.path.realpath(p) in inputs for p in folder.iterdir()):
         raise FemtuneError("write.overwrites-input/measurement", where=Where(str(folder)))
 

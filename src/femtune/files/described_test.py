@@ -1,0 +1,112 @@
+"""The functions and the geometry that an identification file describes, whatever the format of its files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from femtune.dofs import parse_dof
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.files.points_table import read_points
+from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs
+from femtune.files.uff import UffFile, read_uff
+from femtune.modal import FrfSet
+from femtune.testdata import NO_GEOMETRY, ModalTest, WireFrame, convert_units, sensors_at
+from femtune.units import UnitSystem, unit_system
+
+if TYPE_CHECKING:
+    from femtune.files.identification_file import IdentifyFile
+
+UNIVERSAL = (".uff", ".unv")
+
+
+@dataclass(frozen=True, eq=False)
+class DescribedFunctions:
+    """Functions and wire frame in the units of the identification file, and what was found while they were read."""
+
+    frfs: FrfSet
+    geometry: WireFrame = NO_GEOMETRY
+    notices: tuple[Notice, ...] = ()
+
+
+def read_described(file: IdentifyFile) -> DescribedFunctions:
+    """The functions of the files that `frfs` names.
+
+    Raises
+    ------
+    FemtuneError : ``uff.*``, ``record.*``, ``frf.layout``; ``identify.no-frfs`` for files without functions of motion
+        over force, or with several kinds of them
+    """
+    paths, units = file.measured_paths, unit_system(file.identify.units)
+    universal = [path.suffix.lower() in UNIVERSAL or file.identify.format == "uff" for path in paths]
+    if not all(universal):
+        found = DescribedFunctions(read_frfs(paths[0], _layout(file)))
+        if len(paths) > 1:
+            raise FemtuneError("identify.several-arrays", where=file.where("identify", "frfs"))
+    else:
+        content = read_universal(UffFile(paths[0], paths[1:]), units)
+        frfs = _only(content.frf_sets, ", ".join(map(str, paths)))
+        found = DescribedFunctions(frfs, content.test.geometry, content.notices)
+    stated = read_described_geometry(file)
+    return found if stated is None else DescribedFunctions(found.frfs, stated, found.notices)
+
+
+def read_universal(file: UffFile, units: UnitSystem):  # type: ignore[no-untyped-def]
+    """The content of Universal Files that may state no units: then theirs are `units`."""
+    try:
+        return read_uff(file, units=units)
+    except FemtuneError as error:
+        if error.code != "uff.no-units":
+            raise
+        return read_uff(file, units=units, file_units=units)
+
+
+def read_described_geometry(file: IdentifyFile) -> WireFrame | None:
+    """The wire frame that `geometry` and `lines` describe, None without them (errors ``test.*``, ``uff.*``)."""
+    path, units = file.geometry_path, unit_system(file.identify.units)
+    if path is None:
+        return None
+    frame = (
+        read_universal(UffFile(path), units).test.geometry if path.suffix.lower() in UNIVERSAL else read_points(path)
+    )
+    return WireFrame(
+        frame.nodes, frame.coordinates, frame.axes, (*frame.lines, *file.identify.lines), frame.elements
+    )  # fmt: skip
+
+
+def described_test(path: Path, name: str, units: UnitSystem) -> ModalTest:
+    """The test that an identification file describes, in the units of a study."""
+    from femtune.files.identification_file import read_identify_file  # noqa: PLC0415  few studies name one
+
+    file = read_identify_file(path)
+    if file.identify.frfs is None:
+        raise FemtuneError("test.described", where=Where(str(path)))
+    found = read_described(file)
+    dofs = [*found.frfs.responses, *found.frfs.references]
+    own = unit_system(file.identify.units)
+    sensors = sensors_at(found.geometry, dofs)
+    test = ModalTest(name, own, found.geometry, sensors, None, found.frfs, (), str(path), found.notices)
+    return convert_units(test, units)
+
+
+def _layout(file: IdentifyFile) -> FunctionLayout:
+    stated = file.functions
+    if stated is None:
+        raise FemtuneError("frf.layout", where=file.where("identify", "frfs"))
+    columns = tuple(
+        FunctionColumn(parse_dof(f.response), parse_dof(f.reference), f.column, f.imaginary, f.coherence)
+        for f in file.function
+    )
+    return FunctionLayout(
+        stated.kind, tuple(map(parse_dof, stated.responses)), tuple(map(parse_dof, stated.references)), columns,
+        stated.axes, stated.variable or file.identify.variable, stated.imaginary, stated.coherence, stated.frequency,
+        stated.start_hz, stated.step_hz, stated.factor, file.identify.format,
+    )  # fmt: skip
+
+
+def _only(sets: tuple[FrfSet, ...], path: str) -> FrfSet:
+    if len(sets) != 1:
+        kinds = ", ".join(f"{len(s.responses)} × {len(s.references)} {s.kind}, {len(s.freq_hz)} lines" for s in sets)
+        raise FemtuneError("identify.no-frfs", values={"file": path, "sets": kinds or "none"}, n_sets=len(sets))
+    return sets[0]

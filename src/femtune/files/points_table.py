@@ -1,0 +1,86 @@
+"""Tables of test points: a heading, then a line for each point with its coordinates and, if needed, its directions."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femtune.errors import FemtuneError, Where, did_you_mean
+from femtune.files.repeats_table import separator_of
+from femtune.testdata import WireFrame
+
+_PLACE = ("node", "x", "y", "z")
+_DIRECTIONS = tuple(f"{direction}_{axis}" for direction in "XYZ" for axis in "xyz")
+_MOST = 1_000_000
+_LEAST_LENGTH = 1e-6
+
+
+def read_points(path: Path) -> WireFrame:
+    """The points of a table with the columns node, x, y, z.
+
+    A local direction X, Y or Z of a point may be any vector, given by three further columns such as X_x, X_y, X_z; the
+    directions of a point need not be perpendicular.
+
+    Raises
+    ------
+    FemtuneError : ``test.points``, with the line; ``test.duplicate-node``
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
+        rows = list(csv.reader((line for _, line in lines), delimiter=separator_of(lines[0][1]))) if lines else []
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise _error(path, None, "test.points", reason=str(error)) from error
+    if not 2 <= len(rows) <= _MOST:
+        raise _error(path, None, "test.points", reason=f"the table has {len(rows)} lines")
+    heads = [cell.strip() for cell in rows[0]]
+    _check_heads(path, lines[0][0], heads)
+    table = np.array([_numbers(path, number, heads, row) for (number, _), row in zip(lines[1:], rows[1:])])
+    column = {head: table[:, i] for i, head in enumerate(heads)}
+    axes = np.tile(np.eye(3), (len(table), 1, 1))
+    for k, direction in enumerate("XYZ"):
+        if f"{direction}_x" in column:
+            vectors = np.stack([column[f"{direction}_{axis}"] for axis in "xyz"], axis=1)
+            length = np.linalg.norm(vectors, axis=1)
+            if (short := np.flatnonzero(length < _LEAST_LENGTH)).size:
+                raise _error(path, lines[1 + short[0]][0], "test.points/direction", direction=direction)
+            axes[:, k] = vectors / length[:, None]
+    return WireFrame(
+        column["node"].astype(np.int64), np.stack([column[axis] for axis in "xyz"], axis=1), axes
+    )  # fmt: skip
+
+
+def _check_heads(path: Path, line: int, heads: list[str]) -> None:
+    known = (*_PLACE, *_DIRECTIONS)
+    for head in heads:
+        if head not in known or heads.count(head) > 1:
+            raise _error(path, line, "test.points/heading", head=head[:40], hint=did_you_mean(head, known))
+    whole = [{f"{d}_{axis}" for axis in "xyz"} for d in "XYZ"]
+    if not set(_PLACE) <= set(heads) or any(0 < len(three & set(heads)) < len(three) for three in whole):
+        raise _error(path, line, "test.points/columns")
+
+
+def _numbers(path: Path, line: int, heads: list[str], cells: list[str]) -> list[float]:
+    if len(cells) != len(heads):
+        raise _error(path, line, "test.points/fields", fields=len(cells), headings=len(heads))
+    return [_number(path, line, head, cell.strip()) for head, cell in zip(heads, cells)]
+
+
+def _number(path: Path, line: int, head: str, text: str) -> float:
+    if head == "node" and not (text.isascii() and text.isdigit() and 0 < int(text[:18]) < 2**31):
+        raise _error(path, line, "test.points/number", text=text[:40], head=head)
+    try:
+        value = float(text) if "_" not in text else math.inf
+    except ValueError:
+        value = math.inf
+    if not abs(value) < 1e30:
+        raise _error(path, line, "test.points/number", text=text[:40], head=head)
+    return value
+
+
+def _error(path: Path, line: int | None, code: str, hint: str | None = None, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=Where(str(path), line), hint=hint, **facts)

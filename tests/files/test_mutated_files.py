@@ -1,0 +1,130 @@
+"""Files of tests changed at random: each is read or refused with a message. Another parser judges what is read."""
+
+from __future__ import annotations
+
+import csv
+import io
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from tests.files.nastran.mutant_trial import time_limit
+from tests.files.nastran.mutations import mutant
+
+from femtune.dofs import Dof
+from femtune.errors import FemtuneError
+from femtune.files.identification_file import read_identify_file
+from femtune.files.points_table import read_points
+from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs, read_record
+from femtune.files.uff import read_uff
+from femtune.testing import example_test
+from femtune.units import SI
+
+SECONDS, MUTANTS = 10.0, 300
+POINTS = b"node,x,y,z,X_x,X_y,X_z\n1,0,0.5,1e-3,1,0,0\n2,1.5,-2,0,0.6,0.8,0\n7,3,0,0,0,0,-2\n"
+TABLE = b"f,re,im\n" + b"".join(b"%g,%.6e,%.6e\n" % (f, np.sin(f), np.cos(f)) for f in np.arange(1.0, 20.0))
+IDENTIFY = (
+    b'[identify]\nfrfs = "a.mat"\nband_hz = [1, 20.5]\ngeometry = "p.csv"\nlines = [[1, 2]]\n'
+    b'[functions]\nkind = "mobility"\n'
+    b'axes = ["frequency", "response"]\nresponses = ["1X+", "2X-"]\nreferences = ["1X+"]\nstep_hz = 0.25\n'
+)
+LAYOUT = FunctionLayout(
+    "accelerance", functions=(FunctionColumn(Dof(1, "X"), Dof(1, "X"), 2, 3),), frequency=1, format="text"
+)
+AXES = FunctionLayout("accelerance", (Dof(1, "X"), Dof(2, "X")), (Dof(1, "X"),), variable="H", frequency="f")
+
+
+def _bytes_of(write: Callable[[io.BytesIO], object]) -> bytes:
+    stream = io.BytesIO()
+    write(stream)
+    return stream.getvalue()
+
+
+def _arrays() -> dict[str, np.ndarray]:
+    lines = np.arange(1.0, 9.0)
+    return {"H": np.stack([lines + 1j, 2j * lines], axis=1), "f": lines}
+
+
+def _same_points(path: Path, found: object) -> None:
+    """The csv module and float say the same."""
+    rows = [row for row in csv.reader(io.StringIO(path.read_text("utf-8-sig"))) if any(c.strip() for c in row)]
+    heads = [h.strip() for h in rows[0]]
+    if len(heads) < 2:
+        return
+    values = [[float(row[heads.index(axis)]) for axis in "xyz"] for row in rows[1:]]
+    assert found.coordinates.tolist() == values  # type: ignore[attr-defined]
+
+
+def _same_table(path: Path, found: object) -> None:
+    """Rows of three numbers, read one by one."""
+    rows = [line.split(",") for line in path.read_text("latin-1").splitlines()]
+    numbers = [[float(c) for c in row] for row in rows if len(row) == 3 and all(map(_is_number, row))]
+    if len(numbers) == len(found.freq_hz):  # type: ignore[attr-defined]
+        expected = np.array(numbers)
+        assert found.values[0, 0] == pytest.approx(expected[:, 1] + 1j * expected[:, 2])  # type: ignore[attr-defined]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text
+
+
+def _nothing(path: Path, found: object) -> None:
+    """There is no second parser."""
+
+
+KINDS: dict[str, tuple[str, Callable[[], bytes], Callable[[Path], object], Callable[[Path, object], None]]] = {
+    "points": ("a.csv", lambda: POINTS, read_points, _same_points),
+    "functions of a table": ("a.csv", lambda: TABLE, lambda p: read_frfs(p, LAYOUT), _same_table),
+    "numpy archive": (
+        "a.npz", lambda: _bytes_of(lambda s: np.savez(s, **_arrays())), lambda p: read_frfs(p, AXES), _nothing,
+    ),
+    "numpy array": (
+        "a.npy", lambda: _bytes_of(lambda s: np.save(s, np.ones((3, 40)))), lambda p: read_record(p, (), 10.0),
+        _nothing,
+    ),
+    "matlab": ("a.mat", lambda: _bytes_of(lambda s: savemat(s, _arrays())), lambda p: read_frfs(p, AXES), _nothing),
+    "packed matlab": (
+        "a.mat", lambda: _bytes_of(lambda s: savemat(s, _arrays(), do_compression=True)),
+        lambda p: read_frfs(p, AXES), _nothing,
+    ),
+    "record": ("a.csv", lambda: TABLE, lambda p: read_record(p, (), 10.0), _nothing),
+    "identification file": ("a.toml", lambda: IDENTIFY, read_identify_file, _nothing),
+}  # fmt: skip
+
+
+def outcomes(name: str, content: bytes, read: Callable[[Path], object], folder: Path, count: int) -> dict[int, object]:
+    """What the mutants that were accepted became; whatever is no FemtuneError is raised."""
+    found = {}
+    for number in range(count):
+        path = folder / f"{number}_{name}"
+        path.write_bytes(mutant({name: content}, number)[name])
+        with warnings.catch_warnings(), time_limit(SECONDS):
+            warnings.simplefilter("ignore")
+            try:
+                found[number] = read(path)
+            except FemtuneError:
+                continue
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
+def test_mutants_are_read_or_refused(kind: str, tmp_path: Path) -> None:
+    name, content, read, judge = KINDS[kind]
+    found = outcomes(name, content(), read, tmp_path, MUTANTS)
+    assert found
+    for number, value in found.items():
+        judge(tmp_path / f"{number}_{name}", value)
+
+
+@pytest.mark.slow
+def test_mutants_of_a_universal_file(tmp_path: Path) -> None:
+    content = example_test(tmp_path).read_bytes()
+    assert outcomes("a.uff", content, lambda p: read_uff(p, units=SI, file_units=SI), tmp_path, 100)

@@ -1,0 +1,70 @@
+"""What a user reads when set-ups cannot be merged, or sensors do not move with their rigid body."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+
+from femtune.dofs import Dof, DofSet
+from femtune.errors import FemtuneError
+from femtune.files.identification_file import IdentifyFile, read_identify_file
+from femtune.files.points_table import read_points
+from femtune.identification.setups import PartlyFound, merge_setups
+from femtune.modal import Channel, ModeSet, TimeSeries
+from femtune.study.identification import several
+from femtune.study.identification.rigid_bodies import with_rigid_bodies
+
+FLOOR = '[[rigid_body]]\nnode = 1\nsensors = ["11X+", "12X+", "12Y+", "13Y+"]\n'
+
+
+def described(folder: Path, text: str) -> IdentifyFile:
+    (folder / "identify.toml").write_text('[identify]\nrecord = "a.csv"\nband_hz = [1, 5]\n' + text)
+    return read_identify_file(folder / "identify.toml")
+
+
+def floor_record(sign: float) -> TimeSeries:
+    x, y, turn = np.random.default_rng(0).standard_normal((3, 400))
+    values = np.array([x, x - 3.0 * turn, y + 4.0 * turn, sign * y])
+    places = [(11, "X"), (12, "X"), (12, "Y"), (13, "Y")]
+    return TimeSeries(values, tuple(Channel(Dof(n, d), "acceleration") for n, d in places), 50.0)
+
+
+def test_a_sensor_that_does_not_move_with_its_floor(tmp_path: Path) -> None:
+    file = described(tmp_path, FLOOR)
+    (tmp_path / "points.csv").write_text("node,x,y,z\n1,0,0,0\n11,0,0,0\n12,4,3,0\n13,0,3,0\n")
+    geometry = read_points(tmp_path / "points.csv")
+    made, notices = with_rigid_bodies(floor_record(1.0), file, geometry)
+    assert not notices
+    assert made.dofs().labels() == ["1X+", "1Y+", "1RZ+"]
+    _, (notice,) = with_rigid_bodies(floor_record(-1.0), file, geometry)
+    check_shown("identify.rigid-bodies", str(notice).replace(f"{tmp_path}/", ""))
+
+
+def test_a_floor_without_places(tmp_path: Path) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        with_rigid_bodies(floor_record(1.0), described(tmp_path, FLOOR), None)
+    check_shown("identify.rigid-bodies, no geometry", str(caught.value).replace(f"{tmp_path}/", ""))
+
+
+def test_a_setup_without_a_measurement(tmp_path: Path) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        described(tmp_path, '[[setup]]\nrecord = "b.csv"\n')
+    check_shown("identify.setup-source", str(caught.value).replace(f"{tmp_path}/", ""))
+
+
+def test_modes_of_some_setups() -> None:
+    (notice,) = several.left_notice([PartlyFound(4.321, (0, 2))], 5)
+    check_shown("identify.setups-left", str(notice))
+
+
+def test_a_mode_that_does_not_move_at_the_reference() -> None:
+    shapes = np.array([[1.0, 0.5], [0.3, 1.0]])
+    still = shapes * [[1.0, 0.0], [1.0, 1.0]]
+    hz = np.array([2.0, 3.0])
+    first, second = (ModeSet(hz, s, DofSet.parse(["1X+", f"{n}X+"])) for s, n in ((shapes, 2), (still, 3)))
+    with pytest.raises(FemtuneError) as caught:
+        merge_setups([first, second])
+    check_shown("identify.setups", str(caught.value))
