@@ -134,7 +134,16 @@ def test_report_takes_a_run_folder(invoke: Invoke, steps: Any, tmp_path: Path) -
     assert invoke("report", tmp_path).stdout == f"report: {tmp_path / 'report.html'}\n"
 
 
-@pytest.mark.parametrize("command", [c for c in _COMMANDS if c not in ("compare", "report", "explain")])
+_OF_A_STUDY = [c for c in _COMMANDS if c not in ("compare", "report", "explain", "init", "check", "schema")]
+
+
+def test_check_of_a_missing_study(invoke: Invoke, tmp_path: Path) -> None:
+    result = invoke("check", tmp_path / "none.toml")
+    assert result.exit_code == 2
+    assert "[study.missing-file] the file does not exist" in result.output
+
+
+@pytest.mark.parametrize("command", _OF_A_STUDY)
 def test_missing_study(invoke: Invoke, steps: Any, tmp_path: Path, command: str) -> None:
     result = invoke(command, tmp_path / "none.toml")
     assert result.exit_code == 2

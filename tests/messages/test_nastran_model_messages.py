@@ -33,7 +33,7 @@ DECKS = {
     "deck.superelement": _BASE + "BEGIN SUPER=4\n" + _BASE,
     "deck.superelement, external": _BASE + "SEBULK,4,EXTOP2,,MANUAL\n",
     "deck.superelement, no part": _BASE + "SEBULK,4,PRIMARY\n",
-    "deck.preload": "SOL 103\nCEND\nSUBCASE 1\nLOAD = 3\nSUBCASE 2\nMETHOD = 1\nSTATSUB(PRELOAD) = 1\n"
+    "deck.preload": "SOL 103\nCEND\nSUBCASE 1\nTEMP(LOAD) = 3\nSUBCASE 2\nMETHOD = 1\nSTATSUB(PRELOAD) = 1\n"
     "BEGIN BULK\nEIGRL,1,,,3\n" + _BASE + "ENDDATA\n",
     "deck.property-type": _BASE + "CBAR,7,8,1,2,0.,1.,0.\n",
     "deck.zero-length": _BASE + "CBAR,7,3,1,1,0.,1.,0.\n",
@@ -87,7 +87,7 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 def _built(text: str, allow_missing: bool = False) -> BuiltModel:
     Path("deck.bdf").write_text(text)
-    return build_structure(read_deck("deck.bdf"), allow_missing)
+    return build_structure(read_deck("deck.bdf"), allow_missing, preloaded=not allow_missing)
 
 
 def _check(error: FemtuneError, code: str) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femtune.arguments import checked
-from femtune.files.nastran.build import build_structure
+from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck as parse_deck
 from femtune.files.study_file import Given, frozen, study_from_data
 from femtune.files.study_file.reading import is_deck, toml_data, toml_text
@@ -102,7 +102,7 @@ def units_word(units: str | UnitSystem | None) -> str:
 def model_of_deck(path: Path | str, units: str | UnitSystem | None, allow_ignored: Sequence[str]) -> Model:
     """A deck, read (errors ``deck.*``)."""
     path, word, allowed = Path(path), units_word(units), tuple(allow_ignored)
-    built = build_structure(parse_deck(path), bool(allowed))
+    built = build_allowing(parse_deck(path), allowed)
     tables: dict[str, Any] = {"study": {"deck": os.path.abspath(path)}}
     if allowed:
         tables["study"]["allow_ignored"] = allowed

@@ -24,7 +24,7 @@ from femtune.assembly.runs_model import built_of_tables, part_of
 from femtune.dofs import DIRECTIONS, Dof, DofSet
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.executor import Cluster, Threads
-from femtune.files.nastran.build import build_structure
+from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.write import plan_edits, write_deck
 from femtune.files.runs_table import RunsTable
@@ -101,7 +101,7 @@ def _deck_files(file: StudyFile, deck: str) -> DeckFiles:
     assert file.solver is not None
     plain = file.model_copy(update={"runs": None, "solver": None})
     plain._path, plain._source, plain._given = file._path, file._source, file._given
-    built = build_structure(read_deck(file.path_of(deck)), bool(file.study.allow_ignored))
+    built = build_allowing(read_deck(file.path_of(deck)), file.study.allow_ignored)
     found = targets(plain, built)
     model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
     return DeckFiles(built, model, file.output_folder / RUNS_FOLDER, file.solver.deck_name)

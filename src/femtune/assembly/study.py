@@ -15,7 +15,7 @@ from femtune.assembly.parameters import assignments, parameter_set, targets, wit
 from femtune.assembly.progress import silent
 from femtune.assembly.specimens import specimens_of_study
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
-from femtune.files.nastran.build import build_structure
+from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.error_places import errors_at_cards
 from femtune.files.nastran.inventory import MISSING
@@ -196,7 +196,7 @@ def _built(file: StudyFile, progress: Progress, fresh: bool, around: bool) -> Bu
         progress.step("comparing their modes with the listed ones", 0, None)
         return replace(built, notices=(*built.notices, compare_listed(file, built.structure)))
     progress.step("reading the deck", 0, None)
-    built = file.given.model or build_structure(read_deck(file.deck_path), bool(file.study.allow_ignored))
+    built = file.given.model or build_allowing(read_deck(file.deck_path), file.study.allow_ignored)
     _check_allowed(file, built)
     return with_named_fields(file, built)
 

@@ -33,6 +33,7 @@ from femtune.fem.elements.shells.normals import shared_normals
 from femtune.fem.elements.shells.placement import material_axis, mean_plane
 from femtune.fem.elements.solids.shape import kept_functions
 from femtune.fem.fields import FieldRef
+from femtune.fem.preload import Preload
 from femtune.fem.structure import ConstraintRows, ElementBatch, NodeTable, Structure, join_constraints
 
 _SEED = 20
@@ -99,6 +100,7 @@ def refine(structure: Structure, held: Integers, off: Iterable[int] = ()) -> Ref
         permanent=np.union1d(move(structure.permanent), points.held),
         dof_sets={k: move(v) for k, v in structure.dof_sets.items()},
         assembled=tuple(move.matrix(a) for a in structure.assembled),
+        preload=None if structure.preload is None else move.preload(structure.preload),
         hold_singular=True,
     )
     fresh, values = _next_id(structure), _Values(structure)
@@ -203,6 +205,13 @@ class _Renumbered:
         entries, n = matrix.upper.tocoo(), matrix.upper.shape[0] + 6 * (self.after - self.before)
         places = (self(entries.row.astype(np.int64)), self(entries.col.astype(np.int64)))
         return replace(matrix, upper=sp.csr_array((entries.data, places), shape=(n, n)))
+
+    def preload(self, preload: Preload) -> Preload:
+        """The same loads on the old points."""
+        old = preload.forces
+        forces = np.zeros(len(old) + 6 * (self.after - self.before))
+        forces[self(np.arange(len(old)))] = old
+        return replace(preload, forces=forces)
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from femtune.dofs import DIRECTIONS, Dof, DofSet
 from femtune.errors import FemtuneError, Where
 from femtune.fem.assembled import AssembledMatrix
 from femtune.fem.fields import FieldRef
+from femtune.fem.preload import Preload
 from femtune.fem.values import ValueTable
 
 
@@ -253,6 +254,7 @@ class Structure:
     damping : damping of the whole structure (PARAM G, W3, W4)
     dof_sets : g-set DOFs by the name of a set that the deck lists ("ASET", "SUPORT", "USET U1"); they hold nothing
     assembled : matrices on the g-set that no element made: of another solver, or of DMIG cards
+    preload : static load under which the modes are taken, None for those of the unloaded structure
     """
 
     nodes: NodeTable
@@ -274,6 +276,7 @@ class Structure:
     damping: OverallDamping = field(default_factory=OverallDamping)
     dof_sets: Mapping[str, Integers] = field(default_factory=dict)
     assembled: tuple[AssembledMatrix, ...] = ()
+    preload: Preload | None = None
 
     def split(self, index: int, elements: Iterable[int], region: str) -> Structure:
         """The structure with its own copy of a value for some of its elements."""

@@ -24,6 +24,7 @@ from femtune.model.digests import Identity, Part, digest, identity
 from femtune.model.linear.memory import require_memory
 from femtune.model.linear.symmetric import BothTriangles, SymmetricMatrix
 from femtune.model.parametric import ParametricModel
+from femtune.model.prestress import StaticStep, differential_terms
 from femtune.model.projection import SORTED, FreeElements, ProjectedTerm, free_elements, project, upper_of
 from femtune.model.terms import MatrixTerm, Term, TermFunction, TermLayout, combined
 from femtune.parameters.jet import Jet
@@ -382,6 +383,7 @@ def configure(model: ParametricModel, configuration: Configuration) -> Configure
     check_configuration(structure, configuration)
     terms = [*_active(model.terms, configuration), *mass_terms(structure.nodes, configuration.masses)]
     held = held_dofs(structure, configuration)
+    terms += _differential(model, configuration, terms)
     elimination = _eliminate(structure, configuration, held)
     singular = _without_stiffness(model, terms, elimination) if structure.hold_singular else []
     if singular:
@@ -402,6 +404,22 @@ def configure(model: ParametricModel, configuration: Configuration) -> Configure
     return ConfiguredModel(
         model, configuration, elimination.T, elimination.free, dofs, pattern.indptr, pattern.indices, projected
     )
+
+
+def _differential(model: ParametricModel, configuration: Configuration, terms: Sequence[TermFunction]) -> list[Term]:
+    """The differential stiffness of the preload, whose static step has constraints of its own."""
+    preload = model.structure.preload
+    if preload is None:
+        return []
+    if model.tables:
+        raise FemtuneError("configuration.preload-tables", request=preload.request)
+    sets = configuration.support_set, configuration.multipoint_set
+    given = (preload.support_set, preload.multipoint_set)
+    support, multipoint = (own if own is not None else other for own, other in zip(sets, given))
+    bare = replace(model.structure, preload=None, default_support_set=support, default_multipoint_set=multipoint)
+    static = configure(replace(model, structure=bare), configuration)
+    step = StaticStep(static.transformation, static.indptr, static.indices, static.projected)
+    return differential_terms(bare, preload, terms, step, configuration.elements_off)
 
 
 def _without_energy(configured: ConfiguredModel, lines: Sequence[Spin]) -> list[int]:

@@ -47,6 +47,7 @@ def _pieces(part: Part) -> Iterable[bytes | memoryview]:
 _NO_SETTINGS = frozenset({
     "nodes", "values", "batches", "assembled", "rigid", "multipoint_sets", "support_sets", "permanent",
     "default_support_set", "default_multipoint_set", "hold_singular", "element_kinds", "damping", "dof_sets",
+    "preload",
 })  # fmt: skip
 
 
@@ -69,6 +70,9 @@ def identity(structure: Structure, configuration: Configuration, transformation:
         parts += [name, getattr(structure, name)]
     for batch in structure.batches:
         parts += _of_batch(batch)
+    preload = structure.preload
+    if preload is not None:
+        parts += ["preload", preload.forces, preload.acceleration, preload.support_set, preload.multipoint_set]
     parts += ["off", *sorted(configuration.elements_off)]
     for mass in configuration.masses:
         parts += [mass.node, nodes.position(mass.node), mass.mass, np.array(mass.offset), np.array(mass.inertia)]

@@ -190,7 +190,7 @@ class ProjectedTerm:
 def project(terms: Sequence[TermFunction], T: sp.csr_array) -> tuple[Pattern, tuple[ProjectedTerm, ...]]:
     """TᵀK_cT of every coefficient, on the union of their patterns; all constant terms of a kind of matrix are one.
 
-    So are the terms of a kind whose coefficients are of one book.
+    So are the terms of a kind whose coefficients are of one book, or the same function.
     """
     own = _Projection.of(terms, T)
     pattern = upper_pattern(T.shape[1], own.entries(), own.count)
@@ -206,7 +206,7 @@ def _together(term: TermFunction) -> object:
     coefficient = term.coefficient
     if coefficient is None:
         return term.matrix, None
-    return (term.matrix, coefficient.book) if isinstance(coefficient, Coefficients) else term
+    return term.matrix, coefficient.book if isinstance(coefficient, Coefficients) else coefficient
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from femtune.errors import FemtuneError, Where
 from femtune.fem import MODAL
 from femtune.fem.distribution import varied_entries
 from femtune.fem.fields import AMPLITUDE, FACTORS
-from femtune.files.nastran.build import build_structure
+from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.field_refs import OF_MATRICES, WITHOUT_CARD
 from femtune.files.nastran.write import check_overwrites, plan_edits, write_deck
@@ -118,7 +118,7 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
 def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wide: bool) -> WriteBack:
     plan, values, blocked = _planned(study, result.x, wide)
     deck = write_deck(plan.edited, folder, NAME, _reserved(study))
-    rebuilt = build_structure(read_deck(deck.main), bool(study.file.study.allow_ignored))
+    rebuilt = build_allowing(read_deck(deck.main), study.file.study.allow_ignored)
     rebuilt = with_updated_ratios(rebuilt, values)
     record = _record(study, plan, deck, run, values, blocked)
     return WriteBack(record, _written(study, plan), {None: rebuilt})

@@ -14,6 +14,7 @@ from femtune.arrays import Flags, Reals
 from femtune.fem.contribution import Coefficient, Contribution, product
 from femtune.fem.elements import placement
 from femtune.fem.elements.bending import PLANES, BendingMode, bending_modes, bending_with_shear, shapes_on_nodes
+from femtune.fem.elements.differential import Differential, of_bar
 from femtune.fem.elements.kind import BAR_PARTS, ElementKind
 from femtune.fem.elements.line_mass import line_mass
 from femtune.fem.structure import ElementBatch, Structure
@@ -179,4 +180,10 @@ def _rational(p: int, mode: BendingMode, shapes: Reals, keep: NDArray[np.bool_])
     return Contribution("stiffness", label, mode.at[keep], placement.outer(shapes[keep]), roles, coefficient, facts)
 
 
-BAR = ElementKind("bar", bar, line=True, children=BAR_PARTS, end_offsets=True)
+def bar_differential(batch: ElementBatch, structure: Structure) -> Differential:
+    """That of the axial force; errors as of `bar`."""
+    length, ends = bar_placement(batch, structure)
+    return of_bar(ends, length, np.asarray(batch.facts["pins"], bool))
+
+
+BAR = ElementKind("bar", bar, line=True, children=BAR_PARTS, end_offsets=True, differential=bar_differential)

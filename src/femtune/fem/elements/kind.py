@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from femtune.fem.contribution import Contribution
+from femtune.fem.elements.differential import Differential
 from femtune.fem.elements.shells.curved_surface import CurvedShape
 from femtune.fem.elements.solids.shape import SolidShape
 from femtune.fem.structure import ElementBatch, Structure
 
 ElementKernel = Callable[[ElementBatch, Structure], list[Contribution]]
 ElementPieces = Callable[[ElementBatch, Structure], Iterator[list[Contribution]]]
+DifferentialKernel = Callable[[ElementBatch, Structure], Differential]
 Corners = tuple[tuple[int, ...], ...]
 
 
@@ -46,6 +48,7 @@ class ElementKind:
     surface : shape functions of a curved shell; None for other elements
     volume : shape functions of a solid with mid-side nodes; None for other elements
     end_offsets : True where the offsets of its ends can be parameters
+    differential : differential stiffness of a batch; None for elements without one
     papers : keys of the publications that the element comes from (`femtune.citations`)
 
     Examples
@@ -66,6 +69,7 @@ class ElementKind:
     surface: CurvedShape | None = None
     volume: SolidShape | None = None
     end_offsets: bool = False
+    differential: DifferentialKernel | None = None
     papers: tuple[str, ...] = ()
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution, product
 from femtune.fem.elements import placement, tapered_flexibility
-from femtune.fem.elements.bar import bar_placement
+from femtune.fem.elements.bar import bar_differential, bar_placement
 from femtune.fem.elements.bending import PLANES
 from femtune.fem.elements.kind import BAR_PARTS, ElementKind
 from femtune.fem.elements.line_mass import times_sum
@@ -259,4 +259,6 @@ def _free_forces(shapes: Reals, pins: NDArray) -> Reals:
     return scipy.linalg.null_space(loaded) if loaded.any() else np.eye(len(shapes))
 
 
-TAPERED_BEAM = ElementKind("tapered-beam", tapered_beam, line=True, children=BAR_PARTS, end_offsets=True)
+TAPERED_BEAM = ElementKind(
+    "tapered-beam", tapered_beam, line=True, children=BAR_PARTS, end_offsets=True, differential=bar_differential
+)

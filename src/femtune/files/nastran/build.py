@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
@@ -41,6 +41,7 @@ from femtune.files.nastran.inventory import (
     take_inventory,
 )
 from femtune.files.nastran.left_out import left_out, preloads
+from femtune.files.nastran.loads import read_preload
 from femtune.files.nastran.masses import add_nonstructural_mass, read_masses
 from femtune.files.nastran.materials import read_materials
 from femtune.files.nastran.matrices import read_direct_matrices
@@ -86,13 +87,14 @@ class BuiltModel:
     damping_tables: Mapping[int, ModalDamping] = field(default_factory=dict)
 
 
-def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
+def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = True) -> BuiltModel:
     """The structure that a deck describes.
 
     Parameters
     ----------
     deck : a deck that was read
     allow_missing : True leaves out elements and constraints that are not understood, with a warning
+    preloaded : False leaves out a static preload, with a warning
 
     Raises
     ------
@@ -101,9 +103,9 @@ def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
     building = Building(deck)
     building.notices += check_superelements(deck)
     cards = take_inventory(deck)
-    _report_cards(building, cards, allow_missing)
+    _report_cards(building, cards, allow_missing, preloaded)
     element_cards = _element_cards(building)
-    structure = _structure(building, element_cards)
+    structure = _structure(building, element_cards, preloaded)
     method = _eigen_method(building)
     reference = _mass_reference(building)
     tables = damping_tables(building)
@@ -120,8 +122,13 @@ def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
     )  # fmt: skip
 
 
-def _report_cards(building: Building, cards: tuple[CardUse, ...], allow_missing: bool) -> None:
-    building.notices += [*ignored_notices(cards), *ignored_params(building.deck), *left_out(building.deck)]
+def build_allowing(deck: Deck, names: Collection[str]) -> BuiltModel:
+    """The structure of a deck of which a study allows cards and commands to be ignored; errors as above."""
+    return build_structure(deck, bool(names), "STATSUB" not in {name.upper() for name in names})
+
+
+def _report_cards(building: Building, cards: tuple[CardUse, ...], allow_missing: bool, preloaded: bool) -> None:
+    building.notices += [*ignored_notices(cards), *ignored_params(building.deck), *left_out(building.deck, preloaded)]
     building.notices += surplus_fields(building.deck)
     missing = [count for count in cards if count.use == MISSING]
     if allow_missing:
@@ -130,7 +137,7 @@ def _report_cards(building: Building, cards: tuple[CardUse, ...], allow_missing:
         building.errors.errors += [*map(missing_error, missing), *preloads(building.deck).values()]
 
 
-def _structure(building: Building, element_cards: Mapping[int, int]) -> Structure:
+def _structure(building: Building, element_cards: Mapping[int, int], preloaded: bool) -> Structure:
     deck = building.deck
     grids = read_grids(building)
     batches = add_nonstructural_mass(building, grids.table, _batches(building, grids))
@@ -141,6 +148,10 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
     case = deck.case_control
     check_selected(building, "SPC", case.spc, supports)
     equations = selected_equations(building, case.mpc, multipoint)
+    preload = read_preload(building, grids, batches) if preloaded else None
+    if preload is not None:
+        check_selected(building, "SPC", preload.support_set, supports)
+        check_selected(building, "MPC", preload.multipoint_set, multipoint)
     return Structure(
         nodes=grids.table,
         values=building.values.table(),
@@ -159,6 +170,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
         normals_within=normal_angle(building),
         damping=damping,
         assembled=direct,
+        preload=preload,
         element_kinds={number: deck.cards[at].name for number, at in element_cards.items()},
     )
 

@@ -41,6 +41,33 @@ class CaseCommand:
         """Place of the command."""
         return Where(self.line.file, self.line.number, self.name)
 
+    @property
+    def text(self) -> str:
+        """The command as it stands: ``STATSUB(PRELOAD) = 1``."""
+        return f"{self.name}{self.options} = {self.value}"
+
+    @property
+    def number(self) -> int:
+        """Its value where that is a set or a subcase (error ``deck.case-control``)."""
+        number = parse_integer(self.value)
+        if number is not None:
+            return number
+        raise FemtuneError("deck.case-control", where=self.where, command_name=self.name, command_value=self.value)
+
+    @property
+    def is_preload(self) -> bool:
+        """Whether it selects the static preload of modes."""
+        return self.name == "STATSUB" and self.options.replace(" ", "").upper() in ("", "(PRELOAD)")
+
+
+@dataclass(frozen=True)
+class StaticSubcase:
+    """What the subcase of a static preload selects: supports, equations, and loads (LOAD, TEMPERATURE, DEFORM)."""
+
+    spc: int | None = None
+    mpc: int | None = None
+    loads: tuple[CaseCommand, ...] = ()
+
 
 @dataclass(frozen=True)
 class CaseControl:
@@ -49,7 +76,7 @@ class CaseControl:
     `subcases` are all subcase numbers, `used` the one taken (None where there is none); `others` are the
     commands without a meaning here, kept as they stand; `effective` are those of them that apply to the used subcase.
     `loading` names the steps before the used one in the same subcase, in each of which the structure is loaded, and
-    `preload` are the loads (LOAD, TEMPERATURE, DEFORM) of the static subcase that STATSUB takes as preload.
+    `preload` is the static subcase that STATSUB takes as preload.
     """
 
     spc: int | None = None
@@ -66,7 +93,7 @@ class CaseControl:
     others: tuple[CaseCommand, ...] = ()
     effective: tuple[CaseCommand, ...] = ()
     loading: tuple[str, ...] = ()
-    preload: tuple[CaseCommand, ...] = ()
+    preload: StaticSubcase | None = None
     parameter_lines: tuple[SourceLine, ...] = ()
     notices: tuple[Notice, ...] = ()
 
@@ -208,7 +235,7 @@ class _CaseControlReading:
             self._other(command)
 
     def _subcase(self, command: CaseCommand) -> None:
-        _number(command)
+        _ = command.number
         self.plotting, self.at = False, _Level(command, self.top)
         self.subcases.append(self.at)
 
@@ -231,7 +258,7 @@ class _CaseControlReading:
     def result(self) -> CaseControl:
         level, notices = self._chosen()
         used = {name: command for above in level.path for name, command in above.commands.items()}
-        selected = {name: _number(used[name]) if name in used else None for name in _SELECTIONS}
+        selected = {name: used[name].number if name in used else None for name in _SELECTIONS}
         if not self.method_is_modal or level.has_no_modes:
             selected["METHOD"] = None
         texts = {name.lower(): used[name].value if name in used else "" for name in _TITLES}
@@ -243,12 +270,12 @@ class _CaseControlReading:
             damping=selected["SDAMPING"],
             **texts,
             sets={number: numbers for above in level.path for number, numbers in above.sets.items()},
-            subcases=tuple(_number(subcase.begin) for subcase in self.subcases if subcase.begin),
-            used=_number(level.own[0].begin) if level.own and level.own[0].begin else None,
+            subcases=tuple(subcase.begin.number for subcase in self.subcases if subcase.begin),
+            used=level.own[0].begin.number if level.own and level.own[0].begin else None,
             others=tuple(self.others),
             effective=tuple(command for above in level.path for command in above.others),
             loading=_before(level),
-            preload=self._loads(level),
+            preload=self._preload(level),
             parameter_lines=tuple(self.parameters),
             notices=notices,
         )
@@ -288,19 +315,24 @@ class _CaseControlReading:
         """Whether modes are solved there: METHOD applies, and no other subcase takes it as its static preload."""
         if not self.method_is_modal or part.has_no_modes or not any("METHOD" in level.commands for level in part.path):
             return False
-        number = _number(part.own[0].begin) if part.own[0].begin else 0
+        number = part.own[0].begin.number if part.own[0].begin else 0
         return number not in {preload for other in self.subcases for preload in _preloads(other)}
 
-    def _loads(self, level: _Level) -> tuple[CaseCommand, ...]:
-        """Loads of the subcases that a level takes as its static preload."""
+    def _preload(self, level: _Level) -> StaticSubcase | None:
+        """The first of the subcases that a level takes as its static preload."""
         wanted = set(_preloads(level))
-        found = [s for s in self.subcases if s.begin and _number(s.begin) in wanted]
-        return tuple(c for s in found for above in s.path for c in above.others if _is_load(c))
+        found = next((s for s in self.subcases if s.begin and s.begin.number in wanted), None)
+        if found is None:
+            return None
+        used = {name: command for above in found.path for name, command in above.commands.items()}
+        spc, mpc = (used[name].number if name in used else None for name in ("SPC", "MPC"))
+        loads = {(c.name, c.options): c for above in found.path for c in above.others if _is_load(c)}
+        return StaticSubcase(spc, mpc, tuple(loads.values()))
 
 
 def _preloads(level: _Level) -> list[int]:
     """Numbers of the static subcases whose loads change the stiffness (STATSUB)."""
-    given = (c for above in [*level.path, *level.steps] for c in above.others if c.name == "STATSUB")
+    given = (c for above in [*level.path, *level.steps] for c in above.others if c.is_preload)
     return [number for c in given if (number := parse_integer(c.value)) is not None]
 
 
@@ -328,10 +360,3 @@ def _named(parts: Sequence[_Level]) -> str:
 
 def _of_fluid(command: CaseCommand) -> bool:
     return "FLUID" in command.options.upper()
-
-
-def _number(command: CaseCommand) -> int:
-    number = parse_integer(command.value)
-    if number is not None:
-        return number
-    raise FemtuneError("deck.case-control", where=command.where, command_name=command.name, command_value=command.value)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.loads import is_read
 
 READ, NOT_NEEDED, IGNORED, MISSING = "read", "not needed for normal modes", "not understood", "missing element"
 
@@ -60,14 +61,15 @@ class CardUse:
 def take_inventory(deck: Deck) -> tuple[CardUse, ...]:
     """Every card name of the deck, in the order in which they occur."""
     return tuple(
-        CardUse(name, len(cards), cards[0].where(), READ if name == "DMIG" and _selected(deck) else use_of(name))
+        CardUse(name, len(cards), cards[0].where(), READ if _read_here(deck, name) else use_of(name))
         for name, cards in deck.names.items()
     )
 
 
-def _selected(deck: Deck) -> bool:
-    """Whether case control adds matrices of DMIG cards."""
-    return any(command.name in ("K2GG", "M2GG", "B2GG", "K42GG") for command in deck.case_control.effective)
+def _read_here(deck: Deck, name: str) -> bool:
+    """Whether case control selects loads of a preload, or adds matrices of DMIG cards."""
+    matrices = any(c.name in ("K2GG", "M2GG", "B2GG", "K42GG") for c in deck.case_control.effective)
+    return is_read(deck, name) or (name == "DMIG" and matrices)
 
 
 def use_of(name: str) -> str:

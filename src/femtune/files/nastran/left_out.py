@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from femtune.errors import FemtuneError, Notice, Where
-from femtune.files.nastran.case_control import CaseCommand
 from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.loads import preload_command, preload_request
 
 _NONLINEAR = (106, 129, 153, 400, 401, 402, 600, 601, 700)
 _BUCKLING = 105
 _COMPLEX_MODES = (107, 110)
-_OF_STATSUB = ("", "(PRELOAD)")
 
 # commands that change stiffness or mass, with the wording of the warning
 _COMMANDS = {
@@ -31,29 +30,31 @@ _COMMANDS = {
 _OF_RESPONSES = ("K2PP", "M2PP", "B2PP", "TFL")
 
 
-def left_out(deck: Deck) -> list[Notice]:
-    """A warning for each effect that the deck requests for its modes and that is not modelled."""
-    found = {notice.code + notice.what: notice for notice in _all(deck)}
+def left_out(deck: Deck, preloaded: bool = True) -> list[Notice]:
+    """A warning for each effect that the deck requests for its modes and that is not modelled.
+
+    `preloaded` tells that the static preload is modelled where its loads are known.
+    """
+    found = {notice.code + notice.what: notice for notice in _all(deck, preloaded)}
     return list(found.values())
 
 
 def preloads(deck: Deck) -> dict[str, FemtuneError]:
-    """Why the modes of a deck whose structure is loaded first are not solved, by the name of what requests the load.
+    """Why the modes after a nonlinear solution are not solved, by the name of what requests it.
 
-    The differential stiffness is not modelled, and the modes without it would be those of another structure.
+    Their stiffness is not modelled, and the modes without it would be those of another structure.
     """
     found: dict[str, FemtuneError] = {}
-    for notice in (*_preloads(deck), *_nonlinear(deck), *_commands(deck)):
+    for notice in (*_nonlinear(deck), *_commands(deck)):
         name = str(notice.facts.get("loaded_by", ""))
         if name:
-            request = notice.facts.get("command") or notice.facts.get("request")
-            request = f"{request}{notice.facts.get('loads', '')}"
+            request = notice.facts.get("request")
             found.setdefault(name, FemtuneError("deck.preload", where=notice.where, request=request, name=name))
     return found
 
 
-def _all(deck: Deck) -> Iterator[Notice]:
-    yield from _preloads(deck)
+def _all(deck: Deck, preloaded: bool) -> Iterator[Notice]:
+    yield from _preloads(deck, preloaded)
     yield from _nonlinear(deck)
     yield from _complex_modes(deck)
     yield from _commands(deck)
@@ -63,22 +64,19 @@ def _complex_modes(deck: Deck) -> Iterator[Notice]:
     number = deck.executive.solution_number
     command = next((c for c in deck.case_control.effective if c.name == "CMETHOD"), None)
     if command is not None:
-        yield Notice("deck.left-out/complex-modes", where=command.where, request=_text(command))
+        yield Notice("deck.left-out/complex-modes", where=command.where, request=command.text)
     elif number in _COMPLEX_MODES:
         where = Where(str(deck.path), record="SOL")
         yield Notice("deck.left-out/complex-modes", where=where, request=f"SOL {number}")
 
 
-def _preloads(deck: Deck) -> Iterator[Notice]:
+def _preloads(deck: Deck, preloaded: bool) -> Iterator[Notice]:
     if deck.executive.solution_number == _BUCKLING:
         yield Notice("deck.left-out/buckling", where=Where(str(deck.path), record="SOL"))
         return
     for command in deck.case_control.effective:
-        if command.name == "STATSUB" and command.options.replace(" ", "").upper() in _OF_STATSUB:
-            loads = ", ".join(_text(load) for load in deck.case_control.preload)
-            of_loads = f" ({loads})" if loads else ""
-            text, name = _text(command), "STATSUB" if loads else ""
-            yield Notice("deck.left-out/preload", where=command.where, command=text, loads=of_loads, loaded_by=name)
+        if command.is_preload and not (preloaded and preload_command(deck)):
+            yield Notice("deck.left-out/preload", where=command.where, request=preload_request(deck, command))
 
 
 def _nonlinear(deck: Deck) -> Iterator[Notice]:
@@ -105,10 +103,6 @@ def _commands(deck: Deck) -> Iterator[Notice]:
         code = _COMMANDS.get(command.name)
         if code and command.value.upper() not in ("NONE", "NO", "0"):
             loaded_by = "NLIC" if command.name == "NLIC" else ""
-            yield Notice(code, where=command.where, request=_text(command), loaded_by=loaded_by)
+            yield Notice(code, where=command.where, request=command.text, loaded_by=loaded_by)
         elif command.name in _OF_RESPONSES:
-            yield Notice("deck.left-out/of-responses", where=command.where, level="info", request=_text(command))
-
-
-def _text(command: CaseCommand) -> str:
-    return f"{command.name}{command.options} = {command.value}"
+            yield Notice("deck.left-out/of-responses", where=command.where, level="info", request=command.text)

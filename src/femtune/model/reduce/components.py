@@ -117,7 +117,7 @@ def divide(configured: ConfiguredModel, components: Components) -> Division | No
 
     Raises
     ------
-    FemtuneError : ``reduce.component-alone``
+    FemtuneError : ``reduce.component-alone``, ``configuration.preload-components``
     """
     off = configured.configuration.elements_off
     present = {name: numbers - off for name, numbers in components.elements.items() if numbers - off}
@@ -126,6 +126,9 @@ def divide(configured: ConfiguredModel, components: Components) -> Division | No
     shared = count != 1
     if int(has.any(axis=1).sum()) < 2:
         return None
+    preload = configured.model.structure.preload
+    if preload is not None:
+        raise FemtuneError("configuration.preload-components", request=preload.request)
     interface = np.flatnonzero(shared)
     parts = tuple(
         Part(name, np.flatnonzero(own & ~shared), np.flatnonzero(own[interface]))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError, FemtuneErrors, Notice
-from femtune.files.nastran.build import build_structure
+from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.study_file.reading import is_deck, study_from_data, toml_data, toml_text
 from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
@@ -185,7 +185,9 @@ class _Checked:
         if isinstance(deck, str) and (self.path.parent / deck).is_file():
             progress.step("reading the deck", 0, None)
             with self.catching():
-                build_structure(read_deck(self.path.parent / deck), bool(table(data, "study").get("allow_ignored")))
+                names = table(data, "study").get("allow_ignored")
+                allowed = [str(name) for name in names] if isinstance(names, list) else []
+                build_allowing(read_deck(self.path.parent / deck), allowed)
         names = [table(data, "test").get("file"), *(entry.get("test") for _, entry in tables(data, "configuration"))]
         for name in dict.fromkeys(n for n in names if isinstance(n, str)):
             if (self.path.parent / name).is_file():

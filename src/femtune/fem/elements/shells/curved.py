@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution, joined
+from femtune.fem.elements.differential import Differential, of_surface
 from femtune.fem.elements.kind import QUADRILATERAL_PARTS, TRIANGLE_PARTS, ElementKind
 from femtune.fem.elements.shells import curved_strains
 from femtune.fem.elements.shells.checks import check_curved
@@ -268,6 +269,23 @@ def tri6_pieces(batch: ElementBatch, structure: Structure) -> Iterator[list[Cont
     return curved_pieces(batch, structure, TRI6)
 
 
+def _differential(batch: ElementBatch, structure: Structure, shape: CurvedShape) -> Differential:
+    missing = batch.nodes < 0
+    xyz = np.where(missing[:, :, None], 0.0, structure.nodes.xyz[batch.nodes])
+    nodes = CurvedNodes(shape, xyz, np.zeros_like(xyz), missing)
+    return of_surface(batch, structure, nodes.functions(shape.points), shape.weights, nodes.axes)
+
+
+def quad8_differential(batch: ElementBatch, structure: Structure) -> Differential:
+    """That of the membrane forces along the axes of the mean plane."""
+    return _differential(batch, structure, QUAD8_SHAPE)
+
+
+def tri6_differential(batch: ElementBatch, structure: Structure) -> Differential:
+    """That of the membrane forces along the axes of the mean plane."""
+    return _differential(batch, structure, TRI6_SHAPE)
+
+
 SHELL_QUAD8 = ElementKind(
     "shell-quad8",
     quad8,
@@ -276,6 +294,7 @@ SHELL_QUAD8 = ElementKind(
     children=QUADRILATERAL_PARTS,
     shell=True,
     surface=QUAD8_SHAPE,
+    differential=quad8_differential,
     papers=("bathe1986", "macneal1992"),
 )
 SHELL_TRI6 = ElementKind(
@@ -286,5 +305,6 @@ SHELL_TRI6 = ElementKind(
     children=TRIANGLE_PARTS,
     shell=True,
     surface=TRI6_SHAPE,
+    differential=tri6_differential,
     papers=("bathe1989", "neunteufel2021"),
 )

@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution, LowRank, joined
+from femtune.fem.elements.differential import Differential, of_surface
 from femtune.fem.elements.kind import QUADRILATERAL_PARTS, TRIANGLE_PARTS, ElementKind
 from femtune.fem.elements.placement import CHUNK
 from femtune.fem.elements.shells.checks import check_shells
 from femtune.fem.elements.shells.laws import ShellTerm, couples, stiffness_terms
 from femtune.fem.elements.shells.mass import ShellMass, lumped, shell_mass
 from femtune.fem.elements.shells.normals import shared_normals
-from femtune.fem.elements.shells.placement import PlacedShells, ShellPlane, shell_plane
-from femtune.fem.elements.shells.quad import QUAD
+from femtune.fem.elements.shells.placement import PlacedShells, ShellPlane, mean_plane, shell_plane
+from femtune.fem.elements.shells.quad import ETA, GAUSS, QUAD, XI
 from femtune.fem.elements.shells.strains import ON_TIES, TIES, Rows, ShellFormulation, ShellStrains, nodal_rows
 from femtune.fem.elements.shells.tri import TRI, TRI_ROTATION
 from femtune.fem.structure import ElementBatch, Structure
@@ -178,6 +179,25 @@ def _together(rows: Rows, names: tuple[str, ...], point: int | None, own: NDArra
     return whole if len(own) == len(whole) else whole[own]
 
 
+def flat_differential(batch: ElementBatch, structure: Structure, functions: Reals, weights: Reals) -> Differential:
+    """That of the membrane forces along the axes of the mean plane; `functions` and `weights` as of `of_surface`."""
+    axes, _, _ = mean_plane(structure.nodes.xyz[batch.nodes])
+    return of_surface(batch, structure, functions[None], weights, axes)
+
+
+def quad_differential(batch: ElementBatch, structure: Structure) -> Differential:
+    """With bilinear displacements."""
+    r, s = np.array(GAUSS).T[:, :, None]
+    functions = np.stack([(1 + r * XI) * (1 + s * ETA), XI * (1 + s * ETA), (1 + r * XI) * ETA], axis=1) / 4.0
+    return flat_differential(batch, structure, functions, np.ones(4))
+
+
+def tri_differential(batch: ElementBatch, structure: Structure) -> Differential:
+    """With linear displacements."""
+    functions = np.array([[[1 / 3, 1 / 3, 1 / 3], [-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]]])
+    return flat_differential(batch, structure, functions, np.array([0.5]))
+
+
 SHELL_QUAD = ElementKind(
     "shell-quad",
     shell_quad,
@@ -185,6 +205,7 @@ SHELL_QUAD = ElementKind(
     faces=((0, 1, 2, 3),),
     children=QUADRILATERAL_PARTS,
     shell=True,
+    differential=quad_differential,
     papers=("dvorkin1984", "pian1984"),
 )
 SHELL_TRI = ElementKind(
@@ -194,6 +215,7 @@ SHELL_TRI = ElementKind(
     faces=((0, 1, 2, -1),),
     children=TRIANGLE_PARTS,
     shell=True,
+    differential=tri_differential,
     papers=("lee2004",),
 )
 SHELL_ROTATION_TRI = ElementKind(
@@ -203,5 +225,6 @@ SHELL_ROTATION_TRI = ElementKind(
     faces=((0, 1, 2, -1),),
     children=TRIANGLE_PARTS,
     shell=True,
+    differential=tri_differential,
     papers=("lee2004", "allman1984"),
 )

@@ -15,8 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from femtune.arrays import Reals
+from femtune.fem.elements.differential import Differential, of_solid
 from femtune.fem.elements.solids.shape import SolidPoints
 from femtune.fem.elements.solids.strains import StrainGroup
+from femtune.fem.structure import ElementBatch, Structure
 
 MEAN = 1.0 / np.sqrt(3.0)
 """Root of the mean square of ξ over −1 … 1."""
@@ -73,6 +75,13 @@ def jacobians(derivatives: Reals, xyz: Reals) -> Reals:
     k, _, n = derivatives.shape
     sides = np.swapaxes(xyz, 1, 2) @ derivatives.reshape(3 * k, n).T
     return np.swapaxes(sides.reshape(len(xyz), 3, k, 3), 1, 2)
+
+
+def first_order_differential(batch: ElementBatch, structure: Structure, shape: Reference) -> Differential:
+    """Differential stiffness of the mean stresses of a batch."""
+    jacobian = jacobians(shape.derivatives, structure.nodes.xyz[batch.nodes])
+    slopes = np.swapaxes(shape.derivatives, 1, 2)[None] @ np.linalg.inv(jacobian)
+    return of_solid(batch, structure, slopes, np.linalg.det(jacobian) * shape.weights)
 
 
 def cofactors(jacobian: Reals) -> Reals:

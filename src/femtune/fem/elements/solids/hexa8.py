@@ -12,8 +12,16 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
+from femtune.fem.elements.differential import Differential
 from femtune.fem.elements.kind import ElementKind
-from femtune.fem.elements.solids.first_order import MEAN, first_order, plane_mode, reference, uniaxial_mode
+from femtune.fem.elements.solids.first_order import (
+    MEAN,
+    first_order,
+    first_order_differential,
+    plane_mode,
+    reference,
+    uniaxial_mode,
+)
 from femtune.fem.elements.solids.parts import HEXAHEDRON_PARTS
 from femtune.fem.elements.solids.shape import HEXAHEDRON_SIDES, hexahedron_points
 from femtune.fem.elements.solids.solid import solid
@@ -73,4 +81,11 @@ def hexa8(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, HEXA8)
 
 
-HEXA8_KIND = ElementKind("hexa8", hexa8, sides=HEXAHEDRON_SIDES, children=HEXAHEDRON_PARTS)
+def hexa8_differential(batch: ElementBatch, structure: Structure) -> Differential:
+    """That of the mean stresses."""
+    return first_order_differential(batch, structure, STRAINS)
+
+
+HEXA8_KIND = ElementKind(
+    "hexa8", hexa8, sides=HEXAHEDRON_SIDES, children=HEXAHEDRON_PARTS, differential=hexa8_differential
+)

@@ -11,11 +11,13 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
+from femtune.fem.elements.differential import Differential
 from femtune.fem.elements.kind import ElementKind
 from femtune.fem.elements.solids.first_order import (
     MEAN,
     FirstOrder,
     first_order,
+    first_order_differential,
     plane_duals,
     plane_frame,
     plane_mode,
@@ -104,4 +106,11 @@ def penta6(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, PENTA6)
 
 
-PENTA6_KIND = ElementKind("penta6", penta6, sides=PENTAHEDRON_SIDES, children=PENTAHEDRON_PARTS)
+def penta6_differential(batch: ElementBatch, structure: Structure) -> Differential:
+    """That of the mean stresses."""
+    return first_order_differential(batch, structure, STRAINS)
+
+
+PENTA6_KIND = ElementKind(
+    "penta6", penta6, sides=PENTAHEDRON_SIDES, children=PENTAHEDRON_PARTS, differential=penta6_differential
+)

@@ -12,11 +12,13 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
+from femtune.fem.elements.differential import Differential
 from femtune.fem.elements.kind import ElementKind
 from femtune.fem.elements.solids.first_order import (
     MEAN,
     FirstOrder,
     first_order,
+    first_order_differential,
     plane_duals,
     plane_frame,
     reference,
@@ -87,4 +89,11 @@ def pyram5(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, PYRAM5)
 
 
-PYRAM5_KIND = ElementKind("pyram5", pyram5, sides=PYRAMID_SIDES, children=pyramid_parts("tetra4"))
+def pyram5_differential(batch: ElementBatch, structure: Structure) -> Differential:
+    """That of the mean stresses."""
+    return first_order_differential(batch, structure, STRAINS)
+
+
+PYRAM5_KIND = ElementKind(
+    "pyram5", pyram5, sides=PYRAMID_SIDES, children=pyramid_parts("tetra4"), differential=pyram5_differential
+)

@@ -14,7 +14,8 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
-from femtune.fem.elements.kind import ElementKind
+from femtune.fem.elements.differential import Differential, of_solid
+from femtune.fem.elements.kind import DifferentialKernel, ElementKind
 from femtune.fem.elements.solids.parts import HEXAHEDRON_PARTS, PENTAHEDRON_PARTS, TETRAHEDRON_PARTS, pyramid_parts
 from femtune.fem.elements.solids.shape import (
     HEXA20_SHAPE,
@@ -40,7 +41,7 @@ from femtune.fem.elements.solids.shape import (
     tetrahedron_points,
 )
 from femtune.fem.elements.solids.solid import solid
-from femtune.fem.elements.solids.strains import Rows, SolidFormulation, SolidPlaces, StrainGroup
+from femtune.fem.elements.solids.strains import Rows, SolidFormulation, SolidPlaces, StrainGroup, grid_points
 from femtune.fem.structure import ElementBatch, Structure
 
 
@@ -265,13 +266,30 @@ def tetra10(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, TETRA10)
 
 
-HEXA20_KIND = ElementKind("hexa20", hexa20, sides=HEXAHEDRON_SIDES, children=HEXAHEDRON_PARTS, volume=HEXA20_SHAPE)
+def _differential(shape: SolidShape, points: SolidPoints) -> DifferentialKernel:
+    """Differential stiffness of the mean stresses, by a rule of integration."""
+    table = tabulated(shape, points)
+
+    def differential(batch: ElementBatch, structure: Structure) -> Differential:
+        at = gradients(table, grid_points(batch, structure, slice(None)))
+        return of_solid(batch, structure, at.along, at.volume)
+
+    return differential
+
+
+HEXA20_KIND = ElementKind(
+    "hexa20", hexa20, sides=HEXAHEDRON_SIDES, children=HEXAHEDRON_PARTS, volume=HEXA20_SHAPE,
+    differential=_differential(HEXA20_SHAPE, _HEXA_POINTS),
+)  # fmt: skip
 PENTA15_KIND = ElementKind(
-    "penta15", penta15, sides=PENTAHEDRON_SIDES, children=PENTAHEDRON_PARTS, volume=PENTA15_SHAPE
-)
+    "penta15", penta15, sides=PENTAHEDRON_SIDES, children=PENTAHEDRON_PARTS, volume=PENTA15_SHAPE,
+    differential=_differential(PENTA15_SHAPE, _PENTA_POINTS),
+)  # fmt: skip
 TETRA10_KIND = ElementKind(
-    "tetra10", tetra10, sides=TETRAHEDRON_SIDES, children=TETRAHEDRON_PARTS, volume=TETRA10_SHAPE
-)
+    "tetra10", tetra10, sides=TETRAHEDRON_SIDES, children=TETRAHEDRON_PARTS, volume=TETRA10_SHAPE,
+    differential=_differential(TETRA10_SHAPE, eight_points()),
+)  # fmt: skip
 PYRAM13_KIND = ElementKind(
-    "pyram13", pyram13, sides=PYRAMID_SIDES, children=pyramid_parts("tetra10"), volume=PYRAM13_SHAPE
-)
+    "pyram13", pyram13, sides=PYRAMID_SIDES, children=pyramid_parts("tetra10"), volume=PYRAM13_SHAPE,
+    differential=_differential(PYRAM13_SHAPE, _PYRAM_POINTS),
+)  # fmt: skip

@@ -9,8 +9,9 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
+from femtune.fem.elements.differential import Differential
 from femtune.fem.elements.kind import ElementKind
-from femtune.fem.elements.solids.first_order import first_order, reference
+from femtune.fem.elements.solids.first_order import first_order, first_order_differential, reference
 from femtune.fem.elements.solids.parts import TETRAHEDRON_PARTS
 from femtune.fem.elements.solids.shape import TETRAHEDRON_SIDES, tetrahedron_points
 from femtune.fem.elements.solids.solid import solid
@@ -52,4 +53,11 @@ def tetra4(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, TETRA4)
 
 
-TETRA4_KIND = ElementKind("tetra4", tetra4, sides=TETRAHEDRON_SIDES, children=TETRAHEDRON_PARTS)
+def tetra4_differential(batch: ElementBatch, structure: Structure) -> Differential:
+    """That of the mean stresses."""
+    return first_order_differential(batch, structure, TETRA)
+
+
+TETRA4_KIND = ElementKind(
+    "tetra4", tetra4, sides=TETRAHEDRON_SIDES, children=TETRAHEDRON_PARTS, differential=tetra4_differential
+)
