@@ -33,8 +33,8 @@ class Finding(Enum):
     NOT_TESTED = "not tested"
     NOISE = "the residuals may be noise of the stated size"
     SMALL = (
-        "the residuals are smaller than the stated standard deviations imply: these are too large, or the errors of the "
-        "values are correlated"
+        "the residuals are smaller than the stated standard deviations imply: these are too large, or the errors of "
+        "the values are correlated"
     )
     SMALL_SYSTEMATIC = (
         "the residuals are smaller than the stated standard deviations imply, and they are not random: the standard "
