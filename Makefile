@@ -100,7 +100,7 @@ mutants: $(VENV)/.stamp-test  ## mutation test of the numerical code; takes half
 	@$(PIP) coverage
 	@HYPOTHESIS_PROFILE=quick $(ONE_THREAD) $(BIN)/python benchmarks/mutation/run.py --marked "not slow" $(or $(BENCH_ARGS),--evidence docs/evidence)
 
-readers: $(VENV)/.stamp-readers  ## install the libraries that read OP2, Ansys and HDF5 files
+readers: $(VENV)/.stamp-readers  ## install the libraries that read OP2, Ansys, HDF5 and Parquet files
 
 clean:  ## remove all generated files and the environment
 	rm -rf $(VENV) build dist src/*.egg-info docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
@@ -126,8 +126,8 @@ $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 	@touch $@
 
 $(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
-	@echo "installing the libraries that read OP2, Ansys and HDF5 files into $(VENV)"
-	@$(PIP) -e '.[op2,ansys,hdf5]'
+	@echo "installing the libraries that read OP2, Ansys, HDF5 and Parquet files into $(VENV)"
+	@$(PIP) -e '.[op2,ansys,hdf5,parquet]'
 	@touch $@
 
 $(VENV)/.stamp-notebooks: pyproject.toml $(VENV)/.stamp-test

@@ -14,6 +14,7 @@ from femtune.cli.commands import main
 from femtune.correlation.mesh_map import map_meshes
 from femtune.errors import FemtuneError
 from femtune.modal import mac
+from femtune.testing import example_deck
 
 
 def test_pairs_are_each_others_nearest() -> None:
@@ -94,3 +95,11 @@ def test_impossible_options(tolerance: float, most: int) -> None:
         map_meshes(np.eye(3), np.eye(3), tolerance, most)
     assert caught.value.code == "correlate.no-common-points"
     assert "must not be negative" in str(caught.value)
+
+
+def test_decks_without_units_are_not_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FemtuneError) as caught:
+        ft.compare(example_deck(), example_deck(), count=4)
+    assert caught.value.where is not None
+    check_shown("response.units-needed, compared", str(caught.value).replace(caught.value.where.file, "deck.bdf"))

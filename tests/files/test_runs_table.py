@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -79,3 +80,63 @@ def test_a_frequency_that_is_none_is_named_with_its_line(value: str, told: str, 
     assert caught.value.where is not None
     assert caught.value.where.line == 3
     check_shown(f"runs.table, {told} frequency", str(caught.value).replace(str(tmp_path), "…"))
+
+
+def written(path: Path, columns: dict[str, Any]) -> Path:
+    """A Parquet file of columns."""
+    reason = "pyarrow is not installed: pip install femtune[parquet]"
+    arrow = pytest.importorskip("pyarrow", reason=reason)
+    pytest.importorskip("pyarrow.parquet", reason=reason).write_table(arrow.table(columns), path)
+    return path
+
+
+def test_a_parquet_file_is_read_as_the_same_table_in_text(tmp_path: Path) -> None:
+    shapes = {f"shape{j}_{dof}": [1.0 * j, 2.0, None] for j in (1, 2) for dof in ("1X", "2RZ")}
+    columns = {
+        "E": [1.5, 2.5, 3.5], "n": [1, 2**60, 3], "remark": ["a", "b", "c"],
+        "f1_hz": [2.25, 2.5, None], "f2_hz": [3.0, 4.0, None], **shapes, "state": ["done", "done", "time-out"],
+    }  # fmt: skip
+    found = read_runs_table(written(tmp_path / "runs.parquet", columns))
+    rows = zip(*columns.values())
+    text = "\n".join(",".join("" if v is None else str(v) for v in row) for row in [columns, *rows])
+    (tmp_path / "runs.csv").write_text(text + "\n", encoding="utf-8")
+    same = read_runs_table(tmp_path / "runs.csv")
+    assert set(found.columns) == {"E", "n"} == set(same.columns)
+    np.testing.assert_array_equal(found.points(("E", "n")), same.points(("E", "n")))
+    np.testing.assert_array_equal(found.freq_hz, same.freq_hz)
+    assert found.shapes is not None
+    np.testing.assert_array_equal(found.shapes, same.shapes)
+    assert list(found.dofs) == list(same.dofs)
+    assert (found.states, found.usable.tolist()) == (("done", "done", "time-out"), [True, True, False])
+
+
+@pytest.mark.parametrize(
+    ("columns", "name"),
+    [
+        ({"E": [], "f1_hz": []}, "Parquet without values"),
+        ({"E": [1.0], "f2_hz": [1.0]}, "Parquet without frequencies"),
+        ({"E": [1.0, float("inf")], "f1_hz": [1.0, 2.0]}, "Parquet not a number"),
+        ({"E": [1.0, 2.0], "f1_hz": [1.0, -2.0]}, "Parquet negative frequency"),
+        ({"E": [1.0, 2.0], "f1_hz": ["1", "2x"]}, "Parquet column of text"),
+    ],
+)
+def test_what_is_wrong_in_a_parquet_file(columns: dict[str, Any], name: str, tmp_path: Path) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        read_runs_table(written(tmp_path / "runs.parquet", columns))
+    check_shown(f"runs.table, {name}", str(caught.value).replace(str(tmp_path), "FOLDER"))
+
+
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.9])
+def test_parquet_files_that_are_damaged(part: float, tmp_path: Path) -> None:
+    path = written(tmp_path / "runs.parquet", {"E": [1.0, 2.0], "f1_hz": [1.0, 2.0]})
+    content = path.read_bytes()
+    path.write_bytes(content[: int(part * len(content))])
+    with pytest.raises(FemtuneError, match="cannot be read"):
+        read_runs_table(path)
+
+
+def test_a_parquet_file_without_the_library(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(FemtuneError) as caught:
+        read_runs_table(tmp_path / "runs.parquet")
+    check_shown("install.missing, pyarrow", caught.value)

@@ -326,3 +326,10 @@ def test_repeats_and_intervals_on_a_table_of_runs(study: Path) -> None:
     np.testing.assert_allclose(found.parameters.column("sd"), specimens.std(axis=0, ddof=1), rtol=0.05)
     assert found.record.intervals is not None
     assert found.record.intervals.ok
+
+
+def test_a_missing_table_is_said_of_its_line_in_the_study(study: Path) -> None:
+    (study.parent / "runs.csv").unlink()
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    check_shown("runs.table, absent", str(caught.value).replace(str(study.parent), "FOLDER"))

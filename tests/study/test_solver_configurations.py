@@ -93,6 +93,23 @@ def test_a_missing_program_is_said_of_its_configuration(study: Path) -> None:
     assert "configuration[2].solver.command" in str(caught.value)
 
 
+def test_a_run_that_fails_is_said_of_its_configuration_with_the_last_line_of_the_solver(study: Path) -> None:
+    script = study.parent / "bolted.py"
+    lines = "import sys\nprint('reading', flush=True)\nprint('card 17 is not known', file=sys.stderr)\nsys.exit(3)\n"
+    script.write_text(lines)
+    with pytest.raises(FemtuneError) as caught:
+        ft.modes(study)
+    shown = str(caught.value).replace(str(study.parent), "FOLDER")
+    check_shown("external.failed, configuration", "\n".join(p.partition("/external/")[0] for p in shown.splitlines()))
+
+
+def test_a_placeholder_that_is_no_parameter_is_said_of_the_templates_of_its_configuration(study: Path) -> None:
+    (study.parent / "bolted.txt").write_text("{{k1}}\n{{k2}}\n{{blot}}\n")
+    with pytest.raises(FemtuneError) as caught:
+        ft.modes(study)
+    check_shown("external.placeholder, configuration", str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
 def test_an_update_with_both_configurations(study: Path) -> None:
     result = ft.run(study)
     table = result.parameters
@@ -172,6 +189,13 @@ def test_tables_of_two_configurations(tables: Path) -> None:
     table = result.parameters
     found = dict(zip(table.column("name"), table.column("value")))
     np.testing.assert_allclose([found["k1"], found["k2"], found["bolt"]], [*TRUTH, BOLT], rtol=1e-3)
+
+
+def test_a_missing_table_is_said_of_its_configuration(tables: Path) -> None:
+    (tables.parent / "bolted.csv").unlink()
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(tables)
+    check_shown("runs.table, absent in a configuration", str(caught.value).replace(str(tables.parent), "FOLDER"))
 
 
 def test_several_tables_need_shapes(tables: Path) -> None:

@@ -20,7 +20,7 @@ from femtune.assembly.cases import overlay
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.parameters import assignments, parameter_set, targets
 from femtune.assembly.progress import silent
-from femtune.assembly.runs_model import built_of_tables
+from femtune.assembly.runs_model import built_of_tables, part_of
 from femtune.dofs import DIRECTIONS, Dof, DofSet
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.executor import Cluster, Threads
@@ -136,7 +136,13 @@ class PointRuns:
     @property
     def failure(self) -> Failure | None:
         """Of the first run that failed for good; None where all have modes."""
-        return next((outcome.failures[-1] for outcome in self.parts if outcome.modes is None), None)
+        part = self.failed_part
+        return None if part is None else self.parts[part].failures[-1]
+
+    @property
+    def failed_part(self) -> int | None:
+        """Position of the first run that failed for good in `sources`."""
+        return next((i for i, outcome in enumerate(self.parts) if outcome.modes is None), None)
 
 
 @dataclass(eq=False)
@@ -216,7 +222,7 @@ class SolverRuns:
         outcomes = dict(zip(map(tuple, [point, *first]), self.run([point, *first])))
         centre = outcomes[tuple(point)]
         if centre.failure is not None:
-            raise self.failed(point, centre.failure)
+            raise self.failed(point, centre)
         rows = [(point, centre)]
         for i, some in enumerate(offsets):
             rows += self._pair(i, point, some, outcomes)
@@ -228,23 +234,30 @@ class SolverRuns:
             _table(self.names, [(point, runs.parts[i]) for point, runs in rows]) for i in range(len(self.solvers))
         )
 
-    def failed(self, point: Reals, failure: Failure) -> FemtuneError:
-        """The error that a point has no modes."""
+    def failed(self, point: Reals, runs: PointRuns) -> FemtuneError:
+        """The error that a point has no modes, with the configuration where they have inputs of their own."""
+        failure, part = runs.failure, runs.failed_part
+        assert failure is not None
+        assert part is not None
         values = {"point": described(dict(zip(self.names, map(float, point))))}
-        folder = failure.folder
-        return FemtuneError("external.failed", values=values | ({"folder": folder} if folder else {}), failure=failure)
+        if len(self.solvers) > 1:
+            entry = next(e for e in self.file.configurations if part_of(self.file, e) == part)
+            values["configuration"] = entry.name
+        if failure.folder:
+            values["folder"] = failure.folder
+        return FemtuneError("external.failed", values=values, failure=failure)
 
     def _pair(
         self, i: int, point: Reals, offsets: list[Reals], outcomes: dict[tuple[float, ...], PointRuns]
     ) -> list[tuple[Reals, PointRuns]]:
         """Two runs for a parameter; those that fail for good are replaced by others."""
         good: list[tuple[Reals, PointRuns]] = []
-        bad: list[Failure] = []
+        bad: list[PointRuns] = []
         for offset in offsets:
             at = point + offset
             outcome = outcomes[tuple(at)] if tuple(at) in outcomes else self.run([at])[0]
             if outcome.failure is not None:
-                bad.append(outcome.failure)
+                bad.append(outcome)
             else:
                 good.append((at, outcome))
             if len(good) == 2:
@@ -256,7 +269,7 @@ class SolverRuns:
             wanted = [float(o[i]) for o in offsets[:2]]
             self.replaced.append(
                 Notice(
-                    "external.replaced", parameter=self.names[i], n_failed=len(bad), failure=bad[0],
+                    "external.replaced", parameter=self.names[i], n_failed=len(bad), failure=bad[0].failure,
                     places=", ".join(f"{point[i] + one:.6g}" for one in h),
                     times=abs(h[0] * h[1]) / abs(wanted[0] * wanted[1]),
                 )
@@ -368,9 +381,19 @@ def _inputs(file: StudyFile) -> tuple[InputFiles, ...]:
     placeholders: dict[str, None] = {}
     for own in _owners(file):
         found.append(_input_files(file, own))
+        check_names(found[-1].names, names, (), _place_of_templates(file, own))
         placeholders |= dict.fromkeys(found[-1].names)
-    check_names(tuple(placeholders), names, names, file.where("solver", "templates"))
+    used = ConfigurationSolver() if file.solver and file.solver.templates else _owners(file)[0]
+    check_names(tuple(placeholders), names, names, _place_of_templates(file, used))
     return tuple(found)
+
+
+def _place_of_templates(file: StudyFile, own: ConfigurationSolver) -> Where:
+    """The line of the templates: those of a configuration, or of all."""
+    if own.templates is None:
+        return file.where("solver", "templates")
+    at = next(i for i, entry in enumerate(file.configurations) if entry.solver == own)
+    return file.where("configuration", at, "solver", "templates")
 
 
 def _input_files(file: StudyFile, own: ConfigurationSolver) -> DeckFiles | Templates:
@@ -394,7 +417,7 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bo
         point = nominal_point(file)
         known = runs.run([point])[0]
         if known.failure is not None:
-            raise runs.failed(point, known.failure)
+            raise runs.failed(point, known)
         if not around:
             return _of_one_run(file, runs, runs.tables([(point, known)]))
         runs.measure_noise(point, known)

@@ -1,7 +1,8 @@
 """A table of finished runs: a line per run with the values of parameters, frequencies, and shapes if there are any.
 
 The columns of frequencies are called ``f1_hz``, ``f2_hz`` …; those of shapes ``shape1_12Z`` …: mode, node, direction.
-Every other column of numbers may be a parameter. A run without frequencies has failed and is left out.
+Every other column of numbers may be a parameter. A run without frequencies has failed and is left out. Tables are text,
+or Parquet files by the ending of their name.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from femtune._optional import require
 from femtune.arrays import Flags, Reals
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Where
@@ -26,6 +28,7 @@ _FREQUENCY = re.compile(r"f(\d+)_hz")
 _SHAPE = re.compile(r"shape(\d+)_(\d+(?:S|R?[XYZ]))")
 _GAPS = {"", "-", "nan", "na", "n/a"}
 _SEPARATORS = ",;\t"
+_PARQUET = (".parquet", ".pq")
 _MOST_BYTES = 1 << 30
 STATE = "state"
 
@@ -99,12 +102,14 @@ def write_runs_table(path: Path, table: RunsTable) -> None:
 
 
 def read_runs_table(path: Path) -> RunsTable:
-    """Read a table of runs; columns of text are left out.
+    """Read a table of runs, a text or a Parquet file; columns of text are left out.
 
     Raises
     ------
-    FemtuneError : ``runs.table`` in its variants
+    FemtuneError : ``runs.table`` in its variants, ``install.missing`` without the library for Parquet
     """
+    if path.suffix.lower() in _PARQUET:
+        return _read_parquet(path)
     lines = _lines(path)
     separator = max(_SEPARATORS, key=lines[0][1].count)
     rows = list(csv.reader((line for _, line in lines), delimiter=separator))
@@ -119,13 +124,65 @@ def read_runs_table(path: Path) -> RunsTable:
     cells = {head: [row[j].strip() for row in rows[1:]] for j, head in enumerate(heads)}
     states = tuple(cells.pop(STATE, []))
     values = {head: _column(path, head, texts, numbers, separator) for head, texts in cells.items()}
-    return _table(path, {head: column for head, column in values.items() if column is not None}, states, numbers)
+    return _table(path, {head: column for head, column in values.items() if column is not None}, states, numbers, 1)
+
+
+def _read_parquet(path: Path) -> RunsTable:
+    """A table in a Parquet file; the number in a message is that of the row."""
+    arrow, parquet = require("pyarrow", extra="parquet"), require("pyarrow.parquet", extra="parquet")
+    try:
+        _check_size(path, path.stat().st_size)
+        schema = parquet.read_schema(path)
+        kinds = [f.type for f in schema if f.name == STATE]
+        texts = [STATE] if kinds and (arrow.types.is_string(kinds[0]) or arrow.types.is_large_string(kinds[0])) else []
+        # texts that many rows have in common are kept once
+        with parquet.ParquetFile(path, read_dictionary=texts) as file:
+            columns, states = _parquet_columns(path, arrow, file, texts)
+    except (OSError, ValueError, KeyError, MemoryError, arrow.ArrowException) as error:
+        reason = str(error).partition("\n")[0][:200] or type(error).__name__
+        raise _error(path, None, "runs.table/unreadable", reason=reason) from error
+    for head, column in columns.items():
+        bad = np.flatnonzero(np.isinf(column))
+        if bad.size:
+            raise _error(path, int(bad[0]) + 1, "runs.table/not-a-number", text=str(column[bad[0]]), heading=head)
+    return _table(path, columns, states, list(range(1, len(next(iter(columns.values()), [])) + 1)), None)
+
+
+def _parquet_columns(path: Path, arrow: Any, file: Any, texts: list[str]) -> tuple[dict[str, Reals], tuple[str, ...]]:
+    """Columns of numbers, with NaN for gaps, and the states."""
+    schema, n_runs = file.schema_arrow, file.metadata.num_rows
+    names = list(schema.names)
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise _error(path, None, "runs.table/heading-twice", heading=twice[0])
+    if n_runs == 0:
+        raise _error(path, None, "runs.table/no-values")
+    kinds = arrow.types
+    numeric = (kinds.is_integer, kinds.is_floating, kinds.is_decimal)
+    wanted = [f.name for f in schema if any(is_kind(f.type) for is_kind in numeric)]
+    for name in names:
+        if name not in wanted and (_FREQUENCY.fullmatch(name) or _SHAPE.fullmatch(name)):
+            raise _error(path, None, "runs.table/column-of-text", heading=name, kind=schema.field(name).type)
+    # a small file can hold a great many equal rows
+    _check_size(path, 8 * n_runs * (len(wanted) + 1))
+    table = file.read(columns=[*wanted, *texts])
+    found = {n: np.array(table.column(n).cast(arrow.float64(), safe=False).to_numpy(), float) for n in wanted}
+    found.pop(STATE, None)
+    if not texts:
+        return found, ()
+    coded = table.column(STATE).dictionary_encode().unify_dictionaries().combine_chunks()
+    states = coded.dictionary.to_pylist()
+    return found, tuple("" if i is None else states[i] for i in coded.indices.to_pylist())
+
+
+def _check_size(path: Path, n_bytes: int) -> None:
+    if n_bytes > _MOST_BYTES:
+        raise _error(path, None, "runs.table/unreadable", reason="it is larger than 1 GiB")
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise _error(path, None, "runs.table/unreadable", reason="it is larger than 1 GiB")
+        _check_size(path, path.stat().st_size)
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise _error(path, None, "runs.table/unreadable", reason=error.strerror) from error
@@ -160,10 +217,13 @@ def _number(text: str, separator: str) -> float:
     return value if math.isfinite(value) else math.inf
 
 
-def _table(path: Path, values: dict[str, Reals], states: tuple[str, ...], numbers: list[int]) -> RunsTable:
+def _table(
+    path: Path, values: dict[str, Reals], states: tuple[str, ...], numbers: list[int], heading: int | None
+) -> RunsTable:
+    """The table of columns; `numbers` and `heading` are the lines of the runs and of the heading."""
     modes = {int(match[1]): head for head in values if (match := _FREQUENCY.fullmatch(head))}
     if not modes or sorted(modes) != list(range(1, len(modes) + 1)):
-        raise _error(path, 1, "runs.table/no-frequencies", headings=", ".join(values)[:200])
+        raise _error(path, heading, "runs.table/no-frequencies", headings=", ".join(values)[:200])
     freq_hz = np.stack([values.pop(modes[j]) for j in sorted(modes)], axis=1)
     wrong = np.argwhere((freq_hz < 0.0) | (freq_hz > LARGEST_HZ))
     if wrong.size:
@@ -179,7 +239,7 @@ def _table(path: Path, values: dict[str, Reals], states: tuple[str, ...], number
     lacking = [(j, dof) for j in sorted(modes) for dof in dofs if (j, dof) not in by_mode]
     if lacking or len(by_mode) != len(modes) * len(dofs):
         j, dof = lacking[0] if lacking else max(by_mode)
-        raise _error(path, 1, "runs.table/shapes", mode=j, dof=str(dof)[:-1])
+        raise _error(path, heading, "runs.table/shapes", mode=j, dof=str(dof)[:-1])
     shapes = np.stack([np.stack([by_mode[j, dof] for dof in dofs], axis=1) for j in sorted(modes)], axis=2)
     return RunsTable(values, freq_hz, shapes, DofSet(dofs), states)
 

@@ -43,8 +43,7 @@ def solver_transfer(study: Study, entry: VibrationEntry, x: Reals, damping: Damp
         runs.journal.close()
     modes = found.parts[0].modes
     if modes is None:
-        assert found.failure is not None
-        raise runs.failed(point, found.failure)
+        raise runs.failed(point, found)
     outputs = DofSet.parse(entry.outputs)
     on_base = modes_on_base(modes, outputs, entry.base, _carried(study.file, outputs, entry.base))
     return transfer_of_base(on_base, damping, tuple(map(str, outputs)), f"base {entry.base}")

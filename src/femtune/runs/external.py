@@ -249,10 +249,12 @@ class ExternalSolver:
         if error:
             return Failure(FailureKind.ERROR_TEXT, error, place)
         if code != 0:
-            return Failure(FailureKind.EXIT_CODE, f"the solver ended with exit code {code}", place)
+            sentence = f"the solver ended with exit code {code}{_last_said(texts[0])}"
+            return Failure(FailureKind.EXIT_CODE, sentence, place)
         path = folder / self.result.name
         if not path.is_file():
-            return Failure(FailureKind.NO_OUTPUT, f"the solver wrote no file {self.result.name}", place)
+            sentence = f"the solver wrote no file {self.result.name}{_last_said(texts[0])}"
+            return Failure(FailureKind.NO_OUTPUT, sentence, place)
         try:
             modes = read_modes(path, self.result.format)
         except FemtuneError as problem:
@@ -283,6 +285,12 @@ def _end_of(path: Path) -> str:
             return stream.read().decode("latin-1")
     except OSError:
         return ""
+
+
+def _last_said(log: str) -> str:
+    """The last line that a solver printed, to be added to a sentence; "" where it printed nothing."""
+    lines = [line for line in map(str.strip, log.splitlines()) if line]
+    return f"; its last line was: {lines[-1][:_SHOWN]}" if lines else ""
 
 
 def _line_with(texts: list[str], patterns: tuple[str, ...]) -> str:

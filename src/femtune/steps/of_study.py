@@ -14,7 +14,7 @@ from femtune.arguments import checked
 from femtune.assembly.described import Model, StudySource, Test, source_of, units_word
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study, read_study
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Where
 from femtune.files.study_file import with_expansion
 from femtune.results.solved import nominal
 from femtune.results.step_results import CorrelateResult, QuantifyResult, SelectResult
@@ -133,6 +133,8 @@ def compare(
     one, other = (load_study(side, progress) for side in sides)
     found = mapped_meshes(one, other, tolerance, points)
     word = units_word(units) or None
+    if word is None and not one.units_known:
+        raise FemtuneError("response.units-needed/compared", where=Where(str(one.file.path)))
     test = modes_on_other_mesh(sides[0], other, found, word, progress, count=count)
     more = None if count is None else {"count": count + MORE_MODES}
     result = correlate(second, test, sensors={"by_id": True}, modes=more, units=units, progress=progress)

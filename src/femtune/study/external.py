@@ -248,7 +248,7 @@ class SolverFrequencies:
         first = nominal_point(runs.file)
         known = runs.run([first])[0]
         if known.failure is not None:
-            raise runs.failed(first, known.failure)
+            raise runs.failed(first, known)
         tables, found = runs.tables([(first, known)]), []
         for case in study.cases:
             hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
