@@ -66,6 +66,15 @@ def test_a_free_plate_has_all_elastic_modes_paired_on_defaults(small: tuple[Path
     assert found[0].rigid_body_modes == 6
 
 
+def test_points_without_a_place_are_assigned_by_their_numbers(small: tuple[Path, Path], tmp_path: Path) -> None:
+    """All points at 0, 0, 0: they do not lie at one grid point, and all modes are paired by the numbers."""
+    deck, _ = small
+    test = _moved(plate_test(deck, 35), np.zeros_like, np.eye(3))
+    made = ft.init(deck, ft.write_test(test, tmp_path / "zero.uff"), tmp_path / "new")
+    assert tomllib.loads(made.path.read_text())["sensors"]["by_id"] is True
+    assert made.record.paired == 10
+
+
 def test_modes_that_a_study_asks_for_are_those_that_are_solved(small: tuple[Path, Path]) -> None:
     deck, test = small
     found = ft.correlate(ft.read_deck(deck, units="mm-t-s"), test, modes={"count": 10})

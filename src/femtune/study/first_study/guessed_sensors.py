@@ -61,6 +61,8 @@ class _Placed:
         nodes = structure.nodes
         self.nodes, self.numbers, self.points = nodes, numbers, points
         self.placed = nodes.has_coordinates and bool(len(points)) and bool(np.isfinite(points).all())
+        # export programs write 0, 0, 0 for points without a place
+        self.placed &= len(points) < _LEAST_POINTS or bool(np.ptp(points, axis=0).any())
         self.diagonal = float(np.linalg.norm(np.ptp(nodes.xyz, axis=0))) if len(nodes.xyz) else 0.0
         self.tree = cKDTree(nodes.xyz) if len(nodes.xyz) else None
         self.numbered = bool(len(numbers)) and all(nodes.has_grid(int(n)) for n in numbers)
@@ -136,7 +138,7 @@ class _Placed:
             return None
         words = "each test point has the number of a grid point"
         if not self.placed:
-            return GuessedSensors(f"{words}, and the test has no coordinates", {"by_id": True})
+            return GuessedSensors(f"{words}, and the test has no coordinates, or the same ones for all points", {"by_id": True})
         grids = self.nodes.xyz[[self.nodes.position(int(n)) for n in self.numbers]]
         ratio = unit_ratio(self.points, grids) if len(self.points) >= _LEAST_POINTS else ""
         doubt = ratio or "the coordinates of the test points are not those of the grid points with their numbers"
@@ -155,7 +157,7 @@ class _Placed:
         """No way assigns all."""
         words = "the test points could not be assigned to grid points"
         if not self.placed:
-            words += ": the test has no coordinates for them, and their numbers are not those of grid points"
+            words += ": the test has no coordinates for them, or the same ones for all, and their numbers are not those of grid points"
         doubt = "list them in [sensors] nodes = { test point = grid point }, or correct coordinates, units and axes"
         return GuessedSensors(words, {}, {}, (doubt,))
 
