@@ -138,7 +138,8 @@ class _Placed:
             return None
         words = "each test point has the number of a grid point"
         if not self.placed:
-            return GuessedSensors(f"{words}, and the test has no coordinates, or the same ones for all points", {"by_id": True})
+            words += ", and the test has no coordinates, or the same ones for all points"
+            return GuessedSensors(words, {"by_id": True})
         grids = self.nodes.xyz[[self.nodes.position(int(n)) for n in self.numbers]]
         ratio = unit_ratio(self.points, grids) if len(self.points) >= _LEAST_POINTS else ""
         doubt = ratio or "the coordinates of the test points are not those of the grid points with their numbers"
@@ -157,7 +158,10 @@ class _Placed:
         """No way assigns all."""
         words = "the test points could not be assigned to grid points"
         if not self.placed:
-            words += ": the test has no coordinates for them, or the same ones for all, and their numbers are not those of grid points"
+            words += (
+                ": the test has no coordinates for them, or the same ones for all, and their numbers are not those of "
+                "grid points"
+            )
         doubt = "list them in [sensors] nodes = { test point = grid point }, or correct coordinates, units and axes"
         return GuessedSensors(words, {}, {}, (doubt,))
 
