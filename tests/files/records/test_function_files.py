@@ -108,6 +108,16 @@ def test_columns_of_a_table(tmp_path):
     check(read_frfs(tmp_path / "frf.csv", FunctionLayout("accelerance", functions=named, frequency="f")))
 
 
+def test_a_column_without_its_imaginary_part_is_not_taken_as_real(tmp_path):
+    columns = [part for _, _, h, _ in pairs() for part in (h.real, h.imag)]
+    np.savetxt(tmp_path / "frf.csv", np.array([LINES, *columns]).T, delimiter=",")
+    named = [FunctionColumn(r, d, 2 * n, 2 * n + 1) for r, d, _, n in pairs()]
+    named[1] = FunctionColumn(named[1].response, named[1].reference, named[1].column)
+    with pytest.raises(FemtuneError, match="real, but FRFs are complex") as caught:
+        read_frfs(tmp_path / "frf.csv", FunctionLayout("accelerance", functions=tuple(named), frequency=1))
+    assert f"column = {named[1].column}" in str(caught.value)
+
+
 def test_hdf5_with_groups_and_matlab_order(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "frf.h5", "w") as file:
@@ -136,6 +146,7 @@ def test_hdf5_with_groups_and_matlab_order(tmp_path):
         ({"H": H, "f": LINES, "g": 2 * GAMMA}, {"axes": NAMES, "coherence": "g"}, "outside 0 to 1"),
         ({"H": H, "f": LINES}, {"axes": ("response", "frequency")}, "does not have the stated axes"),
         ({"H": np.full(H.shape, np.inf + 0j), "f": LINES}, {"axes": NAMES}, "not finite"),
+        ({"H": np.where(LINES == 3.0, np.nan, H), "f": LINES}, {"axes": NAMES}, "not finite"),
     ],
 )
 def test_what_does_not_fit_is_told(tmp_path, arrays, more, says):

@@ -112,9 +112,9 @@ def _of_text(table: RecordTable, layout: FunctionLayout, path: Path) -> FrfSet:
     lines = len(table.values[0])
     freq = column(layout.frequency) if layout.frequency is not None else _even_lines(layout, lines, path)
     real = [column(one.column) for one in layout.functions]
-    other = [0.0 if one.imaginary is None else column(one.imaginary) for one in layout.functions]
-    if all(one.imaginary is None for one in layout.functions):
-        raise problem(path, "frf.layout/real")
+    if real_only := [one.column for one in layout.functions if one.imaginary is None]:
+        raise problem(path, "frf.layout/real", values={"without imaginary: column": real_only[0]})
+    other = [column(one.imaginary) for one in layout.functions if one.imaginary is not None]
     values = np.array([a + 1j * b for a, b in zip(real, other)])
     some = any(one.coherence is not None for one in layout.functions)
     unknown = np.full(lines, np.nan)
@@ -280,7 +280,9 @@ def _made(
         raise problem(path, "frf.layout/frequencies")
     if coherence is not None and ((coherence < 0.0) | (coherence > 1.0 + 1e-3)).any():
         raise problem(path, "frf.layout/coherence-range")
-    if np.isinf(values).any():
+    missing = np.isnan(values)
+    # a function that was not measured is NaN at all lines
+    if np.isinf(values).any() or (missing.any(axis=2) & ~missing.all(axis=2)).any():
         raise problem(path, "frf.layout/values")
     bounded = None if coherence is None else np.minimum(coherence, 1.0)
     scaled = np.asarray(layout.factor * values, dtype=complex)
