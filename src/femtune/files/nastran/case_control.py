@@ -315,13 +315,15 @@ class _CaseControlReading:
         """Whether modes are solved there: METHOD applies, and no other subcase takes it as its static preload."""
         if not self.method_is_modal or part.has_no_modes or not any("METHOD" in level.commands for level in part.path):
             return False
-        number = part.own[0].begin.number if part.own[0].begin else 0
-        return number not in {preload for other in self.subcases for preload in _preloads(other)}
+        own = part.own[0]
+        number = own.begin.number if own.begin else 0
+        return number not in {preload for other in self.subcases if other is not own for preload in _preloads(other)}
 
     def _preload(self, level: _Level) -> StaticSubcase | None:
         """The first of the subcases that a level takes as its static preload."""
         wanted = set(_preloads(level))
-        found = next((s for s in self.subcases if s.begin and s.begin.number in wanted), None)
+        others = [s for s in self.subcases if s.begin and s is not level.own[0]] if level.own else []
+        found = next((s for s in others if s.begin and s.begin.number in wanted), None)
         if found is None:
             return None
         used = {name: command for above in found.path for name, command in above.commands.items()}

@@ -69,6 +69,7 @@ def read_preload(building: Building, grids: Grids, batches: Sequence[ElementBatc
     deck = building.deck
     command = preload_command(deck)
     if command is None:
+        _check_subcase(building)
         return None
     subcase = deck.case_control.preload
     assert subcase is not None
@@ -91,6 +92,16 @@ def read_preload(building: Building, grids: Grids, batches: Sequence[ElementBatc
     if without:
         building.notices.append(Notice("deck.no-differential", where=command.where, cards=", ".join(without)))
     return Preload(loads.forces, loads.acceleration, subcase.spc, subcase.mpc, request)
+
+
+def _check_subcase(building: Building) -> None:
+    """Error ``deck.preload`` where the modes take a preload from a subcase that is not another one of the deck."""
+    case = building.deck.case_control
+    command = next((c for c in case.effective if c.is_preload), None)
+    if command is not None and case.preload is None:
+        building.errors.errors.append(
+            FemtuneError("deck.preload/subcase", where=command.where, request=command.text, name=command.name)
+        )
 
 
 def _refused(at: CaseCommand | Card, request: str, what: str) -> FemtuneError:
