@@ -88,6 +88,7 @@ def test_the_true_value_is_found_with_the_test_of_the_command(folder: Path) -> N
     assert update.parameters[0].value == pytest.approx(1.1, rel=0.01)
 
 
+@pytest.mark.slow
 def test_from_the_plan_to_the_update(folder: Path) -> None:
     code = re.findall(r"```python\n(.*?)```", _PAGE, re.S)[1]
     names: dict[str, Any] = {}

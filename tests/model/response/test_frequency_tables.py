@@ -194,6 +194,7 @@ def test_one_mass_by_hand():
     assert static_response(configured.at(np.zeros(3)), ports).values[0, 0] == pytest.approx(1 / k)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("solve", [modes_at_own_frequency, complex_modes_at_own_frequency])
 def test_modes_satisfy_their_own_matrices_and_derivatives_are_differences(solve):
     configured, h = model((MODULUS, LOSSES, DAMPER), ALL), 1e-5
