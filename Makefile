@@ -23,7 +23,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow check-all lint format types contract docs internals pictures evidence notebooks examples-quick browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers clean
+.PHONY: help demo test test-slow check-all lint format types contract docs internals pictures evidence notebooks examples-quick browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers release-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -109,6 +109,9 @@ mutants: $(VENV)/.stamp-test  ## mutation test of the numerical code; takes half
 	@HYPOTHESIS_PROFILE=quick $(ONE_THREAD) $(BIN)/python benchmarks/mutation/run.py --marked "not slow" $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 readers: $(VENV)/.stamp-readers  ## install the libraries that read OP2, Ansys, HDF5 and Parquet files
+
+release-check:  ## the check-list of a release: build, metadata, empty environments of every Python, tutorial, licences
+	@python="$$($(FIND_PYTHON))"; "$$python" .ci/release.py
 
 clean:  ## remove all generated files and the environment
 	rm -rf $(VENV) build dist src/*.egg-info docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

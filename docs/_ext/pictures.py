@@ -13,8 +13,14 @@ import tempfile
 from contextlib import chdir
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
+
+import femtune as ft
+from femtune.cli import main
+from femtune.modal import ModeSet
 
 _DOCS = Path(__file__).resolve().parents[1]
 _PICTURES = _DOCS / "_static" / "pictures"
@@ -53,10 +59,9 @@ def moving_shape(corners: NDArray[np.float64], motion: NDArray[np.float64], titl
     # far elements first, so that near ones cover them
     for e in np.argsort(-corners.mean(axis=1) @ np.array([-0.4, 1.0, 0.0])):
         values = [" ".join(f"{x:.1f},{y:.1f}" for x, y in frame) for frame in frames[:, e]]
-        shapes.append(
-            f'<polygon points="{values[0]}" fill="hsl({215 - 200 * strength[e]:.0f},65%,58%)">'
-            f'<animate attributeName="points" dur="2.4s" repeatCount="indefinite" values="{";".join(values)}"/></polygon>'
-        )
+        moving = f'<animate attributeName="points" dur="2.4s" repeatCount="indefinite" values="{";".join(values)}"/>'
+        fill = f"hsl({215 - 200 * strength[e]:.0f},65%,58%)"
+        shapes.append(f'<polygon points="{values[0]}" fill="{fill}">{moving}</polygon>')
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 624 {height:.0f}" role="img"><title>{title}</title>'
         f'<g stroke="#33415588" stroke-width=".8" stroke-linejoin="round">{"".join(shapes)}</g></svg>\n'
@@ -65,13 +70,8 @@ def moving_shape(corners: NDArray[np.float64], motion: NDArray[np.float64], titl
 
 def make() -> None:
     """Run the tutorial in a temporary folder and draw its pictures."""
-    import matplotlib as mpl
-
     mpl.use("Agg")
     mpl.rcParams["svg.hashsalt"] = "femtune"
-    import femtune as ft
-    from femtune.cli import main
-
     page = (_DOCS / "tutorial.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
     commands = [c for block in re.findall(r"```\n(femtune.*?)```", page, re.S) for c in block.splitlines()]
@@ -96,11 +96,11 @@ def make() -> None:
     _HASH.write_text(made_from() + "\n", encoding="utf-8")
 
 
-def _plate(shapes: object, mode: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _plate(shapes: ModeSet, mode: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Corners of the elements of the tutorial's plate, and how they move in a mode."""
     grid = np.array([[100 * j + i + 1 for i in range(13)] for j in range(9)])
-    rows = {str(dof): k for k, dof in enumerate(shapes.dofs)}  # type: ignore[attr-defined]
-    w = np.array([[shapes.shapes[rows[f"{g}Z+"], mode] for g in line] for line in grid])  # type: ignore[attr-defined]
+    rows = {str(dof): k for k, dof in enumerate(shapes.dofs)}
+    w = np.array([[shapes.shapes[rows[f"{g}Z+"], mode] for g in line] for line in grid])
     x, y = np.meshgrid(0.05 * np.arange(13), 0.05 * np.arange(9))
     at = np.stack([x, y, np.zeros_like(x)], axis=-1)
     moved = np.stack([np.zeros_like(w), np.zeros_like(w), 0.07 * w / np.abs(w).max()], axis=-1)
@@ -109,9 +109,8 @@ def _plate(shapes: object, mode: int) -> tuple[NDArray[np.float64], NDArray[np.f
     return quads[0], quads[1]
 
 
-def _save(axes: object, name: str) -> None:
-    figure = axes.figure  # type: ignore[attr-defined]
-    figure.savefig(_PICTURES / name, bbox_inches="tight", metadata={"Date": None})
+def _save(axes: Axes, name: str) -> None:
+    axes.figure.savefig(_PICTURES / name, bbox_inches="tight", metadata={"Date": None})
 
 
 if __name__ == "__main__":
