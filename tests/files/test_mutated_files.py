@@ -22,7 +22,7 @@ from femtune.errors import FemtuneError
 from femtune.files.identification_file import read_identify_file
 from femtune.files.matrices.listed_modes import read_listed_modes
 from femtune.files.matrices.registry import read_matrix
-from femtune.files.modes.nastran_text import read_f06, read_punch
+from femtune.files.modes.nastran_text import read_punch
 from femtune.files.points_table import read_points
 from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs, read_record
 from femtune.files.study_file.reading import read_study_file
@@ -109,7 +109,7 @@ DMIG*   KAAX                           1               1
 DMIG*   KAAX                           2               3
 *                      2               3 5.000000000D+02
 """
-LISTED = b"""0                                              R E A L   E I G E N V A L U E S
+LISTED = b"""                                               R E A L   E I G E N V A L U E S
    MODE    EXTRACTION      EIGENVALUE            RADIANS             CYCLES            GENERALIZED         GENERALIZED
     NO.       ORDER                                                                       MASS              STIFFNESS
         1         1        4.000000E+02        2.000000E+01        3.183099E+00        1.000000E+00        4.000000E+02
@@ -125,6 +125,13 @@ $EIGENVALUE =  4.0000000E+02  MODE =     1
          2       G      0.500000E+00      1.000000E+00      0.000000E+00
 -CONT-                  0.000000E+00      0.000000E+00      0.000000E+00
 """
+
+
+def _study(path: Path) -> object:
+    """The study, with the files that it names."""
+    for name in ("building.bdf", "building.uff"):
+        (path.parent / name).touch()
+    return read_study_file(path)
 
 
 KINDS: dict[str, tuple[str, Callable[[], bytes], Callable[[Path], object], Callable[[Path, object], None]]] = {
@@ -145,10 +152,9 @@ KINDS: dict[str, tuple[str, Callable[[], bytes], Callable[[Path], object], Calla
     "record": ("a.csv", lambda: TABLE, lambda p: read_record(p, (), 10.0), _nothing),
     "MatrixMarket": ("a.mtx", _market, lambda p: read_matrix(p, format="matrix-market"), _same_market),
     "DMIG": ("a.pch", lambda: DMIG, lambda p: read_matrix(p, format="dmig"), _nothing),
-    "modes of a listing": ("a.f06", lambda: LISTED, read_f06, _nothing),
     "modes of a punch file": ("a.pch", lambda: PUNCH, read_punch, _nothing),
     "listed modes": ("a.f06", lambda: LISTED, read_listed_modes, _nothing),
-    "study": ("a.toml", lambda: STUDY.encode(), read_study_file, _nothing),
+    "study": ("a.toml", STUDY.encode, _study, _nothing),
     "identification file": ("a.toml", lambda: IDENTIFY, read_identify_file, _nothing),
 }  # fmt: skip
 
