@@ -15,8 +15,9 @@ from femtune.modal.shape_criteria import mac
 from femtune.model.response import make_ports
 from femtune.runs import ExternalSolver, ResultFile, Templates, read_template
 
-FREE_MODES, TABLE_MODES, COMPARED = 16, 200, 10
-"""Modes that CalculiX computes, free and on the table, and elastic modes that are compared with the mixed model."""
+FREE_MODES, SWEPT_MODES, SHAKEN_MODES, COMPARED = 16, 40, 200, 10
+"""Modes that CalculiX computes, free, and on the table for the sweep and for random vibration; elastic modes that are
+compared with the mixed model."""
 
 
 def weighed_density(weighed: float) -> float:
@@ -26,11 +27,12 @@ def weighed_density(weighed: float) -> float:
 
 
 def write_inputs(folder: Path, weighed: float) -> None:
-    """The input files free.inp and bolted.inp with placeholders for the moduli."""
+    """The input files free.inp, and swept.inp and shaken.inp on the table, with placeholders for the moduli."""
     densities = {"D1": NOMINAL["D1"], "D2": weighed_density(weighed)}
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "free.inp").write_text(input_text(FREE_MODES, values=densities))
-    (folder / "bolted.inp").write_text(input_text(TABLE_MODES, table=True, values=densities))
+    for name, modes in (("swept", SWEPT_MODES), ("shaken", SHAKEN_MODES)):
+        (folder / f"{name}.inp").write_text(input_text(modes, table=True, values=densities))
 
 
 def beside_mixed(program: str, folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
