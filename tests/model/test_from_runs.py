@@ -190,6 +190,7 @@ def test_kriging_of_runs_with_shapes_follows_modes_that_change_places() -> None:
         np.testing.assert_allclose(solved(smooth, runs.points[i], 3)[0], runs.freq_hz[i], rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rules", [RadialRules("cubic"), ChaosRules(6)], ids=lambda rules: rules.label)
 def test_other_surrogates_of_runs_with_shapes(rules: SurrogateRules) -> None:
     """Chain with modes that change places: closer than quadratic polynomials, shapes too."""

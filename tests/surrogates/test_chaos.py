@@ -98,6 +98,7 @@ def test_second_derivatives_by_complex_step_of_the_first() -> None:
         np.testing.assert_allclose(curved[:, i], moved, rtol=1e-9, atol=1e-9 * np.abs(curved).max())
 
 
+@pytest.mark.slow
 def test_intervals_cover_fresh_runs() -> None:
     rng = np.random.default_rng(6)
     inside = []
@@ -108,6 +109,7 @@ def test_intervals_cover_fresh_runs() -> None:
     assert 0.85 < np.mean(inside) < 0.95
 
 
+@pytest.mark.slow
 def test_the_indices_of_ishigami_are_those_of_the_closed_form() -> None:
     x = latin_hypercube(3, 300, 1).points
     surrogate = fit_surrogate(x, _ishigami(x), ChaosRules(degree=10), _UNIT)
@@ -123,7 +125,7 @@ def test_indices_of_several_responses_do_not_depend_on_their_directions() -> Non
     y = np.stack([x[:, 0] + 2.0 * x[:, 1], x[:, 1] * x[:, 2]], axis=1)
     angle = np.array([[0.6, -0.8], [0.8, 0.6]])
     one, other = (
-        explained_variances(fit_surrogate(x, values, ChaosRules(degree=3), _UNIT)) for values in (y, y @ angle)
+        explained_variances(fit_surrogate(x, values, ChaosRules(degree=2), _UNIT)) for values in (y, y @ angle)
     )
     # variances: 1/12, 4/12; 1/48, 1/48, and 1/144 of both
     whole = 5.0 / 12.0 + 7.0 / 144.0
