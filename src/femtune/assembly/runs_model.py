@@ -235,9 +235,11 @@ def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
         "mode": worst + 1,
     }
     poor = not size.max() <= file.runs.tolerance
-    code = "runs.poor-fit" if poor else "runs.fitted"
     if file.runs.method in _NAMES:
-        code, facts["method"] = f"{code}/surrogate", _NAMES[file.runs.method]
+        code = "runs.poor-fit/surrogate" if poor else "runs.fitted/surrogate"
+        facts["method"] = _NAMES[file.runs.method]
+    else:
+        code = "runs.poor-fit" if poor else "runs.fitted"
     return [*found, Notice(code, where=where, level="warning" if poor else "info", **facts)]
 
 
