@@ -66,12 +66,12 @@ def _clusters(close: tuple[float, float], mixed_share: int) -> PoleTable:
     return join_tables([apart, table_of(between, [mixture[:, :c] for c in count], orders, "pLSCF", dofs)])
 
 
-@pytest.mark.parametrize("mixed_share", [10, 8])
-def test_two_close_modes_come_before_a_mixture_of_both(mixed_share: int) -> None:
-    """Repeated modes: one method tells them apart, the other does not."""
-    found = choose(_clusters((20.0, 20.0), mixed_share))
+@pytest.mark.parametrize("second", [20.0, 20.1])
+def test_two_close_modes_come_before_a_mixture_of_both(second: float) -> None:
+    """Repeated modes, and modes half a per cent apart: one method tells them apart, the other does not."""
+    found = choose(_clusters((20.0, second), 10))
     assert [c.share["N4SID"] > 0.5 for c in found if c.chosen] == [True, True]
-    assert [c.reason for c in found if not c.chosen] == ["same mode as at 20 Hz"]
+    assert [c.reason[:15] for c in found if not c.chosen] == ["same mode as at"]
 
 
 def test_clusters_that_no_method_has_side_by_side_are_one_mode() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -217,8 +217,8 @@ def _without_duplicates(found: Sequence[Candidate], table: PoleTable, rule: Rule
     """
     kept: list[Candidate] = []
     result, chosen = list(found), [c for c in found if c.chosen]
-    pairs = [sum(_near(c, d, rule) and not _same(c, d, table) for d in chosen) for c in found]
-    for i in sorted(range(len(found)), key=lambda i: (-pairs[i], -len(found[i].members))):
+    mixture = [_is_mixture(c, [d for d in chosen if d is not c and _near(c, d, rule)], table) for c in found]
+    for i in sorted(range(len(found)), key=lambda i: (mixture[i], -len(found[i].members))):
         twin = next((c for c in kept if _near(c, found[i], rule) and _same(c, found[i], table)), None)
         if found[i].chosen and twin is not None:
             result[i] = replace(found[i], chosen=False, reason=f"same mode as at {twin.freq_hz:.4g} Hz")
@@ -227,13 +227,19 @@ def _without_duplicates(found: Sequence[Candidate], table: PoleTable, rule: Rule
     return result
 
 
+def _is_mixture(c: Candidate, near: Sequence[Candidate], table: PoleTable) -> bool:
+    """Whether two of those near it are different modes, which no order has beside it."""
+    other = [d for d in near if not _found_together(c, d, table)]
+    return any(_found_together(a, b, table) and not _same(a, b, table) for a, b in combinations(other, 2))
+
+
 def _near(a: Candidate, b: Candidate, rule: Rule) -> bool:
     return abs(a.freq_hz - b.freq_hz) <= rule.same * max(a.freq_hz, b.freq_hz)
 
 
 def _same(a: Candidate, b: Candidate, table: PoleTable) -> bool:
     """Whether two clusters of nearly the same frequency are one mode."""
-    if a is b or len(table.dofs) == 1 or not _found_together(a, b, table):
+    if len(table.dofs) == 1 or not _found_together(a, b, table):
         return True
     return bool(mac_where_defined(table.shapes[:, [a.at]], table.shapes[:, [b.at]])[0, 0] > 0.8)
 
