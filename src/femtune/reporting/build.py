@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ from femtune.reporting.short_form import (
     verdict,
 )
 from femtune.reporting.source import ReportSource
+from femtune.reporting.view import view_of
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block, Level
@@ -38,7 +40,8 @@ def build_report(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Docume
     sentence, level = verdict(source)
     texts = [_titled(text, results.study.imported) for text in section_texts()]
     sections = tuple(_section(text, source) for text in texts)
-    return Document(results.study.title, sentence, level, _facts(results), sections, short_form(source))
+    facts, short = _facts(results), short_form(source)
+    return Document(results.study.title, sentence, level, facts, sections, short, collect=partial(view_of, source))
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,8 @@ def build_page(step: str, results: Results, arrays: Mapping[str, NDArray[Any]]) 
     sentence, level = page.verdict(getattr(results, step))
     found = (_section(text, source) for text in section_texts(step))
     sections = tuple(s for s in found if s.blocks)
-    return Document(results.study.title, sentence, level, _facts(results), sections, genre=page.genre)
+    facts, collect = _facts(results), partial(view_of, source)
+    return Document(results.study.title, sentence, level, facts, sections, genre=page.genre, collect=collect)
 
 
 def _titled(text: SectionText, imported: bool) -> SectionText:
