@@ -123,7 +123,7 @@ test("pointer, wheel, phase, scale, windows, colours and arrows change the pictu
   await changes("overlaid", () => page.getByLabel("Windows").selectOption("overlaid"));
   await changes("arrows", () => page.getByLabel("Arrows").uncheck());
   await changes("difference", () => page.getByLabel("Colour").selectOption("difference to the test"));
-  await changes("model before", () => page.getByLabel(/^Model/).selectOption("before"));
+  await changes("model before", () => page.locator(".viewer").getByLabel(/^Model/).selectOption("before"));
   await close();
 });
 
