@@ -273,7 +273,7 @@ for (const path of pages) {
   test(`${named(path)}: print shows stills and no controls`, async () => {
     const { page, close } = await open(path);
     await page.emulateMedia({ media: "print" });
-    assert.equal(await page.locator(".viewer:visible, .tools:visible, .live:visible, nav:visible").count(), 0);
+    assert.equal(await page.locator(".viewer:visible, .tools:visible, .live:visible").count(), 0);
     if (await page.locator(".stills").count()) assert.ok(await page.locator(".stills figure img").first().isVisible());
     await page.pdf({ path: join(pictures, `${named(path)}.pdf`), preferCSSPageSize: true });
     await close();

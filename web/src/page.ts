@@ -29,7 +29,7 @@ function atHead(id: string, ...elements: HTMLElement[]): void {
 }
 
 const view = readView();
-for (const table of document.querySelectorAll("table")) enhance(table);
+for (const table of document.querySelectorAll<HTMLTableElement>(".scroll table")) enhance(table);
 for (const figure of document.querySelectorAll<HTMLElement>("figure")) enhancePicture(figure);
 if (view?.scenes.length) linkPairs(view.scenes.filter((s) => s.test).map((s) => s.configuration));
 if (view?.functions.length) {

@@ -85,10 +85,12 @@ def _titled(text: SectionText, imported: bool) -> SectionText:
 
 
 def _section(text: SectionText, source: ReportSource) -> Section:
-    """The section that the function `text.id` of its module makes."""
-    blocks: list[Block] = getattr(import_module(f"femtune.reporting.sections.{text.module}"), text.id)(source)
-    intro = (Paragraph(text.intro, tone="muted"),) if text.intro else ()
-    return Section(text.id, text.title, (*intro, *blocks))
+    """The section that a function of its module makes; one that only says why it is empty has no opening words."""
+    module = import_module(f"femtune.reporting.sections.{text.module}")
+    blocks: list[Block] = getattr(module, text.function or text.id)(source)
+    folded = text.optional and len(blocks) == 1 and isinstance(blocks[0], Paragraph)
+    intro = (Paragraph(text.intro, tone="muted"),) if text.intro and not folded else ()
+    return Section(text.id, text.title, (*intro, *blocks), folded)
 
 
 def _facts(results: Results) -> tuple[tuple[str, str], ...]:

@@ -163,11 +163,12 @@ Block = Paragraph | Heading | Listing | AlertBox | KeyNumbers | Table | Figure |
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the page, or of the short form."""
+    """A section of the page, or of the short form; `folded` where its step did not run, and it only says so."""
 
     id: str
     title: str
     blocks: tuple[Block, ...]
+    folded: bool = False
 
 
 @dataclass(frozen=True)

@@ -146,12 +146,17 @@ def _data_uri(svg: str) -> str:
 
 @dataclass(frozen=True)
 class SectionText:
-    """One entry of the file; the function `id` of `module` in `femtune.reporting.sections` makes the blocks."""
+    """One entry of the file; `function` (`id` by default) of `module` in `femtune.reporting.sections` makes the blocks.
+
+    An `optional` section is folded where its step did not run.
+    """
 
     id: str
     module: str
     title: str
     intro: str = ""
+    function: str = ""
+    optional: bool = False
 
 
 def section_texts(page: str = "report") -> tuple[SectionText, ...]:
