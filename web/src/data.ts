@@ -4,7 +4,7 @@ export interface Packed { type: "u1" | "u2" | "u4" | "i2" | "f4"; shape: number[
 export interface Pair { test: number; column: number; modes: number[]; weights: number[]; factor: [number, number] }
 export interface Stage {
   title: string; numbers: number[]; freq_hz: number[]; stored: number[]; motion: Packed; mac: Packed | null;
-  seen: Packed | null; factors: Packed | null; expanded: Packed | null; energy: Packed | null; pairs: Pair[];
+  seen: Packed | null; factors: Packed | null; expanded: Packed | null; pairs: Pair[];
 }
 export interface SceneData {
   configuration: string; note: string; points: Packed; faces: Packed; edges: Packed; lines: Packed; rigid: Packed;

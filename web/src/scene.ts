@@ -5,7 +5,7 @@ import { column, unpack, unpackRows, type Packed, type SceneData, type Stage } f
 import { Arrows, colours, Dots, Faces, thinLines, WideLines } from "./drawing.ts";
 import { combined, diagonal, largest, minus, moved, shownFactor, sizes, times, triangles, type Motion } from "./motion.ts";
 
-export type Colouring = "displacement" | "energy" | "difference";
+export type Colouring = "displacement" | "difference";
 export interface Theme { dark: boolean; ink: string; rest: string; model: string; test: string }
 
 /** What is shown: a row of the test's modes (null without a test) and a column of the model's. */
@@ -25,7 +25,6 @@ export class SceneOf {
   private modelMotion: Motion | null = null;
   private testMotion: Motion | null = null;
   private expandedMotion: Motion | null = null;
-  private energy: Float32Array | null = null;
   private scale = 0;
   private readonly modelSide: ModelSide;
   private readonly testSide: TestSide | null;
@@ -55,7 +54,6 @@ export class SceneOf {
     const stored = modes.map((j) => stage.stored.indexOf(j));
     if (stored.some((k) => k < 0)) throw new Error("the shape is not stored");
     this.modelMotion = combined(stored.map((k) => this.column(stage.motion, k)), weights);
-    this.energy = stage.energy && stored.length === 1 ? this.column(stage.energy, stored[0]) : null;
     this.testMotion = this.expandedMotion = null;
     if (chosen.test !== null && this.hasTest && stage.seen && stage.factors && stage.mac) this.chooseTest(stage, chosen.test, chosen.column, pair?.factor, combined(modes.map((j) => this.column(stage.seen!, j)), weights));
     const most = largest(sizes(this.modelMotion)) || 1;
@@ -84,7 +82,6 @@ export class SceneOf {
     const amount = sizes(this.modelMotion), most = largest(amount) || 1;
     const part = amount.map((v) => v / most);
     let values: Float32Array = part;
-    if (colouring === "energy" && this.energy) values = this.energy;
     if (colouring === "difference" && this.expandedMotion) values = sizes(minus(this.modelMotion, this.expandedMotion)).map((v) => v / most);
     this.modelSide.paint(colours(values, dark));
     if (this.expandedMotion) this.expandedSide!.paint(colours(colouring === "difference" ? values : sizes(this.expandedMotion).map((v) => v / most), dark));

@@ -9,7 +9,7 @@ import { box } from "./motion.ts";
 import { control, homeOf, Orbit } from "./orbit.ts";
 import { SceneOf, type Chosen, type Colouring, type Theme } from "./scene.ts";
 
-const COLOURINGS: [Colouring, string][] = [["displacement", "displacement"], ["energy", "strain energy"], ["difference", "difference to the test"]];
+const COLOURINGS: [Colouring, string][] = [["displacement", "displacement"], ["difference", "difference to the test"]];
 const KEYS = "Drag to turn, shift and drag to move, wheel to zoom once the picture has the focus. Keys: arrows turn, + and − zoom, 0 resets the view, space starts and stops the motion.";
 
 export class Viewer {
@@ -117,7 +117,7 @@ export class Viewer {
     stages.replaceChildren(...data.stages.map((s) => h("option", {}, s.title)));
     stages.selectedIndex = data.stages.length - 1;
     this.version.label.hidden = data.stages.length < 2;
-    const usable: Record<Colouring, boolean> = { displacement: true, energy: data.stages.some((s) => s.energy), difference: this.scene.hasTest };
+    const usable: Record<Colouring, boolean> = { displacement: true, difference: this.scene.hasTest };
     COLOURINGS.forEach(([name], i) => { this.colouring.select.options[i].disabled = !usable[name]; });
     this.colouring.select.selectedIndex = 0;
     this.layout.label.hidden = !this.scene.hasTest;

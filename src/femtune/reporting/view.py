@@ -87,8 +87,6 @@ class StageView:
     """(test modes, modes, 2) real and imaginary part of the modal scale factor from test to model."""
     expanded: Packed | None = None
     """(points, 3, test modes) the test's shapes expanded to the points; None where this was not requested."""
-    energy: Packed | None = None
-    """(points, modes of `motion`) strain energy density relative to its largest value; None where it is not known."""
     pairs: tuple[PairView, ...] = ()
 
 
