@@ -85,8 +85,8 @@ def page(
         "| --- " * 4 + "|",
         *(f"| {name} | {ratio:.2f} | {100 * inside:.1f} % | {sound:.2f} |" for name, ratio, inside, sound in own),
         "",
-        "Polynomial chaos states too small an error: its terms are chosen by the same runs, and leaving out one run with "
-        "unchanged terms does not show that. Trust its error at fresh runs.",
+        "Polynomial chaos states too small an error: its terms are chosen by the same runs, and leaving out one run "
+        "with unchanged terms does not show that. Trust its error at fresh runs.",
         "",
         "## Sobol's indices",
         "",
