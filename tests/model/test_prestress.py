@@ -27,6 +27,7 @@ from femtune.files.nastran.build import BuiltModel
 from femtune.model import Configuration, configure, parametric_model, solve_modes
 from femtune.model.configured import ConfiguredModel
 from femtune.model.parametric import Assignment
+from femtune.model.reduce.reduced_model import check_size
 from femtune.parameters import Parameter, ParameterSet
 from structures.shells import Isotropic
 from structures.solids import solid_mesh, solid_model
@@ -414,6 +415,23 @@ def test_derivatives_are_exact() -> None:
         ]:
             expected = complex_step.toarray().imag / h
             np.testing.assert_allclose(found.toarray(), expected, atol=1e-9 * np.abs(expected).max() + rounding, rtol=0)
+
+
+def test_a_shortage_of_memory_is_said_before_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = parametric_model(frame().structure, NONE, ())
+    monkeypatch.setattr("femtune.model.linear.memory.free_memory", lambda: 0)
+    monkeypatch.setattr("femtune.model.linear.memory.NEGLIGIBLE_BYTES", 0)
+    monkeypatch.setattr("femtune.model.configured.require_memory", lambda *args, **facts: None)
+    with pytest.raises(FemtuneError, match="internal forces") as caught:
+        configure(model, Configuration())
+    assert caught.value.code == "model.memory"
+
+
+def test_a_reduction_names_the_preload_that_makes_it_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("femtune.model.reduce.reduced_model.MOST_BYTES", 1)
+    with pytest.raises(FemtuneError, match="STATSUB") as caught:
+        check_size(parametric_frame(), 10)
+    assert caught.value.code == "reduce.too-many-terms"
 
 
 def test_the_forces_of_a_determinate_structure_do_not_depend_on_its_stiffness() -> None:

@@ -51,7 +51,7 @@ class Patch:
         shape = TRI6_SHAPE if self.is_triangle else QUAD8_SHAPE
         return shape.functions(np.asarray(place)[None])[0]
 
-    def project(self, point: Reals) -> Projection:
+    def project(self, point: Reals) -> SurfacePoint:
         """The point of the surface from which a point lies along the normal."""
         place = np.full(2, 1.0 / 3.0 if self.is_triangle else 0.0)
         for _ in range(_STEPS):
@@ -62,13 +62,13 @@ class Patch:
             place = np.clip(place + step, -5.0, 5.0)
             if np.abs(step).max() < _NEAR:
                 break
-        return Projection(
+        return SurfacePoint(
             self, place, self.functions(place), float(np.linalg.norm(point - self.functions(place)[0] @ self.xyz))
         )
 
 
 @dataclass(frozen=True, eq=False)
-class Projection:
+class SurfacePoint:
     """A point on a patch.
 
     Parameters
@@ -138,7 +138,7 @@ class EndMotion:
     motion: Reals
 
 
-def on_surface(point: Projection) -> EndMotion:
+def on_surface(point: SurfacePoint) -> EndMotion:
     """An end that moves and turns with the surface."""
     motion = np.zeros((6, len(point.patch.rows), 6))
     motion[:3, :, :3], motion[3:, :, :3] = point.displacement(), point.rotation()
@@ -150,7 +150,7 @@ def at_grid(row: int, xyz: Reals, normal: Reals) -> EndMotion:
     return EndMotion(xyz, normal, np.array([row]), np.eye(6)[:, None, :])
 
 
-def on_auxiliary_points(point: Projection, around: Sequence[Projection]) -> EndMotion:
+def on_auxiliary_points(point: SurfacePoint, around: Sequence[SurfacePoint]) -> EndMotion:
     """An end that moves as a rigid body with the mean motion of points around it, as RBE3 has it with equal weights."""
     arms = np.array([p.xyz for p in around]) - point.xyz
     size = float(np.linalg.norm(arms, axis=1).max())
@@ -165,7 +165,7 @@ def on_auxiliary_points(point: Projection, around: Sequence[Projection]) -> EndM
     return EndMotion(point.xyz, point.axes[:, 2], rows, motion)
 
 
-def square_around(point: Projection, side: float) -> Reals:
+def square_around(point: SurfacePoint, side: float) -> Reals:
     """(4, 3) corners of a square in the tangent plane."""
     x, y, _ = point.axes.T
     signs = 0.5 * side * np.column_stack([quad.XI, quad.ETA])

@@ -16,7 +16,7 @@ from femtune.fem.fields import FieldRef
 from femtune.fem.patches import (
     EndMotion,
     Patch,
-    Projection,
+    SurfacePoint,
     at_grid,
     on_auxiliary_points,
     on_surface,
@@ -120,7 +120,7 @@ class _Shells:
 
 def _projected(
     shells: _Shells, point: Reals, numbers: Sequence[int], record: CardEntry
-) -> tuple[int, Projection] | None:
+) -> tuple[int, SurfacePoint] | None:
     """The shell on which a point falls, the nearest of several."""
     found = [(n, shells.patch(n, record).project(point)) for n in numbers]
     inside = [(n, p) for n, p in found if p.is_inside]
@@ -212,7 +212,7 @@ class _Reading:
         return _Ends(ends[0], ends[1], (numbers[0], numbers[1]))
 
     def _with_auxiliary_points(
-        self, record: CardEntry, found: tuple[int, Projection], diameter: float, by_property: bool
+        self, record: CardEntry, found: tuple[int, SurfacePoint], diameter: float, by_property: bool
     ) -> EndMotion:  # fmt: skip
         number, point = found
         others = self.shells.beside(number)
