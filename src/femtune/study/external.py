@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 _SETTLED = 1e-4
 """Largest change of a parameter, in half ranges, that moves the model no more."""
 _FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-3
+_MOST_REJECTED = 2
+"""Steps by the derivatives of the deck after which the misfit is not smaller, from which they count as misleading."""
 _SAME = 1e-6
 _NEAR = 1e-9
 _RIGID = 1e-3
@@ -121,6 +123,8 @@ def find_on_solver(
     assert study.file.solver is not None
     first = nominal_point(runs.file)
     runs.measure_noise(first, runs.run([first])[0])
+    rejected = 0
+    runs.follow_deck(first)
 
     def updated(there: Study, start: Evaluation) -> UpdateResult:
         return update(there.problem(), method, tell, start, active=active)
@@ -133,16 +137,27 @@ def find_on_solver(
     while moves < study.file.solver.moves:
         change = place.result.x - place.x
         step = float((np.abs(change) / half).max())
+        if runs.by_deck and (step <= runs.relative_step or rejected == _MOST_REJECTED or radius < _LEAST_RADIUS):
+            # what the deck lacks of the solver's derivatives decides over the rest of the way
+            told.append(_led(runs, moves, rejected))
+            runs.by_deck = False
+            there = _tried(runs, place, updated, place.x, told)
+            if there is None:
+                step = np.inf
+                break
+            place, radius = there, _FIRST_RADIUS
+            history += _numbered(place.result.history, len(history))
+            continue
         if step <= _SETTLED or radius < _LEAST_RADIUS:
             break
         moves += 1
         short = min(1.0, radius / step)
         there = _tried(runs, place, updated, place.x + short * change, told)
         if there is None:
-            open_ = _open_combinations(place, active)
+            open_ = [] if runs.by_deck else _open_combinations(place, active)
             if open_:
                 break
-            radius = 0.5 * short * step
+            radius, rejected = 0.5 * short * step, rejected + 1
             continue
         predicted = _difference(place, there)
         place, radius = there, max(radius, 2.0 * short * step)
@@ -267,6 +282,13 @@ def _told(moves: int, started: int, difference: float | None) -> Notice:
     return Notice("external.moved", level="info", moves=moves, percent=percent, started=started)
 
 
+def _led(runs: SolverRuns, moves: int, rejected: int) -> Notice:
+    """How far the derivatives of the deck led; a warning where they misled."""
+    if rejected == _MOST_REJECTED:
+        return Notice("external.by-deck/misled", moves=moves)
+    return Notice("external.by-deck", level="info", moves=moves, percent=100.0 * runs.relative_step)
+
+
 def _stopped(moves: int, step: float, open_: Sequence[str]) -> Notice:
     if open_:
         return Notice("external.undetermined", moves=moves, combinations=" ".join(open_))
@@ -382,5 +404,6 @@ def least_squares_on_solver(
     study: Study, runs: SolverRuns, method: SensitivityMethod, x: Reals, active: Sequence[str] | None = None
 ) -> SolverUpdate:
     """The update with the solver from a point (arguments and errors as of `find_on_solver`)."""
+    runs.follow_deck(nominal_point(runs.file))
     there = moved_to(study, runs, point_of(study.parameters, runs, x))
     return find_on_solver(there, runs, method, nothing, there.problem().start(x), active)
