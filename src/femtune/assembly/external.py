@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.assembly.beside_deck import DeckDerivatives, modes_beside
 from femtune.assembly.cases import overlay
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.parameters import assignments, parameter_set, targets
@@ -39,11 +40,12 @@ from femtune.runs.template import InputFiles, check_names
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
+    from femtune.assembly.beside_deck import Beside
     from femtune.assembly.progress import Progress
     from femtune.executor import Executor
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.study_file import StudyFile
-    from femtune.model import ParametricModel
+    from femtune.model import ConfiguredModel, ParametricModel
     from femtune.parameters import ParameterSet
 
 RUNS_FOLDER = "external"
@@ -75,6 +77,10 @@ class DeckFiles:
         """Names of the parameters."""
         return self.model.parameters.names
 
+    def x_of(self, values: Mapping[str, float]) -> Reals:
+        """Normalised parameters of the deck's model."""
+        return np.array([(values[p.name] - p.nominal) / p.scale for p in self.model.parameters.free])
+
     @property
     def version(self) -> str:
         """Digest of all files of the deck, of which a run has only those that are changed."""
@@ -82,7 +88,7 @@ class DeckFiles:
 
     def files(self, values: Mapping[str, float]) -> dict[str, bytes]:
         """See `InputFiles` (errors ``write.*``)."""
-        x = np.array([(values[p.name] - p.nominal) / p.scale for p in self.model.parameters.free])
+        x = self.x_of(values)
         updates = self.model.field_values(x)
         updates = {**updates, **self.model.structure.values.following(updates, self.built.fields)}
         regions = {a.parameter: a.elements for a in self.model.assignments if a.elements is not None}
@@ -154,6 +160,9 @@ class SolverRuns:
     solvers : with the inputs of the configurations, in the order of `sources`
     noise : relative scatter and rounding of the results
     replaced : what was said of runs that failed for good
+    decks : femtune's own model of each of the inputs, where derivatives come from it, in its configuration
+    by_deck : whether they do at the next point
+    compared : what was said of both models, at the first point where they were compared
     """
 
     file: StudyFile
@@ -164,6 +173,9 @@ class SolverRuns:
     noise: float = _DIGITS
     started: int = 0
     replaced: list[Notice] = field(default_factory=list)
+    decks: tuple[tuple[DeckFiles, ConfiguredModel], ...] = ()
+    by_deck: bool = False
+    compared: list[Notice] = field(default_factory=list)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -179,10 +191,14 @@ class SolverRuns:
     @property
     def steps(self) -> Reals:
         """(k,) distances of the runs from the central one: where rounding and curvature spoil differences alike."""
-        assert self.file.solver is not None
         lower, upper = self.bounds
-        chosen = self.file.solver.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _LEAST_STEP, _LARGEST_STEP))
-        return 0.5 * chosen * (upper - lower)
+        return 0.5 * self.relative_step * (upper - lower)
+
+    @property
+    def relative_step(self) -> float:
+        """These distances in half ranges of the bounds."""
+        assert self.file.solver is not None
+        return self.file.solver.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _LEAST_STEP, _LARGEST_STEP))
 
     def run(self, points: Sequence[Reals]) -> tuple[PointRuns, ...]:
         """The runs of points; what is known is not run again."""
@@ -211,12 +227,14 @@ class SolverRuns:
         self.noise = max(noise)
 
     def around(self, point: Reals) -> tuple[RunsTable, ...]:
-        """Runs at a point and two more for each parameter, by `sources`.
+        """Runs at a point and two more for each parameter, by `sources`; one run where derivatives come from the deck.
 
         Raises
         ------
         FemtuneError : ``external.failed`` where the point itself, or all points beside it for a parameter, fail
         """
+        if self.by_deck and (found := self._by_deck(point)) is not None:
+            return found
         offsets = [_within(i, point, self.steps, self.bounds) for i in range(len(point))]
         first = [point + o for some in offsets for o in some[:2]]
         outcomes = dict(zip(map(tuple, [point, *first]), self.run([point, *first])))
@@ -227,6 +245,40 @@ class SolverRuns:
         for i, some in enumerate(offsets):
             rows += self._pair(i, point, some, outcomes)
         return self.tables(rows)
+
+    def follow_deck(self, point: Reals) -> None:
+        """Take derivatives from the deck from here on, if both models are alike at a point that was run."""
+        self.by_deck = bool(self.decks)
+        if self.by_deck:
+            self._by_deck(point)
+
+    def _by_deck(self, point: Reals) -> tuple[RunsTable, ...] | None:
+        """One run at a point, and modes beside it by the derivatives of the own model; None where these mislead."""
+        centre = self.run([point])[0]
+        if centre.failure is not None:
+            raise self.failed(point, centre)
+        values = dict(zip(self.names, map(float, point)))
+        beside = [o for i in range(len(point)) for o in _within(i, point, self.steps, self.bounds)[:2]]
+        points = [point, *(point + o for o in beside)]
+        found, told = [], []
+        for i, ((deck, configured), table) in enumerate(zip(self.decks, self.tables([(point, centre)]))):
+            try:
+                modes = modes_beside(configured, deck.x_of(values), table)
+                told.append(_compared(self, i, modes))
+                if modes is None or not _alike(modes):
+                    self.by_deck = False
+                    break
+                scales = {p.name: p.scale for p in deck.model.parameters.free}
+                found.append(DeckDerivatives.of(modes, scales, self.names).table(self.names, points))
+            except FemtuneError as error:
+                self.by_deck = False
+                told.append(Notice("external.deck/not-solved", where=self.file.where("solver"), reason=error.what))
+                break
+        if not self.compared:
+            self.compared = told
+        elif not self.by_deck:
+            self.compared.append(told[-1])
+        return tuple(found) if self.by_deck else None
 
     def tables(self, rows: Sequence[tuple[Reals, PointRuns]]) -> tuple[RunsTable, ...]:
         """Tables of runs that have modes, by `sources`."""
@@ -277,6 +329,38 @@ class SolverRuns:
         return good
 
 
+_MOST_LISTED = 12
+_UNLIKE = 0.25
+"""Part of the elastic modes without a partner from which the derivatives of the deck are not used."""
+
+
+def _alike(beside: Beside) -> bool:
+    """True where nearly all elastic modes have partners in the own model."""
+    elastic = beside.elastic
+    return bool(elastic.any()) and bool((elastic & ~beside.paired).sum() <= _UNLIKE * elastic.sum())
+
+
+def _compared(runs: SolverRuns, part: int, beside: Beside | None) -> Notice:
+    """Both models mode by mode; a warning where they differ so much that derivatives mislead."""
+    where = runs.file.where("solver", "derivatives")
+    if beside is None:
+        return Notice("external.deck/no-shapes", where=where)
+    name = next(e.name for e in runs.file.configurations if part_of(runs.file, e) == part)
+    rows = zip(beside.freq_hz, 100.0 * beside.difference, beside.mac, beside.elastic)
+    lines = [
+        f"mode {j} at {hz:.4g} Hz {percent:+.2g} % (MAC {mac:.3f})"
+        for j, (hz, percent, mac, elastic) in enumerate(rows, start=1)
+        if elastic
+    ]
+    more = f" and {len(lines) - _MOST_LISTED} more" if len(lines) > _MOST_LISTED else ""
+    facts = {"configuration": name, "modes": ", ".join(lines[:_MOST_LISTED]) + more}
+    alone = int((beside.elastic & ~beside.paired).sum())
+    if not alone:
+        return Notice("external.deck", where=where, level="info", **facts)
+    code = "external.deck/unlike" if _alike(beside) else "external.deck/misleading"
+    return Notice(code, where=where, alone=alone, **facts)
+
+
 def _within(i: int, point: Reals, steps: Reals, bounds: tuple[Reals, Reals]) -> list[Reals]:
     """Offsets of the runs for a parameter that lie within its bounds."""
     found = []
@@ -315,7 +399,23 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     """
     inputs = _inputs(file)
     solvers = tuple(_solver(file, own, files) for own, files in zip(_owners(file), inputs))
-    return _runs(file, solvers, progress, fresh)
+    runs = _runs(file, solvers, progress, fresh)
+    assert file.solver is not None
+    if file.solver.derivatives == "deck":
+        runs.decks = tuple(_deck_of(file, i, own, files) for i, (own, files) in enumerate(zip(_owners(file), inputs)))
+        runs.by_deck = True
+    return runs
+
+
+def _deck_of(
+    file: StudyFile, part: int, own: ConfigurationSolver, inputs: InputFiles
+) -> tuple[DeckFiles, ConfiguredModel]:
+    """femtune's model of the deck that belongs to some inputs, in the state of the first configuration with these."""
+    name = own.deck or file.study.deck
+    assert name is not None
+    deck = inputs if isinstance(inputs, DeckFiles) else _deck_files(file, name)
+    entry = next(e for e in file.configurations if part_of(file, e) == part)
+    return deck, configure(deck.model, overlay(entry))
 
 
 def own_runs(file: StudyFile, own: ConfigurationSolver, where: Where) -> SolverRuns:
@@ -426,7 +526,9 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bo
             built = built_of_tables(file, tables, 0)
     finally:
         runs.journal.close()
-    own = _beside_own(file, runs, known) if isinstance(runs.solvers[0].inputs, DeckFiles) else ()
+    own = tuple(runs.compared)
+    if not runs.decks and isinstance(runs.solvers[0].inputs, DeckFiles):
+        own = _beside_own(file, runs, known)
     return replace(built, notices=(*_facts(runs, tables), *_hidden(built), *own, *runs.journal.notices))
 
 
@@ -481,6 +583,9 @@ def _facts(runs: SolverRuns, tables: Sequence[RunsTable]) -> Iterator[Notice]:
     where = runs.file.where("solver")
     steps = ", ".join(f"{name} ± {step:.4g}" for name, step in zip(runs.names, runs.steps))
     count, noise = sum(len(table.freq_hz) for table in tables), 100.0 * runs.noise
+    if runs.by_deck:
+        yield Notice("external.runs/deck", where=where, level="info", runs=len(tables), noise_percent=noise)
+        return
     yield Notice("external.runs", where=where, level="info", runs=count, noise_percent=noise, steps=steps)
     yield from (replace(notice, where=where) for notice in runs.replaced)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from femtune.results.base import Alert, Record
 from femtune.results.screen import FailedModelRun
+from femtune.results.update import CombinationRecord
 
 
 class SearchedParameter(Record):
@@ -140,6 +141,8 @@ class GlobalSearchResults(Record):
     """What the status means."""
     history_key: str
     """Key of the convergence, shape (points, 3): seed, evaluations, smallest χ² so far."""
+    undetermined: tuple[CombinationRecord, ...] = ()
+    """Combinations of the parameters that the data do not determine at the result."""
     front: FrontResults | None = None
     """The front of frequency errors against other errors; None if it was not requested."""
     sentences: tuple[str, ...]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         estimated_size,
         identifiability,
         sentences,
+        undetermined_sentence,
         verdict,
     )
     from femtune.selection.energies import EnergyMap, element_energies, energy_map
@@ -53,5 +54,6 @@ __all__ = [
     "sentences",
     "smoothness",
     "stepwise_selection",
+    "undetermined_sentence",
     "verdict",
 ]

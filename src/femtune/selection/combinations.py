@@ -199,7 +199,7 @@ def sentences(result: Identifiability) -> list[str]:
         if m
         else f"The data determine all {k} free parameters, some better than others."
     ]
-    out += [_undetermined(result, c) for c in result.undetermined]
+    out += [undetermined_sentence(result, c) for c in result.undetermined]
     return out + [_weak(result, c) for c in result.weak]
 
 
@@ -207,7 +207,8 @@ def _count(m: int) -> str:
     return "one combination" if m == 1 else f"{m} combinations"
 
 
-def _undetermined(result: Identifiability, c: Combination) -> str:
+def undetermined_sentence(result: Identifiability, c: Combination) -> str:
+    """What an undetermined combination means for its parameters, and what helps."""
     together = [
         result.names[i] for i in np.flatnonzero(np.abs(c.coefficients) >= _SMALL * np.abs(c.coefficients).max())
     ]

@@ -19,9 +19,12 @@ from femtune.modal.assignment import linear_sum_assignment
 from femtune.model import parametric_model
 from femtune.model.imported.from_runs import seen_modes
 from femtune.results.model import alert_of
+from femtune.selection import identifiability, undetermined_sentence
 from femtune.status import Status
 from femtune.study.model_runs import FollowedFrequencies, ModelRun
 from femtune.updating import update
+from femtune.updating.sensitivity_method import moving_parameters
+from femtune.updating.smallest_change import ALLOWED
 
 if TYPE_CHECKING:
     from femtune.arrays import Integers, Reals
@@ -38,9 +41,15 @@ if TYPE_CHECKING:
 _SETTLED = 1e-4
 """Largest change of a parameter, in half ranges, that moves the model no more."""
 _FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-3
+_MOST_REJECTED = 2
+"""Steps by the derivatives of the deck after which the misfit is not smaller, from which they count as misleading."""
 _SAME = 1e-6
+_NEAR = 1e-9
 _RIGID = 1e-3
 """Frequency over the highest one of the run, below which a mode is a rigid-body mode."""
+_NEGLIGIBLE = 0.5 * ALLOWED
+"""Decrease of the objective that the smallest change may cost where the data leave combinations of the parameters
+open."""
 _LOST = "fewer modes that move at the nodes than at the initial values"
 _PASSED = ("external.", "eigen.", "correlate.no-pairs", "runs.")
 """Codes of errors at a point from which the way back is shorter steps."""
@@ -68,6 +77,13 @@ class _Place:
     def objective(self) -> float:
         """At the point itself, where the model is exact."""
         return self.result.history[0].objective
+
+    @property
+    def highest(self) -> float:
+        """Objective up to which another point is no worse: the smallest change may cost what the update allows it."""
+        small = self.result.smallest_change
+        allowed = 0.0 if small is None else 0.5 * (small.chi_square + small.allowed)
+        return max(self.objective, allowed) * (1.0 + _SAME)
 
 
 @contextmanager
@@ -107,6 +123,8 @@ def find_on_solver(
     assert study.file.solver is not None
     first = nominal_point(runs.file)
     runs.measure_noise(first, runs.run([first])[0])
+    rejected = 0
+    runs.follow_deck(first)
 
     def updated(there: Study, start: Evaluation) -> UpdateResult:
         return update(there.problem(), method, tell, start, active=active)
@@ -114,35 +132,79 @@ def find_on_solver(
     place = _Place(at.x, study, at, updated(study, at))
     history = list(place.result.history)
     told: list[Notice] = []
-    radius, moves, step, predicted = _FIRST_RADIUS, 0, np.inf, None
+    radius, moves, step, predicted, open_ = _FIRST_RADIUS, 0, np.inf, None, list[str]()
     half = 0.5 * np.subtract(*reversed(study.parameters.bounds))
     while moves < study.file.solver.moves:
         change = place.result.x - place.x
         step = float((np.abs(change) / half).max())
+        if runs.by_deck and (step <= runs.relative_step or rejected == _MOST_REJECTED or radius < _LEAST_RADIUS):
+            # what the deck lacks of the solver's derivatives decides over the rest of the way
+            told.append(_led(runs, moves, rejected))
+            runs.by_deck = False
+            there = _tried(runs, place, updated, place.x, told)
+            if there is None:
+                step = np.inf
+                break
+            place, radius = there, _FIRST_RADIUS
+            history += _numbered(place.result.history, len(history))
+            continue
         if step <= _SETTLED or radius < _LEAST_RADIUS:
             break
         moves += 1
         short = min(1.0, radius / step)
         there = _tried(runs, place, updated, place.x + short * change, told)
         if there is None:
-            radius = 0.5 * short * step
+            open_ = [] if runs.by_deck else _open_combinations(place, active)
+            if open_:
+                break
+            radius, rejected = 0.5 * short * step, rejected + 1
             continue
         predicted = _difference(place, there)
         place, radius = there, max(radius, 2.0 * short * step)
         history += _numbered(place.result.history, len(history))
     settled = step <= _SETTLED
-    told.append(_told(moves, runs.started, predicted) if settled else _stopped(moves, step))
+    open_ = [] if settled else open_ or _open_combinations(place, active)
+    told.append(_told(moves, runs.started, predicted) if settled else _stopped(moves, step, open_))
     told += [*runs.replaced, *runs.journal.notices]
     first_number = len(history) - len(place.result.history)
     result = replace(place.result, before=at, history=tuple(history), number=first_number + place.result.number)
     if not settled:
-        result = _at_place(result, place, first_number, radius)
+        result = _at_place(result, place, first_number, _status(radius, open_))
     return SolverUpdate(result, place.study, tuple(map(alert_of, dict.fromkeys(told))))
 
 
-def _at_place(result: UpdateResult, place: _Place, number: int, radius: float) -> UpdateResult:
+def _status(radius: float, open_: Sequence[str]) -> Status:
+    """How an update ended that did not settle."""
+    if open_:
+        return Status.UNDETERMINED
+    return Status.STALLED if radius < _LEAST_RADIUS else Status.MAX_ITERATIONS
+
+
+def _open_combinations(place: _Place, active: Sequence[str] | None) -> list[str]:
+    """Sentences on what the data leave open at a point that is the minimum in all that they determine.
+
+    There is none where the data determine all, where a side constraint determines the rest, or where a step in what is
+    determined would reduce the objective by more than the smallest change may cost.
+    """
+    problem, at = place.study.problem(), place.start
+    parameters = problem.parameters
+    lower, upper = parameters.bounds
+    slope = at.jacobian.T @ at.residuals
+    blocked = ((at.x <= lower + _NEAR) & (slope > 0.0)) | ((at.x >= upper - _NEAR) & (slope < 0.0))
+    moving = np.flatnonzero(moving_parameters(problem, active) & ~blocked)
+    names = tuple(parameters.free[i].name for i in moving)
+    known = identifiability(at.jacobian[:, moving], np.asarray(parameters.prior[1])[moving], names)
+    if not known.undetermined or len(place.result.side.matrix):
+        return []
+    left, _, _ = np.linalg.svd(known.scaled_jacobian, full_matrices=False)
+    decrease = 0.5 * float(np.sum((left[:, : known.rank].T @ at.residuals) ** 2))
+    shown = 2.0 * at.objective / max(len(at.residuals) - known.rank, 1)
+    variance = shown if problem.scatter == "estimated" else min(shown, 1.0)
+    return [undetermined_sentence(known, c) for c in known.undetermined] if decrease <= _NEGLIGIBLE * variance else []
+
+
+def _at_place(result: UpdateResult, place: _Place, number: int, status: Status) -> UpdateResult:
     """The last point where the solver was run: what lies beyond it is a prediction."""
-    status = Status.STALLED if radius < _LEAST_RADIUS else Status.MAX_ITERATIONS
     return replace(
         result, x=place.x, after=place.start, status=status, history=result.history[: number + 1], number=number,
         certificate=None, smallest_change=None,
@@ -162,7 +224,7 @@ def _tried(
             raise
         told.append(Notice("external.step-halved", reason=error.what))
         return None
-    return there if there.objective <= place.objective * (1.0 + _SAME) else None
+    return there if there.objective <= place.highest else None
 
 
 def moved_to(study: Study, runs: SolverRuns, point: Reals) -> Study:
@@ -220,7 +282,16 @@ def _told(moves: int, started: int, difference: float | None) -> Notice:
     return Notice("external.moved", level="info", moves=moves, percent=percent, started=started)
 
 
-def _stopped(moves: int, step: float) -> Notice:
+def _led(runs: SolverRuns, moves: int, rejected: int) -> Notice:
+    """How far the derivatives of the deck led; a warning where they misled."""
+    if rejected == _MOST_REJECTED:
+        return Notice("external.by-deck/misled", moves=moves)
+    return Notice("external.by-deck", level="info", moves=moves, percent=100.0 * runs.relative_step)
+
+
+def _stopped(moves: int, step: float, open_: Sequence[str]) -> Notice:
+    if open_:
+        return Notice("external.undetermined", moves=moves, combinations=" ".join(open_))
     return Notice("external.not-settled", moves=moves, step=step)
 
 
@@ -333,5 +404,6 @@ def least_squares_on_solver(
     study: Study, runs: SolverRuns, method: SensitivityMethod, x: Reals, active: Sequence[str] | None = None
 ) -> SolverUpdate:
     """The update with the solver from a point (arguments and errors as of `find_on_solver`)."""
+    runs.follow_deck(nominal_point(runs.file))
     there = moved_to(study, runs, point_of(study.parameters, runs, x))
     return find_on_solver(there, runs, method, nothing, there.problem().start(x), active)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,7 +33,8 @@ from femtune.results.results import Results
 from femtune.results.screen import FailedModelRun
 from femtune.results.solved import nominal
 from femtune.results.step_results import SearchResult
-from femtune.results.update import citations
+from femtune.results.update import citations, combination_record
+from femtune.selection import estimated_size, identifiability, undetermined_sentence
 from femtune.study.executor import check_executor, executor_of
 from femtune.study.external import SolverResiduals, least_squares_on_solver, opened_solver
 from femtune.study.model_runs import ModelRun, ResidualRuns, failures, runs_at
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from femtune.executor import Executor
     from femtune.files.study_file import SearchTable, StudyFile
     from femtune.results.base import Alert
+    from femtune.selection import Identifiability
 
 _PER_PARAMETER = 10
 _MOST_RESPONSES = 12
@@ -319,6 +321,7 @@ class _Search:
         arrays["search_history"] = _history(ended, self.table.seed)
         seeds = self._seeds(ended)
         chi2 = 2.0 * result.after.objective
+        known = self._identifiability(result)
         initial = self.work.before.residuals
         failed = tuple(FailedModelRun(run=i, reason=reason) for i, reason in failures(self.runs[:before]))
         record = GlobalSearchResults(
@@ -337,10 +340,24 @@ class _Search:
             status=result.status.name,
             message=result.status.value,
             history_key="search_history",
+            undetermined=tuple(combination_record(known, c) for c in known.undetermined),
             front=front,
             sentences=(),
         )
-        return record.model_copy(update={"sentences": _sentences(record), "alerts": (*_alerts(record), *self.told)})
+        open_ = [undetermined_sentence(known, c) for c in known.undetermined]
+        # what the update of a solver says of them is the same
+        told = [a for a in self.told if not (open_ and a.code == "external.undetermined")]
+        return record.model_copy(update={"sentences": _sentences(record), "alerts": (*_alerts(record, open_), *told)})
+
+    def _identifiability(self, result: UpdateResult) -> Identifiability:
+        """What the data determine at the result; a side constraint determines what they leave open."""
+        parameters, at = self.study.parameters, result.after
+        names = tuple(p.name for p in parameters.free)
+        size = 1.0
+        if self.study.file.residuals.scatter != "stated":
+            size = estimated_size(at.jacobian, at.residuals, sum(at.lost.values()))
+        known = identifiability(at.jacobian, np.asarray(parameters.prior[1]), names, size)
+        return replace(known, undetermined=()) if len(result.side.matrix) else known
 
     def _front_results(self, front: Front, arrays: dict[str, Any]) -> FrontResults:
         """Some points of the front with a run of the model at each; all of it among the arrays."""
@@ -519,8 +536,10 @@ def _sentences(found: GlobalSearchResults) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _alerts(found: GlobalSearchResults) -> list[Alert]:
+def _alerts(found: GlobalSearchResults, open_: Sequence[str]) -> list[Alert]:
     out = []
+    if open_:
+        out.append(alert("warning", "search.undetermined", combinations=" ".join(open_)))
     if found.failed:
         out.append(alert("warning", "search.failed-runs", count=len(found.failed), reason=found.failed[0].reason))
     model = found.chi2_model
@@ -530,6 +549,7 @@ def _alerts(found: GlobalSearchResults) -> list[Alert]:
     at_bound = ", ".join(p.name for p in found.parameters if p.at_bound)
     if at_bound:
         out.append(alert("warning", "search.at-bound", names=at_bound))
-    if sum(seed.same for seed in found.seeds) < 2 <= len(found.seeds):
+    # of many sets with one χ², searches find different ones
+    if not open_ and sum(seed.same for seed in found.seeds) < 2 <= len(found.seeds):
         out.append(alert("warning", "search.not-confirmed", seeds=len(found.seeds)))
     return out

@@ -52,7 +52,8 @@ def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     """What a model of runs has no use for, and what its parameters are."""
     if not is_of_runs(data):
         return
-    of_deck = "solver" in data and "deck" in table(data, "study")
+    by_deck = table(data, "solver").get("derivatives") == "deck"
+    of_deck = "solver" in data and ("deck" in table(data, "study") or by_deck)
     if "deck" in table(data, "study") and not of_deck:
         yield source.error(("study", "deck"), "runs.study/deck", {})
     places: list[Place] = [(name,) for name in _NEEDS_MATRICES if name in data]

@@ -36,6 +36,7 @@ class SolverTable(TomlTable):
     step: Annotated[float, Field(gt=0, le=0.5)] | None = None
     repeat_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-6
     moves: Annotated[int, Field(ge=1, le=1000)] = 20
+    derivatives: Literal["differences", "deck"] = "differences"
 
 
 Data = dict[str, Any]
@@ -65,7 +66,17 @@ def _inputs(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     """Every configuration has a deck or templates, of its own or those of all."""
     solver = table(data, "solver")
     deck = table(data, "study").get("deck")
+    derivatives = solver.get("derivatives", "differences")
+    by_deck = derivatives == "deck"
     for place, entry in list(tables(data, "configuration")) or [((), {})]:
         own = table(entry, "solver")
-        if bool(own.get("templates", solver.get("templates"))) == bool(own.get("deck", deck)):
-            yield source.error((*place, "solver") if own else ("solver",), "external.study/input", {})
+        at = (*place, "solver") if own else ("solver",)
+        templates, known = bool(own.get("templates", solver.get("templates"))), bool(own.get("deck", deck))
+        if by_deck and not known:
+            yield source.error(at, "external.study/no-deck", {})
+        elif templates == known and not (templates and derivatives != "differences"):
+            yield source.error(at, "external.study/input", {})
+    if by_deck:
+        for place, entry in tables(data, "parameter"):
+            if not entry.get("fields"):
+                yield source.error(place, "external.study/fields", {}, name=entry.get("name"))
