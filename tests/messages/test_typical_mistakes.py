@@ -14,6 +14,7 @@ import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tests.messages.shown import check_shown
 
 import femtune as ft
 from femtune.cli import main
@@ -144,6 +145,12 @@ def test_what_a_newcomer_is_told(tmp_path: Path, name: str) -> None:
         texts = {**_texts(), name: shown}
         _SHOWN.write_text("\n\n".join(f"{_MARK}{n}\n{texts[n]}" for n in CASES if n in texts) + "\n", encoding="utf-8")
     assert _texts()[name] == shown
+    if name in _OF_PAGES:
+        check_shown(_OF_PAGES[name], shown)
+
+
+_OF_PAGES = {"deck and test exchanged": "deck.universal-file", "per cent in place of a fraction": "study.large-sd"}
+"""Messages that the error pages show too."""
 
 
 def test_every_message_says_where_and_how_to_mend() -> None:
