@@ -7,6 +7,7 @@ A code is ``area.problem`` (``deck.missing-include``). The texts of all codes ar
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from copy import copy
@@ -82,9 +83,20 @@ def explanation(code: str) -> str:
     >>> explanation("units.unknown").startswith("A deck has no units")
     True
     """
+    said = meaning(code)
+    return f"{said['meaning']}\n\nTo fix it: {said['fix']}"
+
+
+def meaning(code: str) -> dict[str, str]:
+    """The texts ``meaning`` and ``fix`` of a code.
+
+    Raises
+    ------
+    KeyError : the registry does not have the code
+    """
     area, _, problem = code.partition(".")
     entry = _registry(area)[problem]
-    return f"{entry['page'].strip()}\n\nTo fix it: {entry['fix'].strip()}"
+    return {"meaning": entry["page"].strip(), "fix": entry["fix"].strip()}
 
 
 class FemtuneError(Exception):
@@ -235,6 +247,15 @@ class Notice:
     def __str__(self) -> str:
         place = f" at {self.where}" if str(self.where or "") else ""
         return printable(f"[{self.code}] {self.what}{place}")
+
+
+def folded(notices: Iterable[Notice]) -> list[str]:
+    """Texts of notices: the first of each kind in full, with the number of the others."""
+    loud = list(notices)
+    counts = Counter(n.code for n in loud)
+    first = {n.code: n for n in reversed(loud)}
+    more = {code: f"; and {count - 1} more of this kind" if count > 1 else "" for code, count in counts.items()}
+    return [f"{first[code]}{more[code]}" for code in counts]
 
 
 @contextmanager

@@ -116,8 +116,40 @@ def test_a_test_without_geometry_by_number_only() -> None:
     expected[0, 14] = -1
     expected[1, 10] = 1
     assert found.matrix.toarray() == pytest.approx(expected)
-    with pytest.raises(FemtuneErrors, match=r"sensor\.no-position"):
+    with pytest.raises(FemtuneError) as caught:
         map_sensors(test, _structure(SQUARE), tolerance=0.1)
+    assert caught.value.what == "the test has no coordinates for 3Z-, 2RY+"
+    assert caught.value.hint == "their numbers are those of grid points: write by_id = true in [sensors]"
+
+
+def test_one_place_for_all_points_is_no_place() -> None:
+    """Export programs write zeros: by number no distance is stated, and by distance nothing is assigned."""
+    test = _test(*(_sensor(f"{i}Z+", (0, 0, 0), Z) for i in (1, 2, 3, 4)))
+    found = map_sensors(test, _structure(SQUARE), tolerance=0.1, by_id=True)
+    assert [m.node for m in found.matches] == [1, 2, 3, 4]
+    assert np.isnan([m.distance for m in found.matches]).all()
+    assert [(n.code, n.level) for n in found.notices] == [("sensor.no-distance", "info")]
+    with pytest.raises(FemtuneError, match="the same coordinates \\(0, 0, 0\\) for all its points") as caught:
+        map_sensors(test, _structure(SQUARE), tolerance=0.1)
+    assert "by_id = true" in caught.value.hint
+
+
+def test_all_sensors_on_one_grid_point_is_an_error() -> None:
+    test = _test(*(_sensor(f"{i}Z+", (1e-3 * x, 1e-3 * y, 0), Z) for i, (x, y, _) in enumerate(SQUARE[:4], 1)))
+    with pytest.raises(FemtuneError) as caught:
+        map_sensors(test, _structure(SQUARE), tolerance=0.1)
+    assert caught.value.code == "sensor.one-grid"
+    assert "metres where the model has millimetres" in caught.value.hint
+    # two sensors at one grid point are told, not refused
+    near = _test(_sensor("1Z+", (0, 0, 0), Z), _sensor("2Z+", (0.01, 0, 0), Z))
+    assert [n.code for n in map_sensors(near, _structure(SQUARE), tolerance=0.1).notices] == ["sensor.shared-node"]
+
+
+def test_notices_of_one_kind_are_one() -> None:
+    test = _test(*(_sensor(f"{i}Z+", (0.1 * i, 0.2, 3.0), Z) for i in (1, 2, 3, 4)))
+    (far,) = map_sensors(test, _structure(SQUARE), tolerance=0.1, by_id=True).notices
+    assert far.code == "sensor.far-from-node"
+    assert far.what.endswith("; 3 more test nodes are farther than the tolerance")
 
 
 def test_scalar_points() -> None:

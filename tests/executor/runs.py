@@ -87,5 +87,5 @@ class Leaves:
 
     def __call__(self, task: int) -> int:
         (self.folder / f"{task}.pid").write_text(str(os.getpid()))
-        time.sleep(60.0)
+        time.sleep(600.0)
         return task

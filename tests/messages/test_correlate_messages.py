@@ -85,6 +85,13 @@ _CASES: dict[str, Callable[[], object]] = {
     "sensor.components": lambda: rigid_motion_sensor(_structure(), 70, [1, 2], (0, 0, 0), "XY"),
     "sensor.tie": lambda: _map(_test(n9=(0.0, 1.0, 0.01))),
     "sensor.far-from-node": lambda: _map(_test(n2=(0.0, 0.0, 0.0)), by_id=True),
+    "sensor.no-position, one place": lambda: _map(
+        _test(n7=(0.0, 0, 0), n8=(0.0, 0, 0), n9=(0.0, 0, 0), n10=(0.0, 0, 0))
+    ),
+    "sensor.no-distance": lambda: _map(
+        _test(n1=(0.0, 0, 0), n2=(0.0, 0, 0), n3=(0.0, 0, 0), n4=(0.0, 0, 0)), by_id=True
+    ),
+    "sensor.one-grid": lambda: _map(_test(n1=(0.0, 0, 0), n2=(0.002, 0, 0), n3=(0.002, 0.001, 0), n4=(0.0, 0.001, 0))),
     "sensor.shared-node": lambda: _map(_test(n7=(0.0, 0.0, 0.01), n8=(0.02, 0.0, 0.0))),
     "sensor.left-out": lambda: _map(_test(n1=(0.0, 0.0, 0.0), n7=(2.0, 0.0, 0.4)), leave_unmatched=True),
 }

@@ -54,6 +54,24 @@ WRONG = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("values", "units", "fitting", "common"),
+    [
+        ((2.1e5, 7.85e-9), "mm-kg-s", "mm-t-s", "steel"),
+        ((7.0e4, 2.7e-9), "mm-kg-s", "mm-t-s", "aluminium"),
+        ((2.1e8, 7.85e-6), "mm-t-s", "mm-kg-s", "steel"),
+    ],
+)
+def test_metals_of_other_units_that_are_possible_are_warned_of(
+    bench: Bench, values: tuple[float, float], units: str, fitting: str, common: str
+) -> None:
+    text = bench.text.replace(MATERIAL, _mat1(*values))
+    bench.write("beam.bdf", text)
+    study = bench.write("study.toml", bench.study("", test=None).read_text().replace("m-kg-s", units))
+    (what,) = [n.what for n in load_study(study).notices if n.code == "study.units-doubtful"]
+    assert what.endswith(f'in {fitting} they are those of {common}: write units = "{fitting}" in [study]')
+
+
 @pytest.mark.parametrize("name", WRONG)
 def test_materials_of_other_units_are_warned_of(bench: Bench, name: str) -> None:
     values, units, more, text = WRONG[name]
@@ -181,8 +199,11 @@ def test_coordinates_that_no_unit_explains(bench: Bench, factor: float) -> None:
 
 def test_sensors_that_fall_on_one_grid_point(bench: Bench) -> None:
     """Metres in a model of millimetres with a wide tolerance: all sensors are at the root."""
-    (what,) = _sensors(bench, 1e-3, "[sensors]\ntolerance = 0.3\n")
-    assert "metres where the model has millimetres" in what
+    with pytest.raises(FemtuneError) as caught:
+        _sensors(bench, 1e-3, "[sensors]\ntolerance = 0.3\n")
+    assert caught.value.code == "sensor.one-grid"
+    assert "metres where the model has millimetres" in caught.value.hint
+    assert 'write units = "mm-t-s" in [study]' in caught.value.hint
 
 
 @pytest.mark.parametrize(("factor", "words"), [(1e3, "millimetres where the model has metres"), (40.0, "inches")])
@@ -236,8 +257,17 @@ def test_modes_and_correlate_tell_it_too_also_with_an_error(beam: Bench, monkeyp
 
     monkeypatch.setattr("femtune.steps.of_study.model_records", fail)
     with pytest.raises(FemtuneError) as caught:
-        steps.correlate(beam.study())
+        steps.correlate(beam.study("[sensors]\nby_id = true\n"))
     assert _doubtful(caught.value.__notes__) == [sentence]
+
+
+def test_what_is_doubtful_is_told_with_the_error_that_it_causes(beam: Bench) -> None:
+    """Coordinates times 1000: all sensors lie nearest to the root."""
+    _with_coordinates(beam, 1000.0)
+    with pytest.raises(FemtuneError) as caught:
+        load_study(beam.study())
+    assert caught.value.code == "sensor.one-grid"
+    assert [n.code for n in caught.value.notices] == ["deck.sections-doubtful"]
 
 
 def test_a_lowest_mode_that_no_structure_has_is_told_by_modes(bench: Bench) -> None:

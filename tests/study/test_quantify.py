@@ -82,6 +82,15 @@ def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
     assert [found.checks[i].verdict for i in (0, 2)] == ["pass", "not tested"]
 
 
+@pytest.mark.slow
+def test_samples_side_by_side_are_those_one_after_another(repeated):
+    bench, _, hz = repeated
+    _table(bench, hz)
+    alone, both = (steps.quantify(_study(bench), jobs=jobs) for jobs in (1, 2))
+    assert both.record == alone.record
+    np.testing.assert_array_equal(both.arrays[both.record.cloud_key], alone.arrays[alone.record.cloud_key])
+
+
 def _moved(hz: np.ndarray, rows: slice, share: float) -> np.ndarray:
     out = hz.copy()
     out[rows] *= 1.0 + share

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 from scipy.linalg import eigh
+from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff
@@ -95,6 +96,21 @@ def test_roving_sensors_of_velocity_and_acceleration_become_whole_shapes(tmp_pat
     assert [m["estimates"] for m in data["modes"]] == [5] * 6
     assert [m["freq_sd_hz"] > 0 for m in data["modes"]] == [True] * 6
     assert "Identified mode shapes" in made.report.read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_setups_side_by_side_are_those_one_after_another(tmp_path):
+    path = written(tmp_path, np.random.default_rng(0), roving(3, overlap=True), 120.0)
+    alone, both = (identify(path, tmp_path / str(jobs), jobs=jobs) for jobs in (1, 2))
+    np.testing.assert_array_equal(both.modes.shapes, alone.modes.shapes)
+    np.testing.assert_array_equal(both.modes.freq_hz, alone.modes.freq_hz)
+    assert both.record.alerts == alone.record.alerts
+
+
+def test_no_number_of_jobs(tmp_path):
+    with pytest.raises(FemtuneError) as caught:
+        identify(tmp_path / "identify.toml", jobs=0)
+    check_shown("executor.jobs", caught.value)
 
 
 @pytest.mark.slow

@@ -202,12 +202,17 @@ def _without_digits(text: str) -> str:
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, name: str) -> None:
     write(study.parent, FAKE_S="0.3")
-    command = [sys.executable, "-m", "femtune", "update", str(study)]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
-    while started(study) < 4 and process.poll() is None:
-        time.sleep(0.02)
-    process.send_signal(getattr(signal, name))
-    said = process.communicate(timeout=60)[1].splitlines()[-1]
+    # a job in the background ignores SIGINT and so would its children
+    code = "import signal, femtune.cli; signal.signal(signal.SIGINT, signal.default_int_handler); femtune.cli.main()"
+    command = [sys.executable, "-c", code, "update", str(study)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+        try:
+            while started(study) < 4 and process.poll() is None:
+                time.sleep(0.02)
+            process.send_signal(getattr(signal, name))
+            said = process.communicate(timeout=300)[1].splitlines()[-1]
+        finally:
+            process.kill()
     stopped = started(study)
     assert process.returncode == {"SIGTERM": 143, "SIGINT": 130}[name]
     place = study.parent / "run" / "journal" / "runs.sqlite"

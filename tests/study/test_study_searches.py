@@ -117,7 +117,9 @@ def test_samples_are_kept_and_processes_give_the_same(beam: Bench) -> None:
     again = steps.update(beam.study(text))
     assert path.read_text(encoding="utf-8").splitlines() == lines
     apart = steps.update(beam.study(f'{text}[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
-    for other in (again, apart):
+    asked = steps.update(beam.study(text), fresh=True, jobs=2)
+    assert asked.results.provenance.command == again.results.provenance.command
+    for other in (again, apart, asked):
         assert other.results.update is not None
         assert other.results.update.starts == update.starts
         assert other.results.update.parameters == update.parameters

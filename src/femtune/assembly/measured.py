@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from femtune.assembly.cases import HeldOut, ModesOfDeck, sensor_tolerance
 from femtune.assembly.error_places import errors_at, place_of
+from femtune.assembly.sensor_hints import with_keys
 from femtune.correlation import map_sensors, rigid_motion_sensor
 from femtune.correlation.generalised import GeneralisedSensor
 from femtune.dofs import DIRECTIONS, parse_dof
@@ -55,7 +56,7 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
     entry, structure = case.entry, case.configured.model.structure
     test, notices = _read_test(file, entry, tests)
     _check_coordinates(file, structure)
-    with errors_at(place_of(file, entry, "test")):
+    with errors_at(place_of(file, entry, "test")), with_keys(file, entry, test, structure):
         found = _sensor_map(file, test, structure)
     functions, worst = _held_functions(file, entry, test.frfs)
     held = HeldOut(functions=functions)

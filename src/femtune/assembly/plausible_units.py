@@ -1,7 +1,9 @@
 """Whether the declared units fit the materials of the deck: moduli and densities of engineering materials.
 
-A warning is given only where no material of the deck is possible in the declared units, and one of them is a common
-engineering material in other units. Both conditions together keep models with fictitious materials free of it.
+A warning is given where no material of the deck is possible in the declared units and one of them is a common
+engineering material in other units. Where the materials are possible but none is common, it is given only if one is a
+common metal in other units, in which all the others are possible too: E = 210000 and RHO = 7.85e-9 are steel in mm-t-s
+and a light rubber in mm-kg-s. Both conditions together keep models with fictitious materials free of it.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from femtune.errors import Notice
 from femtune.units import UnitSystem, unit_system
@@ -85,8 +87,10 @@ def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
     """A warning where the materials are those of another system than the declared one."""
     declared = file.study.unit_system
     materials = list(materials_of(built.structure))
-    if not materials or any(material.is_possible(declared) for material in materials):
+    if not materials:
         return ()
+    if any(material.is_possible(declared) for material in materials):
+        return _of_metal(file, materials, declared)
     for material in materials:
         found = _explained(material, declared)
         if found is not None:
@@ -102,6 +106,23 @@ def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
                     **facts,
                 ),
             )
+    return ()
+
+
+def _of_metal(file: StudyFile, materials: list[Material], declared: UnitSystem) -> tuple[Notice, ...]:
+    """A warning where none is common in the declared units, and in others all are possible and one is a metal."""
+    if any(material.common(declared) for material in materials):
+        return ()
+    for units in (unit_system(name) for name in SYSTEMS if name != declared.word):
+        metals = [(m, name) for m in materials if (name := m.common(units)) in _METALS]
+        if metals and all(m.is_possible(units) for m in materials):
+            material, common = metals[0]
+            facts: dict[str, Any] = {
+                "material": material.name, "modulus": material.modulus, "density": material.density,
+                "declared": declared.name, "fitting": units.name, "common": common,
+                "gpa": material.modulus_si(declared) / 1e9, "density_si": material.density_si(declared),
+            }  # fmt: skip
+            return (Notice("study.units-doubtful/uncommon", where=file.where("study", "units"), **facts),)
     return ()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Protocol
 
 
@@ -13,11 +14,21 @@ class Progress(Protocol):
         ...
 
 
+_LOGGER = logging.getLogger("femtune.progress")
+
+
+def log_step(text: str, done: int, total: int | None) -> None:
+    """A step as a record of the logger ``femtune.progress``, at level INFO."""
+    count = f" {done}/{total}" if total else f" {done}" if done else ""
+    _LOGGER.info("%s%s", text, count)
+
+
 class _Silent:
-    """Shows nothing."""
+    """Shows nothing; the steps are logged where logging is switched on."""
 
     def step(self, text: str, done: int, total: int | None) -> None:
-        """Nothing."""
+        """A record of the log."""
+        log_step(text, done, total)
 
 
 silent: Progress = _Silent()

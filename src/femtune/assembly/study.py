@@ -14,7 +14,7 @@ from femtune.assembly.named_fields import with_named_fields
 from femtune.assembly.parameters import assignments, parameter_set, targets, with_parameters_of_modes
 from femtune.assembly.progress import silent
 from femtune.assembly.specimens import specimens_of_study
-from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, with_notices
 from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.error_places import errors_at_cards
@@ -158,22 +158,39 @@ def load_study(
         from femtune.assembly.runs_model import with_modes_of_runs  # noqa: PLC0415  few studies have runs
 
         file = with_modes_of_runs(file, built)
-    with errors_at_cards(built):
+    doubts = _doubts(file, built)
+    with errors_at_cards(built), with_notices(doubts):
         study = _assembled(_with_modes_of_deck(file, built), built, progress)
-    if not file.imported:
-        from femtune.assembly.plausible_sections import section_notices  # noqa: PLC0415  of a deck alone
-
-        study = replace(study, notices=(*section_notices(built.structure), *study.notices))
-    if file.given.units_known and not file.imported:
-        from femtune.assembly.plausible_units import unit_notices  # noqa: PLC0415  of a study alone
-
-        study = replace(study, notices=(*unit_notices(file, built), *study.notices))
+    study = replace(study, notices=(*doubts, *study.notices))
     if file.imported:
         from femtune.assembly.imported_model import mesh_of_grid  # noqa: PLC0415
 
         mesh = mesh_of_grid(file, built.structure.nodes)
         study = replace(study, cases=tuple(replace(case, mesh=mesh) for case in study.cases))
     return replace(study, units_known=file.given.units_known)
+
+
+def _doubts(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
+    """Warnings where units and dimensions of a deck contradict each other: often the cause of what fails later."""
+    if file.imported:
+        return ()
+    from femtune.assembly.plausible_sections import section_notices  # noqa: PLC0415  of a deck alone
+    from femtune.assembly.plausible_units import unit_notices  # noqa: PLC0415
+
+    of_units = unit_notices(file, built) if file.given.units_known else ()
+    return (*of_units, *section_notices(built.structure), *_large_deviation(file))
+
+
+LARGE_DEVIATION = 0.2
+"""Relative standard deviation of a frequency from which it is asked whether per cent are meant."""
+
+
+def _large_deviation(file: StudyFile) -> tuple[Notice, ...]:
+    stated = file.residuals.frequency_sd
+    if not isinstance(stated, float | int) or stated < LARGE_DEVIATION:
+        return ()
+    where, meant = file.where("residuals", "frequency_sd"), stated / 100.0
+    return (Notice("study.large-sd", where=where, value=stated, percent=100.0 * stated, meant=meant),)
 
 
 def _built(file: StudyFile, progress: Progress, fresh: bool, around: bool) -> BuiltModel:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -18,8 +18,9 @@ import click
 from femtune import __version__
 from femtune.cli import output as out
 from femtune.cli.guard import BAD_INPUT, GuardedGroup, coloured
-from femtune.cli.running import identification_of, load, no_file, run_step, study_of
-from femtune.errors import codes, did_you_mean, explanation, printable
+from femtune.cli.log import be_verbose, log_to
+from femtune.cli.running import identification_of, keep_jobs, load, no_file, run_step, study_of
+from femtune.errors import codes, did_you_mean, explanation, meaning, printable
 
 # ----------------------------------------------------------------------------------------------------
 # The option --eigensolver: for one command it takes the place of the environment variable.
@@ -51,7 +52,28 @@ _FILE = click.Path(path_type=Path)
 _SCATTER = click.FloatRange(min=0.0, max=1.0)
 
 _study = click.argument("study", type=_FILE)
-_quiet = click.option("--quiet", is_flag=True, help="Print neither progress nor tables.")
+_to_file = click.option(
+    "--log", type=_FILE, metavar="FILE", expose_value=False, callback=log_to, is_eager=True,
+    help="Append steps, warnings and errors, with their times, to a file.",
+)  # fmt: skip
+_verbose = click.option(
+    "-v", "--verbose", is_flag=True, expose_value=False, callback=be_verbose,
+    help="Print every step, with its time, on standard error.",
+)  # fmt: skip
+_no_tables = click.option(
+    "--quiet", is_flag=True, help="Print neither progress nor tables; warnings appear on standard error."
+)
+
+
+def _quiet(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of every command that say how much is told, and where."""
+    return _no_tables(_verbose(_to_file(command)))
+
+
+_jobs = click.option(
+    "--jobs", type=click.IntRange(1, 1024), metavar="N", expose_value=False, callback=keep_jobs,
+    help="The most runs at a time that do not depend on each other, in place of [parallel].",
+)  # fmt: skip
 _json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
 _output = click.option("--output", type=_FILE, metavar="FOLDER", help="Run folder, instead of that of the study.")
 _fresh = click.option("--fresh", is_flag=True, help="Ignore the journal of an earlier run and solve everything again.")
@@ -142,6 +164,7 @@ def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
         raise click.UsageError("give a study or a deck, or use --solvers")
     else:
         result = run_step("of_model:info", path, quiet)
+        out.warn(result, quiet)
         out.show("model:info_document", path, result.record, as_json=as_json, quiet=quiet)
 
 
@@ -205,7 +228,7 @@ def modes(
         simulate = load("femtune.study.simulated_test:SimulatedTest")(uff, sensors, **scatter)
     asked: dict[str, Any] = {"count": count, "max_hz": max_hz, "report": page, "simulate": simulate}
     result = run_step("of_model:modes", path, quiet, fresh=fresh, **asked)
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     out.show("modes:modes_document", path, result.records, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
@@ -246,7 +269,7 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
     """
     noise = {key: value for key in ("scatter", "floor", "seed") if (value := asked.pop(key)) is not None}
     result = run_step("of_model:respond", path, quiet, fresh=fresh, report=page, **noise, **_given(asked))
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     out.show("modes:responses_document", path, result.records, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
@@ -280,7 +303,7 @@ def plan(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool,
     PATH is a study file (.toml) or a Nastran deck; no test is needed. Options replace keys of [plan] in the study.
     """
     result = run_step("of_model:plan", path, quiet, fresh=fresh, report=page, **_given(asked))
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     out.show("plan:plan_document", path, result.record, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
@@ -297,6 +320,7 @@ def plan(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool,
 @click.option("--take", "take_hz", type=float, multiple=True, metavar="HZ", help="Select this cluster; repeatable.")
 @click.option("--drop", "drop_hz", type=float, multiple=True, metavar="HZ", help="Drop this cluster; repeatable.")
 @click.option("--units", metavar="m-kg-s", help="Units, if the file states none.")
+@_jobs
 @_json
 @_quiet
 def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **asked: Any) -> None:
@@ -306,6 +330,7 @@ def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **aske
     replace keys of [identify] in the file.
     """
     result = run_step("of_record:identify", path, quiet, read=identification_of, output=output, **_given(asked))
+    out.warn(result, quiet)
     if as_json:
         click.echo(out.as_text(result.record))
     elif not quiet:
@@ -324,7 +349,7 @@ def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **aske
 def correlate(study: Path, expand: str | None, uff: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Compare the model with the test: frequencies, MAC, mode pairs."""
     result = run_step("of_study:correlate", study, quiet, fresh=fresh, expand=expand, uff=uff)
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     shown = (result.records, result.arrays)
     out.show("correlate:correlation_document", study, *shown, as_json=as_json, quiet=quiet)
 
@@ -344,7 +369,7 @@ def compare(first: Path, second: Path, as_json: bool, quiet: bool, **asked: Any)
     The FIRST deck takes the place of the test.
     """
     result = run_step("of_study:compare", first, quiet, second=second, **asked)
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     shown = (result.records, result.arrays)
     out.show("correlate:correlation_document", second, *shown, as_json=as_json, quiet=quiet)
 
@@ -358,7 +383,7 @@ def compare(first: Path, second: Path, as_json: bool, quiet: bool, **asked: Any)
 def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Which parameters and combinations of parameters the data determine."""
     result = run_step("of_study:select", study, quiet, fresh=fresh)
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     out.show("select:selection_document", study, result.record, as_json=as_json, quiet=quiet)
 
 
@@ -366,12 +391,13 @@ def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 @_study
 @_eigensolver
 @_fresh
+@_jobs
 @_json
 @_quiet
 def quantify(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Estimate mean and covariance of the parameters from repeated tests."""
     result = run_step("of_study:quantify", study, quiet, fresh=fresh)
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     out.show("validate:quantify_document", study, result.record, as_json=as_json, quiet=quiet)
 
 
@@ -381,14 +407,16 @@ def quantify(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 @_wide
 @_eigensolver
 @_fresh
+@_jobs
+@_json
 @_quiet
-def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
+def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Update the parameters and write the updated deck.
 
     An interrupted run continues from the solutions in its journal.
     """
     result = run_step("of_run:update", study, quiet, output=output, wide=wide, fresh=fresh)
-    _end(result, quiet, f"results: {Path(result.folder).resolve()}")
+    _end(result, as_json, quiet, f"results: {Path(result.folder).resolve()}")
 
 
 @main.command()
@@ -401,6 +429,7 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, qui
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
 @_eigensolver
 @_fresh
+@_jobs
 @_json
 @_quiet
 def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
@@ -409,7 +438,7 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
     No test is needed. Options replace keys of [screen] in the study.
     """
     result = run_step("of_experiments:screen", study, quiet, fresh=fresh, report=page, **asked)
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     out.show("screen:screen_document", study, result.record, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
@@ -428,6 +457,7 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
 @_eigensolver
 @_fresh
+@_jobs
 @_json
 @_quiet
 def search(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
@@ -436,7 +466,7 @@ def search(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
     Options replace keys of [search] in the study. `update` writes the updated deck.
     """
     result = run_step("of_experiments:search", study, quiet, fresh=fresh, report=page, **asked)
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     out.show("search:search_document", study, result.record, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
@@ -447,6 +477,7 @@ def search(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
 @_eigensolver
 @_fresh
+@_jobs
 @_json
 @_quiet
 def candidates(study: Path, output: Path | None, page: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
@@ -456,7 +487,7 @@ def candidates(study: Path, output: Path | None, page: Path | None, fresh: bool,
     candidates that had ended.
     """
     result = run_step("of_run:candidates", study, quiet, output=output, report=page, fresh=fresh)
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     out.show("candidates:candidates_document", study, result.record, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
@@ -466,6 +497,7 @@ def candidates(study: Path, output: Path | None, page: Path | None, fresh: bool,
 @_output
 @_eigensolver
 @_fresh
+@_jobs
 @_json
 @_quiet
 def bootstrap(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
@@ -475,7 +507,7 @@ def bootstrap(study: Path, output: Path | None, fresh: bool, as_json: bool, quie
     exit code is 1 if the update did not reach an optimum.
     """
     result = run_step("of_run:bootstrap", study, quiet, output=output, fresh=fresh)
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     results, data = result.results, result.results.bootstrap
     out.show("validate:bootstrap_document", study, results, as_json=as_json, quiet=quiet, data=data)
     if out.missed_optimum(result) or data is None:
@@ -487,6 +519,7 @@ def bootstrap(study: Path, output: Path | None, fresh: bool, as_json: bool, quie
 @_output
 @_eigensolver
 @_fresh
+@_jobs
 @_json
 @_quiet
 def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
@@ -497,7 +530,7 @@ def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet
     """
     result = run_step("of_run:validate", study, quiet, output=output, fresh=fresh)
     results = result.results
-    out.say(result.remarks, quiet)
+    out.say(result, quiet)
     data = results.validation
     out.show("validate:validation_document", study, results, as_json=as_json, quiet=quiet, data=data)
     if out.missed_optimum(result) or any(v.verdict == "fail" for v in data.verdicts):
@@ -510,41 +543,48 @@ def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet
 @_wide
 @_eigensolver
 @_fresh
+@_jobs
+@_json
 @_quiet
-def run(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
+def run(study: Path, output: Path | None, wide: bool | None, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Correlate, select, update, validate and report: the run folder receives results, updated deck and report.
 
     An interrupted run continues from the solutions in its journal.
     """
     result = run_step("of_run:run", study, quiet, output=output, wide=wide, fresh=fresh)
-    _end(result, quiet, f"report: {Path(result.report).resolve()}")
+    _end(result, as_json, quiet, f"report: {Path(result.report).resolve()}")
 
 
-def _end(result: Any, quiet: bool, last_line: str) -> None:
-    """Tables, what the update came to, and at last the report or folder; exit code 1 where there is no optimum."""
-    out.say(result.remarks, quiet)
-    out.show_run(result, quiet)
+def _end(result: Any, as_json: bool, quiet: bool, last_line: str) -> None:
+    """Tables or JSON, what the update came to, and at last the report or folder; exit code 1 without an optimum."""
+    out.say(result, quiet)
+    if as_json:
+        click.echo(out.as_text(result.results))
+    else:
+        out.show_run(result, quiet)
     missed = out.missed_optimum(result)
-    click.echo(last_line)
+    click.echo(last_line, err=as_json)
     if missed:
         click.get_current_context().exit(1)
 
 
 @main.command()
 @click.argument("path", type=_FILE)
+@_json
 @_quiet
-def report(path: Path, quiet: bool) -> None:
+def report(path: Path, as_json: bool, quiet: bool) -> None:
     """Rewrite the report of a run.
 
     PATH is a run folder, or a study with a run folder.
     """
-    page = run_step("pages:report", path, quiet)
-    click.echo(f"report: {Path(page).resolve()}")
+    page = str(Path(run_step("pages:report", path, quiet)).resolve())
+    click.echo(json.dumps({"report": page}) if as_json else f"report: {page}")
 
 
 @main.command()
 @click.argument("code")
-def explain(code: str) -> None:
+@_json
+def explain(code: str, as_json: bool) -> None:
     """Explain the code of an error or notice, and how to fix it.
 
     CODE is what a message shows in brackets: deck.missing-include.
@@ -554,4 +594,4 @@ def explain(code: str) -> None:
         close = did_you_mean(code, known)
         hint = close if close.startswith("did") else "codes have the form deck.missing-include"
         raise click.BadParameter(f"'{printable(code)}' is not the code of a message; {hint}", param_hint="CODE")
-    click.echo(f"[{code}]\n\n{explanation(code)}")
+    click.echo(json.dumps({"code": code, **meaning(code)}) if as_json else f"[{code}]\n\n{explanation(code)}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from femtune.assembly.progress import log_step
 from femtune.errors import printable
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ class Display:
         self._clock = clock
         self._quiet = quiet
         self._show: _Bar | _Lines | None = None
+        self._logged, self._next = "", 0.0
 
     def __enter__(self) -> Display:
         if not self._quiet:
@@ -43,8 +45,16 @@ class Display:
 
     def step(self, text: str, done: int, total: int | None) -> None:
         """Say what is being done."""
+        self._log(text, done, total)
         if self._show is not None:
             self._show.step(printable(text), done, total)
+
+    def _log(self, text: str, done: int, total: int | None) -> None:
+        """Every new step; of a step that counts, a line now and then and the last."""
+        now = self._clock()
+        if text != self._logged or done == total or now >= self._next:
+            log_step(text, done, total)
+            self._logged, self._next = text, now + BETWEEN_LINES_S
 
 
 class _Lines:

@@ -21,13 +21,14 @@ from typing import Any, NoReturn
 import click
 
 from femtune import __version__
+from femtune.cli.log import RESULTS
 from femtune.errors import FemtuneError, printable
 
 BAD_INPUT, FAULT, INTERRUPTED, TERMINATED = 2, 70, 130, 143
 
 CRASH_FILE = "femtune-crash.txt"
 
-_CODE = re.compile(r"^\[[a-z0-9-]+\.[a-z0-9-]+\]", re.MULTILINE)
+MESSAGE_CODE = re.compile(r"^\[[a-z0-9-]+\.[a-z0-9-]+\]", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -119,23 +120,40 @@ class GuardedGroup(click.Group):
 def _guarded(ctx: click.Context) -> Iterator[None]:
     try:
         yield
+        _log_end(0)
     except FemtuneError as error:
-        click.echo(coloured(str(error)), err=True)
-        ctx.exit(BAD_INPUT)
+        _refused(ctx, error)
     except KeyboardInterrupt as asked:
         _interrupted(ctx, asked)
     except MemoryError as short:
-        click.echo(coloured(str(_out_of_memory(short))), err=True)
-        ctx.exit(BAD_INPUT)
-    except (click.ClickException, click.exceptions.Exit, click.Abort):
+        _refused(ctx, _out_of_memory(short))
+    except click.exceptions.Exit as end:
+        _log_end(end.exit_code)
+        raise
+    except (click.ClickException, click.Abort):
         raise
     except Exception as fault:
         if isinstance(fault, OSError) and fault.errno == errno.EPIPE:
             raise
         if isinstance(fault, OSError) and fault.errno in _NO_SPACE:
-            click.echo(coloured(str(_disk_full(fault))), err=True)
-            ctx.exit(BAD_INPUT)
+            _refused(ctx, _disk_full(fault))
         _crashed(ctx, fault)
+
+
+def _log_end(code: int) -> None:
+    RESULTS.info("ended with exit code %d", code)
+
+
+def _end(ctx: click.Context, code: int) -> NoReturn:
+    # the log is closed with the context
+    _log_end(code)
+    ctx.exit(code)
+
+
+def _refused(ctx: click.Context, error: FemtuneError) -> NoReturn:
+    RESULTS.error("%s", error)
+    click.echo(coloured(str(error)), err=True)
+    _end(ctx, BAD_INPUT)
 
 
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -158,7 +176,7 @@ def _out_of_memory(short: MemoryError) -> FemtuneError:
 
 def coloured(text: str) -> str:
     """Codes in red; click removes the colour where no terminal shows it."""
-    return _CODE.sub(lambda code: click.style(code[0], fg="red", bold=True), text)
+    return MESSAGE_CODE.sub(lambda code: click.style(code[0], fg="red", bold=True), text)
 
 
 def _interrupted(ctx: click.Context, asked: KeyboardInterrupt) -> NoReturn:
@@ -171,8 +189,10 @@ def _interrupted(ctx: click.Context, asked: KeyboardInterrupt) -> NoReturn:
         kept = f"{f'kept: {files}, and' if files else 'kept:'} {' and '.join(journaled)}"
         kept += "; the same command continues from there"
     by_signal = isinstance(asked, TerminatedError)
-    click.echo(printable(f"stopped by {'SIGTERM' if by_signal else 'Ctrl-C'}; {kept}"), err=True)
-    ctx.exit(TERMINATED if by_signal else INTERRUPTED)
+    told = f"stopped by {'SIGTERM' if by_signal else 'Ctrl-C'}; {kept}"
+    RESULTS.error(told)
+    click.echo(printable(told), err=True)
+    _end(ctx, TERMINATED if by_signal else INTERRUPTED)
 
 
 def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:
@@ -180,8 +200,9 @@ def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:
     name = _write_crash(ctx.find_object(Running), fault)
     kind = f"{type(fault).__name__}: {fault}".splitlines()[0]
     what = f"internal error of femtune, not caused by your input ({kind}); please report it and send {name}"
+    RESULTS.error(what)
     click.echo(printable(what), err=True)
-    ctx.exit(FAULT)
+    _end(ctx, FAULT)
 
 
 def _write_crash(running: Running | None, fault: Exception) -> str:

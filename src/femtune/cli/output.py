@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from femtune.cli.guard import MESSAGE_CODE, coloured
+from femtune.cli.log import alerts_of, log_results
 from femtune.cli.running import load
 from femtune.errors import printable
 
@@ -26,10 +28,23 @@ PIPE_WIDTH = 160
 """Columns where the output is no terminal."""
 
 
-def say(remarks: Sequence[str], quiet: bool) -> None:
-    """Sentences beside the result, on standard error."""
-    for remark in () if quiet else remarks:
-        click.echo(printable(remark), err=True)
+def say(result: Any, quiet: bool) -> None:
+    """Sentences beside the result, on standard error; with `quiet` warnings and problems only, each of them.
+
+    What is neither, such as the number of solutions from the journal, begins with no code.
+    """
+    warn(result, quiet)
+    told = [remark for remark in getattr(result, "remarks", ()) if not quiet or MESSAGE_CODE.match(remark)]
+    for text in told:
+        click.echo(coloured(printable(text)), err=True)
+
+
+def warn(result: Any, quiet: bool) -> None:
+    """Alerts of a result to the log; with `quiet`, where no table has them, warnings and problems to standard error."""
+    log_results(result)
+    for level, text in alerts_of(result) if quiet else ():
+        if level != "info":
+            click.echo(coloured(printable(text)), err=True)
 
 
 def show(document: str, path: Path, record: Any, *more: Any, as_json: bool, quiet: bool, data: Any = None) -> None:

@@ -10,6 +10,9 @@ from typing import Any, Protocol
 import click
 
 from femtune.cli.guard import Running
+from femtune.cli.log import is_verbose
+
+_JOBS = "femtune.jobs"
 
 
 class NamedFile(Protocol):
@@ -42,6 +45,11 @@ def identification_of(path: Path) -> NamedFile | None:
     return read_identify_file(path) if is_identification_file(path) else None
 
 
+def keep_jobs(context: click.Context, option: click.Parameter, jobs: int | None) -> None:
+    """Keep the number of runs at a time for the step of this command."""
+    context.find_root().meta[_JOBS] = jobs
+
+
 def no_file(path: Path) -> NamedFile | None:
     """None: the step itself tells what is wrong with its files."""
     return None
@@ -64,9 +72,12 @@ def run_step(
     file = read(path)
     if file is not None and not output:
         context.obj = Running(file.output_folder)
+    jobs = context.meta.get(_JOBS)
+    if jobs is not None:
+        options["jobs"] = jobs
     function = load(f"femtune.steps.{step}")
     # rich takes a while to import
     from femtune.cli.display import Display  # noqa: PLC0415
 
-    with Display(quiet) as progress:
+    with Display(quiet or is_verbose(context)) as progress:
         return function(path, progress=progress, **options)

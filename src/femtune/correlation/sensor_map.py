@@ -77,14 +77,22 @@ class NodeSearch:
 
     def looks_like(self, points: Reals) -> str:
         """Which unit or order of axes would put every point on a node of its own; "" if none would."""
+        return self._fitting(points)[1]
+
+    def fitting_factor(self, points: Reals) -> tuple[float, str]:
+        """The factor of the unit alone that does so, and the words; 1 and "" if none does."""
+        return self._fitting(points, axes=False)
+
+    def _fitting(self, points: Reals, axes: bool = True) -> tuple[float, str]:
         different = np.unique(points, axis=0)
         if self._tree is None or len(different) < 2:
-            return ""
-        for (factor, words), (axes, matrix) in itertools.product(_FACTORS.items(), axis_changes()):
+            return 1.0, ""
+        changes = axis_changes() if axes else itertools.islice(axis_changes(), 1)
+        for (factor, words), (order, matrix) in itertools.product(_FACTORS.items(), changes):
             distance, at = self._tree.query(factor * different @ matrix.T)
             if (distance <= self._tolerance).all() and len(set(at)) == len(different):
-                return _in_words(words, factor, axes)
-        return ""
+                return factor, _in_words(words, factor, order)
+        return 1.0, ""
 
 
 def axis_changes() -> Iterator[tuple[str, Reals]]:
@@ -199,19 +207,69 @@ def map_sensors(
     request = _Request(
         structure.nodes, NodeSearch(structure.nodes, tolerance), tolerance, by_id, dict(given or {}), table
     )
-    sensors = _sensors(test, request)
+    sensors, same_place = _with_places(_sensors(test, request))
     _check_requests(sensors, request, combinations)
     errors = ErrorCollector()
     placed: list[tuple[Match, Row]] = []
     unmatched: list[Unmatched] = []
+    nowhere: list[Sensor] = []
     for sensor in sensors:
         with errors.catch():
             found = _place(sensor, request)
-            unmatched.append(found) if isinstance(found, Unmatched) else placed.append(found)
+            if found is None:
+                nowhere.append(sensor)
+            else:
+                unmatched.append(found) if isinstance(found, Unmatched) else placed.append(found)
+    if nowhere:
+        errors.errors.append(_no_position(nowhere, same_place, request))
     if unmatched and not leave_unmatched:
         errors.errors.append(_unmatched_error(unmatched, len(sensors), request))
     errors.raise_if_any()
-    return _build(placed, tuple(unmatched), sensors, request)
+    _check_one_grid([match for match, _ in placed], sensors, request)
+    built = _build(placed, tuple(unmatched), sensors, request)
+    return replace(built, notices=(*built.notices, *_without_distance(same_place, sensors)))
+
+
+def _with_places(sensors: Sequence[Sensor]) -> tuple[tuple[Sensor, ...], Reals | None]:
+    """The sensors, and the one place that a file gives to all its points where it knows none, which is then dropped."""
+    places = {s.label.node: s.position for s in sensors if np.isfinite(s.position).all()}
+    points = np.array(list(places.values())).reshape(-1, 3)
+    if len(points) < _LEAST_PLACES or np.ptp(points, axis=0).any():
+        return tuple(sensors), None
+    return tuple(replace(s, position=_UNKNOWN) for s in sensors), points[0]
+
+
+def _without_distance(same_place: Reals | None, sensors: Sequence[Sensor]) -> tuple[Notice, ...]:
+    if same_place is None:
+        return ()
+    count = len({s.label.node for s in sensors})
+    return (Notice("sensor.no-distance", level="info", count=count, place=_coordinates(same_place)),)
+
+
+def _coordinates(point: Sequence[float] | Reals) -> str:
+    return f"({', '.join(f'{x:.6g}' for x in point)})"
+
+
+def _check_one_grid(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> None:
+    """Several points of the test must not end at one grid point: shapes cannot be compared there."""
+    nearest = [m for m in matches if m.how == "nearest"]
+    points = {s.label.node: s.position for s in sensors if s.label.node in {m.label.node for m in nearest}}
+    grids = {m.node for m in nearest}
+    if len(points) < _LEAST_PLACES or len(grids) > 1 or len(nearest) < len(matches):
+        return
+    places, xyz = np.array(list(points.values())), request.nodes.xyz
+    guess = _extent_words(places, xyz)
+    raise FemtuneError(
+        "sensor.one-grid",
+        values={
+            "extent of the test": f"{np.ptp(places, axis=0).max():.4g}",
+            "extent of the model": f"{np.ptp(xyz, axis=0).max():.4g}",
+            "tolerance": f"{request.tolerance:.4g}",
+        },
+        hint=guess or None,
+        count=len(points),
+        node=next(iter(grids)),
+    )
 
 
 def _sensors(test: ModalTest, request: _Request) -> tuple[Sensor, ...]:
@@ -260,8 +318,8 @@ def _check_combinations(labels: DofSet, wanted: DofSet) -> None:
         raise FemtuneError("sensor.combination-unused", values={"labels": ", ".join(unknown[:10])})
 
 
-def _place(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched:
-    """Match and row of one sensor."""
+def _place(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched | None:
+    """Match and row of one sensor; None where nothing tells its place."""
     label, nodes = sensor.label, request.nodes
     combination = request.combinations.get((label.node, label.direction))
     if combination is not None:
@@ -273,9 +331,9 @@ def _place(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched:
     return _nearest(sensor, request)
 
 
-def _nearest(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched:
+def _nearest(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched | None:
     if not np.isfinite(sensor.position).all():
-        raise _no_position(sensor, request.by_id)
+        return None
     near = request.search.near(sensor.position)
     if request.by_id or near.distance > request.tolerance:
         return Unmatched(sensor.label, tuple(map(float, sensor.position)), near.node or None, near.distance)
@@ -283,9 +341,20 @@ def _nearest(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched
     return replace(match, distance=near.distance), row
 
 
-def _no_position(sensor: Sensor, by_id: bool) -> FemtuneError:
-    tail = ", and the model has no grid point with this number" if by_id else ""
-    return FemtuneError("sensor.no-position", sensor_label=sensor.label, also=tail)
+def _no_position(nowhere: Sequence[Sensor], same_place: Reals | None, request: _Request) -> FemtuneError:
+    """One error of all sensors without place; the hint says whether their numbers are those of grid points."""
+    names = ", ".join(str(s.label) for s in nowhere[:_LISTED])
+    names += f" and {len(nowhere) - _LISTED} more" if len(nowhere) > _LISTED else ""
+    numbered = all(request.nodes.has_grid(s.label.node) for s in nowhere)
+    hint = "their numbers are those of grid points: write by_id = true in [sensors]" if numbered else None
+    if same_place is not None:
+        place = _coordinates(same_place)
+        return FemtuneError("sensor.no-position/same-place", hint=hint, sensor_labels=names, place=place)
+    tail = ", and the model has no grid points with these numbers" if request.by_id else ""
+    return FemtuneError("sensor.no-position", hint=hint, sensor_labels=names, also=tail)
+
+
+_LISTED = 8
 
 
 def _at_node(sensor: Sensor, node: int, how: str, nodes: NodeTable) -> tuple[Match, Row]:
@@ -327,34 +396,34 @@ def _build(
 
 
 def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> tuple[Notice, ...]:
-    """Sensors with several equally near nodes, one notice a test node."""
+    """One notice of the first sensor with several equally near nodes, with the number of the others."""
     place = {(s.label.node, s.label.direction): s.position for s in sensors}
     found: dict[int, Near] = {}
     for match in matches:
         if match.how == "nearest" and match.label.node not in found:
             found[match.label.node] = request.search.near(place[match.label.node, match.label.direction])
-    return tuple(_tie(test_node, near) for test_node, near in found.items() if near.others)
-
-
-def _tie(test_node: int, near: Near) -> Notice:
-    others = ", ".join(map(str, near.others))
-    return Notice("sensor.tie", node=near.node, others=others, test_node=test_node)
+    ties = [(test_node, near) for test_node, near in found.items() if near.others]
+    if not ties:
+        return ()
+    test_node, near = ties[0]
+    others = ", ".join(map(str, near.others[:_LISTED]))
+    more = f"; so are several grid points to {len(ties) - 1} more test nodes" if len(ties) > 1 else ""
+    return (Notice("sensor.tie", node=near.node, others=others, test_node=test_node, more=more),)
 
 
 def _far(matches: Sequence[Match], tolerance: float) -> tuple[Notice, ...]:
+    """One notice of the farthest, with the number of the others."""
     far = {m.label.node: m for m in matches if m.distance > tolerance}
-    return tuple(_far_notice(match, tolerance) for match in far.values())
-
-
-def _far_notice(match: Match, tolerance: float) -> Notice:
-    return Notice(
-        "sensor.far-from-node",
-        test_node=match.label.node,
-        node=match.node,
-        method=match.how,
-        distance=match.distance,
-        tolerance=tolerance,
-    )
+    if not far:
+        return ()
+    worst = max(far.values(), key=lambda m: m.distance)
+    more = f"; {len(far) - 1} more test nodes are farther than the tolerance" if len(far) > 1 else ""
+    return (
+        Notice(
+            "sensor.far-from-node", test_node=worst.label.node, node=worst.node, method=worst.how,
+            distance=worst.distance, tolerance=tolerance, more=more,
+        ),
+    )  # fmt: skip
 
 
 def _shared(matches: Sequence[Match]) -> tuple[Notice, ...]:
@@ -363,11 +432,13 @@ def _shared(matches: Sequence[Match]) -> tuple[Notice, ...]:
     for match in matches:
         if match.node is not None:
             users.setdefault(match.node, set()).add(match.label.node)
-    return tuple(
-        Notice("sensor.shared-node", test_nodes=", ".join(map(str, sorted(who))), node=node)
-        for node, who in users.items()
-        if len(who) > 1
-    )
+    shared = {node: sorted(who) for node, who in users.items() if len(who) > 1}
+    if not shared:
+        return ()
+    node, who = max(shared.items(), key=lambda item: len(item[1]))
+    names = ", ".join(map(str, who[:_LISTED])) + (f" and {len(who) - _LISTED} more" if len(who) > _LISTED else "")
+    more = f"; {len(shared) - 1} more grid points have several test nodes" if len(shared) > 1 else ""
+    return (Notice("sensor.shared-node", test_nodes=names, node=node, more=more),)
 
 
 def _scaled(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> tuple[Notice, ...]:
@@ -412,15 +483,30 @@ def unit_ratio(points: Reals, grids: Reals) -> str:
     return _in_words(_FACTORS[factor], factor, "X, Y, Z") if near else ""
 
 
+def length_factor(points: Reals, nodes: NodeTable) -> tuple[float, str]:
+    """The factor between units of length that would put points (n, 3) onto a model, and what it is; 1 and "" if none.
+
+    It puts every point on a grid point of its own, or gives the points the extent of the model.
+    """
+    xyz = nodes.xyz
+    size = float(np.linalg.norm(np.ptp(xyz, axis=0))) if len(xyz) else 0.0
+    factor, words = NodeSearch(nodes, 1e-3 * size).fitting_factor(points) if size else (1.0, "")
+    return (factor, words) if words else _extent_factor(points, xyz)
+
+
 def _extent_words(points: Reals, grids: Reals) -> str:
-    """The units that the ratio of the largest extents of model and test belongs to; "" where there are none."""
+    return _extent_factor(points, grids)[1]
+
+
+def _extent_factor(points: Reals, grids: Reals) -> tuple[float, str]:
+    """The factor that the ratio of the largest extents of model and test belongs to; 1 and "" where there is none."""
     of_test, of_model = (float(np.ptp(x, axis=0).max()) if len(x) else 0.0 for x in (points, grids))
     if not (0.0 < of_test < np.inf and of_model > 0.0):
-        return ""
+        return 1.0, ""
     ratio, (least, most) = of_model / of_test, _COVERED
     large = (f for f in _FACTORS if max(f, 1.0 / f) >= _LARGE_FACTOR and least <= ratio / f <= most)
     factor = min(large, key=lambda known: abs(np.log(ratio / known)), default=1.0)
-    return _in_words(_FACTORS[factor], factor, "X, Y, Z")
+    return factor, _in_words(_FACTORS[factor], factor, "X, Y, Z")
 
 
 def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Request) -> FemtuneError:
@@ -447,7 +533,7 @@ def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Reque
 
 
 def _distance_in_words(u: Unmatched) -> str:
-    place = f"({', '.join(f'{x:.6g}' for x in u.position)})"
+    place = _coordinates(u.position)
     if u.nearest is None:
         return f"at {place}, the model has no grid points"
     return f"at {place}, nearest grid point {u.nearest}, distance {u.distance:.4g}"

@@ -27,6 +27,31 @@ FACTORS = {
 }
 """Ratios of frequencies, or their inverses, and what causes them."""
 
+_OF_MASS = {
+    1000.0: "kilograms and tonnes",
+    1e6: "grams and tonnes",
+    386.0886: "weights in place of masses in inches",
+    9806.65: "weights in place of masses in millimetres",
+    9.80665: "weights in place of masses in metres",
+    32.174: "weights in place of masses in feet",
+    2.20462: "pounds and kilograms",
+}
+"""Ratios of masses, or their inverses, and what causes them."""
+_NEAR_MASS = 0.05
+
+
+def mass_factor_words(ratio: float) -> str:
+    """What causes a ratio of the mass of the model to the measured one, with the mend; "" where no factor is near."""
+    if not ratio > 0.0:
+        return ""
+    size = max(ratio, 1.0 / ratio)
+    factor = min(_OF_MASS, key=lambda known: abs(np.log(size / known)))
+    if abs(np.log(size / factor)) > _NEAR_MASS:
+        return ""
+    wtmass = 1.0 / factor if ratio > 1.0 else factor
+    return f"the ratio {ratio:.4g} is caused by {_OF_MASS[factor]}: multiply PARAM,WTMASS of the deck by {wtmass:.5g}"
+
+
 _NEAR, _SPREAD = 0.12, 0.15
 _LEAST_MAC, _LEAST_PAIRS = 0.7, 2
 _RIGID = 1e-3
@@ -52,7 +77,19 @@ def unit_factor(test: ModeSet, model: ModeSet, pairing: Pairing) -> tuple[Notice
     if abs(np.log(size / factor)) > _NEAR:
         return ()
     word = "higher" if ratio > 1.0 else "lower"
-    return (Notice("correlate.unit-factor", modes=len(ratios), ratio=size, word=word, cause=FACTORS[factor]),)
+    cause, mend = FACTORS[factor], _mend(factor, ratio)
+    return (Notice("correlate.unit-factor", modes=len(ratios), ratio=size, word=word, cause=cause, mend=mend),)
+
+
+_OF_TEST = {60.0: "revolutions per minute", 2.0 * np.pi: "rad/s"}
+
+
+def _mend(factor: float, ratio: float) -> str:
+    """The smallest change that removes the ratio of the model's frequencies to those of the test."""
+    if factor in _OF_TEST:
+        return f"state the frequencies of {'the model' if ratio > 1.0 else 'the test'} in Hz, not in {_OF_TEST[factor]}"
+    by = factor**2 if ratio > 1.0 else factor**-2
+    return f"PARAM,WTMASS of the deck times {by:.5g} or moduli times {1.0 / by:.5g} would remove it"
 
 
 def _ratios(test: ModeSet, model: ModeSet) -> Reals:

@@ -11,8 +11,8 @@ import numpy as np
 
 from femtune.identification.choice import Limits, stable
 from femtune.identification.mode_checks import LARGE_DAMPING
+from femtune.reporting.alert_boxes import alert_boxes
 from femtune.reporting.document import (
-    AlertBox,
     Document,
     Figure,
     Listing,
@@ -356,5 +356,4 @@ def _remarks(made: IdentifyResult) -> Iterator[Block]:
         few = ", ".join(f"{freq(f)} Hz ({n})" for f, n in made.found.dropped)
         words = f"Left out because they occur in too few of {made.found.estimates} estimates: {few}."
         yield Paragraph(words, tone="muted")
-    for alert in made.record.alerts:
-        yield AlertBox(alert.level, alert.code, alert.sentence, alert.where)
+    yield from alert_boxes(made.record.alerts)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.correlation.unit_factor import mass_factor_words
 from femtune.errors import FemtuneError
 from femtune.fem.checks import mass_properties
 from femtune.model import EigenSolution, grid_matrix
@@ -78,10 +79,10 @@ def _mass(study: Study, case: StudyCase) -> ModelCheck:
     if weighed is None:
         return _untested(case, MASS, limit, "no measured mass is given (weighed_mass in the configuration)")
     matrix = grid_matrix(study.model, case.configured.configuration, "mass")
-    difference = 100.0 * (mass_properties(study.model.structure.nodes, matrix).mass / weighed - 1.0)
-    return _tested(
-        case, MASS, limit, difference, f"the mass of the model differs by {difference:+.2g} % from the measured mass"
-    )
+    ratio = mass_properties(study.model.structure.nodes, matrix).mass / weighed
+    difference, cause = 100.0 * (ratio - 1.0), mass_factor_words(ratio)
+    sentence = f"the mass of the model differs by {difference:+.2g} % from the measured mass"
+    return _tested(case, MASS, limit, difference, f"{sentence}; {cause}" if cause else sentence)
 
 
 def model_checks(study: Study, solutions: Solutions, progress: Progress) -> tuple[ModelCheck, ...]:

@@ -25,6 +25,7 @@ def screen(
     csv: Path | str | None = None,
     report: Path | str | None = None,
     fresh: bool = False,
+    jobs: int | None = None,
     progress: Progress = silent,
     **options: Any,
 ) -> ScreenResult:
@@ -37,6 +38,7 @@ def screen(
     csv : table of runs to write: values of the free parameters, and frequencies in Hz
     report : HTML page to write, with tables and a picture
     fresh : ignore the journal of an earlier run of the study and solve everything again
+    jobs : the most runs at a time, in place of [parallel]
     progress : receives progress reports
     options : keys of [screen] that replace those of the study: ``design``, ``array``, ``levels``, ``configuration``
 
@@ -64,7 +66,7 @@ def screen(
     page = checked_page(report)
     table = None if csv is None else Path(csv)
     given = source_of(source, parameters=parameters)
-    result = screen_parameters(given, options, progress, fresh=fresh, table=table)
+    result = screen_parameters(given, options, progress, fresh=fresh, jobs=jobs, table=table)
     return with_page(result, page, progress)
 
 
@@ -78,6 +80,7 @@ def search(
     csv: Path | str | None = None,
     report: Path | str | None = None,
     fresh: bool = False,
+    jobs: int | None = None,
     progress: Progress = silent,
     **options: Any,
 ) -> SearchResult:
@@ -89,6 +92,7 @@ def search(
     csv : table to write of the front, if there is one: values of the free parameters, and both objectives
     report : HTML page to write, with tables and a picture
     fresh : ignore the journal of an earlier run of the study and solve everything again
+    jobs : the most runs at a time, in place of [parallel]
     progress : receives progress reports
     options : keys of [search] that replace those of the study: ``on``, ``runs``, ``method``, ``seeds`` …
 
@@ -112,4 +116,6 @@ def search(
     page = checked_page(report)
     given = source_of(source, test=test, parameters=parameters, residuals=residuals)
     table = None if csv is None else Path(csv)
-    return with_page(search_minimum(given, options, progress, fresh=fresh, table_of_front=table), page, progress)
+    return with_page(
+        search_minimum(given, options, progress, fresh=fresh, jobs=jobs, table_of_front=table), page, progress
+    )

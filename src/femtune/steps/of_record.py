@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 
 @checked
 def identify(
-    source: Path | str, *, output: Path | str | None = None, progress: Progress = silent, **options: Any
+    source: Path | str,
+    *,
+    output: Path | str | None = None,
+    jobs: int | None = None,
+    progress: Progress = silent,
+    **options: Any,
 ) -> IdentifyResult:
     """Identify modes from a time record or FRFs; writes a folder with modes, poles, tables and report.html.
 
@@ -27,6 +32,7 @@ def identify(
     ----------
     source : an identification file (TOML), or the measured file itself
     output : output folder, instead of that of the file
+    jobs : the most set-ups, or levels of the force, that are identified at a time
     progress : receives progress reports
     options : keys of [identify] that replace those of the file: ``band_hz=(2.0, 40.0)``,
         ``methods``, ``largest_order``, ``sampling_hz``, ``units`` …
@@ -49,7 +55,7 @@ def identify(
     from femtune.reporting import build_identification_page, write_html  # noqa: PLC0415
 
     given = {key: plain(value) for key, value in options.items()}
-    made = find_modes(source, output, progress, options=given)
+    made = find_modes(source, output, progress, options=given, jobs=jobs)
     made = replace(made, files=(REPORT_FILE, *made.files))
     progress.step("drawing the page", 0, None)
     page = write_html(build_identification_page(made), made.folder / REPORT_FILE, progress)

@@ -20,7 +20,7 @@ from femtune.results.results import Results
 from femtune.results.step_results import CandidatesResult, RunResult
 from femtune.steps.pages import checked_page, report, with_page
 from femtune.study.bootstrap import forget_bootstrap
-from femtune.study.executor import check_executor
+from femtune.study.executor import check_executor, with_jobs
 from femtune.study.run import Run
 from femtune.study.run_lock import locked
 from femtune.study.select import check_parameters
@@ -45,6 +45,7 @@ def update(
     output: Path | str | None = None,
     wide: bool | None = None,
     fresh: bool = False,
+    jobs: int | None = None,
     progress: Progress = silent,
     **tables: Any,
 ) -> RunResult:
@@ -59,6 +60,7 @@ def update(
     output : run folder instead of the study's, which is ``run`` beside it
     wide : write changed cards in large-field format; None: as stated in the study
     fresh : empty the journal and solve everything again
+    jobs : the most runs at a time that do not depend on each other, such as starts, in place of [parallel]
     progress : receives progress reports
 
     Raises
@@ -82,7 +84,7 @@ def update(
     'updated.bdf'
     """
     study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
-    return _run(study, "update", output, wide, fresh, progress)
+    return _run(study, "update", output, wide, fresh, progress, jobs)
 
 
 @checked
@@ -94,6 +96,7 @@ def validate(
     residuals: Sequence[Any] | Mapping[str, Any] | None = None,
     output: Path | str | None = None,
     fresh: bool = False,
+    jobs: int | None = None,
     progress: Progress = silent,
     **tables: Any,
 ) -> RunResult:
@@ -103,7 +106,7 @@ def validate(
 
     Parameters
     ----------
-    source, test, parameters, residuals, output, fresh, progress, tables : as for `update`
+    source, test, parameters, residuals, output, fresh, jobs, progress, tables : as for `update`
 
     Raises
     ------
@@ -121,7 +124,7 @@ def validate(
     [True]
     """
     study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
-    return _run(study, "validate", output, None, fresh, progress)
+    return _run(study, "validate", output, None, fresh, progress, jobs)
 
 
 @checked
@@ -133,6 +136,7 @@ def bootstrap(
     residuals: Sequence[Any] | Mapping[str, Any] | None = None,
     output: Path | str | None = None,
     fresh: bool = False,
+    jobs: int | None = None,
     progress: Progress = silent,
     **tables: Any,
 ) -> RunResult:
@@ -142,7 +146,7 @@ def bootstrap(
 
     Parameters
     ----------
-    source, test, parameters, residuals, output, fresh, progress, tables : as for `update`; without a table
+    source, test, parameters, residuals, output, fresh, jobs, progress, tables : as for `update`; without a table
         ``bootstrap`` the study gets one with its default values
 
     Raises
@@ -163,7 +167,7 @@ def bootstrap(
     [('root', True), ('tip', True)]
     """
     study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
-    return _run(study, "bootstrap", output, None, fresh, progress)
+    return _run(study, "bootstrap", output, None, fresh, progress, jobs)
 
 
 @checked
@@ -176,6 +180,7 @@ def candidates(
     output: Path | str | None = None,
     report: Path | str | None = None,
     fresh: bool = False,
+    jobs: int | None = None,
     progress: Progress = silent,
     **tables: Any,
 ) -> CandidatesResult:
@@ -185,7 +190,7 @@ def candidates(
 
     Parameters
     ----------
-    source, test, parameters, residuals, output, fresh, progress, tables : as for `update`; the sets are those of
+    source, test, parameters, residuals, output, fresh, jobs, progress, tables : as for `update`; the sets are those of
         ``candidate`` (a list of tables) and ``candidates`` (subsets of the free parameters)
     report : HTML page to write, with tables and a picture
 
@@ -212,7 +217,7 @@ def candidates(
     watch = Stopwatch(call("candidates", given))
     page = checked_page(report)
     with watch.step("read"):
-        study = read_study(given, progress)
+        study = read_study(with_jobs(given, jobs), progress)
         study.problem()
         check_parameters(study)
         check_executor(study)
@@ -242,6 +247,7 @@ def run(
     output: Path | str | None = None,
     wide: bool | None = None,
     fresh: bool = False,
+    jobs: int | None = None,
     progress: Progress = silent,
     **tables: Any,
 ) -> RunResult:
@@ -249,7 +255,7 @@ def run(
 
     Parameters
     ----------
-    source, test, parameters, residuals, output, wide, fresh, progress, tables : as for `update`
+    source, test, parameters, residuals, output, wide, fresh, jobs, progress, tables : as for `update`
 
     Raises
     ------
@@ -267,7 +273,7 @@ def run(
     ('report.html', 'cantilever')
     """
     study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
-    result = _run(study, "run", output, wide, fresh, progress)
+    result = _run(study, "run", output, wide, fresh, progress, jobs)
     return replace(result, report=report(result, progress=progress))
 
 
@@ -278,11 +284,12 @@ def _run(
     wide: bool | None,
     fresh: bool,
     progress: Progress,
+    jobs: int | None,
 ) -> RunResult:
     """The run of a study; `word` is the function recorded in the provenance."""
     watch = Stopwatch(call(word, source))
     with watch.step("read"):
-        study = read_study(source, progress, fresh=fresh)
+        study = read_study(with_jobs(source, jobs), progress, fresh=fresh)
         if word == "bootstrap" and study.file.bootstrap is None:
             study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
         study.problem()

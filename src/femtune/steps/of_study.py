@@ -202,6 +202,7 @@ def quantify(
     parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
     residuals: Sequence[Any] | Mapping[str, Any] | None = None,
     fresh: bool = False,
+    jobs: int | None = None,
     progress: Progress = silent,
     **tables: Any,
 ) -> QuantifyResult:
@@ -213,6 +214,7 @@ def quantify(
     ----------
     source, test, fresh, progress, tables : as for `correlate`
     parameters, residuals : as for `Study`
+    jobs : the most samples of the forward check at a time, in place of [parallel]
 
     Raises
     ------
@@ -232,10 +234,12 @@ def quantify(
     >>> found.frequencies.column("repeats")
     array([12., 12., 12., 12.])
     """
+    from femtune.study.executor import with_jobs  # noqa: PLC0415
     from femtune.study.quantify import quantify_at, repeats_of  # noqa: PLC0415
     from femtune.study.select import check_parameters  # noqa: PLC0415
 
-    study = read_study(source_of(source, test=test, parameters=parameters, residuals=residuals, **tables), progress)
+    given = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
+    study = read_study(with_jobs(given, jobs), progress)
     check_parameters(study)
     repeats = repeats_of(study)
     if repeats is None:

@@ -2,17 +2,46 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from femtune.assembly.error_places import errors_at
+from femtune.errors import FemtuneError
 from femtune.executor import Cluster, Processes, Serial
+from femtune.files.study_file import ParallelTable, StudyFile, read_study_file
+from femtune.files.study_file.reading import is_deck
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from femtune.assembly.study import Study
     from femtune.executor import Executor
 
 LARGE = 3000
 """Free DOFs of the largest configuration above which runs take longer than the start of processes."""
+
+
+MOST_JOBS = 1024
+
+
+def check_jobs(jobs: int | None) -> None:
+    """Whether the number of runs at a time is one (error ``executor.jobs``); None is no number given."""
+    if jobs is not None and not 1 <= jobs <= MOST_JOBS:
+        raise FemtuneError("executor.jobs", values={"jobs": jobs}, most=MOST_JOBS)
+
+
+def with_jobs(source: Path | str | StudyFile, jobs: int | None) -> Path | str | StudyFile:
+    """The study with at most so many runs at a time, on this machine, in place of what [parallel] says.
+
+    Raises
+    ------
+    FemtuneError : ``executor.jobs``, and errors in the study file
+    """
+    check_jobs(jobs)
+    if jobs is None or (not isinstance(source, StudyFile) and is_deck(source)):
+        return source
+    file = source if isinstance(source, StudyFile) else read_study_file(source)
+    how: Literal["processes", "serial"] = "processes" if jobs > 1 else "serial"
+    return file.model_copy(update={"parallel": ParallelTable(how=how, workers=jobs)})
 
 
 def check_executor(study: Study) -> None:

@@ -35,7 +35,7 @@ from femtune.results.solved import nominal
 from femtune.results.step_results import SearchResult
 from femtune.results.update import citations, combination_record
 from femtune.selection import estimated_size, identifiability, undetermined_sentence
-from femtune.study.executor import check_executor, executor_of
+from femtune.study.executor import check_executor, executor_of, with_jobs
 from femtune.study.external import SolverResiduals, least_squares_on_solver, opened_solver
 from femtune.study.model_runs import ModelRun, ResidualRuns, failures, runs_at
 from femtune.study.respond import check_places
@@ -82,6 +82,7 @@ def search_minimum(
     progress: Progress = silent,
     *,
     fresh: bool = False,
+    jobs: int | None = None,
     table_of_front: Path | None = None,
 ) -> SearchResult:
     """The minimum of the squared residuals within the bounds, from the initial values of nobody.
@@ -90,6 +91,7 @@ def search_minimum(
     ----------
     options : keys of [search] that take the place of the study's
     fresh : do not take solutions from the journal of the study's run folder
+    jobs : the most runs at a time, in place of [parallel]
 
     Raises
     ------
@@ -97,7 +99,7 @@ def search_minimum(
     """
     watch = Stopwatch(call("search", source))
     with watch.step("read"):
-        study = read_study(source, progress, fresh=fresh, around=False)
+        study = read_study(with_jobs(source, jobs), progress, fresh=fresh, around=False)
         check_parameters(study)
         study.problem()
         table = with_search(study.file, options).search

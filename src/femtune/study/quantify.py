@@ -26,6 +26,7 @@ from femtune.results.quantify import (
 )
 from femtune.results.update import citations
 from femtune.selection import cosine_distances
+from femtune.study.executor import executor_of
 from femtune.study.parameter_intervals import parameter_intervals
 from femtune.uncertainty import (
     CloudRules,
@@ -135,7 +136,8 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
         outputs, used, rows, held = data.frequencies, data.outputs, data.rows, data.held
         found = _updated(study, table, used, data.measured, start)
         progress.step(f"forward check with {table.samples} samples", 0, None)
-        check = forward_check(used, found, table.samples, table.seed)
+        executor = executor_of(study, reduced=True)
+        check = forward_check(used, found, table.samples, table.seed, executor)
         intervals = parameter_intervals(outputs, found, rows[~held, : len(outputs.modes)]) if table.intervals else None
         tested = _tested(rows, len(outputs.modes), held, check, found)
     record = _record(study, table, repeats, check, tested, arrays)

@@ -22,7 +22,7 @@ from femtune.results.results import Results
 from femtune.results.screen import FailedModelRun, MainEffect, ScreenedMode, ScreenedParameter, ScreenResults
 from femtune.results.step_results import ScreenResult
 from femtune.results.update import citations
-from femtune.study.executor import check_executor, executor_of
+from femtune.study.executor import check_executor, executor_of, with_jobs
 from femtune.study.external import SolverFrequencies, opened_solver
 from femtune.study.model_runs import FrequencyRuns, ModelRun, alone, failures, followed_modes, runs_at
 from femtune.study.respond import check_places
@@ -54,6 +54,7 @@ def screen_parameters(
     progress: Progress = silent,
     *,
     fresh: bool = False,
+    jobs: int | None = None,
     table: Path | None = None,
 ) -> ScreenResult:
     """Runs of a design by levels, and the main effects of the free parameters on the frequencies.
@@ -62,6 +63,7 @@ def screen_parameters(
     ----------
     options : keys of [screen] that take the place of the study's
     fresh : do not take solutions from the journal of the study's run folder
+    jobs : the most runs at a time, in place of [parallel]
     table : CSV file for the table of runs
 
     Raises
@@ -70,7 +72,7 @@ def screen_parameters(
     """
     watch = Stopwatch(call("screen", source))
     with watch.step("read"):
-        study = load_study(source, progress, fresh=fresh, around=False)
+        study = load_study(with_jobs(source, jobs), progress, fresh=fresh, around=False)
         check_parameters(study)
         file = with_screen(study.file, options)
         asked = file.screen

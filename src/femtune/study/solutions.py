@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.assembly.study import solved_by
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, folded
 from femtune.journal.journal import JOURNAL_FOLDER, open_journal
 from femtune.results.journal import JournalResults, SolutionCount
 
@@ -60,11 +59,7 @@ def _journaled(study: Study, journal: Journal) -> Study:
 
 def warnings_of(study: Study) -> list[str]:
     """What the reader warns of, the first of each kind with the number of the others."""
-    loud = [n for n in (*study.built.notices, *study.notices) if n.level != "info"]
-    counts = Counter(n.code for n in loud)
-    first = {n.code: n for n in reversed(loud)}
-    more = {code: f"; and {count - 1} more of this kind" if count > 1 else "" for code, count in counts.items()}
-    return [f"{first[code]}{more[code]}" for code in counts]
+    return folded(n for n in (*study.built.notices, *study.notices) if n.level != "info")
 
 
 def keeping(study: Study, folder: Path, fresh: bool) -> tuple[Study, Journal | None]:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from femtune.arrays import Reals
+from femtune.executor import Executor
 from femtune.uncertainty.outputs import Counted, Outputs
 from femtune.uncertainty.repeats import OutputStatistics, covariance_distance, factor
 from femtune.uncertainty.stochastic import StochasticResult, latin_hypercube, propagate
@@ -145,8 +146,14 @@ class ForwardCheck:
         ]
 
 
-def forward_check(outputs: Outputs, found: StochasticResult, samples: int = 1000, seed: int = 1) -> ForwardCheck:
+def forward_check(
+    outputs: Outputs, found: StochasticResult, samples: int = 1000, seed: int = 1, executor: Executor | None = None
+) -> ForwardCheck:
     """Propagate a Latin hypercube of the updated distribution; its moments are exactly the updated ones.
+
+    Parameters
+    ----------
+    executor : solves the model at the samples; one after another where it is None
 
     Raises
     ------
@@ -154,7 +161,8 @@ def forward_check(outputs: Outputs, found: StochasticResult, samples: int = 1000
     """
     counted = Counted(outputs)
     theta = latin_hypercube(found.mean, found.covariance, samples, seed)
-    return ForwardCheck(found.names, theta, propagate(counted, theta), found.measured, counted.solutions)
+    z = propagate(counted, theta) if executor is None else counted.at_points(theta, executor)
+    return ForwardCheck(found.names, theta, z, found.measured, counted.solutions)
 
 
 def ellipse(mean: Reals, covariance: Reals, probability: float = 0.95, points: int = 121) -> Reals:

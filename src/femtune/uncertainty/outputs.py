@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
+from femtune.executor import Executor
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.modal.subspace import clusters
 from femtune.model import ConfiguredModel, EigenSolution, eigenvalue_derivatives, solve_modes, subspace_derivative
@@ -56,6 +57,12 @@ class Counted:
             self.solutions += 1
             self._last = (theta.copy(), _finite(self.outputs.values(theta), theta), None)
         return self._last[1]
+
+    def at_points(self, theta: Reals, executor: Executor) -> Reals:
+        """(n, m) of points (n, k); ``quantify.not-finite`` if they are not finite."""
+        self.solutions += len(theta)
+        found = executor.run(self.outputs.values, list(theta), name="sample")
+        return np.array([_finite(z, row) for z, row in zip(found, theta)])
 
     def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
         """As of the outputs; ``quantify.not-finite`` if they are not finite."""

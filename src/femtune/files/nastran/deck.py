@@ -90,6 +90,7 @@ def read_deck(path: str | Path) -> Deck:
         before BEGIN BULK, or in the middle of a line without ENDDATA
     """
     source = read_source(path)
+    _check_no_test(source)
     lines, case, bulk_lines = _sections(source)
     executive = _executive(lines)
     case_control = read_case_control(case, executive.solution_number != _BUCKLING)
@@ -102,6 +103,13 @@ def read_deck(path: str | Path) -> Deck:
 
 
 _Lines = tuple[SourceLine, ...]
+
+
+def _check_no_test(source: DeckSource) -> None:
+    """A Universal File is a test (error ``deck.universal-file``)."""
+    first = next((line for line in source.lines if line.text.strip()), None)
+    if first is not None and first.text.strip() == "-1":
+        raise FemtuneError("deck.universal-file", where=Where(first.file, first.number))
 
 
 def _sections(source: DeckSource) -> tuple[_Lines, _Lines, _Lines]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from femtune.errors import FemtuneError, did_you_mean
@@ -50,7 +51,7 @@ def _of_unions(found: Sequence[ErrorDetails]) -> list[ErrorDetails]:
 
 def _names_type(part: str | int) -> bool:
     """True for the mark that pydantic puts behind the place of a value of several types."""
-    return isinstance(part, str) and (part == "constrained-float" or part.startswith("tuple["))
+    return isinstance(part, str) and part.startswith(("constrained-", "tuple[", "dict["))
 
 
 def _follows(finding: ErrorDetails, found: Sequence[ErrorDetails]) -> bool:
@@ -70,8 +71,20 @@ def _error(finding: ErrorDetails, source: StudyLines, model: type[BaseModel]) ->
         return _missing_key(place, source)
     if finding["type"] == "femtune":
         return _own(finding["ctx"]["error"], place, finding["input"], source)
+    if finding["type"] == "tuple_type" and isinstance(finding["input"], Mapping):
+        return _table_for_list(place, finding, source, model)
     code, facts = _judgement(finding)
     return source.error(place, code, {_key(place): finding["input"]}, key=_name(place), **facts)
+
+
+def _table_for_list(place: Place, finding: ErrorDetails, source: StudyLines, model: type[BaseModel]) -> FemtuneError:
+    """A table where a list of tables is wanted; another table of nearly this name is named."""
+    key = str(place[-1])
+    plural = f"{key}s"
+    known = _keys(place[:-1], finding, model)
+    hint = f"write [[{key}]], or [{plural}] if the keys are those of this table" if plural in known else None
+    name = f"[[{key}]]" if len(place) == 1 else f"{key} = [{{ … }}]"
+    return source.error(place, "study.type/list-of-tables", {}, hint=hint, key=key, name=name)
 
 
 def _place(finding: ErrorDetails) -> Place:
@@ -85,8 +98,11 @@ def _kind(finding: ErrorDetails, place: Place, source: StudyLines) -> FemtuneErr
     """A table whose kind is missing or unknown."""
     if finding["type"] == "union_tag_not_found":
         return _missing_key((*place, "kind"), source)
-    given = str(finding["ctx"].get("tag"))
-    hint = did_you_mean(given, TABLES)
+    given = finding["ctx"].get("tag")
+    if not isinstance(finding["input"].get("kind"), str):
+        facts = {"key": "'kind'", "wanted": "text", "hint": 'write for example kind = "frequency"'}
+        return source.error((*place, "kind"), "study.type", {"kind": finding["input"].get("kind")}, **facts)
+    hint = did_you_mean(str(given), TABLES)
     return source.error((*place, "kind"), "study.value/kind", {}, hint=hint, given=given)
 
 
@@ -114,7 +130,10 @@ def _missing_key(place: Place, source: StudyLines) -> FemtuneError:
         return source.error(place, "study.value/missing-entry", {}, hint=hint, name=_name(place[:-1]))
     key, table = str(place[-1]), _table(place[:-1], source)
     table_lacks = len(place) == 1 and source.whole == StudyLines.whole
-    hint = f"add the table [{key}]" if table_lacks else f"add the line  {key} = …  ({source.page} has an example)"
+    value = (
+        '"m-kg-s"  (or "mm-t-s", "in-slinch-s" and others' if key == "units" else f"…  ({source.page} has an example"
+    )
+    hint = f"add the table [{key}]" if table_lacks else f"add the line  {key} = {value})"
     return source.error(place, "study.missing-key", {}, hint=hint, table=table, key=key)
 
 
@@ -148,7 +167,19 @@ def _judgement(finding: ErrorDetails) -> tuple[str, dict[str, Any]]:
         return _not_among(finding)
     if kind in ("too_short", "string_too_short"):
         return _too_short(finding, context)
+    if kind == "too_long":
+        return "study.value/too-long", {"most": context["max_length"], "given": context["actual_length"]}
+    if kind == "string_pattern_mismatch":
+        return "study.value/characters", {"pattern": _PATTERNS.get(context["pattern"], context["pattern"])}
     return _out_of_range(finding, context)
+
+
+_PATTERNS = {
+    "^[A-Z][A-Z0-9]{0,15}$": 'capitals and digits, beginning with a capital, at most 16 characters: "K1"',
+    "^1?2?3?4?5?6?$": 'digits from 1 to 6 in rising order, each at most once: "126"',
+    "^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$": 'letters, digits, _ . and -, without a folder: "model.bdf"',
+}
+"""Patterns of the models in words."""
 
 
 def _too_short(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -183,9 +214,14 @@ def _keys(place: Place, finding: ErrorDetails, top: type[BaseModel]) -> tuple[st
     model: type[BaseModel] | None = top
     for part in place:
         if model is not None and isinstance(part, str):
-            field = model.model_fields.get(part)
+            field = _fields(model).get(part)
             model = _model_in(field.annotation) if field else None
-    return tuple(model.model_fields) if model else ()
+    return tuple(_fields(model)) if model else ()
+
+
+def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """By the key of the file, which may be another word than that of the program."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def _model_in(annotation: object) -> type[BaseModel] | None:

@@ -90,7 +90,7 @@ def scan_uff(path: str | Path) -> tuple[DataSet, ...]:
     """
     reader = _UffReader(_bytes(Path(path)), str(path))
     if not any(map(_is_delimiter, reader.data.splitlines())):
-        raise FemtuneError("uff.not-uff", where=Where(str(path)))
+        raise FemtuneError("uff.not-uff/deck" if _DECK.search(reader.data) else "uff.not-uff", where=Where(str(path)))
     found = []
     while reader.more():
         line = reader.take()
@@ -107,6 +107,10 @@ def _bytes(path: Path) -> bytes:
     except OSError as problem:
         raise FemtuneError("uff.no-file", where=Where(str(path)), strerror=problem.strerror) from problem
     return data if b"\n" in data else data.replace(b"\r", b"\n")
+
+
+_DECK = re.compile(rb"^(BEGIN\s+BULK|GRID[\s,*]|CEND\b)", re.MULTILINE | re.IGNORECASE)
+"""Lines of a Nastran deck."""
 
 
 def _is_delimiter(line: bytes) -> bool:

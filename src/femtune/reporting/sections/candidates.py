@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.reporting.alert_boxes import alert_boxes
 from femtune.reporting.document import (
-    AlertBox,
     Cell,
     Figure,
     KeyNumber,
@@ -77,7 +77,7 @@ def _rule(found: CandidatesResults) -> str:
 def candidates_summary(source: ReportSource) -> list[Block]:
     """Numbers, sentences, what should be known, and the picture."""
     found = _of(source)
-    alerts = (AlertBox(a.level, a.code, a.sentence, a.where) for a in found.alerts)
+    alerts = alert_boxes(found.alerts)
     return [candidate_numbers(found), Listing(found.sentences), *alerts, *_picture(source)]
 
 

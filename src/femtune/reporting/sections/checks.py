@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError
 from femtune.fem.checks import STRAIN_FREE
+from femtune.reporting.alert_boxes import alert_boxes
 from femtune.reporting.document import (
-    AlertBox,
     Cell,
     Heading,
     Listing,
@@ -158,7 +158,7 @@ def checks(source: ReportSource) -> list[Block]:
         *([] if source.results.study.imported else _cards(model)),
         *_held(model),
         Heading("Notices of the deck reader"),
-        *(AlertBox(n.level, n.code, n.sentence, n.where) for n in model.notices),
+        *alert_boxes(model.notices),
         *([] if model.notices else [Paragraph("There are no notices.")]),
     ]
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.reporting.document import AlertBox, Bar, Cell, Column, Heading, Listing, Paragraph, Table, columns, row
+from femtune.reporting.alert_boxes import alert_boxes
+from femtune.reporting.document import Bar, Cell, Column, Heading, Listing, Paragraph, Table, columns, row
 from femtune.reporting.numbers import (
     NONE,
     NOT_TESTED,
@@ -280,7 +281,7 @@ def natural_modes(source: ReportSource) -> list[Block]:
     if not found:
         return [Paragraph("Modes were not computed.")]
     units = _units(source.results.study.units)
-    alerts = [AlertBox(a.level, a.code, a.sentence, a.where) for m in found for a in m.alerts]
+    alerts = alert_boxes(a for m in found for a in m.alerts)
     tables = [block for m in found for block in _natural_modes_of(m, len(found) > 1, units)]
     note: list[Block] = [Paragraph(_NOTE, "muted")] if any(m.effective_masses for m in found) else []
     note += mesh_sentences(found)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.reporting.alert_boxes import alert_boxes
 from femtune.reporting.document import (
-    AlertBox,
     Cell,
     Figure,
     Heading,
@@ -78,7 +78,7 @@ def _band(plan: PlanResults) -> str:
 def plan_summary(source: ReportSource) -> list[Block]:
     """Numbers, and what should be known."""
     plan = _plan(source)
-    return [plan_numbers(plan), *(AlertBox(a.level, a.code, a.sentence, a.where) for a in plan.alerts)]
+    return [plan_numbers(plan), *alert_boxes(plan.alerts)]
 
 
 def plan_sensors(source: ReportSource) -> list[Block]:

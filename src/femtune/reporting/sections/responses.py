@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.reporting.document import AlertBox, Cell, Column, Figure, Heading, Paragraph, Table, columns, row
+from femtune.reporting.alert_boxes import alert_boxes
+from femtune.reporting.document import Cell, Column, Figure, Heading, Paragraph, Table, columns, row
 from femtune.reporting.figures.fdac import FdacPanel, fdac_svg
 from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
 from femtune.reporting.numbers import NONE, counted, freq, percent, short, signed_percent, unit_fraction, value
@@ -142,7 +143,7 @@ def _configuration(source: ReportSource, name: str, named: bool) -> list[Block]:
     order = ordered_pairs(last)
     floor = _ROUNDING * max(p.peak for p in last.pairs)
     shown = [k for k in order if last.pairs[k].peak >= floor][:_PANELS]
-    alerts = dict.fromkeys(AlertBox(a.level, a.code, a.sentence, a.where) for r in found for a in r.alerts)
+    alerts = alert_boxes(a for r in found for a in r.alerts)
     return [
         *([Heading(name)] if named else []),
         *alerts,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from femtune.reporting.document import AlertBox, Bar, Cell, Figure, Listing, Table, columns, row
+from femtune.reporting.alert_boxes import alert_boxes
+from femtune.reporting.document import Bar, Cell, Figure, Listing, Table, columns, row
 from femtune.reporting.figures.effects import main_effects_svg
 from femtune.reporting.numbers import NONE, counted, freq, short, unit_fraction
 
@@ -41,7 +42,7 @@ def screen_summary(source: ReportSource) -> list[Block]:
 
 def summary_blocks(found: ScreenResults) -> list[Block]:
     """Sentences and alerts, for page and terminal."""
-    alerts = (AlertBox(a.level, a.code, a.sentence, a.where) for a in found.alerts)
+    alerts = alert_boxes(found.alerts)
     design = f"{found.design}: {counted(found.runs, 'run')}, {found.error_freedom} degrees of freedom for the error."
     return [Listing((*found.sentences, design)), *alerts]
 

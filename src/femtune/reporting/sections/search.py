@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from femtune.reporting.alert_boxes import alert_boxes
 from femtune.reporting.document import (
-    AlertBox,
     Cell,
     Figure,
     KeyNumber,
@@ -40,7 +40,7 @@ def search_summary(source: ReportSource) -> list[Block]:
 
 def summary_blocks(found: GlobalSearchResults) -> list[Block]:
     """Numbers, sentences, and alerts, for page and terminal."""
-    alerts = (AlertBox(a.level, a.code, a.sentence, a.where) for a in found.alerts)
+    alerts = alert_boxes(found.alerts)
     numbers = KeyNumbers(
         (
             KeyNumber("χ²", short(found.chi2_initial), short(found.chi2), remark=counted(found.residuals, "residual")),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from femtune.reporting.document import AlertBox, Heading, KeyNumber, KeyNumbers, Paragraph
+from femtune.reporting.alert_boxes import alert_boxes
+from femtune.reporting.document import Heading, KeyNumber, KeyNumbers, Paragraph
 from femtune.reporting.numbers import (
     NONE,
     NOT_TESTED,
@@ -49,7 +50,7 @@ def summary(source: ReportSource) -> list[Block]:
     blocks += source.after_notes
     grave = [a for a in source.results.alerts if a.level in _ORDER]
     alerts = sorted(grave, key=lambda a: _ORDER.index(a.level))
-    blocks += [AlertBox(a.level, a.code, a.sentence, a.where) for a in alerts]
+    blocks += alert_boxes(alerts)
     return blocks if blocks else [Paragraph("Nothing has been compared.")]
 
 
@@ -130,7 +131,7 @@ def model_summary(source: ReportSource) -> list[Block]:
     for c in model.configurations:
         blocks += [Heading(c.configuration)] * several
         blocks.append(KeyNumbers(tuple(_numbers(source, c))))
-    return blocks + [AlertBox(n.level, n.code, n.sentence, n.where) for n in model.notices if n.level in _LOUD]
+    return blocks + alert_boxes(n for n in model.notices if n.level in _LOUD)
 
 
 def _numbers(source: ReportSource, c: ModelConfiguration) -> list[KeyNumber]:

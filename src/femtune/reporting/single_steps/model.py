@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.files.study_file import is_deck, read_study_file
+from femtune.reporting.alert_boxes import alert_boxes
 from femtune.reporting.document import (
     AlertBox,
     Document,
@@ -183,7 +184,7 @@ def _parameters(found: tuple[DeckParameterRecord, ...]) -> list[Block]:
 def _notices(notices: tuple[Alert, ...]) -> list[Block]:
     """Problems and warnings in full, the others by kind, but for those that repeat the tables."""
     loud = sorted((n for n in notices if n.level in _ORDER), key=lambda n: _ORDER.index(n.level))
-    boxes: list[Block] = [AlertBox(n.level, n.code, n.sentence, n.where) for n in loud]
+    boxes = alert_boxes(loud)
     quiet = [n for n in notices if n.level not in _ORDER and n.code not in _IN_TABLES]
     counts = Counter(n.code for n in quiet)
     return boxes + [_quiet(n, counts[n.code]) for n in {n.code: n for n in reversed(quiet)}.values()]

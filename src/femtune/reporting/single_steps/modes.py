@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from femtune.reporting.document import AlertBox, Cell, Column, Listing, Paragraph, Section, Table, columns, row
+from femtune.reporting.alert_boxes import alert_boxes
+from femtune.reporting.document import Cell, Column, Listing, Paragraph, Section, Table, columns, row
 from femtune.reporting.numbers import NONE, NOT_TESTED, counted, freq
 from femtune.reporting.sections.modes import MESH_HEADS, mesh_cells, mesh_sentences, solved_by
 from femtune.reporting.sections.responses import fdac_table, frf_table, how, load_blocks, ordered_pairs, pole_blocks
@@ -26,7 +27,7 @@ def modes_document(subject: Subject, modes: Sequence[ModelModes]) -> Document:
     """One table of frequencies and a sentence each configuration that says whether a mode was missed."""
     verdict, level = sturm_verdict(modes)
     counts = Listing(tuple(f"{m.configuration}: {_sturm(m)}." for m in modes))
-    alerts = [AlertBox(a.level, a.code, a.sentence, a.where) for m in modes for a in m.alerts]
+    alerts = alert_boxes(a for m in modes for a in m.alerts)
     mesh = mesh_sentences(modes)
     blocks: list[Block] = [*alerts, *_tables(modes), counts, *mesh, *solved_by(modes)]
     return subject.document(verdict, level, [Section("modes", "Natural frequencies, Hz", tuple(blocks))])
@@ -83,7 +84,7 @@ def _functions(r: ResponseResults, named: bool) -> list[Block]:
         return []
     order = ordered_pairs(r.frfs)
     name = f"{r.configuration}. " if named else ""
-    alerts = [AlertBox(a.level, a.code, a.sentence, a.where) for a in r.alerts]
+    alerts = alert_boxes(r.alerts)
     more = len(order) - _ROWS
     rest = [Paragraph(f"and {counted(more, 'more function')} in --json and --report", "muted")] if more > 0 else []
     return [*alerts, Paragraph(name + how(r.frfs)), frf_table([r], order[:_ROWS]), *fdac_table([r]), *rest]

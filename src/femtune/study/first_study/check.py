@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study
-from femtune.errors import FemtuneError, FemtuneErrors, Notice
+from femtune.errors import FemtuneError, FemtuneErrors, Notice, folded
 from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.study_file.reading import is_deck, study_from_data, toml_data, toml_text
@@ -112,7 +112,7 @@ def check_study(path: Path, progress: Progress = silent) -> CheckResult:
     notices = [n for n in found.notices if n.level != "info"]
     problems = [*map(_of_error, errors), *map(_of_notice, notices)]
     record = CheckedStudy(study=str(path), errors=len(errors), warnings=len(notices), problems=tuple(problems))
-    return CheckResult(record, (*map(str, errors), *map(str, notices)))
+    return CheckResult(record, (*map(str, errors), *folded(notices)))
 
 
 @dataclass(eq=False)

@@ -16,6 +16,7 @@ from femtune.assembly.described import model_of_deck
 from femtune.assembly.measured import BEYOND_TEST
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study
+from femtune.correlation.guessed_sensors import GuessedSensors, guess_sensors
 from femtune.correlation.unit_factor import unit_factor
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, FemtuneErrors, Where
@@ -33,7 +34,6 @@ from femtune.results.folder import check_writable, unwritable
 from femtune.results.solved import nominal, solve
 from femtune.results.step_results import StepResult
 from femtune.results.tables import Rows, rows_of
-from femtune.study.first_study.guessed_sensors import GuessedSensors, guess_sensors
 from femtune.study.first_study.guessed_units import GuessedUnits, guess_units, unit_words
 from femtune.study.first_study.proposed_parameters import (
     FREQUENCY_SD,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile, LevelEntry
     from femtune.identification.linearity import FunctionsAtLevel, ModeAtLevels, Trend
     from femtune.study.identification.found import Found
+    from femtune.study.identification.several import IdentifyEach
 
 
 class LevelTrend(Record):
@@ -114,15 +114,13 @@ def level_file(file: IdentifyFile, entry: LevelEntry) -> IdentifyFile:
     return copy
 
 
-def linearity_of(
-    file: IdentifyFile, found: Found, identify: Callable[[IdentifyFile], Found]
-) -> LinearityResults | None:
+def linearity_of(file: IdentifyFile, found: Found, identify: IdentifyEach) -> LinearityResults | None:
     """All levels compared with the first; None without [[level]].
 
     Parameters
     ----------
     found : at the level of [identify]
-    identify : identifies the measurement of a file
+    identify : identifies the measurements of files
 
     Raises
     ------
@@ -132,9 +130,9 @@ def linearity_of(
         return None
     table = file.linearity
     levels = [_level(file, found, table.force or 1.0, "")]
-    for entry in file.level:
-        of_level = level_file(file, entry)
-        levels.append(_level(of_level, identify(of_level), entry.force, entry.name or ""))
+    files = [level_file(file, entry) for entry in file.level]
+    each = identify([(of_level, f"level {of_level.measured_path.name}") for of_level in files])
+    levels += [_level(f, one, e.force, e.name or "") for f, one, e in zip(files, each, file.level)]
     limits = LinearityLimits(table.largest_frequency_change, table.largest_damping_change, table.least_frac)
     return _record(check_linearity(levels, limits))
 

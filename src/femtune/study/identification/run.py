@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from femtune.assembly.progress import silent
 from femtune.errors import FemtuneError, Notice, Where, with_notices
+from femtune.executor import Processes
 from femtune.files.described_test import read_described_geometry
 from femtune.identification.choice import Limits, stable
 from femtune.identification.record_checks import check_record
@@ -20,6 +21,7 @@ from femtune.results.base import InputFile
 from femtune.results.folder import check_writable
 from femtune.results.step_results import StepResult
 from femtune.results.tables import Rows, rows_of
+from femtune.study.executor import check_jobs
 from femtune.study.identification.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.study.identification.from_record import found_from_record, read_asked
 from femtune.study.identification.levels import level_file, linearity_notice, linearity_of
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from femtune.results.base import Alert
     from femtune.study.identification.found import Found
     from femtune.study.identification.records import Identification
+    from femtune.study.identification.several import IdentifyEach
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,6 +134,7 @@ def identify(
     progress: Progress = silent,
     *,
     options: Mapping[str, Any] | None = None,
+    jobs: int | None = None,
 ) -> IdentifyResult:
     """Identify modes from a time record or FRFs, and write them to a folder.
 
@@ -139,18 +143,21 @@ def identify(
     path : an identification file (TOML), a record (CSV, UFF 58, .npy, .npz, .mat, HDF5, WAV), or functions (UFF 58)
     output : output folder; default: that of the file, or ``identified`` in its folder
     options : keys of [identify] that replace those of the file: ``{"band_hz": (2.0, 40.0)}``
+    jobs : the most set-ups or levels that are identified at a time; one after another where it is None
 
     Raises
     ------
     FemtuneError : ``record.*``, ``uff.*``, ``identify.*``, ``study.*`` of the file, ``run.unwritable``
     """
+    check_jobs(jobs)
     file = asked_of(path, options or {})
+    each = partial(_found_each, jobs or 1, progress)
     folder = Path(output) if output is not None else file.output_folder
     _check_folder(folder, file)
     progress.step("reading the measurement", 0, None)
     with _at_the_file(file):
-        found = _found(file, progress)
-    linearity = linearity_of(file, found, partial(_found_at_level, progress))
+        found = _found(file, progress, each)
+    linearity = linearity_of(file, found, each)
     if linearity is not None:
         found = replace(found, notices=(*found.notices, *linearity_notice(linearity)))
     source = InputFile(path=file.measured_path.name, sha256=_digest(file.measured_path))
@@ -160,15 +167,13 @@ def identify(
     return IdentifyResult(folder, record, found, tuple(names))
 
 
-def _found_at_level(progress: Progress, file: IdentifyFile) -> Found:
-    progress.step(f"level {file.measured_path.name}", 0, None)
-    with _at_the_file(file):
-        return _found(file, progress)
-
-
-def _found(file: IdentifyFile, progress: Progress) -> Found:
+def _found(file: IdentifyFile, progress: Progress, each: IdentifyEach) -> Found:
     if file.setup:
-        return _with_geometry(found_from_setups(file, partial(_found_of_setup, progress)), file)
+        return _with_geometry(found_from_setups(file, each), file)
+    return _found_of_one(file, progress)
+
+
+def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
     if file.identify.frfs is not None:
         progress.step("poles of every order", 0, None)
         return _with_agreement(found_from_file(file))
@@ -188,10 +193,27 @@ def _with_geometry(found: Found, file: IdentifyFile) -> Found:
     return found if geometry is None else replace(found, geometry=geometry)
 
 
-def _found_of_setup(progress: Progress, file: IdentifyFile, name: str) -> Found:
+def _found_each(jobs: int, progress: Progress, asked: Sequence[tuple[IdentifyFile, str]]) -> list[Found]:
+    """The modes of several measurements, in their order; more than one job is made by worker processes."""
+    if jobs == 1:
+        return [_found_named(progress, *one) for one in asked]
+    ended: list[str] = []
+
+    def tell(position: int, _: Found) -> None:
+        ended.append(asked[position][1])
+        progress.step(ended[-1], len(ended), len(asked))
+
+    return Processes(jobs).run(_found_there, asked, name="measurement", finished=tell)
+
+
+def _found_there(asked: tuple[IdentifyFile, str]) -> Found:
+    return _found_named(silent, *asked)
+
+
+def _found_named(progress: Progress, file: IdentifyFile, name: str) -> Found:
     progress.step(name, 0, None)
     with _at_the_file(file):
-        return _found(file, progress)
+        return _found_of_one(file, progress)
 
 
 def _with_agreement(found: Found) -> Found:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,9 @@ from femtune.identification.setups import PartlyFound, merge_setups, same_modes
 from femtune.modal import ModeSet
 from femtune.study.identification.found import Found
 from femtune.testdata import NO_GEOMETRY
+
+IdentifyEach = Callable[[Sequence[tuple[IdentifyFile, str]]], list[Found]]
+"""Identifies the measurements of files; a text names each of them while it is at work."""
 
 
 def setup_file(file: IdentifyFile, entry: SetupEntry) -> IdentifyFile:
@@ -27,23 +30,25 @@ def setup_file(file: IdentifyFile, entry: SetupEntry) -> IdentifyFile:
     return made
 
 
-def found_from_setups(file: IdentifyFile, identify: Callable[[IdentifyFile, str], Found]) -> Found:
+def found_from_setups(file: IdentifyFile, identify: IdentifyEach) -> Found:
     """Merged modes of all set-ups.
 
     Parameters
     ----------
-    identify : identifies the measurement of one file; the text names the set-up
+    identify : identifies the measurements of files, each with the words for its set-up
 
     Raises
     ------
     FemtuneError : ``identify.setups``, ``dof.duplicate``, and what `identify` raises, with the name of the set-up
     """
     names = [entry.name or str(i) for i, entry in enumerate(file.setup, 1)]
-    each = [identify(setup_file(file, entry), f"set-up {name}") for name, entry in zip(names, file.setup)]
+    each = identify([(setup_file(file, entry), f"set-up {name}") for name, entry in zip(names, file.setup)])
     modes, left = same_modes([_of_structure(found) for found in each])
-    for k, freq in _to_take(left, each).items():
-        entry = file.setup[k].model_copy(update={"take_hz": (*file.setup[k].take_hz, *freq)})
-        each[k] = identify(setup_file(file, entry), f"set-up {names[k]}, with modes of the other set-ups")
+    more = _to_take(left, each)
+    entries = {k: file.setup[k].model_copy(update={"take_hz": (*file.setup[k].take_hz, *f)}) for k, f in more.items()}
+    words = "with modes of the other set-ups"
+    again = identify([(setup_file(file, entry), f"set-up {names[k]}, {words}") for k, entry in entries.items()])
+    each = [dict(zip(entries, again)).get(k, found) for k, found in enumerate(each)]
     if left:
         modes, left = same_modes([_of_structure(found) for found in each])
     if not len(modes[0]):

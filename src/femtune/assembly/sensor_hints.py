@@ -1,0 +1,80 @@
+"""What to write into the study where the sensors of a test do not lie at grid points: units, axes, tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femtune.correlation.guessed_sensors import guess_sensors
+from femtune.correlation.sensor_map import length_factor
+from femtune.errors import FemtuneError
+from femtune.units import unit_system
+
+if TYPE_CHECKING:
+    from femtune.fem import Structure
+    from femtune.files.study_file import ConfigurationEntry, StudyFile
+    from femtune.testdata import ModalTest
+
+_SYSTEMS = ("m-kg-s", "mm-t-s", "cm-kg-s", "in-slinch-s", "ft-slug-s")
+"""One system for each unit of length."""
+_SAME = 0.03
+
+
+@contextmanager
+def with_keys(file: StudyFile, entry: ConfigurationEntry, test: ModalTest, structure: Structure) -> Iterator[None]:
+    """Errors that sensors have no grid point say which keys of the study would put them there, if some do."""
+    try:
+        yield
+    except FemtuneError as error:
+        if error.code in ("sensor.unmatched", "sensor.one-grid"):
+            hint = units_hint(file, entry, test, structure) or _axes_hint(file, test, structure)
+            error.hint = hint or error.hint
+        raise
+
+
+def units_hint(file: StudyFile, entry: ConfigurationEntry, test: ModalTest, structure: Structure) -> str:
+    """The unit of length of the test for which its points lie at grid points, with the key; "" if there is none."""
+    points = _points(test)[1]
+    factor, words = length_factor(points, structure.nodes)
+    if not words:
+        return ""
+    study = file.study.unit_system
+    of_test = _named(factor * study.length)
+    if entry.test_units is not None and of_test:
+        table, key = ("[[configuration]]", "test_units") if file.configuration else ("[test]", "units")
+        return f'{words}: write {key} = "{of_test}" in {table}'
+    of_deck = _named(study.length / factor)
+    told = f'{words}: if the deck is in another unit, write units = "{of_deck}" in [study]' if of_deck else words
+    return f"{told}; if the file of the test states a wrong unit, correct its data set 164"
+
+
+def _named(length: float) -> str:
+    """The system with such a unit of length in metres; "" if there is none."""
+    found = (name for name in _SYSTEMS if abs(unit_system(name).length / length - 1.0) <= _SAME)
+    return next(found, "")
+
+
+def _axes_hint(file: StudyFile, test: ModalTest, structure: Structure) -> str:
+    """Rotation and origin of the test for which its points lie at grid points, as keys; "" if there are none."""
+    numbers, points = _points(test)
+    guess = guess_sensors(structure, numbers, points)
+    table = "[[configuration]]" if file.configuration else "[test]"
+    if guess.test:
+        return f"the axes of the test differ from those of the model: write {_keys(guess.test)} in {table}"
+    if guess.sensors:
+        return f"{guess.words}: write {_keys(guess.sensors)} in [sensors]"
+    return ""
+
+
+def _keys(table: Mapping[str, Any]) -> str:
+    """Keys as a TOML file has them."""
+    return " and ".join(f"{key} = {str(value).lower() if value is True else value}" for key, value in table.items())
+
+
+def _points(test: ModalTest) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) numbers and (n, 3) places of the points with sensors."""
+    places = {s.label.node: s.position for s in test.sensors if np.isfinite(s.position).all()}
+    return np.array(list(places), int), np.array(list(places.values()), float).reshape(-1, 3)
