@@ -290,7 +290,7 @@ def _select(run: Run, known: Known, arrays: Arrays) -> Outcome:
 def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     found = find_parameters(run.study, run.folder, known.start, run.progress)
     study = found.study or run.study
-    known_after = fisher_results(study, found.result.after, "after", found.result.active)
+    known_after = fisher_results(study, found.result.after, "after", found.known, found.result.active)
     return {"parameters": found, "fisher": known_after, "alerts": (*known.alerts, *found.alerts)}
 
 
