@@ -15,6 +15,7 @@ ONE_THREAD := OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} OPENBLAS_NUM_THREADS=$${OPE
 	MKL_NUM_THREADS=$${MKL_NUM_THREADS:-1}
 # Modules are compiled once, also where the environment forbids it: tests start Python many times.
 PYTEST := $(ONE_THREAD) PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
+SPHINX := $(BIN)/python -m sphinx -q -W --keep-going -j auto -b html
 EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run.py))
 
 # The first candidate that starts and is new enough. A name on the path may be a launcher without a Python
@@ -22,7 +23,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow check-all lint format types contract docs evidence notebooks examples-quick browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers clean
+.PHONY: help demo test test-slow check-all lint format types contract docs internals pictures evidence notebooks examples-quick browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers release-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -56,8 +57,15 @@ contract: $(VENV)/.stamp-lint  ## check that packages import only from the layer
 	@$(BIN)/lint-imports
 
 docs: $(VENV)/.stamp-docs  ## build the documentation; warnings are errors
-	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@$(SPHINX) -d docs/_build/doctrees docs docs/_build/html
 	@echo "docs/_build/html/index.html"
+
+internals: $(VENV)/.stamp-docs  ## build the documentation with the reference of all modules
+	@$(SPHINX) -t internals -d docs/_build/internals-doctrees docs docs/_build/internals
+	@echo "docs/_build/internals/index.html"
+
+pictures: $(VENV)/.stamp-test  ## draw the pictures of the landing page and the tutorial again
+	@$(ONE_THREAD) $(BIN)/python docs/_ext/pictures.py
 
 evidence: $(VENV)/.stamp-test  ## run the full examples, which write the tables of the documentation
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --evidence docs/evidence; done
@@ -101,6 +109,9 @@ mutants: $(VENV)/.stamp-test  ## mutation test of the numerical code; takes half
 	@HYPOTHESIS_PROFILE=quick $(ONE_THREAD) $(BIN)/python benchmarks/mutation/run.py --marked "not slow" $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 readers: $(VENV)/.stamp-readers  ## install the libraries that read OP2, Ansys, HDF5 and Parquet files
+
+release-check:  ## the check-list of a release: build, metadata, empty environments of every Python, tutorial, licences
+	@python="$$($(FIND_PYTHON))"; "$$python" .ci/release.py
 
 clean:  ## remove all generated files and the environment
 	rm -rf $(VENV) build dist src/*.egg-info docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

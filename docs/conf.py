@@ -1,4 +1,7 @@
-"""How the documentation is built: `make docs`, without network, warnings are errors."""
+"""How the documentation is built: `make docs`, without network, warnings are errors.
+
+`make docs` describes the names that users need; with the tag `internals` (`make internals`) it describes every module.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
+import pictures
 from error_pages import write_error_pages
+from sphinx.util import logging
 
 import femtune
 
@@ -18,6 +23,8 @@ project_copyright = "2026, the femtune developers"
 version = release = femtune.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "plain_docstrings"]
+_INTERNALS = tags.has("internals")  # noqa: F821 - Sphinx provides the tags
+_PUBLIC = ("plot", "testing")  # packages whose functions users call by the name of the package
 exclude_patterns = ["_build", "_ext"]
 html_theme = "furo"
 html_title = f"femtune {release}"
@@ -52,7 +59,9 @@ def _write_api_pages() -> None:
     _API.mkdir(exist_ok=True)
     pages: dict[str, list[str]] = {}
     for name, is_package in _modules().items():
-        pages.setdefault(name.split(".")[1], []).append(_section(name, is_package))
+        package = name.split(".")[1]
+        if _INTERNALS or package in _PUBLIC:
+            pages.setdefault(package, []).append(_section(name, is_package))
     for stale in _API.glob("*.md"):
         if stale.stem not in (*pages, "index"):
             stale.unlink()
@@ -76,3 +85,5 @@ write_error_pages(
     Path(femtune.__file__).parent / "messages",
     _DOCS.parent / "tests" / "messages" / "shown",
 )
+if not pictures.are_current():
+    logging.getLogger(__name__).warning("docs/_static/pictures were made from another tutorial: run make pictures")

@@ -93,7 +93,9 @@ def _only(result: CorrelateResult, configuration: str | None) -> CorrelationResu
 def _mode_labels(record: CorrelationResults) -> tuple[tuple[str, ...], tuple[str, ...]]:
     rows = zip(record.mac_test_labels, record.mac_test_freq_hz)
     columns = zip(record.mac_model_numbers, record.mac_model_freq_hz)
-    return tuple(f"{label}: {f:.4g}" for label, f in rows), tuple(f"{n}: {f:.4g}" for n, f in columns)
+    rigid = 1e-6 * max(record.mac_model_freq_hz, default=0.0)  # the frequencies of rigid-body modes are rounding errors
+    names = tuple(f"{n}: {f if f > rigid else 0.0:.4g}" for n, f in columns)
+    return tuple(f"{label}: {f:.4g}" for label, f in rows), names
 
 
 def _side(labels: Sequence[str]) -> float:

@@ -28,7 +28,7 @@ from femtune.model.eigen import solution as eigen_module
 from femtune.model.eigen.accuracy import energy_residuals, force_residuals
 from femtune.model.eigen.krylov import Krylov, KrylovPairs, begin, beside, iterate
 from femtune.model.eigen.mass_space import MassSpace
-from femtune.model.eigen.pairs import EigenSearch, iterative
+from femtune.model.eigen.pairs import EigenSearch, iterative, largest
 from femtune.model.eigen.pencil import Inverse, Pencil, indefinite_mass
 from femtune.model.linear import sparse_products
 from femtune.model.linear.dense_products import symmetric_eigen
@@ -367,3 +367,22 @@ def test_eigenvalues_of_small_matrices(rows: int) -> None:
     np.testing.assert_allclose(values, la.eigvalsh(A), atol=1e-12 * rows)
     np.testing.assert_allclose(vectors * values @ vectors.T, A, atol=1e-12 * rows)
     np.testing.assert_allclose(vectors.T @ vectors, np.eye(rows), atol=1e-13 * rows)
+
+
+@pytest.mark.parametrize("seed", [0, 120, 200, 284, 325, 838])
+def test_eigenvalues_that_are_equal_but_for_rounding(seed: int) -> None:
+    """Six rigid-body modes, and a cluster far above: of some such matrices LAPACK's xSYEVR finds no vectors."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(20, 60))
+    equal = int(rng.integers(2, n - 8))
+    count = int(rng.integers(10, n))
+    exact = 1.0 / (
+        1e5 + np.concatenate([np.zeros(6), 10.0 ** rng.uniform(5.0, 7.0, n - equal - 6), np.full(equal, 4e7)])
+    )
+    others = la.qr(rng.standard_normal((n - equal, n - equal)))[0]
+    turn = la.block_diag(others, np.eye(equal) + 1e-9 * rng.standard_normal((equal, equal)))
+    matrix = turn * exact @ turn.T
+    theta, vectors = largest(0.5 * (matrix + matrix.T), count)
+    np.testing.assert_allclose(theta, np.sort(exact)[-count:], rtol=1e-7)
+    np.testing.assert_allclose(vectors.T @ vectors, np.eye(count), atol=1e-12)
+    np.testing.assert_allclose(matrix @ vectors, vectors * theta, atol=1e-12 * theta[-1])

@@ -14,6 +14,7 @@ from femtune.model import Assignment, Configuration, configure, parametric_model
 from femtune.model.imported.from_runs import FittedRuns, Runs, fit_runs
 from femtune.model.imported.kriged import KrigedCoefficient
 from femtune.model.imported.model import field_of_variable
+from femtune.model.response.rigid import is_rigid
 from femtune.parameters import Parameter, ParameterSet
 from femtune.parameters.jet import Jet, constant, variables
 from femtune.surrogates import KrigingRules, fit_surrogate
@@ -244,3 +245,82 @@ def test_rigid_body_modes_that_are_listed_as_zero_do_not_hide_the_others() -> No
         np.testing.assert_allclose(found[1:], exact[1:], rtol=1e-9)
         assert found[0] < 2e-6 * exact[-1] or found[0] == pytest.approx(listed, rel=1e-6)
         np.testing.assert_allclose(alignment(phi, shapes), 1.0, atol=1e-9)
+
+
+def free_chain(k1: float, k2: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and shapes of twelve masses in a free chain."""
+    K = np.zeros((12, 12))
+    for i, k in enumerate([k1] * 4 + [k2] * 4 + [3e4] * 3):
+        K[i : i + 2, i : i + 2] += k * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    values, shapes = la.eigh(K, np.diag(FREE_MASS))
+    return np.sqrt(np.maximum(values[:count], 0.0)) / (2 * np.pi), shapes[:, :count]
+
+
+FREE_MASS = np.linspace(1.0, 2.0, 12)
+FREE_NODES = NodeTable(np.arange(1, 13), np.zeros((12, 3)), np.tile(np.eye(3), (12, 1, 1)), has_coordinates=False)
+
+
+def free_runs(points: np.ndarray, count: int = 5) -> Runs:
+    """As a solver lists them: a small frequency of the rigid-body mode, and six digits of the shapes."""
+    rng = np.random.default_rng(0)
+    hz, shapes = map(np.array, zip(*(free_chain(*point, count) for point in points)))
+    hz[:, 0] = 10.0 ** rng.uniform(-4.0, -3.0, len(points))
+    size = np.abs(shapes).max(axis=1, keepdims=True)
+    return Runs(NAMES, points, hz, shapes + 5e-7 * size * rng.uniform(-1.0, 1.0, shapes.shape), 6 * np.arange(12))
+
+
+@pytest.mark.parametrize("correlation", [None, pytest.param("gaussian", marks=pytest.mark.slow)])
+def test_rounding_of_rigid_body_modes_is_not_magnified_by_runs_that_lie_side_by_side(correlation: str | None) -> None:
+    """The free structure stays free away from the runs, and its elastic modes are extrapolated as they are."""
+    centre = np.array([1e4, 2e4])
+    sides = [centre * (1.0 + 0.01 * s * np.eye(2)[i]) for i in range(2) for s in (1.0, -1.0)]
+    fitted = fit_runs(free_runs(np.array([centre, *sides])), FREE_NODES, 1, False, 0, correlation)
+    parameters = ParameterSet(tuple(Parameter(name, v, 0.1 * v, 10.0 * v) for name, v in zip(NAMES, centre)))
+    assigned = [Assignment(name, field_of_variable(name), relative=False) for name in NAMES]
+    configured = configure(parametric_model(fitted.structure, parameters, assigned), Configuration("runs"))
+    for x in ([0.0, 0.0], [0.1, -0.1], [0.15, 0.15], [-0.15, 0.1]):
+        found = solve_modes(configured.at(np.array(x)), 5)
+        assert is_rigid(found)[:5].tolist() == [True, False, False, False, False], x
+        exact = free_chain(*(centre * (1.0 + np.array(x))), 5)[0]
+        np.testing.assert_allclose(found.freq_hz[1:5], exact[1:], rtol=0.02)
+
+
+def test_a_soft_suspension_is_no_rigid_body_mode() -> None:
+    """A frequency of half a hundredth of the highest one is that of a spring, which a parameter may change."""
+    points = np.array([[0.5, 2e4], [0.7, 2e4], [0.5, 2.4e4], [1.0, 2.2e4]])
+    hz = np.sqrt(points) / (2 * np.pi)
+    fitted = fit_runs(Runs(NAMES, points, hz), NO_NODES, 1, crossed=False)
+    found, _ = solved_without_shapes(fitted, np.array([0.8, 2.1e4]))
+    assert found[0] == pytest.approx(np.sqrt(0.8) / (2 * np.pi), rel=1e-9)
+
+
+@pytest.mark.parametrize("correlation", [None, pytest.param("gaussian", marks=pytest.mark.slow)])
+def test_runs_without_shapes_keep_a_column_of_rigid_body_modes(correlation: str | None) -> None:
+    points = sample(9)
+    hz = np.column_stack([np.linspace(1e-6, 9e-6, 9), np.sqrt(points[:, 0]), np.sqrt(points[:, 1])])
+    fitted = fit_runs(Runs(NAMES, points, hz), NO_NODES, 1, False, correlation=correlation)
+    found, rigid = solved_without_shapes(fitted, np.array([9e3, 1.1e4]))
+    assert rigid.tolist() == [True, False, False]
+    np.testing.assert_allclose(found[1:], np.sqrt([9e3, 1.1e4]), rtol=1e-6 if correlation else 1e-9)
+
+
+def solved_without_shapes(fitted: FittedRuns, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies at a point, and which of the modes are rigid-body modes."""
+    parameters = ParameterSet(tuple(Parameter(name, v, 0.1 * v, 10.0 * v) for name, v in zip(NAMES, fitted.nominal)))
+    assigned = [Assignment(name, field_of_variable(name), relative=False) for name in NAMES]
+    configured = configure(parametric_model(fitted.structure, parameters, assigned), Configuration("runs"))
+    found = solve_modes(configured.at(point / fitted.nominal - 1.0), len(fitted.error[0]))
+    return found.freq_hz, is_rigid(found)
+
+
+@pytest.mark.parametrize("other", ["number", "space"])
+def test_runs_whose_rigid_body_modes_differ_are_fitted_as_they_are(other: str) -> None:
+    """A mode that is rigid in some runs alone, or moves otherwise in them, keeps its small frequency and its shape."""
+    runs = free_runs(np.array([[1e4, 2e4], [1.1e4, 2.2e4]]))
+    hz, shapes = runs.freq_hz.copy(), np.array(runs.shapes)
+    if other == "number":
+        hz[1, 0] = 0.1
+    else:
+        shapes[1, :, 0] += 0.1 * shapes[1, :, 1]
+    fitted = fit_runs(Runs(NAMES, runs.points, hz, shapes, runs.dofs), FREE_NODES, 0, False, 0)
+    assert min(np.diag(fitted.structure.assembled[0].upper.toarray())[-5:]) > 0.0

@@ -30,9 +30,7 @@ def dense(pencil: Pencil, shift: float, count: int) -> Pairs:
     L = la.cholesky(pencil.shifted(shift).full().toarray(), lower=True)
     half = la.solve_triangular(L, pencil.M.full().toarray(), lower=True)
     inverse = la.solve_triangular(L, half.T, lower=True)
-    n = pencil.n
-    theta, y = la.eigh(0.5 * (inverse + inverse.T), subset_by_index=[max(0, n - count), n - 1])
-    theta, y = finite(theta, y)
+    theta, y = finite(*largest(0.5 * (inverse + inverse.T), count))
     shapes = la.solve_triangular(L, y, lower=True, trans="T") / np.sqrt(theta)
     return _polished(pencil, shift, theta, shapes)
 
@@ -45,9 +43,21 @@ def condensed(inverse: Inverse, count: int) -> Pairs:
     X = inverse.solve(unit)
     G, m = X[heavy], pencil.M.full()[heavy][:, heavy].toarray()
     L = la.cholesky(0.5 * (G + G.T), lower=True)
-    first = max(0, heavy.size - count)
-    theta, y = finite(*la.eigh(L.T @ m @ L, subset_by_index=[first, heavy.size - 1]))
+    theta, y = finite(*largest(L.T @ m @ L, count))
     return _polished(pencil, inverse.shift, theta, X @ (m @ (L @ y)) / theta**1.5)
+
+
+def largest(matrix: Reals, count: int) -> Pairs:
+    """At most `count` largest eigenvalues of a symmetric matrix, ascending, and their vectors."""
+    n = len(matrix)
+    first = max(0, n - count)
+    try:
+        theta, y = la.eigh(matrix, subset_by_index=[first, n - 1])
+    except la.LinAlgError:
+        # LAPACK's xSYEVR can fail on many eigenvalues that are equal but for rounding
+        theta, y = la.eigh(matrix, driver="evd")
+        theta, y = theta[first:], y[:, first:]
+    return theta, y
 
 
 def finite(theta: Reals, vectors: Reals) -> Pairs:

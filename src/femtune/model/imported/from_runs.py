@@ -51,8 +51,11 @@ _UNSEEN = 1e-6
 _ALIKE = 1e-6
 """Least singular value of the shapes of the central run, each of length one, that tells them apart."""
 _LEVERAGE = 1.0 - 1e-9
+_RIGID = 1e-4
+"""Frequency over the highest one of a run, below which it is that of a rigid-body mode."""
 _ROUNDED = 1e-6
-"""Frequency over the highest one of a run, below which it is raised to this: solvers list zero for rigid-body modes."""
+"""Frequency over the highest one of a run, below which it is raised to this where the rigid-body modes of the runs
+differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +169,7 @@ class _Fit:
 def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, correlation: str | None) -> _Fit:
     if centre is None:
         centre = _central(runs)
+    runs = _rigid_exact(runs, centre)
     basis, modal, used = _modal(runs, centre)
     chosen = runs.select(used)
     modal = modal[:, used]
@@ -254,9 +258,7 @@ def _powers(count: int, degree: int, crossed: bool) -> list[Powers]:
 
 def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
     """Basis (s, r), (2, n, r, r) stiffness and mass of every run, and which runs have the modes of the central one."""
-    # what is listed of rigid-body modes is rounding; eigenvalues of different rounding would hide all others
-    least = _ROUNDED * runs.freq_hz.max(axis=1, keepdims=True)
-    values = (2.0 * np.pi * np.maximum(runs.freq_hz, least)) ** 2
+    values = (2.0 * np.pi * runs.freq_hz) ** 2
     n, m = values.shape
     if runs.shapes is None:
         K = np.zeros((n, m, m))
@@ -265,9 +267,13 @@ def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
     phi = runs.shapes[centre]
     _check_told_apart(phi)
     A = np.linalg.pinv(phi) @ runs.shapes
+    # stiffness in the directions of rigid-body modes is exactly zero
+    rigid = int((values[centre] == 0.0).sum())
+    A[:, rigid:, :rigid] = 0.0
     used = np.linalg.svd(A, compute_uv=False)[:, -1] > _LEFT_SET
     extra = _directions(phi, runs.shapes[used] - phi @ A[used])
     D = np.linalg.pinv(extra) @ (runs.shapes - phi @ A)
+    D[:, :, :rigid] = 0.0
     r = m + extra.shape[1]
     inverse = np.tile(np.eye(r), (n, 1, 1))
     inverse[used, :m, :m] = np.linalg.inv(A[used])
@@ -277,6 +283,34 @@ def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
     M = np.einsum("nai,naj->nij", inverse, inverse)
     K = np.einsum("nai,na,naj->nij", inverse, weights, inverse)
     return np.hstack([phi, extra]), np.stack([K, M]), used
+
+
+def _rigid_exact(runs: Runs, centre: int) -> Runs:
+    """The runs with rigid-body modes that have no stiffness, in the space of those of the central run.
+
+    The frequencies that a solver lists for them are rounding, and so is the part of elastic modes in their shapes. A
+    difference of two neighbouring runs divides this rounding by their distance; away from the runs the free structure
+    would have a stiffness against ground, or a negative one. The space of the rigid-body modes depends on the geometry
+    alone. Where the runs have different numbers of such modes, or other spaces, their frequencies are only raised, so
+    that eigenvalues of different rounding do not hide all others.
+    """
+    highest = runs.freq_hz.max(axis=1, keepdims=True)
+    rigid = runs.freq_hz < _RIGID * highest
+    count, hz, shapes = int(rigid[centre].sum()), np.where(rigid, 0.0, runs.freq_hz), runs.shapes
+    raised = replace(runs, freq_hz=np.maximum(runs.freq_hz, _ROUNDED * highest))
+    if shapes is None:
+        return replace(runs, freq_hz=hz) if (rigid == rigid[centre]).all() else raised
+    if (rigid.sum(axis=1) != count).any():
+        return raised
+    # rigid-body modes first
+    order = np.argsort(~rigid, axis=1, kind="stable")
+    shapes = np.take_along_axis(shapes, order[:, None, :], axis=2)
+    known, moving = shapes[centre, :, :count], shapes[:, :, :count]
+    inside = known @ (np.linalg.pinv(known) @ moving)
+    outside = np.linalg.norm(moving - inside, axis=1).max(initial=0.0)
+    if outside > _NEW_DIRECTION * np.linalg.norm(known, axis=0).max(initial=0.0):
+        return raised
+    return replace(runs, freq_hz=np.take_along_axis(hz, order, axis=1), shapes=shapes)
 
 
 def _check_told_apart(phi: Reals) -> None:

@@ -53,14 +53,16 @@ def kriged(names: tuple[str, ...], points: Reals, matrices: Reals, rules: Krigin
     n, r, _ = matrices.shape
     mean = matrices.mean(axis=0)
     away = (matrices - mean).reshape(n, r * r)
+    # what no run changes stays exactly as it is, such as the missing stiffness of rigid-body modes
+    moving = np.flatnonzero(np.ptp(away, axis=0) > 0.0)
     if entries:
-        moving = np.flatnonzero(np.ptp(away, axis=0) > 0.0)
         parts = np.eye(r * r)[moving]
     else:
-        _, size, rows = np.linalg.svd(away, full_matrices=False)
+        _, size, rows = np.linalg.svd(away[:, moving], full_matrices=False)
         left = 1.0 - np.cumsum(size**2) / max(float(np.sum(size**2)), np.finfo(float).tiny)
         count = min(int(np.sum(left > _REST)) + 1, _MOST_COMPONENTS) if size.max(initial=0.0) > 0.0 else 0
-        parts = rows[:count]
+        parts = np.zeros((count, r * r))
+        parts[:, moving] = rows[:count]
     if not len(parts):
         return Kriged(mean, np.zeros((0, r, r)), None, np.broadcast_to(mean, matrices.shape))
     surrogate = fit_surrogate(points, away @ parts.T, rules, parameters=names)

@@ -1,0 +1,57 @@
+"""docs/tutorial.md: its code and its commands run as written, and what they print is what the page shows."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from femtune import steps
+from femtune.cli import main
+
+_PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tutorial.md").read_text(encoding="utf-8")
+
+
+def _run(command: str, capsys: pytest.CaptureFixture[str]) -> str:
+    with pytest.raises(SystemExit) as end:
+        main(shlex.split(command))
+    assert end.value.code == 0, command
+    return capsys.readouterr().out
+
+
+def _numbers(text: str) -> list[str]:
+    return re.findall(r"\d+\.\d+", text)
+
+
+@pytest.mark.slow
+def test_the_tutorial_as_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", _PAGE, re.S)
+    exec(compile(code, "plate.py", "exec"), {})
+    commands = [c for block in re.findall(r"```\n(femtune.*?)```", _PAGE, re.S) for c in block.splitlines()]
+    assert [c.split()[1] for c in commands] == ["modes", "init", "check", "run"]
+    printed = [_run(c.removeprefix("femtune "), capsys) for c in commands]
+    shown = re.findall(r"```text\n(.*?)```", _PAGE, re.S)
+    assert len(shown) == 2
+    for text, output in zip(shown, (printed[1], printed[3]), strict=True):
+        missing = [n for n in _numbers(text) if n not in _numbers(output)]
+        assert not missing, output
+
+    # the last advice of step 4
+    study = tmp_path / "study.toml"
+    first = steps.read_results(tmp_path / "run").parameters
+    text = study.read_text(encoding="utf-8")
+    study.write_text(
+        text.replace("frequency_sd = 0.01 ", "frequency_sd = 0.002 ").replace("shape_sd = 0.1 ", "shape_sd = 0.01 ")
+    )
+    _run("run study.toml", capsys)
+    second = steps.read_results(tmp_path / "run").parameters
+    true = {"T_PSHELL_1": 4.9 / 5.0, "T_PSHELL_2": 7.2 / 8.0}
+    for wide, narrow in zip(first, second, strict=True):
+        assert wide["sd"] == pytest.approx(5 * narrow["sd"], rel=0.2)
+        for row in (wide, narrow):
+            assert row["interval_95_lower"] < true[row["name"]] < row["interval_95_upper"]
