@@ -15,7 +15,7 @@ RESEMBLES = 0.5
 """Correlation from which a mode after the update is that of before."""
 
 
-class LeftOutMode(Record):
+class ModeLeftOutOfFrfs(Record):
     """A mode of the model that FRFs are compared without."""
 
     configuration: str
@@ -37,10 +37,10 @@ class LeftOutMode(Record):
         return self.correlation >= RESEMBLES
 
 
-def left_out_mode_records(start: Evaluation, end: Evaluation) -> tuple[LeftOutMode, ...]:
+def left_out_mode_records(start: Evaluation, end: Evaluation) -> tuple[ModeLeftOutOfFrfs, ...]:
     """Those of all FRF residuals, each mode once."""
     last = {state.case.name: state for state in end.states}
-    found: dict[tuple[str, int], LeftOutMode] = {}
+    found: dict[tuple[str, int], ModeLeftOutOfFrfs] = {}
     for state in start.states:
         if state.case.name in last:
             for residual in frf_residuals(state.case.residuals):
@@ -49,14 +49,14 @@ def left_out_mode_records(start: Evaluation, end: Evaluation) -> tuple[LeftOutMo
     return tuple(found.values())
 
 
-def _records(residual: FrfResidual, last: CaseState) -> Iterator[LeftOutMode]:
+def _records(residual: FrfResidual, last: CaseState) -> Iterator[ModeLeftOutOfFrfs]:
     left_out = residual.left_out
     if left_out is None:
         return
     modes = residual.way.model(last, residual.highest_hz)
     numbers, likeness = left_out.of(modes)  # type: ignore[arg-type]  # superposed of modes
     for i, j in enumerate(numbers):
-        yield LeftOutMode(
+        yield ModeLeftOutOfFrfs(
             configuration=residual.configuration, before=1 + left_out.numbers[i],
             before_hz=float(left_out.freq_hz[i]), after=1 + j, after_hz=float(modes.freq_hz[j]),  # type: ignore[union-attr]
             correlation=float(likeness[i]),

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from femtune.results.bootstrap import BootstrapResults
     from femtune.results.frf_deviation import FrfDeviations
     from femtune.results.frf_validation import UnusedFrfs
-    from femtune.results.left_out import LeftOutMode
+    from femtune.results.left_out import ModeLeftOutOfFrfs
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
     from femtune.results.specimens import SpecimenResults
@@ -112,7 +112,7 @@ class Known:
     after: ModelRecords = _LATER
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
-    left_out_modes: tuple[LeftOutMode, ...] = ()
+    left_out_modes: tuple[ModeLeftOutOfFrfs, ...] = ()
     unused_frfs: tuple[UnusedFrfs, ...] = ()
     deviations: FrfDeviations | None = None
     vibration_tests: VibrationTests = _LATER
