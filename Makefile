@@ -23,7 +23,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow check-all lint format types contract docs internals pictures evidence notebooks examples-quick browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers release-check clean
+.PHONY: help demo test test-slow check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers release-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -76,8 +76,23 @@ notebooks: $(VENV)/.stamp-notebooks  ## execute the notebooks as Jupyter does
 examples-quick: $(VENV)/.stamp-test  ## run the quick form of every example
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --quick; done
 
+web/node_modules/.stamp: web/package-lock.json web/package.json
+	@cd web && npm ci --silent --no-audit --no-fund
+	@touch $@
+
+web: web/node_modules/.stamp  ## build the scripts of the report from web/; requires Node and npm
+	@cd web && npm run --silent types && npm run --silent build
+
+web-check: web/node_modules/.stamp  ## types and tests of the scripts, and whether the committed bundle is that of its source
+	@cd web && npm run --silent types && npm run --silent test
+	@built="$$(mktemp -d)"; trap 'rm -rf "$$built"' EXIT; (cd web && node build.mjs "$$built") && \
+	  diff -rq "$$built" src/femtune/reporting/bundle || { echo "the bundle is not that of its source: run 'make web'" >&2; exit 1; }
+
 browser: $(VENV)/.stamp-test  ## check the newest report (or REPORT=path) in headless Chromium
 	@$(BIN)/python .ci/check_page.py $(REPORT)
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory web/node_modules/.stamp && cd web && \
+	  FEMTUNE_PAGES="$(REPORT)" npm run --silent browser; \
+	else echo "SKIPPED: no npm on this machine, the page was not used in a browser"; fi
 
 bench: $(VENV)/.stamp-test  ## time and memory against model size; takes hours and can be interrupted (BENCH_ARGS=--quick: a minute)
 	@$(BIN)/python benchmarks/size/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
@@ -114,7 +129,7 @@ release-check:  ## the check-list of a release: build, metadata, empty environme
 	@python="$$($(FIND_PYTHON))"; "$$python" .ci/release.py
 
 clean:  ## remove all generated files and the environment
-	rm -rf $(VENV) build dist src/*.egg-info docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) build dist src/*.egg-info docs/_build web/node_modules .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(VENV)/bin/python:

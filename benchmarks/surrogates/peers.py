@@ -9,15 +9,15 @@ from importlib.util import find_spec
 import numpy as np
 from scipy.interpolate import RBFInterpolator
 
-from femtune.surrogates import KrigingRules, fit_surrogate
+from femtune.surrogates import ChaosRules, KrigingRules, RadialRules, SurrogateRules, fit_surrogate
 
 Predict = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 BOX = (np.zeros(4), np.ones(4))
 
 
-def ours(**rules: str) -> Predict:
+def ours(rules: SurrogateRules) -> Predict:
     """femtune."""
-    return lambda x, y, new: fit_surrogate(x, y, KrigingRules(**rules), BOX).predict(new)  # type: ignore[arg-type]
+    return lambda x, y, new: fit_surrogate(x, y, rules, BOX).predict(new)
 
 
 def radial(kernel: str) -> Predict:
@@ -96,18 +96,36 @@ def chaos(degree: int) -> Predict:
     return predict
 
 
+def smt_radial(x: np.ndarray, y: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Radial basis functions: Gaussian, of its usual width, with a linear trend."""
+    from smt.surrogate_models import RBF  # noqa: PLC0415
+
+    model = RBF(d0=1.0, poly_degree=1, print_global=False)
+    model.set_training_values(x, y)
+    model.train()
+    return np.asarray(model.predict_values(new))
+
+
+OWN: dict[str, SurrogateRules] = {
+    "femtune, Kriging, constant trend": KrigingRules(),
+    "femtune, Kriging, linear trend": KrigingRules("linear"),
+    "femtune, Kriging, quadratic trend": KrigingRules("quadratic"),
+    "femtune, Kriging, Matérn 5/2": KrigingRules(correlation="matern-5/2"),
+    "femtune, quadratic response surface": KrigingRules("quadratic", "none"),
+    "femtune, radial basis functions, cubic": RadialRules(),
+    "femtune, radial basis functions, quintic": RadialRules("quintic"),
+    "femtune, radial basis functions, thin plate": RadialRules("thin-plate"),
+    "femtune, polynomial chaos": ChaosRules(),
+}
 OURS: dict[str, Predict] = {
-    "femtune, Kriging, constant trend": ours(),
-    "femtune, Kriging, linear trend": ours(trend="linear"),
-    "femtune, Kriging, quadratic trend": ours(trend="quadratic"),
-    "femtune, Kriging, Matérn 5/2": ours(correlation="matern-5/2"),
-    "femtune, quadratic response surface": ours(trend="quadratic", correlation="none"),
+    **{name: ours(rules) for name, rules in OWN.items()},
     "SciPy, radial basis functions, cubic": radial("cubic"),
     "SciPy, radial basis functions, Gaussian": radial("gaussian"),
 }
 OTHERS: dict[str, tuple[str, Predict]] = {
     "scikit-learn, Gaussian process": ("sklearn", scikit_learn),
     "SMT, Kriging": ("smt", smt),
+    "SMT, radial basis functions, Gaussian": ("smt", smt_radial),
     "OpenTURNS, Kriging": ("openturns", openturns_kriging),
     "OpenTURNS, polynomial chaos, degree 3": ("openturns", chaos(3)),
     "OpenTURNS, polynomial chaos, degree 4": ("openturns", chaos(4)),
@@ -122,7 +140,7 @@ def installed() -> dict[str, Predict]:
 def versions() -> str:
     """Versions of the libraries."""
     found = []
-    for name in ("scipy", "scikit-learn", "smt", "openturns"):
+    for name in ("scipy", "scikit-learn", "smt", "openturns", "SALib"):
         try:
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:

@@ -88,6 +88,46 @@ _register(
     year="1989",
 )
 _register(
+    "duchon1977",
+    "incollection",
+    author="Duchon, J.",
+    title="Splines minimizing rotation-invariant semi-norms in Sobolev spaces",
+    booktitle="Constructive theory of functions of several variables",
+    publisher="Springer",
+    pages="85--100",
+    year="1977",
+)
+_register(
+    "wahba1990",
+    "book",
+    author="Wahba, G.",
+    title="Spline models for observational data",
+    publisher="SIAM",
+    year="1990",
+)
+_register(
+    "blatman2011",
+    "article",
+    author="Blatman, G. and Sudret, B.",
+    title="Adaptive sparse polynomial chaos expansion based on least angle regression",
+    journal="Journal of Computational Physics",
+    volume="230",
+    number="6",
+    pages="2345--2367",
+    year="2011",
+)
+_register(
+    "sudret2008",
+    "article",
+    author="Sudret, B.",
+    title="Global sensitivity analysis using polynomial chaos expansions",
+    journal="Reliability Engineering and System Safety",
+    volume="93",
+    number="7",
+    pages="964--979",
+    year="2008",
+)
+_register(
     "storn1997",
     "article",
     author="Storn, R. and Price, K.",

@@ -289,5 +289,5 @@ def test_thickness_that_varies_goes_on_linearly():
 
 def test_nothing_to_divide():
     structure = make_structure([[0.0, 0, 0]], [scalars("spring", [[0, -1]], "K", 5.0)])
-    with pytest.raises(CannotRefineError, match="no bars, shells or solids"):
+    with pytest.raises(CannotRefineError, match="no straight bars, shells or solids"):
         refine(structure, NONE_HELD)

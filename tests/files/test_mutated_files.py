@@ -10,20 +10,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import savemat
+from scipy.io import mmread, mmwrite, savemat
+from scipy.sparse import coo_array
+from tests.files.matrices.matrices_by_hand import full, symmetric_example
 from tests.files.nastran.mutant_trial import time_limit
 from tests.files.nastran.mutations import mutant
+from tests.files.study_file.test_study_reading import FULL as STUDY
 
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError
 from femtune.files.identification_file import read_identify_file
+from femtune.files.matrices.listed_modes import read_listed_modes
+from femtune.files.matrices.registry import read_matrix
+from femtune.files.modes.nastran_text import read_punch
 from femtune.files.points_table import read_points
 from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs, read_record
+from femtune.files.study_file.reading import read_study_file
 from femtune.files.uff import read_uff
+from femtune.results.folder import read_results
 from femtune.testing import example_test
 from femtune.units import SI
 
-SECONDS, MUTANTS = 10.0, 300
+SECONDS, MUTANTS, OF_FOLDERS = 10.0, 300, 60
 POINTS = b"node,x,y,z,X_x,X_y,X_z\n1,0,0.5,1e-3,1,0,0\n2,1.5,-2,0,0.6,0.8,0\n7,3,0,0,0,0,-2\n"
 TABLE = b"f,re,im\n" + b"".join(b"%g,%.6e,%.6e\n" % (f, np.sin(f), np.cos(f)) for f in np.arange(1.0, 20.0))
 IDENTIFY = (
@@ -79,6 +87,53 @@ def _nothing(path: Path, found: object) -> None:
     """There is no second parser."""
 
 
+def _market() -> bytes:
+    return _bytes_of(lambda s: mmwrite(s, coo_array(symmetric_example(6)), symmetry="symmetric"))
+
+
+def _same_market(path: Path, found: object) -> None:
+    """SciPy's reader says the same, where it reads the file at all."""
+    try:
+        expected = mmread(path)
+    except (ValueError, OverflowError, TypeError, IndexError):
+        return
+    dense = expected.toarray() if hasattr(expected, "toarray") else np.asarray(expected)
+    if np.isfinite(dense).all() and not np.iscomplexobj(dense):
+        np.testing.assert_allclose(full(found), dense, rtol=1e-15)  # type: ignore[arg-type]
+
+
+DMIG = b"""DMIG    KAAX    0       6       2       0
+DMIG*   KAAX                           1               1
+*                      1               1 1.000000000D+03
+*                      2               3-2.500000000D+02
+DMIG*   KAAX                           2               3
+*                      2               3 5.000000000D+02
+"""
+LISTED = b"""                                               R E A L   E I G E N V A L U E S
+   MODE    EXTRACTION      EIGENVALUE            RADIANS             CYCLES            GENERALIZED         GENERALIZED
+    NO.       ORDER                                                                       MASS              STIFFNESS
+        1         1        4.000000E+02        2.000000E+01        3.183099E+00        1.000000E+00        4.000000E+02
+        2         2        9.000000E+04        3.000000E+02        4.774648E+01        1.000000E+00        9.000000E+04
+"""
+PUNCH = b"""$TITLE   =
+$EIGENVECTOR
+$REAL OUTPUT
+$SUBCASE ID =           1
+$EIGENVALUE =  4.0000000E+02  MODE =     1
+         1       G      0.000000E+00      1.000000E+00      0.000000E+00
+-CONT-                  0.000000E+00      0.000000E+00      0.000000E+00
+         2       G      0.500000E+00      1.000000E+00      0.000000E+00
+-CONT-                  0.000000E+00      0.000000E+00      0.000000E+00
+"""
+
+
+def _study(path: Path) -> object:
+    """The study, with the files that it names."""
+    for name in ("building.bdf", "building.uff"):
+        (path.parent / name).touch()
+    return read_study_file(path)
+
+
 KINDS: dict[str, tuple[str, Callable[[], bytes], Callable[[Path], object], Callable[[Path, object], None]]] = {
     "points": ("a.csv", lambda: POINTS, read_points, _same_points),
     "functions of a table": ("a.csv", lambda: TABLE, lambda p: read_frfs(p, LAYOUT), _same_table),
@@ -95,6 +150,11 @@ KINDS: dict[str, tuple[str, Callable[[], bytes], Callable[[Path], object], Calla
         lambda p: read_frfs(p, AXES), _nothing,
     ),
     "record": ("a.csv", lambda: TABLE, lambda p: read_record(p, (), 10.0), _nothing),
+    "MatrixMarket": ("a.mtx", _market, lambda p: read_matrix(p, format="matrix-market"), _same_market),
+    "DMIG": ("a.pch", lambda: DMIG, lambda p: read_matrix(p, format="dmig"), _nothing),
+    "modes of a punch file": ("a.pch", lambda: PUNCH, read_punch, _nothing),
+    "listed modes": ("a.f06", lambda: LISTED, read_listed_modes, _nothing),
+    "study": ("a.toml", STUDY.encode, _study, _nothing),
     "identification file": ("a.toml", lambda: IDENTIFY, read_identify_file, _nothing),
 }  # fmt: skip
 
@@ -128,3 +188,27 @@ def test_mutants_are_read_or_refused(kind: str, tmp_path: Path) -> None:
 def test_mutants_of_a_universal_file(tmp_path: Path) -> None:
     content = example_test(tmp_path).read_bytes()
     assert outcomes("a.uff", content, lambda p: read_uff(p, units=SI, file_units=SI), tmp_path, 100)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["matrix.op2", "reduced_bset_notall6.op4", "reduced_bset_notall6.pch"])
+def test_mutants_of_matrices_of_another_program(name: str, shared_data: Path, tmp_path: Path) -> None:
+    content = (shared_data / "nastran_matrices" / name).read_bytes()
+    outcomes(name, content, read_matrix, tmp_path, MUTANTS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["results.json", "arrays.npz"])
+def test_mutants_of_a_run_folder(name: str, tmp_path: Path) -> None:
+    written = Path(__file__).parent.parent / "study" / "written_before"
+    files = {path.name: path.read_bytes() for path in written.iterdir()}
+    for number in range(OF_FOLDERS):
+        for own, content in files.items():
+            changed = mutant({own: content}, number)[own] if own == name else content
+            (tmp_path / own).write_bytes(changed)
+        with warnings.catch_warnings(), time_limit(SECONDS):
+            warnings.simplefilter("ignore")
+            try:
+                read_results(tmp_path)
+            except FemtuneError:
+                continue

@@ -32,6 +32,16 @@ def _turned_frames(n: int = len(XYZ)) -> np.ndarray:
     return np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in range(n)])
 
 
+WELDED = {"E": 2.1e11, "G": 8.1e10, "rho": 7850.0, "GE": 0.02}
+
+
+def connector(kind: str, card: str, values: dict[str, float], **facts: list[float]) -> Part:
+    """Between end points that follow three grid points by any matrix; rigid motions are tested elsewhere."""
+    ends = np.random.default_rng(4).standard_normal((1, 12, 18))
+    own = {name: np.array(value) for name, value in facts.items()}
+    return Part(kind, card, np.array([[0, 2, 1]]), values, {"ends": ends, "arm": np.array([[0.35, 0.0, 0.0]]), **own})
+
+
 CASES: dict[str, Part] = {
     "bar": bars(PAIRS, SECTION),
     "bar, offsets": bars(PAIRS, SECTION, offsets=((0.1, 0.2, 0.0), (0.0, -0.1, 0.3))),
@@ -69,6 +79,12 @@ CASES: dict[str, Part] = {
         "general-mass", "CONM1", np.array([[1]]),
         {f"M{i}{j}": 1.0 / (i + j) for i in range(1, 7) for j in range(1, i + 1)}, {"frame": FRAME[None]},
     ),
+    "weld": connector("weld", "CWELD", {**WELDED, "D": 0.3}, length=[0.7], fixed=[0.7], factor=[0.0]),
+    "weld with a length of its diameter": connector(
+        "weld", "CWELD", {**WELDED, "D": 0.3}, length=[0.0], fixed=[0.0], factor=[0.2]
+    ),
+    "spot weld": connector("weld", "CWELD", {**WELDED, "D": 0.3, "tA": 0.01, "tB": 0.02}, length=[0.7]),
+    "fastener": connector("fastener", "CFAST", {**{f"K{i}": 1e4 * i for i in range(1, 7)}, "M": 2.0, "GE": 0.03}),
     "spring": scalars("spring", [[0, 7], [3, -1]], "K", [2e5, 3e4]),
     "scalar mass": scalars("scalar-mass", [[0, 7], [3, -1]], "M", [2.0, 3.0]),
 }  # fmt: skip

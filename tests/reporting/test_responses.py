@@ -11,7 +11,10 @@ from femtune.reporting.document import Figure, Table
 from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg, thinned
 from femtune.reporting.sections.responses import frequency_responses, load_blocks, ordered_pairs, pole_blocks
 from femtune.reporting.source import ReportSource
+from femtune.reporting.view import view_of
 from femtune.results.response import ComplexPole, Displacement, FrfPair, FrfResults, ResponseResults, StaticResults
+
+from .test_view import unpacked
 
 
 def _curve(look: str, count: int = 200) -> FrfCurve:
@@ -72,10 +75,11 @@ def source() -> ReportSource:
     found = tuple(ResponseResults(configuration="BC", stage=s, frfs=_frfs(s)) for s in stages)  # type: ignore[arg-type]
     curve = _curve("model")
     arrays = {f"{s}/hz": curve.freq_hz for s in (*stages, "test")}
-    arrays |= {f"{s}/values": np.tile(curve.values, (9, 1, 1)) for s in (*stages, "test")}
+    values = curve.values * np.arange(1, 10)[:, None, None]
+    arrays |= {f"{s}/values": values for s in (*stages, "test")}
 
     class _Results:
-        responses = found
+        responses, mode_shapes, update = found, (), None
 
     return ReportSource(_Results(), arrays)  # type: ignore[arg-type]
 
@@ -135,3 +139,15 @@ def test_a_test_and_a_model_that_coincide_stay_apart_in_colour() -> None:
     assert "#1f5a92" in svg
     assert "opacity" not in svg
     assert svg.index("#f2b27e") < svg.index("#1f5a92")
+
+
+def test_functions_are_those_of_the_results(source: ReportSource) -> None:
+    (shown,) = view_of(source).functions
+    last = [r for r in source.results.responses if r.configuration == shown.configuration][-1].frfs
+    assert last is not None
+    values, curve = np.asarray(source.array(last.values_key)), shown.curves[-1]
+    found = unpacked(curve.real) + 1j * unpacked(curve.imaginary)
+    for title, line in zip(shown.titles, found):
+        output, _, rest = title.partition(" by ")
+        at = last.outputs.index(output), last.inputs.index(rest.removesuffix(" (driving point)"))
+        np.testing.assert_allclose(line, values[at], rtol=1e-6)

@@ -289,27 +289,21 @@ def test_every_proposed_parameter_is_determined_beside_the_others(tmp_path: Path
 # Functions, files that are there.
 
 
-def _functions(folder: Path) -> Path:
+def _functions(folder: Path, scatter: float) -> Path:
     lines = {"from_hz": 5.0, "to_hz": 400.0, "step_hz": 0.5, "ratio": 0.01}
     path = folder / "frf.uff"
     places = [f"{n}{d}+" for n in (2, 3, 4, 5) for d in "YZ"]
-    # measured functions have noise; without any, the identification finds a complex mode beside the second one
-    ft.respond(
-        example_deck(folder),
-        inputs=["5Y+", "5Z+"],
-        outputs=places,
-        uff=path,
-        units="m-kg-s",
-        scatter=0.005,
-        seed=3,
-        **lines,
-    )
+    deck = example_deck(folder)
+    noise = {"scatter": scatter, "seed": 3} if scatter else {}
+    ft.respond(deck, inputs=["5Y+", "5Z+"], outputs=places, uff=path, units="m-kg-s", **noise, **lines)
     return path
 
 
 @pytest.mark.slow
-def test_functions_are_identified_first(tmp_path: Path) -> None:
-    made = ft.init(tmp_path / "cantilever.bdf", _functions(tmp_path), tmp_path / "new")
+@pytest.mark.parametrize("scatter", [0.0, 0.005])
+def test_functions_are_identified_first(tmp_path: Path, scatter: float) -> None:
+    """Also simulated ones without noise, whose rounding had poles that were taken for modes."""
+    made = ft.init(tmp_path / "cantilever.bdf", _functions(tmp_path, scatter), tmp_path / "new")
     assert sorted(path.name for path in made.path.parent.iterdir()) == ["identified", "identify.toml", "study.toml"]
     assert tomllib.loads(made.path.read_text())["test"]["file"] == "identified/modes.uff"
     assert made.record.paired == made.record.test_modes >= 3

@@ -14,6 +14,7 @@ from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.files.runs_table import RunsTable, write_runs_table
 from femtune.modal import ModeSet
+from femtune.surrogates import KrigingRules, SurrogateRules
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 from structures.coverage_of_runs import coverage
@@ -271,24 +272,34 @@ def test_fewer_sensors_than_modes(study: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("correlation", [None, "gaussian"], ids=["polynomials", "Kriging"])
-def test_intervals_cover_the_truth_of_simulated_specimens(correlation: str | None) -> None:
+@pytest.mark.parametrize("rules", [None, KrigingRules("quadratic")], ids=["polynomials", "Kriging"])
+def test_intervals_cover_the_truth_of_simulated_specimens(rules: SurrogateRules | None) -> None:
     """Six outputs of 200 runs, 90 % intervals of 100 specimens: within what the binomial of 0.1 % admits."""
-    found = coverage(200, 100, correlation=correlation)
+    found = coverage(200, 100, rules=rules)
     assert abs(found.share - 0.9) < 3.3 * np.sqrt(0.9 * 0.1 / 100)
 
 
-def test_kriging_is_stated_with_its_error(study: Path) -> None:
+_METHODS = {
+    'method = "kriging"\ndegree = 1': "Kriging",
+    'method = "radial-basis"\nkernel = "quintic"': "radial basis functions",
+    'method = "chaos"\ndegree = 4': "polynomial chaos",
+}
+"""Keys of [runs], and how messages name the surrogate."""
+
+
+@pytest.mark.parametrize("keys", _METHODS)
+def test_a_surrogate_is_stated_with_its_error(study: Path, keys: str) -> None:
     write_runs_table(study.parent / "runs.csv", table(20))
-    study.write_text(STUDY.replace("degree = 1\ncrossed = false", 'method = "kriging"\ndegree = 1'))
+    study.write_text(STUDY.replace("degree = 1\ncrossed = false", keys))
     notices = ft.info(study).notices
-    assert "model of 20 runs: Kriging of" in _shown(study, notices, "runs.fitted")
+    assert f"model of 20 runs: {_METHODS[keys]} of" in _shown(study, notices, "runs.fitted")
 
 
 @pytest.mark.slow
-def test_kriging_finds_the_parameters(study: Path) -> None:
+@pytest.mark.parametrize("keys", _METHODS)
+def test_surrogates_find_the_parameters(study: Path, keys: str) -> None:
     write_runs_table(study.parent / "runs.csv", table(40))
-    study.write_text(STUDY.replace("degree = 1\ncrossed = false", 'method = "kriging"\ndegree = 1'))
+    study.write_text(STUDY.replace("degree = 1\ncrossed = false", keys))
     result = ft.run(study)
     values = dict(zip(result.parameters.column("name"), result.parameters.column("value")))
     np.testing.assert_allclose([values["k1"], values["k2"]], TRUTH, rtol=2e-3)
@@ -300,6 +311,8 @@ def test_kriging_finds_the_parameters(study: Path) -> None:
         ('method = "kriging"\ncrossed = true', "runs.method"),
         ('correlation = "gaussian"', "runs.method"),
         ('method = "kriging"\ndegree = 3', "runs.method"),
+        ('method = "radial-basis"\ndegree = 2', "runs.method"),
+        ('method = "chaos"\nkernel = "cubic"', "runs.method"),
         ("degree = 0", "runs.method"),
     ],
 )

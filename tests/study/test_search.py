@@ -221,6 +221,40 @@ def test_one_less_mac_from_each_form(form: str) -> None:
     assert one_less_mac(0.05 * value, form)[0] == pytest.approx(1.0 - mac, rel=1e-12)
 
 
+@pytest.mark.parametrize("surrogate", ["radial-basis", pytest.param("chaos", marks=pytest.mark.slow)])
+def test_other_surrogates_find_the_truth(beam: Bench, surrogate: str) -> None:
+    path = beam.study(EI + RESIDUALS + SMALL + f'surrogate = "{surrogate}"\n')
+    found = steps.search(path, report=beam.folder / "page.html")
+    assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)
+    assert {row.name: row.found for row in found.parameters} == pytest.approx({"root": 1.3, "tip": 0.85}, rel=0.05)
+    facts = found.record.surrogate
+    assert facts is not None
+    assert facts.method == surrogate
+    assert facts.left_out_rms < 1.0
+    page = (beam.folder / "page.html").read_text()
+    if surrogate == "chaos":
+        assert len(facts.terms) == 4
+        # first indices add up to one but for interactions, total ones exceed them
+        alone, total = ([getattr(p, key) for p in found.parameters] for key in ("variance_alone", "variance_total"))
+        assert 0.5 < sum(alone) <= 1.0 <= sum(total)
+        assert "Variance alone" in page
+    else:
+        assert (facts.kernel, facts.trend) == ("cubic", "linear")
+        assert "radial basis functions" in page
+        assert "Variance alone" not in page
+
+
+@pytest.mark.parametrize(
+    "keys",
+    ['kernel = "cubic"', 'surrogate = "chaos"\ntrend = "linear"', 'surrogate = "radial-basis"\ndegree = 3'],
+)
+def test_keys_of_another_surrogate_are_refused(beam: Bench, keys: str) -> None:
+    path = beam.study(EI + RESIDUALS + f"\n[search]\n{keys}\n")
+    with pytest.raises(FemtuneError) as caught:
+        steps.search(path)
+    check_shown(f"search.surrogate, {keys.splitlines()[-1]}", str(caught.value).replace(str(beam.folder), "FOLDER"))
+
+
 def test_the_number_of_runs_that_check_the_surrogate_is_an_argument(beam: Bench) -> None:
     record = steps.search(beam.study(EI + RESIDUALS + SMALL), fresh_runs=0, fresh=True).record
     assert record.surrogate is not None

@@ -1,8 +1,8 @@
 """Dimensions of the rack in m, and what all of its models share.
 
 Four posts of 30 × 30 × 3 mm aluminium tube, with beams of the same tube along x and y at three levels. Steel blocks
-connect them at the twelve corners. Steel panels fill the back of both bays (4 mm), and the
-two lower levels (boards of 5 mm).
+connect them at the twelve corners. Steel panels fill the back of both bays (5 mm), and the
+two lower levels (boards of 6 mm).
 """
 
 from __future__ import annotations
@@ -16,16 +16,19 @@ HALF = SIDE / 2
 X, Y, Z = (0.015, 0.585), (0.015, 0.435), (0.015, 0.55, 0.985)
 """Coordinates of the axes of the tubes."""
 CONNECTED = 0.08
-"""Length of the connected part of a beam beside a block."""
+"""Length of the connected part of a beam beside a block, and width of the edge of a panel beside a beam."""
 BACK, BOARDS = Y[1], Z[:2]
 """Plane of the panels of the back, and those of the boards."""
-BEAM, STEEL, JOINED = 1, 2, 3
-"""Numbers of materials: tubes, blocks and panels, connected parts of the tubes."""
-NOMINAL = {"E1": 70.0e9, "E2": 210.0e9, "E3": 70.0e9, "D1": 2700.0, "D2": 7850.0}
-"""Moduli of tubes, steel and connected parts, densities of aluminium and steel."""
-FIELDS = {"E1": ("MAT1 1 E",), "E2": ("MAT1 2 E",), "E3": ("MAT1 3 E",), "D1": ("MAT1 1 RHO", "MAT1 3 RHO"),
-          "D2": ("MAT1 2 RHO",)}  # fmt: skip
-POISSON = {BEAM: 0.33, STEEL: 0.3, JOINED: 0.33}
+BEAM, STEEL, JOINED, EDGE = 1, 2, 3, 4
+"""Numbers of materials: tubes, blocks and panels, connected parts of the tubes, edges of the panels."""
+NOMINAL = {"E1": 70.0e9, "E2": 210.0e9, "E3": 70.0e9, "E4": 210.0e9, "D1": 2700.0, "D2": 7850.0}
+"""Moduli of tubes, steel, connected parts and edges of panels, densities of aluminium and steel."""
+FIELDS = {"E1": ("MAT1 1 E",), "E2": ("MAT1 2 E",), "E3": ("MAT1 3 E",), "E4": ("MAT1 4 E",),
+          "D1": ("MAT1 1 RHO", "MAT1 3 RHO"), "D2": ("MAT1 2 RHO", "MAT1 4 RHO")}  # fmt: skip
+MATERIALS = {BEAM: ("BEAM", "E1", "D1"), STEEL: ("STEEL", "E2", "D2"), JOINED: ("JOINED", "E3", "D1"),
+             EDGE: ("EDGE", "E4", "D2")}  # fmt: skip
+"""By number of a material: its name, its modulus and its density."""
+POISSON = {BEAM: 0.33, STEEL: 0.3, JOINED: 0.33, EDGE: 0.3}
 Point = tuple[float, float, float]
 
 
@@ -35,6 +38,11 @@ def stations(first: float, last: float, divided: int = 1) -> list[float]:
     inner = np.linspace(a, b, divided * 2 * round((b - a) / 0.12) + 1).tolist()
     near = [first + HALF + CONNECTED * i / (2 * divided) for i in range(2 * divided)]
     return [round(s, 6) for s in (first, *near, *inner, *(first + last - s for s in near[::-1]), last)]
+
+
+def at_edge(at: tuple[float, float], ends: tuple[tuple[float, ...], tuple[float, ...]]) -> bool:
+    """Whether a place in the plane of a panel lies beside a beam, whose axes are at `ends` in both directions."""
+    return any(abs(c - a) < HALF + CONNECTED for c, axes in zip(at, ends) for a in axes)
 
 
 def beams() -> list[tuple[Point, Point]]:

@@ -14,11 +14,11 @@ from itertools import pairwise, product
 import numpy as np
 from geometry import (
     BACK,
-    BEAM,
     BOARD,
     BOARDS,
+    EDGE,
     HALF,
-    JOINED,
+    MATERIALS,
     NOMINAL,
     POISSON,
     SHEET,
@@ -29,6 +29,7 @@ from geometry import (
     X,
     Y,
     Z,
+    at_edge,
     beams,
     blocks,
     feet,
@@ -38,8 +39,8 @@ from geometry import (
 
 from femtune.files.nastran import format_real
 
-TUBE, JOINED_TUBE, BLOCK, BOARDS_OF, BACK_OF = 1, 3, 20, 5, 6
-"""Numbers of properties; blocks with n arms have BLOCK + n."""
+TUBE, JOINED_TUBE, BLOCK, BOARDS_OF, BACK_OF, EDGED = 1, 3, 20, 5, 6, 2
+"""Numbers of properties; blocks with n arms have BLOCK + n, edges of panels EDGED more than their panels."""
 BUSH, SCREW, BOLT, TABLE = 10, 14, 15, 8000
 """Bushings of joints along x, y and z (BUSH + 0, 1, 2), of screws and of bolts; first grid point of the table."""
 
@@ -105,17 +106,8 @@ def deck_text(
     values: dict[str, float] | None = None, joints: Joints | None = None, *, table: bool = False, modes: int = 20
 ) -> str:
     """The deck: of the mixed model, or of the true rack with `joints`; free, or with the true bolts on the table."""
-    v, deck, divided = {**NOMINAL, **(values or {})}, _Deck(), 1 if joints is None else joints.divided
-    for number, E, density in ((BEAM, "E1", "D1"), (STEEL, "E2", "D2"), (JOINED, "E3", "D1")):
-        loss = 0.0 if joints is None else joints.metal_loss
-        deck.card("MAT1", number, v[E], None, POISSON[number], v[density], None, None, loss)
-    for number in (TUBE, JOINED_TUBE):
-        deck.card("PBARL", number, number, None, "BOX", *(None,) * 4, SIDE, SIDE, WALL, WALL)
-    for arms in (3, 4):
-        second = SIDE**4 / 12.0
-        deck.card("PBAR", BLOCK + arms, STEEL, SIDE**3 / (arms * HALF), second, second, 1.69 * second)
-    for number, thickness in ((BOARDS_OF, BOARD), (BACK_OF, SHEET)):
-        deck.card("PSHELL", number, STEEL, thickness, STEEL, None, STEEL)
+    deck, divided = _Deck(), 1 if joints is None else joints.divided
+    _properties(deck, {**NOMINAL, **(values or {})}, 0.0 if joints is None else joints.metal_loss)
     _frame(deck, divided, joints)
     for plane in (*((0, 1, 2, z) for z in BOARDS), (0, 2, 1, BACK)):
         _panels(deck, plane, divided, joints)
@@ -129,6 +121,20 @@ def deck_text(
         _bolts(deck, joints)
     head = ["SOL 103", "CEND", "TITLE = RACK", *(["SPC = 1"] if table else []), "METHOD = 1", "BEGIN BULK"]
     return "\n".join([*head, f"EIGRL,1,,,{modes}", *deck.cards, "ENDDATA", ""])
+
+
+def _properties(deck: _Deck, values: dict[str, float], loss: float) -> None:
+    """Materials, with a loss factor, and properties of all elements but bushings."""
+    for number, (_, E, density) in MATERIALS.items():
+        deck.card("MAT1", number, values[E], None, POISSON[number], values[density], None, None, loss)
+    for number in (TUBE, JOINED_TUBE):
+        deck.card("PBARL", number, number, None, "BOX", *(None,) * 4, SIDE, SIDE, WALL, WALL)
+    for arms in (3, 4):
+        second = SIDE**4 / 12.0
+        deck.card("PBAR", BLOCK + arms, STEEL, SIDE**3 / (arms * HALF), second, second, 1.69 * second)
+    for number, thickness in ((BOARDS_OF, BOARD), (BACK_OF, SHEET)):
+        for part, material in ((number, STEEL), (number + EDGED, EDGE)):
+            deck.card("PSHELL", part, material, thickness, material, None, material)
 
 
 def _frame(deck: _Deck, divided: int, joints: Joints | None) -> None:
@@ -187,7 +193,10 @@ def _panels(deck: _Deck, plane: tuple[int, int, int, float], divided: int, joint
         deck.point("panel", centre, numbers.get(centre))
         for (s0, s1), (t0, t1) in product(pairwise(lines_u), pairwise(lines_v)):
             corners = [place(*st) for st in ((s0, t0), (s1, t0), (s1, t1), (s0, t1))]
-            deck.element("CQUAD4", BACK_OF if w == 1 else BOARDS_OF, *(deck.point("panel", p) for p in corners))
+            part = BACK_OF if w == 1 else BOARDS_OF
+            if at_edge((0.5 * (s0 + s1), 0.5 * (t0 + t1)), (spans[u], spans[v])):
+                part += EDGED
+            deck.element("CQUAD4", part, *(deck.point("panel", p) for p in corners))
         for edge, axis_place in _edges(lines_u, lines_v, (a, b), (c, d)):
             carrier, at = place(*axis_place), place(*edge)
             _hold(deck, carrier, at, joints, (lines_u, lines_v), edge)

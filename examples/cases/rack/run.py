@@ -1,10 +1,14 @@
 """Update an experiment rack and predict its sweep and random vibration tests: python run.py [--quick] [--evidence DIR].
 
-A rack of aluminium tubes and steel panels, whose joints no model has, is weighed and tested in ropes. Its model of
-beams and shells is screened by an orthogonal array, searched by a genetic algorithm on a Kriging surrogate, and
-updated. The updated model then predicts a sine sweep and a random vibration test on a table, where the rack is bolted
-down. The program judges by the limits of the study. What it says of the updated model is not asserted; the initial one
-must fail. The full form also solves a model of solids with CalculiX (`ccx` on the path, or $FEMTUNE_CALCULIX).
+A rack of aluminium tubes and steel panels, whose joints no model has, is weighed and tested in ropes. A model of beams
+and shells is screened by an orthogonal array. It and a model of solids, which CalculiX solves (`ccx` on the path, or
+$FEMTUNE_CALCULIX), are updated, the first one also by a genetic algorithm on a Kriging surrogate. The updated models
+then predict a sine sweep and a random vibration test on a table, where the rack is bolted down. The program judges by
+the limits of the studies. What it says of the updated models is not asserted; the initial ones must fail.
+
+The quick form solves the model of solids once only. The full form updates it with some 50 runs of CalculiX, of 3 s
+each. `--solid predict` adds the tests on the table, two runs of some minutes; `--solid search` also the search, some
+200 runs of 3 s. With --folder their journal is kept, so that an interrupted run continues.
 """
 
 from __future__ import annotations
@@ -15,12 +19,13 @@ import shutil
 import sys
 import tempfile
 from dataclasses import dataclass
+from itertools import pairwise, product
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
 
 import numpy as np
-from geometry import FIELDS
+from geometry import FIELDS, NOMINAL
 from laboratory import (
     LEVEL,
     RATE,
@@ -35,119 +40,178 @@ from laboratory import (
     write_curves,
 )  # fmt: skip
 from mixed import deck_text, foot_points
-from with_calculix import SolidNominal, solid_nominal
+from scipy.optimize import linear_sum_assignment
+from solid import SolidMesh
+from with_calculix import FREE_MODES, beside_mixed, write_inputs
 
 from femtune import steps
-from femtune.files.uff import read_uff
 from femtune.modal import ModeSet
 from femtune.reporting.figures.vibration import VibrationCurve, VibrationPanel, vibration_svg
+from femtune.results.correlation import CorrelationResults
 from femtune.results.step_results import RunResult, ScreenResult, SearchResult
 from femtune.results.vibration import VibrationResults
-from femtune.units import SI
 
 POINTS = {"A1": "913X+", "A2": "902X+", "A3": "903X+", "A4": "912X+"}
 """On the front posts at a quarter, half and all of the height, and at the top of the back."""
-BOUNDS = {"E1": (50.0e9, 78.0e9), "E2": (168.0e9, 230.0e9), "E3": (40.0e9, 95.0e9), "D1": (2160.0, 3240.0),
+BOUNDS = {"E1": (50.0e9, 78.0e9), "E2": (168.0e9, 230.0e9), "E3": (40.0e9, 95.0e9), "E4": (40.0e9, 230.0e9),
           "D2": (7000.0, 8600.0)}  # fmt: skip
-SCREENED = {"E1": 70.0e9, "E2": 210.0e9, "E3": 70.0e9, "D1": 2700.0, "D2": 7850.0}
-"""Their levels are 80, 100 and 120 %."""
+"""Of the parameters that are updated; D2 of the solid model follows from its mass."""
 LIMITS = {"frequency_error": 0.05, "mac": 0.9, "sweep_frequency": 0.05, "sweep_amplitude": 0.05, "random_rms": 0.07}
-"""Of `[validate]`."""
+LIMITED = "\n".join(["[validate]", 'profile = "own"', *(f"{key} = {value}" for key, value in LIMITS.items()), ""])
 MODES_USED = 6
+PARTS_HZ = (10.0, 60.0, 150.0, 300.0, 600.0, 1200.0, 2000.0)
+"""Ends of the parts of the band in which RMS values of random vibration are shown."""
 FREQUENCY_SD, MASS_SD = 0.01, 0.002
+AGREE = {"mixed": 2e-3, "solid": 2e-2}
+"""Relative difference of the values of search and update; derivatives of the solid model are differences of runs."""
+
+
+MIXED_MODES, SEARCH_MODES, TRUE_MODES = 230, 20, 230
+"""Modes of the mixed model that vibration tests superpose, and that a search needs; those of the true rack. 230 modes
+reach to 2.9 kHz in both."""
 
 
 @dataclass(frozen=True)
 class Size:
-    """Effort: points of the Latin hypercube, generations and seeds of the search, modes of model and true rack."""
+    """Effort: points of the Latin hypercube, generations and seeds of the search, and whether solids are updated."""
 
     runs: int
     generations: int
     seeds: int
-    modes: int
-    true_modes: int
     solid: bool
 
 
-QUICK, FULL = Size(30, 60, 1, 40, 50, False), Size(150, 300, 3, 60, 90, True)
+QUICK, FULL = Size(30, 60, 1, False), Size(150, 300, 3, True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Measured:
-    """What the laboratory found: mass, and modes with their damping ratios on the table."""
+    """What the laboratory found: mass, modes with their damping ratios on the table, and random vibration.
+
+    The latter is frequencies (n,) and power spectral densities (points, n).
+    """
 
     mass: float
     on_table: ModeSet
+    random: tuple[np.ndarray, np.ndarray]
 
 
-def measure(folder: Path, size: Size) -> Measured:
+def measure(folder: Path) -> Measured:
     """All tests of the true rack, as files."""
     mass = modal_test(folder, 1)
     outputs = list(POINTS.values())
-    rack = on_table(folder, outputs, size.true_modes)
+    rack = on_table(folder, outputs, TRUE_MODES)
     write_curves(folder / "sweep.csv", *sweep(rack, 2), outputs)
-    write_curves(folder / "random.csv", *random_vibration(rack, 3), outputs)
-    return Measured(mass, resonance_search(rack, outputs, 4))
+    random = random_vibration(rack, 3)
+    write_curves(folder / "random.csv", *random, outputs)
+    return Measured(mass, resonance_search(rack, outputs, 4), random)
 
 
-def study(measured: Measured, size: Size) -> str:
+def mixed_study(measured: Measured, size: Size) -> str:
     """The study file of the mixed model."""
-    modes = measured.on_table
-    assert modes.damping_ratio is not None
-    damping = "\n".join([
-        f"damping_ratio = {[round(float(r), 5) for r in modes.damping_ratio]}",
-        f"damping_hz = {[round(float(f), 2) for f in modes.freq_hz]}",
-        'damping_source = "resonance search on the table at a low level, identified"',
-    ])  # fmt: skip
-    common = f'configuration = "table"\nbase = "X"\noutputs = {list(POINTS.values())}\n{damping}\n'
-    unused = ", ".join(f'{{ mode = "{m}", reason = "above the band of interest" }}' for m in (7, 8))
-    limits = "\n".join(f"{key} = {value}" for key, value in LIMITS.items())
     feet = [f"{node}:123456" for node in foot_points()]
-    text = f"""[study]
+    parameters = "".join(_parameter(name, BOUNDS[name], fields=True) for name in BOUNDS)
+    head = f"""[study]
 title = "Experiment rack, mixed model"
 deck = "mixed.bdf"
 units = "m-kg-s"
 
 [modes]
-count = {size.modes}
-
-[[configuration]]
-name = "in ropes"
-test = "rack.uff"
-leave_out = [{unused}]
-
-[[configuration]]
-name = "table"
-supports_added = {feet}
-
-[sensors]
-by_id = true
-
-{"".join(_parameter(name, BOUNDS[name]) for name in FIELDS if name != "D1")}
-[residuals]
-frequency_sd = {FREQUENCY_SD}
-
-[[residual]]
+count = {MIXED_MODES}
+"""
+    table = f'[[configuration]]\nname = "table"\nsupports_added = {feet}\n'
+    mass = f"""[[residual]]
 kind = "mass"
 configuration = "in ropes"
 mass = {measured.mass:.3f}
 sd = {MASS_SD}
+"""
+    tests = _vibrations(measured, 'configuration = "table"')
+    parts = (head, _test(""), table, parameters, mass, _search(size), tests, LIMITED)
+    return "\n".join(parts).replace("'", '"')
 
-[search]
+
+def for_search(study: str) -> str:
+    """The study of the mixed model without its vibration tests, and with the modes that a search needs."""
+    short = study[: study.index("[[vibration]]")] + LIMITED
+    return short.replace(f"count = {MIXED_MODES}", f"count = {SEARCH_MODES}")
+
+
+def solid_study(measured: Measured, size: Size, program: str, predict: bool) -> str:
+    """The study file of the solid model, one folder below the tests; `predict` adds those on the table."""
+    names = [name for name in BOUNDS if name != "D2"]
+    parameters = "".join(_parameter(name, BOUNDS[name], fields=False) for name in names)
+    head = f'''[study]
+title = "Experiment rack, solid model"
+units = "m-kg-s"
+
+[model]
+grid = "free.inp"
+
+[modes]
+count = {FREE_MODES}
+
+[solver]
+command = ["{program}", "free"]
+templates = ["free.inp"]
+result = "free.frd"
+format = "calculix-frd"
+environment = {{ OMP_NUM_THREADS = "1" }}
+
+[parallel]
+workers = 1
+'''
+    table = f'solver = {{ command = ["{program}", "bolted"], templates = ["bolted.inp"], result = "bolted.frd" }}'
+    tests = _vibrations(measured, table, "../") if predict else ""
+    parts = (head, _test("../"), parameters, _search(size), tests, LIMITED)
+    return "\n".join(parts).replace("'", '"')
+
+
+def _test(above: str) -> str:
+    """Modal test, sensors and weights."""
+    unused = ", ".join(f'{{ mode = "{m}", reason = "above the band of interest" }}' for m in (7, 8))
+    return f'''[[configuration]]
+name = "in ropes"
+test = "{above}rack.uff"
+leave_out = [{unused}]
+
+[sensors]
+by_id = true
+
+[residuals]
+frequency_sd = {FREQUENCY_SD}
+'''
+
+
+def _search(size: Size) -> str:
+    return f"""[search]
 runs = {size.runs}
 method = "genetic"
 population = 100
 generations = {size.generations}
 seeds = {size.seeds}
+"""
 
-[[vibration]]
+
+def _vibrations(measured: Measured, structure: str, above: str = "") -> str:
+    """The tests on the table, and the limits; `structure` is the key that names the structure on it."""
+    modes = measured.on_table
+    assert modes.damping_ratio is not None
+    common = f"""{structure}
+base = "X"
+outputs = {list(POINTS.values())}
+damping_ratio = {[round(float(r), 5) for r in modes.damping_ratio]}
+damping_hz = {[round(float(f), 2) for f in modes.freq_hz]}
+damping_source = "resonance search on the table at a low level, identified"
+"""
+    return f'''[[vibration]]
 name = "sweep X"
 kind = "sweep"
 {common}from_hz = {SWEEP_HZ[0]}
 to_hz = {SWEEP_HZ[1]}
 rate = {RATE}
 amplitude = {LEVEL}
-measured = "sweep.csv"
+measured = "{above}sweep.csv"
 band_hz = [20.0, 60.0]
 
 [[vibration]]
@@ -155,99 +219,127 @@ name = "random X"
 kind = "random"
 {common}spectrum_hz = {list(SPECTRUM_HZ)}
 spectrum = {list(SPECTRUM)}
-measured = "random.csv"
-
-[validate]
-profile = "own"
-{limits}
-"""
-    return text.replace("'", '"')
+measured = "{above}random.csv"
+'''
 
 
-def screening(size: Size) -> str:
-    """The study file of the screening: five parameters at 80, 100 and 120 %."""
-    parameters = "".join(_parameter(name, (0.8 * value, 1.2 * value)) for name, value in SCREENED.items())
+def screening() -> str:
+    """The study file of the screening: six parameters at 80, 100 and 120 %."""
+    levels = {name: (0.8 * value, 1.2 * value) for name, value in NOMINAL.items()}
+    parameters = "".join(_parameter(name, bounds, fields=True) for name, bounds in levels.items())
     head = (
         '[study]\ntitle = "Experiment rack, screening"\ndeck = "mixed.bdf"\nunits = "m-kg-s"\n\n[modes]\ncount = 14\n\n'
     )
     return f'{head}{parameters}[screen]\narray = "L18"\n'
 
 
-def _parameter(name: str, bounds: tuple[float, float]) -> str:
+def _parameter(name: str, bounds: tuple[float, float], fields: bool) -> str:
+    """A parameter of fields of the deck, or of a placeholder."""
     unit = "Pa" if name.startswith("E") else "kg/m^3"
-    fields = ", ".join(f'"{field}"' for field in FIELDS[name])
+    target = f"fields = {list(FIELDS[name])}" if fields else f"nominal = {NOMINAL[name]}"
     return (
-        f'[[parameter]]\nname = "{name}"\nfields = [{fields}]\nabsolute = true\nunit = "{unit}"\n'
+        f'[[parameter]]\nname = "{name}"\n{target}\nabsolute = true\nunit = "{unit}"\n'
         f"lower = {bounds[0]}\nupper = {bounds[1]}\n\n"
-    )
+    ).replace("'", '"')
+
+
+@dataclass(frozen=True)
+class Model:
+    """Update of one of the models, and its search where it was made."""
+
+    name: str
+    searched: SearchResult | None
+    run: RunResult
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Frequencies of both models at the values of the drawings, and MAC (solid, mixed)."""
+
+    solid_hz: np.ndarray
+    mixed_hz: np.ndarray
+    mac: np.ndarray
 
 
 @dataclass(frozen=True)
 class Found:
-    """All steps of the mixed model."""
+    """All steps: the mixed model first, and the solid one where it was updated."""
 
     measured: Measured
     screened: ScreenResult
-    searched: SearchResult
-    run: RunResult
-    solid: SolidNominal | None
+    models: tuple[Model, ...]
+    beside: Beside | None
 
 
-def update(folder: Path, size: Size) -> Found:
-    """Tests, screening, search and update, and the solid model where the size asks for it and CalculiX is here."""
-    measured = measure(folder, size)
+def update(folder: Path, size: Size, solid: str) -> Found:
+    """Tests, screening, search and update; with the solid model as far as `solid` says, where CalculiX is here."""
+    measured = measure(folder)
     (folder / "mixed.bdf").write_text(deck_text())
-    (folder / "screen.toml").write_text(screening(size))
-    (folder / "study.toml").write_text(study(measured, size))
+    (folder / "screen.toml").write_text(screening())
+    study = mixed_study(measured, size)
+    (folder / "search.toml").write_text(for_search(study))
+    (folder / "study.toml").write_text(study)
     screened = steps.screen(folder / "screen.toml")
-    searched = steps.search(folder / "study.toml")
-    run, program = steps.run(folder / "study.toml"), os.environ.get("FEMTUNE_CALCULIX") or shutil.which("ccx")
-    solid = None
-    if size.solid and program is not None:
-        test = read_uff(folder / "rack.uff", units=SI, file_units=SI).test.modes
-        assert test is not None
-        used = test.select_modes(range(MODES_USED))
-        solid = solid_nominal(program, folder / "solid", used, (LIMITS["frequency_error"], LIMITS["mac"]))
-    return Found(measured, screened, searched, run, solid)
+    models = [Model("mixed", steps.search(folder / "search.toml"), steps.run(folder / "study.toml"))]
+    program, beside = os.environ.get("FEMTUNE_CALCULIX") or (shutil.which("ccx") and "ccx"), None
+    if program:
+        beside = Beside(*beside_mixed(program, folder / "drawings"))
+        if size.solid:
+            write_inputs(folder / "solid", round(measured.mass, 3))
+            path = folder / "solid" / "study.toml"
+            path.write_text(solid_study(measured, size, program, solid != "update"))
+            searched = steps.search(path) if solid == "search" else None
+            models.append(Model("solid", searched, steps.run(path)))
+    return Found(measured, screened, tuple(models), beside)
 
 
 def check(found: Found) -> None:
-    """What does not depend on the verdicts: the initial model fails, and the steps agree with each other."""
-    verdicts = _verdicts(found)
-    assert verdicts["frequency error"][1] == "fail", verdicts
-    assert verdicts["resonance frequency error in a sweep"][1] == "fail", verdicts
-    assert all(v[2] in ("pass", "fail") for v in verdicts.values()), verdicts
-    surrogate = found.searched.record.surrogate
-    assert surrogate is not None
-    assert found.searched.record.failed == ()
+    """What does not depend on the verdicts: initial models fail, and the steps agree with each other."""
     assert found.screened.record.failed == ()
-    if found.solid is not None:
-        assert found.solid.verdicts[0].outcome.value == "fail", found.solid.verdicts[0].sentence
-        assert found.solid.mac.min() > 0.9, found.solid.mac
-    # search and update are two ways to one minimum
-    update = found.run.results.update
-    assert update is not None
-    assert update.ok, update.status
-    for parameter in update.parameters:
-        other = found.searched.values[parameter.name]
-        assert abs(other / parameter.value - 1.0) < 2e-3, (parameter.name, other, parameter.value)
+    for model in found.models:
+        verdicts = _verdicts(model)
+        assert verdicts["frequency error"][1] == "fail", verdicts
+        assert not _tested(model) or verdicts["resonance frequency error in a sweep"][1] == "fail", verdicts
+        assert all(v[2] in ("pass", "fail") for v in verdicts.values()), verdicts
+        update = model.run.results.update
+        assert update is not None
+        assert update.ok, update.status
+        if model.searched is None:
+            continue
+        assert model.searched.record.surrogate is not None
+        assert model.searched.record.failed == ()
+        # search and update are two ways to one minimum
+        for parameter in update.parameters:
+            other = model.searched.values[parameter.name]
+            assert abs(other / parameter.value - 1.0) < AGREE[model.name], (parameter.name, other, parameter.value)
+    if found.beside is not None:
+        pairs = linear_sum_assignment(-found.beside.mac)
+        assert found.beside.mac[pairs][:MODES_USED].min() > 0.9, found.beside.mac
 
 
-def _verdicts(found: Found) -> dict[str, tuple[str, str, str, str]]:
+def _verdicts(model: Model) -> dict[str, tuple[str, str, str, str]]:
     """By quantity: value and verdict before and after the update, as the program states them."""
     out: dict[str, tuple[str, str, str, str]] = {}
-    by_stage = {c.stage: c for c in found.run.results.correlations if c.configuration == "in ropes"}
-    before, after = (by_stage[stage].criteria for stage in ("before", "after"))
-    for one, other in zip(before, after, strict=True):
+    by_stage = _correlated(model)
+    for one, other in zip(by_stage["before"].criteria, by_stage["after"].criteria, strict=True):
         name = one.name.partition(",")[0]
         out[name] = (_value(one.measured, one.unit), one.verdict, other.verdict, _value(other.measured, other.unit))
-    validation = found.run.results.validation
-    assert validation is not None
-    for v in validation.verdicts:
+    validation = model.run.results.validation
+    for v in validation.verdicts if validation is not None and _tested(model) else ():
         out[v.criterion.partition(",")[0]] = (
             _value(v.before, v.unit), v.before_verdict or "", v.verdict, _value(v.measured, v.unit)
         )  # fmt: skip
     return out
+
+
+def _tested(model: Model) -> bool:
+    """Whether the model was compared with the tests on the table."""
+    return model.run.results.validation is not None and bool(model.run.results.validation.vibrations)
+
+
+def _correlated(model: Model) -> dict[str, CorrelationResults]:
+    """Modal test and model, before and after the update."""
+    return {c.stage: c for c in model.run.results.correlations if c.configuration == "in ropes"}
 
 
 def _value(value: float | None, unit: str) -> str:
@@ -261,10 +353,24 @@ def text(found: Found) -> str:
         "A rack of 0.6 × 0.45 × 1 m: aluminium tubes, steel blocks at the corners, steel panels in the back and two "
         f"boards; {found.measured.mass:.2f} kg. The true rack is simulated. It has a mesh twice as fine, joints of "
         "tubes and blocks that yield, panels on single screws, feet on bolts, a cable, and other moduli and densities "
-        "than on the drawings. No model has these joints. The model is of beams and shells with rigid joints; panels "
-        "are held along their whole edges, and the feet are fixed on the table.", "",
-        *_screening(found), *_search(found), *_frequencies(found), *_solid(found), *_judged(found), *_curves(found),
+        "than on the drawings. No model has these joints: in both models joints are rigid, panels are held along their "
+        "whole edges, and the feet are fixed on the table. The mixed model is of beams and shells and solved by "
+        "femtune; the solid model is a continuum of hexahedra (C3D8I) and solved by CalculiX.", "",
+        HISTORY, "",
+        *_screening(found), *_beside(found), *(line for model in found.models for line in _updated(model)),
+        *_judged(found), *_sweeps(found), *_randoms(found),
     ])  # fmt: skip
+
+
+HISTORY = (
+    "The truth was fixed before any update and has not changed since. The prediction is not blind in two respects. A "
+    "first form of this example, without the parameter E4 and with random vibration to 500 Hz, failed: the error of "
+    "the RMS was 35 % at A4, because the back moves in its plane at 263 Hz with the shear of screws and joints, which "
+    "no parameter represented, and -30 % at A1, where resonances of the true rack near 506 Hz hold nearly half of the "
+    "mean square to 500 Hz: this band ends on their flank. After that the edges of the panels became an area of their "
+    "own, and the band became that of the paper that the example follows, 10 to 2000 Hz. With the new area alone the "
+    "errors to 500 Hz were up to 11 %, above the limit of 7 %."
+)
 
 
 def _screening(found: Found) -> list[str]:
@@ -272,9 +378,9 @@ def _screening(found: Found) -> list[str]:
     modes = record.modes[:MODES_USED]
     lines = [
         "## Screening", "",
-        f"{record.design}, {record.runs} runs, each parameter at 80, 100 and 120 %: E1 tubes, E2 steel, E3 tubes "
-        "within 80 mm of a block, D1 aluminium, D2 steel. Contribution to each of the first six elastic frequencies "
-        "in %.", "",
+        f"{record.design}, {record.runs} runs of the mixed model, each parameter at 80, 100 and 120 %: E1 tubes, E2 "
+        "steel, E3 tubes within 80 mm of a block, E4 panels within 80 mm of a tube, D1 aluminium, D2 steel. "
+        "Contribution to each of the first six elastic frequencies in %.", "",
         "| parameter | " + " | ".join(f"{m.mean_hz:.0f} Hz" for m in modes) + " |", "| --- " * 7 + "|",
     ]  # fmt: skip
     for p in record.parameters:
@@ -288,43 +394,45 @@ def _screening(found: Found) -> list[str]:
     order = ", ".join(f"{name} {100 * value:.1f} %" for name, value in sorted(means.items(), key=lambda m: -m[1]))
     return [
         *lines, "",
-        f"Means of the six: {order}. D1 keeps its nominal value: light alloys hardly differ in density. The other four "
-        "are updated.", "",
+        f"Means of the six: {order}. D1 keeps its nominal value: light alloys hardly differ in density. E2 and E4 "
+        "contribute little to these frequencies, but the stiffness of the panels decides on the table: they are "
+        "updated with the other three.", "",
     ]  # fmt: skip
 
 
-def _search(found: Found) -> list[str]:
-    record, update = found.searched.record, found.run.results.update
-    assert record.surrogate is not None
-    assert update is not None
-    lines = [
-        "## Search and update", "",
-        f"Six frequencies (σ 1 %) and the weighed mass (σ 0.2 %). {record.runs} runs of the model, Kriging, genetic "
-        "algorithm with a population of 100, then least squares on the model. "
-        + " ".join(_sentence(s) for s in record.sentences), "",
-        "| parameter | bounds | initial | genetic algorithm | least squares after it | `femtune update` | at a bound |",
-        "| --- " * 7 + "|",
+def _beside(found: Found) -> list[str]:
+    """Both models at the values of the drawings, where CalculiX solved the solid one."""
+    if found.beside is None:
+        return []
+    b = found.beside
+    rows = [
+        f"| {i} | {hz:.2f} | " + " | ".join(f"{v:.3f}" for v in b.mac[i - 1, :MODES_USED]) + " |"
+        for i, hz in enumerate(b.solid_hz[:MODES_USED], start=1)
+    ]
+    heads = " | ".join(f"{i}: {hz:.2f} Hz" for i, hz in enumerate(b.mixed_hz[:MODES_USED], start=1))
+    return [
+        "## The two models", "",
+        f"MAC of the solid model ({len(SolidMesh().nodes)} nodes, rows) and the mixed one (columns) at the sensors, "
+        "free, at the values of the drawings. Both have the same modes in the same order; the frequencies of the solid "
+        "model are higher because its mesh is coarse: with quadratic elements (C3D20R) they are about 3 to 4 % lower.",
+        "", f"| solid | Hz | {heads} |", "| --- " * (MODES_USED + 2) + "|", *rows, "",
     ]  # fmt: skip
-    values = {p.name: p for p in update.parameters}
-    for p in record.parameters:
-        scale = 1e9 if p.name.startswith("E") else 1.0
-        numbers = (p.initial, p.found, p.value, values[p.name].value)
-        cells = " | ".join(f"{n / scale:.5g}" for n in numbers)
-        at = values[p.name].at_bound or "–"
-        lines.append(f"| {p.name} | {p.lower / scale:g} to {p.upper / scale:g} | {cells} | {at} |")
-    return [*lines, "", "Moduli in GPa, densities in kg/m³.", ""]
 
 
-def _sentence(words: str) -> str:
-    first = words[0] if words[0] == "χ" else words[0].upper()
-    return f"{first}{words[1:].rstrip('.')}."
-
-
-def _frequencies(found: Found) -> list[str]:
-    by_stage = {c.stage: c for c in found.run.results.correlations if c.configuration == "in ropes"}
-    lines = [
-        "| mode | test Hz | error before % | MAC before | error after % | MAC after |", "| --- " * 6 + "|",
-    ]  # fmt: skip
+def _updated(model: Model) -> list[str]:
+    """Search, update and frequencies of a model."""
+    how = {
+        "mixed": "Six frequencies (σ 1 %) and the weighed mass (σ 0.2 %).",
+        "solid": "Six frequencies (σ 1 %). The density of the steel follows from the weighed mass beforehand, since a "
+        "model of a solver has no mass residual.",
+    }[model.name]
+    missing = [] if model.searched else ["the search of 150 points (`--solid search`)"]
+    missing += [] if _tested(model) else ["the prediction of the tests on the table (`--solid predict`)"]
+    if missing:
+        how += f" Not done with this model for this page: {', '.join(missing)}."
+    by_stage = _correlated(model)
+    lines = [f"## Update of the {model.name} model", "", how, "", *_values(model), ""]
+    lines += ["| mode | test Hz | error before % | MAC before | error after % | MAC after |", "| --- " * 6 + "|"]
     for one, other in zip(by_stage["before"].pairs, by_stage["after"].pairs, strict=True):
         lines.append(
             f"| {one.test_label} | {one.test_freq_hz:.2f} | {one.freq_error_percent:+.2f} | {one.mac:.3f} "
@@ -333,92 +441,124 @@ def _frequencies(found: Found) -> list[str]:
     return [*lines, ""]
 
 
+def _values(model: Model) -> list[str]:
+    """The search in words, and the parameters."""
+    update = model.run.results.update
+    assert update is not None
+    lines, searched = [], {}
+    if model.searched is not None:
+        record = model.searched.record
+        lines = [
+            f"Search: {record.runs} runs of the model, Kriging, genetic algorithm with a population of 100, then least "
+            "squares on the model. " + " ".join(_sentence(s) for s in record.sentences), "",
+        ]  # fmt: skip
+        searched = {p.name: (p.found, p.value) for p in record.parameters}
+    heads = ["parameter", "bounds", "initial", *(("genetic algorithm", "least squares after it") if searched else ())]
+    heads += ["`femtune update`", "standard deviation"]
+    lines += ["| " + " | ".join([*heads, "at a bound"]) + " |", "| --- " * (len(heads) + 1) + "|"]
+    for p in update.parameters:
+        scale = 1e9 if p.name.startswith("E") else 1.0
+        low, high = BOUNDS[p.name]
+        cells = " | ".join(f"{n / scale:.5g}" for n in (NOMINAL[p.name], *searched.get(p.name, ()), p.value))
+        spread = f"{p.sd / scale:.3g}" if p.sd is not None else "–"
+        lines.append(f"| {p.name} | {low / scale:g} to {high / scale:g} | {cells} | {spread} | {p.at_bound or '–'} |")
+    return [*lines, "", "Moduli in GPa, densities in kg/m³."]
+
+
+def _sentence(words: str) -> str:
+    first = words[0] if words[0] == "χ" else words[0].upper()
+    return f"{first}{words[1:].rstrip('.')}."
+
+
 def _judged(found: Found) -> list[str]:
     lines = [
         "## Verdicts", "",
-        "By `[validate]` of the study, of the mixed model. The update used the frequencies of the modal test and the "
-        "mass only; sweep and random vibration are predictions.", "",
-        "| quantity | before | verdict | after | verdict |", "| --- " * 5 + "|",
+        "By `[validate]` of the studies. The updates used the frequencies of the modal test and the mass only; sweep "
+        "and random vibration are predictions.", "",
+        "| model | quantity | before | verdict | after | verdict |", "| --- " * 6 + "|",
     ]  # fmt: skip
-    for name, (before, first, last, after) in _verdicts(found).items():
-        lines.append(f"| {name} | {before} | {first} | {after} | {last} |")
+    for model in found.models:
+        for name, (before, first, last, after) in _verdicts(model).items():
+            lines.append(f"| {model.name} | {name} | {before} | {first} | {after} | {last} |")
     return [*lines, ""]
 
 
-def _solid(found: Found) -> list[str]:
-    """The solid model at the values of the drawings, where CalculiX solved it."""
-    if found.solid is None:
-        return []
-    by_stage = {c.stage: c for c in found.run.results.correlations if c.configuration == "in ropes"}
-    errors = 100.0 * (found.solid.freq_hz / np.array([p.test_freq_hz for p in by_stage["before"].pairs]) - 1.0)
-    rows = [
-        f"| {p.test_label} | {p.freq_error_percent:+.2f} | {p.mac:.3f} | {error:+.2f} | {like:.3f} |"
-        for p, error, like in zip(by_stage["before"].pairs, errors, found.solid.mac, strict=True)
-    ]
-    return [
-        "## The solid model beside it", "",
-        f"The same rack as a continuum of {found.solid.nodes} nodes in CalculiX (C3D8I), free, at the values of the "
-        f"drawings; {found.solid.mass:.3f} kg. Both initial models are too stiff: their joints are rigid, and the "
-        "moduli of the drawings are above the true ones. The mesh of solids is coarse; with quadratic elements "
-        "(C3D20R) its frequencies are about 3 to 4 % lower.", "",
-        "| mode | mixed, error % | MAC | solid, error % | MAC |", "| --- " * 5 + "|", *rows, "",
-        *(f"- {v.sentence}." for v in found.solid.verdicts), "",
-    ]  # fmt: skip
+def _vibration(model: Model, kind: str) -> VibrationResults:
+    assert model.run.results.validation is not None
+    return next(v for v in model.run.results.validation.vibrations if v.kind == kind)
 
 
-def _vibration(found: Found, kind: str) -> VibrationResults:
-    assert found.run.results.validation is not None
-    return next(v for v in found.run.results.validation.vibrations if v.kind == kind)
-
-
-def _curves(found: Found) -> list[str]:
-    swept, shaken = _vibration(found, "sweep"), _vibration(found, "random")
+def _sweeps(found: Found) -> list[str]:
+    swept = _vibration(found.models[0], "sweep")
     assert swept.compared_hz is not None
-    assert shaken.compared_hz is not None
     names = {dof: name for name, dof in POINTS.items()}
     lines = [
-        f"Sine sweep: {swept.excitation} g; compared from {swept.compared_hz[0]:g} to {swept.compared_hz[1]:g} Hz, "
-        f"around the first resonance. {_sentence(swept.damping)} {_sentence('source: ' + swept.damping_source)}", "",
-        "| point | test g | before g | after g | error after % | test Hz | before Hz | after Hz | error after % |",
-        "| --- " * 9 + "|",
+        "## Sine sweep", "",
+        f"{_sentence(swept.excitation + ' g')} Compared from {swept.compared_hz[0]:g} to {swept.compared_hz[1]:g} Hz, "
+        f"around the first resonance. {_sentence(swept.damping)} {_sentence('source: ' + swept.damping_source)} Random "
+        "vibration has the same damping.", "",
+        "| model | point | test g | before g | after g | error after % | test Hz | before Hz | after Hz "
+        "| error after % |", "| --- " * 10 + "|",
     ]  # fmt: skip
-    for p in swept.points:
-        levels = " | ".join(f"{v:.3g}" for v in (p.test_peak, p.before_peak, p.peak))
-        places = " | ".join(f"{v:.2f}" for v in (p.test_peak_hz, p.before_peak_hz, p.peak_hz))
-        errors = _error(p.peak, p.test_peak), _error(p.peak_hz, p.test_peak_hz)
-        lines.append(f"| {names[p.output]} | {levels} | {errors[0]} | {places} | {errors[1]} |")
-    lines += [
-        "", "![Sine sweep](cases_rack_sweep.svg)", "",
-        f"Random vibration: {shaken.excitation}, all of it compared.", "",
-        "| point | test g RMS | before | after | error before % | error after % |", "| --- " * 6 + "|",
-    ]  # fmt: skip
-    for p in shaken.points:
-        levels = " | ".join(f"{v:.3g}" for v in (p.test_rms, p.before_rms, p.rms))
-        errors = _error(p.before_rms, p.test_rms), _error(p.rms, p.test_rms)
-        lines.append(f"| {names[p.output]} | {levels} | {errors[0]} | {errors[1]} |")
-    return [*lines, "", "![Random vibration](cases_rack_random.svg)", "", *_reason(found, shaken)]
+    for model in filter(_tested, found.models):
+        for p in _vibration(model, "sweep").points:
+            levels = " | ".join(f"{v:.3g}" for v in (p.test_peak, p.before_peak, p.peak))
+            places = " | ".join(f"{v:.2f}" for v in (p.test_peak_hz, p.before_peak_hz, p.peak_hz))
+            errors = _error(p.peak, p.test_peak), _error(p.peak_hz, p.test_peak_hz)
+            lines.append(f"| {model.name} | {names[p.output]} | {levels} | {errors[0]} | {places} | {errors[1]} |")
+    return [*lines, "", *_pictures(found, "sweep")]
 
 
-def _reason(found: Found, shaken: VibrationResults) -> list[str]:
-    """Where the decisive point of a failed random vibration has its largest response, in test and model."""
-    if _verdicts(found)["RMS error in random vibration"][2] != "fail":
-        return []
-    assert shaken.curves is not None
-    errors = [abs((p.rms or 0.0) / (p.test_rms or 1.0) - 1.0) for p in shaken.points]
-    worst, arrays, keys = int(np.argmax(errors)), found.run.arrays, shaken.curves
-    assert keys.test_lines_key is not None
-    assert keys.test_key is not None
-    pairs = ((keys.test_lines_key, keys.test_key), (keys.after_lines_key, keys.after_key))
-    test, model = (arrays[at][np.argmax(arrays[values][worst])] for at, values in pairs)
-    name = {dof: name for name, dof in POINTS.items()}[shaken.points[worst].output]
+def _randoms(found: Found) -> list[str]:
+    names = {dof: name for name, dof in POINTS.items()}
+    lines = [
+        "## Random vibration", "",
+        f"{_sentence(_vibration(found.models[0], 'random').excitation)} All of it is compared.", "",
+        "| model | point | test g RMS | before | after | error before % | error after % |", "| --- " * 7 + "|",
+    ]  # fmt: skip
+    for model in filter(_tested, found.models):
+        for p in _vibration(model, "random").points:
+            levels = " | ".join(f"{v:.3g}" for v in (p.test_rms, p.before_rms, p.rms))
+            errors = _error(p.before_rms, p.test_rms), _error(p.rms, p.test_rms)
+            lines.append(f"| {model.name} | {names[p.output]} | {levels} | {errors[0]} | {errors[1]} |")
+    return [*lines, "", *_parts(found), *_pictures(found, "random")]
+
+
+def _parts(found: Found) -> list[str]:
+    """Errors of the RMS in parts of the band: what the RMS over all of it may hide."""
+    lines = [
+        "The RMS over the whole band is a sum over many resonances, whose errors compensate each other in part. In "
+        "parts of the band, the error of the RMS after the update in %, from the densities:", "",
+        "| model | point | " + " | ".join(f"{a:g} to {b:g} Hz" for a, b in pairwise(PARTS_HZ)) + " |",
+        "| --- " * (len(PARTS_HZ) + 1) + "|",
+    ]  # fmt: skip
+    for model in filter(_tested, found.models):
+        updated = _curves(model, "random")["after"]
+        for i, name in enumerate(POINTS):
+            cells = [
+                _error(_rms(updated, i, part), _rms(found.measured.random, i, part)) for part in pairwise(PARTS_HZ)
+            ]
+            lines.append(f"| {model.name} | {name} | " + " | ".join(cells) + " |")
     return [
-        f"The random vibration is not predicted within the limit. At the decisive point, {name}, the largest response "
-        f"is at {test:.0f} Hz in the test and at {model:.0f} Hz in the updated model. At A4 this is the back moving in "
-        "its plane on the feet, with the shear of screws, joints and bolts. None of the six modes of the free rack has "
-        "this motion, so that an update by their frequencies cannot find its stiffness, and the model has no parameter "
-        "for it. The prediction needs modes of the rack on its feet in the update, or parameters of the feet and of "
-        "the edges of the panels.", "",
+        *lines, "",
+        "The six modes of the modal test lie below 150 Hz. Above that single resonances are not predicted: at A4 the "
+        "largest one, the back that moves in its plane on the feet, is at 263 Hz in the test and higher in the models. "
+        "That the RMS over all of the band meets its limit is a statement about this sum alone.", "",
     ]  # fmt: skip
+
+
+def _rms(curve: tuple[np.ndarray, np.ndarray], point: int, part: tuple[float, float]) -> float:
+    hz = np.linspace(*part, 20_001)
+    return float(np.sqrt(np.trapezoid(np.interp(hz, curve[0], curve[1][point]), hz)))
+
+
+def _curves(model: Model, kind: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Lines (n,) and responses (points, n) of the test, and of the model before and after the update."""
+    keys, arrays = _vibration(model, kind).curves, model.run.arrays
+    assert keys is not None
+    of = {"test": (keys.test_lines_key, keys.test_key), "before": (keys.before_lines_key, keys.before_key),
+          "after": (keys.after_lines_key, keys.after_key)}  # fmt: skip
+    return {look: (arrays[hz], arrays[values]) for look, (hz, values) in of.items() if hz and values}
 
 
 def _error(model: float | None, test: float | None) -> str:
@@ -427,38 +567,48 @@ def _error(model: float | None, test: float | None) -> str:
     return f"{100.0 * (model / test - 1.0):+.1f}"
 
 
-def picture(found: Found, kind: str) -> str:
+def _pictures(found: Found, kind: str) -> list[str]:
+    words = {"sweep": "Sine sweep", "random": "Random vibration"}
+    return [f"![{words[kind]}, {model.name} model]({_file(model, kind)})\n" for model in filter(_tested, found.models)]
+
+
+def _file(model: Model, kind: str) -> str:
+    return f"cases_rack_{model.name}_{kind}.svg"
+
+
+def picture(model: Model, kind: str) -> str:
     """Curves of a vibration test."""
-    test, arrays = _vibration(found, kind), found.run.arrays
-    keys = test.curves
-    assert keys is not None
-    of = {"test": (keys.test_lines_key, keys.test_key), "before": (keys.before_lines_key, keys.before_key),
-          "after": (keys.after_lines_key, keys.after_key)}  # fmt: skip
+    curves, compared = _curves(model, kind), _vibration(model, kind).compared_hz
     panels = []
     for i, (name, dof) in enumerate(POINTS.items()):
-        curves = [VibrationCurve(look, arrays[hz], arrays[v][i]) for look, (hz, v) in of.items() if hz and v]
+        drawn = [VibrationCurve(look, hz, values[i]) for look, (hz, values) in curves.items()]
         unit = "amplitude, g" if kind == "sweep" else "density, g²/Hz"
-        panels.append(VibrationPanel(f"{name}, {dof}", unit, tuple(curves), test.compared_hz))
+        panels.append(VibrationPanel(f"{name}, {dof}", unit, tuple(drawn), compared))
     return vibration_svg(panels)
 
 
 def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="fewer runs of the model")
+    parser.add_argument("--quick", action="store_true", help="fewer runs of the model, and one of the solid model")
+    parser.add_argument("--solid", choices=("update", "predict", "search"), default="update",
+                        help="what is done with the solid model in the full form")  # fmt: skip
+    parser.add_argument("--folder", type=Path, help="folder of the studies, where their journals are kept")
     parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     size = QUICK if options.quick else FULL
-    with tempfile.TemporaryDirectory() as folder:
-        found = update(Path(folder), size)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = options.folder or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        found = update(folder, size, options.solid)
         check(found)
         page = text(found)
         print(page)
         if options.evidence:
             options.evidence.mkdir(parents=True, exist_ok=True)
             (options.evidence / "cases_rack.md").write_text(page, encoding="utf-8")
-            for kind in ("sweep", "random"):
-                (options.evidence / f"cases_rack_{kind}.svg").write_text(picture(found, kind), encoding="utf-8")
+            for model, kind in product(filter(_tested, found.models), ("sweep", "random")):
+                (options.evidence / _file(model, kind)).write_text(picture(model, kind), encoding="utf-8")
 
 
 if __name__ == "__main__":

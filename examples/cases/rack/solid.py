@@ -17,8 +17,10 @@ from geometry import (
     BOARD,
     BOARDS,
     CONNECTED,
+    EDGE,
     HALF,
     JOINED,
+    MATERIALS,
     POISSON,
     SHEET,
     STEEL,
@@ -26,10 +28,10 @@ from geometry import (
     X,
     Y,
     Z,
+    at_edge,
     sensors,
 )  # fmt: skip
 
-MATERIALS = {BEAM: ("BEAM", "E1", "D1"), STEEL: ("STEEL", "E2", "D2"), JOINED: ("JOINED", "E3", "D1")}
 _BETWEEN = {"x": (6,), "y": (4,), "z": (6, 4)}
 """Cells between the connected parts."""
 _CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)])
@@ -104,7 +106,11 @@ def _material(at: np.ndarray) -> int:
     in_frame = [axes[0] < c < axes[-1] and not i for c, axes, i in zip(at, (X, Y, Z), inside)]
     on_board = any(abs(at[2] - z) < BOARD / 2 for z in BOARDS) and in_frame[0] and in_frame[1]
     on_back = abs(at[1] - BACK) < SHEET / 2 and in_frame[0] and in_frame[2]
-    return STEEL if on_board or on_back else 0
+    if on_board:
+        return EDGE if at_edge((at[0], at[1]), (X, Y)) else STEEL
+    if on_back:
+        return EDGE if at_edge((at[0], at[2]), (X, Z)) else STEEL
+    return 0
 
 
 def input_text(modes: int, *, table: bool = False, values: dict[str, float] | None = None) -> str:
@@ -126,10 +132,11 @@ def input_text(modes: int, *, table: bool = False, values: dict[str, float] | No
             f"*MATERIAL, NAME={name}", "*ELASTIC", f"{E_text},{POISSON[number]}", "*DENSITY", density_text,
             f"*SOLID SECTION, ELSET={name}, MATERIAL={name}",
         ]  # fmt: skip
-    lines += ["*NSET, NSET=SENSORS", *(f"{n}," for n in sensors())]
+    held = [n for p, n in mesh.nodes.items() if _on_table(mesh, p)] if table else []
+    lines += ["*NSET, NSET=SENSORS", *(f"{n}," for n in (*sensors(), *held))]
     if table:
-        lines += ["*BOUNDARY", *(f"{n},1,3" for p, n in mesh.nodes.items() if _on_table(mesh, p))]
-    lines += ["*STEP", "*FREQUENCY", str(modes), "*NODE FILE, NSET=SENSORS", "U", "*END STEP", ""]
+        lines += ["*BOUNDARY", *(f"{n},1,3" for n in held)]
+    lines += ["*STEP", "*FREQUENCY", str(modes), "*NODE FILE, NSET=SENSORS", "U, RF" if table else "U", "*END STEP", ""]
     return "\n".join(lines)
 
 

@@ -1,60 +1,52 @@
-"""The rack of solids at the values of the drawings, solved by CalculiX, beside the modal test."""
+"""The rack of solids with CalculiX as its solver: its study, and its modes beside those of the mixed model."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from geometry import NOMINAL, sensors
-from scipy.optimize import linear_sum_assignment
-from solid import SolidMesh, input_text, mass
+from laboratory import RIGID, solved
+from mixed import deck_text
+from solid import input_text, mass
 
-from femtune.files.modes.solved import SolvedModes
-from femtune.modal import ModeSet
+from femtune.dofs import DofSet, parse_dof
 from femtune.modal.shape_criteria import mac
+from femtune.model.response import make_ports
 from femtune.runs import ExternalSolver, ResultFile, Templates, read_template
-from femtune.validation import Verdict, judge
-from femtune.validation.criteria import FREQUENCY, MAC, OWN, Criterion
 
-MODES, ELASTIC_HZ = 16, 5.0
-
-
-@dataclass(frozen=True, eq=False)
-class SolidNominal:
-    """Frequencies and MAC of the modes that belong to those of the test, the verdicts, nodes and mass in kg."""
-
-    freq_hz: np.ndarray
-    mac: np.ndarray
-    verdicts: tuple[Verdict, Verdict]
-    nodes: int
-    mass: float
+FREE_MODES, TABLE_MODES, COMPARED = 16, 200, 10
+"""Modes that CalculiX computes, free and on the table, and elastic modes that are compared with the mixed model."""
 
 
-def solid_nominal(program: str, folder: Path, test: ModeSet, limits: tuple[float, float]) -> SolidNominal:
-    """Solve the solid model, free, and judge it; `limits` are those of the frequency error and of MAC."""
+def weighed_density(weighed: float) -> float:
+    """Density of the steel, with which the solid model has the mass that was weighed, kg/m³."""
+    light = mass({**NOMINAL, "D2": 0.0})
+    return round(NOMINAL["D2"] * (weighed - light) / (mass(NOMINAL) - light), 3)
+
+
+def write_inputs(folder: Path, weighed: float) -> None:
+    """The input files free.inp and bolted.inp with placeholders for the moduli."""
+    densities = {"D1": NOMINAL["D1"], "D2": weighed_density(weighed)}
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "free.inp").write_text(input_text(MODES))
+    (folder / "free.inp").write_text(input_text(FREE_MODES, values=densities))
+    (folder / "bolted.inp").write_text(input_text(TABLE_MODES, table=True, values=densities))
+
+
+def beside_mixed(program: str, folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frequencies of the solid and the mixed model, free, at the values of the drawings, and MAC (solid, mixed)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "free.inp").write_text(input_text(FREE_MODES))
     inputs = Templates((read_template(folder / "free.inp"),))
     result = ResultFile("free.frd", "calculix-frd")
     solver = ExternalSolver((program, "free"), inputs, result, folder / "runs", environment=(("OMP_NUM_THREADS", "1"),))
-    found = solver.run(NOMINAL)
-    if found.modes is None:
-        raise SystemExit(f"CalculiX failed: {found.failures[-1]}")
-    freq_hz, like = tracked(found.modes, test)
-    errors = np.abs(freq_hz / test.freq_hz - 1.0)
-    verdicts = (
-        judge(Criterion(OWN, FREQUENCY, limits[0], True), float(errors.max()), f"mode {errors.argmax() + 1}"),
-        judge(Criterion(OWN, MAC, limits[1], False), float(like.min()), f"mode {like.argmin() + 1}"),
-    )
-    return SolidNominal(freq_hz, like, verdicts, len(SolidMesh().nodes), mass(NOMINAL))
-
-
-def tracked(modes: SolvedModes, test: ModeSet) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and MAC of the modes that belong to those of the test, by their shapes."""
-    elastic = np.flatnonzero(np.nan_to_num(modes.freq_hz) > ELASTIC_HZ)
-    rows = np.searchsorted(modes.nodes, list(sensors()))
-    shapes = modes.shapes[rows][:, :3, elastic].reshape(-1, len(elastic))
-    values = mac(test.shapes, shapes)
-    of_test, of_model = linear_sum_assignment(-values)
-    return modes.freq_hz[elastic[of_model]], values[of_test, of_model]
+    found = solver.run(NOMINAL).modes
+    if found is None:
+        raise SystemExit("CalculiX failed with the solid model at the values of the drawings")
+    elastic = slice(RIGID, RIGID + COMPARED)
+    rows = np.searchsorted(found.nodes, list(sensors()))
+    solid = found.shapes[rows][:, :3, elastic].reshape(-1, COMPARED)
+    mixed = solved(folder / "mixed", deck_text(modes=RIGID + COMPARED), RIGID + COMPARED)
+    dofs = DofSet(parse_dof(f"{number}{axis}+") for number in sensors() for axis in "XYZ")
+    shapes = np.asarray(make_ports(mixed.point.configured, [dofs[0]], dofs).outputs @ mixed.shapes[:, elastic])
+    return found.freq_hz[elastic], mixed.freq_hz[elastic], mac(solid, shapes)

@@ -24,12 +24,16 @@ from femtune.files.runs_table import RunsTable, read_runs_table
 from femtune.files.study_file import MEASURED, ConfigurationSolver, ModesTable
 from femtune.modal import ModeSet
 from femtune.model.imported.from_runs import FittedRuns, Runs, fit_configurations, seen_modes
+from femtune.surrogates import TRENDS, ChaosRules, KrigingRules, RadialRules
 from femtune.testdata import ModalTest
 
 if TYPE_CHECKING:
     from femtune.files.study_file import ConfigurationEntry, StudyFile
+    from femtune.files.study_file.runs import RunsModelTable
+    from femtune.surrogates import SurrogateRules
 
 
+_NAMES = {"kriging": "Kriging", "radial-basis": "radial basis functions", "chaos": "polynomial chaos"}
 _TYPICAL = 0.9
 """Part of the runs of a table that has as many visible modes as are used; the others are left out."""
 
@@ -84,13 +88,21 @@ def built_of_tables(
     found = [_used(file, table, names, dofs, centre) for table in tables]
     parts = [used.runs for used in found]
     # the central run is the first one, and it is usable
-    crossed, order = file.runs.crossed, file.runs.degree if degree is None else degree
-    correlation = file.runs.correlation if file.runs.method == "kriging" else None
-    fitted = fit_configurations(parts, nodes, order, crossed, centre, correlation)
+    order = file.runs.order if degree is None else degree
+    fitted = fit_configurations(parts, nodes, order, file.runs.crossed, centre, _rules(file.runs))
     notices = [n for used, f in zip(found, fitted) for n in _notices(file, used, f)]
     count = min(runs.freq_hz.shape[1] for runs in parts)
     method = EigenMethod(0, "runs", None, None, count)
     return BuiltModel(_files(file), fitted[0].structure, tuple(notices), (), {}, {}, method, None)
+
+
+def _rules(table: RunsModelTable) -> SurrogateRules | None:
+    """Of the surrogates of a table; None for polynomials."""
+    if table.method == "kriging":
+        return KrigingRules(tuple(TRENDS)[table.order], table.correlation)
+    if table.method == "radial-basis":
+        return RadialRules(table.kernel)
+    return ChaosRules(table.order) if table.method == "chaos" else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,8 +235,9 @@ def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
         "mode": worst + 1,
     }
     poor = not size.max() <= file.runs.tolerance
-    if file.runs.method == "kriging":
-        code = "runs.poor-fit/kriging" if poor else "runs.fitted/kriging"
+    if file.runs.method in _NAMES:
+        code = "runs.poor-fit/surrogate" if poor else "runs.fitted/surrogate"
+        facts["method"] = _NAMES[file.runs.method]
     else:
         code = "runs.poor-fit" if poor else "runs.fitted"
     return [*found, Notice(code, where=where, level="warning" if poor else "info", **facts)]

@@ -418,6 +418,7 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @_study
 @click.option("--on", metavar="WORD", help="surrogate, or model.")
 @click.option("--runs", type=int, help="Runs of the model for the surrogate; ten per parameter by default.")
+@click.option("--surrogate", metavar="NAME", help="kriging, radial-basis or chaos.")
 @click.option("--method", metavar="NAME", help="differential-evolution, genetic or cma-es.")
 @click.option("--population", type=int, help="Points of a generation.")
 @click.option("--generations", type=int, help="The most generations.")

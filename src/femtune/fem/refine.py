@@ -82,7 +82,8 @@ def refine(structure: Structure, held: Integers, off: Iterable[int] = ()) -> Ref
     batches = tuple(b for b in (_without(b, out) for b in structure.batches) if len(b))
     divided = [b for b in batches if KINDS[b.kind].children]
     if not divided:
-        raise CannotRefineError("the model has no bars, shells or solids")
+        cards = ", ".join(sorted({b.card for b in batches})) or "none"
+        raise CannotRefineError(f"the model has no straight bars, shells or solids to divide ({cards})")
     mesh = _Mesh(replace(structure, batches=batches), tuple(_Divided.of(b) for b in divided))
     rigid = structure.rigid.keep(~np.isin(structure.rigid.owner, list(out)))
     bodies = _RigidBodies.of(rigid, len(structure.nodes.ids))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,8 +159,8 @@ class Rule:
         in half of that
     alone : share that is enough where one method alone has it
     collinearity : smallest phase collinearity of the shape
-    same : of two clusters whose frequencies differ by less than this fraction and whose shapes have a MAC above .8
-        one is a mode, that of the larger share
+    same : of two clusters whose frequencies differ by less than this fraction, and whose shapes have a MAC above .8 or
+        which no order of any method has side by side, one is a mode, that of the larger share
     """
 
     share: float = 0.3
@@ -211,11 +211,15 @@ def chosen_poles(candidates: Sequence[Candidate], table: PoleTable) -> PoleTable
 
 
 def _without_duplicates(found: Sequence[Candidate], table: PoleTable, rule: Rule) -> list[Candidate]:
-    """Clusters that were split by bias or variance of a method are joined to one mode."""
+    """Clusters that were split by bias or variance of a method are joined to one mode.
+
+    Those of two close modes that a method tells apart come before a mixture of both that another method finds.
+    """
     kept: list[Candidate] = []
-    result = list(found)
-    for i in sorted(range(len(found)), key=lambda i: -len(found[i].members)):
-        twin = next((c for c in kept if _same(c, found[i], table, rule)), None)
+    result, chosen = list(found), [c for c in found if c.chosen]
+    mixture = [_is_mixture(c, [d for d in chosen if d is not c and _near(c, d, rule)], table) for c in found]
+    for i in sorted(range(len(found)), key=lambda i: (mixture[i], -len(found[i].members))):
+        twin = next((c for c in kept if _near(c, found[i], rule) and _same(c, found[i], table)), None)
         if found[i].chosen and twin is not None:
             result[i] = replace(found[i], chosen=False, reason=f"same mode as at {twin.freq_hz:.4g} Hz")
         elif found[i].chosen:
@@ -223,10 +227,27 @@ def _without_duplicates(found: Sequence[Candidate], table: PoleTable, rule: Rule
     return result
 
 
-def _same(a: Candidate, b: Candidate, table: PoleTable, rule: Rule) -> bool:
-    if abs(a.freq_hz - b.freq_hz) > rule.same * max(a.freq_hz, b.freq_hz):
-        return False
-    return len(table.dofs) == 1 or bool(mac_where_defined(table.shapes[:, [a.at]], table.shapes[:, [b.at]])[0, 0] > 0.8)
+def _is_mixture(c: Candidate, near: Sequence[Candidate], table: PoleTable) -> bool:
+    """Whether two of those near it are different modes, which no order has beside it."""
+    other = [d for d in near if not _found_together(c, d, table)]
+    return any(_found_together(a, b, table) and not _same(a, b, table) for a, b in combinations(other, 2))
+
+
+def _near(a: Candidate, b: Candidate, rule: Rule) -> bool:
+    return abs(a.freq_hz - b.freq_hz) <= rule.same * max(a.freq_hz, b.freq_hz)
+
+
+def _same(a: Candidate, b: Candidate, table: PoleTable) -> bool:
+    """Whether two clusters of nearly the same frequency are one mode."""
+    if len(table.dofs) == 1 or not _found_together(a, b, table):
+        return True
+    return bool(mac_where_defined(table.shapes[:, [a.at]], table.shapes[:, [b.at]])[0, 0] > 0.8)
+
+
+def _found_together(a: Candidate, b: Candidate, table: PoleTable) -> bool:
+    """Whether a method has both at one of its orders: two modes do not exclude each other."""
+    orders = [{(table.method[i], int(table.order[i])) for i in c.members} for c in (a, b)]
+    return bool(orders[0] & orders[1])
 
 
 def _nearest(candidates: Sequence[Candidate], freq: float, within: float) -> int:

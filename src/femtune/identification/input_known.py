@@ -27,6 +27,7 @@ from femtune.identification.shapes import (
     scaled_shapes,
     without_noise,
 )
+from femtune.identification.significance import without_poles_of_noise
 from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 
@@ -131,6 +132,7 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
     table = join_tables([_poles(elastic, method, asked.largest_order, errors) for method in asked.methods])
     band = asked.band_hz or (float(whole.freq_hz[0]), float(whole.freq_hz[-1]))
     candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
+    candidates = without_poles_of_noise(candidates, table, elastic, 0.5 * asked.rule.share)
     candidates = change_choice(candidates, asked.take, asked.drop)
     fit = fit_with_neighbours(elastic, chosen_poles(candidates, table).poles, errors, terms_outside(asked))
     of_system = _system(elastic, fit, band, asked)

@@ -21,6 +21,7 @@ from femtune.fem.elements.moving_ends import has_offsets
 from femtune.fem.preload import Preload
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.fem.values import TableJet
+from femtune.model.linear.memory import require_memory
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.projection import ProjectedTerm
 from femtune.model.solvers.factorise import factorise
@@ -30,8 +31,10 @@ from femtune.parameters.jet import Jet
 
 Weights = Callable[[TermFunction], NDArray]
 
-# elements whose differential stiffness is made at once
-_AT_ONCE = 2048
+# entries of the element matrices whose differential stiffness is made at once
+_AT_ONCE = 1_000_000
+# internal forces of a solid with mid-side nodes, and of other shells and solids; rows of each among the terms
+_OF_QUADRATIC, _OF_OTHERS, _ROWS = 24, 6, 4
 # part of a load that may be left after the solution, which is refined once
 _LEFT = 1e-7
 
@@ -95,6 +98,7 @@ class InternalForces:
 
     def __call__(self, table: TableJet) -> Jet:
         n = table.moving.n_variables
+        require_memory(8 * self.count * (n + 2) ** 2, "model.memory/preload", count=self.count)
         jets = _Jets(table)
         solve, u = self._solved(jets)
         value = self._forces(jets.value, u)
@@ -202,8 +206,10 @@ def differential_terms(
             raise FemtuneError("configuration.preload-offsets", request=preload.request, card=batch.card)
         kernel = KINDS[batch.kind].differential
         assert kernel is not None
-        for first in range(0, len(batch), _AT_ONCE):
-            some = batch.some(slice(first, first + _AT_ONCE))
+        _check_memory(batch)
+        size = max(_AT_ONCE // batch.dofs.shape[1] ** 2, 1)
+        for first in range(0, len(batch), size):
+            some = batch.some(slice(first, first + size))
             own = kernel(some, structure)
             k = own.patterns.shape[1]
             patterns.append((some, count, own.patterns))
@@ -215,6 +221,15 @@ def differential_terms(
     loads = np.asarray(step.transformation.T @ preload.forces)
     forces = InternalForces(step, loads, tuple(_weights(structure, preload, terms, step)), rows, count, preload.request)
     return [replace(term, n_columns=count, coefficient=forces) for term in found]
+
+
+def _check_memory(batch: ElementBatch) -> None:
+    """Error ``model.memory`` where the element matrices of a batch, and those of the forces, have no room."""
+    kind, d = KINDS[batch.kind], batch.dofs.shape[1]
+    forces = len(batch) * (_OF_QUADRATIC if kind.volume else _OF_OTHERS if kind.faces or kind.sides else 1)
+    # directions of displacement are apart, and one row of each force is kept for every term of the stiffness
+    needed = 8 * forces * (d * d // 6 + 3 * _ROWS * d)
+    require_memory(needed, "model.memory/preload", count=forces)
 
 
 def _present(batch: ElementBatch, off: frozenset[int]) -> ElementBatch:
@@ -235,12 +250,7 @@ def _rows_of(
             shared, mine, theirs = np.intersect1d(term.elements, batch.ids, return_indices=True)
             if not len(shared) or term.dofs.shape[1] != batch.dofs.shape[1]:
                 continue
-            forces = np.concatenate(
-                [
-                    own[theirs[i : i + _AT_ONCE]] @ _matrices(term, mine[i : i + _AT_ONCE])
-                    for i in range(0, len(mine), _AT_ONCE)
-                ]
-            )
+            forces = own[theirs] @ _matrices(term, mine)
             m, k, d = forces.shape
             dofs = np.repeat(term.dofs[mine], k, axis=0)
             local = sp.csr_array(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ from femtune.reporting.short_form import (
     verdict,
 )
 from femtune.reporting.source import ReportSource
+from femtune.reporting.view import view_of
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block, Level
@@ -38,7 +40,8 @@ def build_report(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Docume
     sentence, level = verdict(source)
     texts = [_titled(text, results.study.imported) for text in section_texts()]
     sections = tuple(_section(text, source) for text in texts)
-    return Document(results.study.title, sentence, level, _facts(results), sections, short_form(source))
+    facts, short = _facts(results), short_form(source)
+    return Document(results.study.title, sentence, level, facts, sections, short, collect=partial(view_of, source))
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,8 @@ def build_page(step: str, results: Results, arrays: Mapping[str, NDArray[Any]]) 
     sentence, level = page.verdict(getattr(results, step))
     found = (_section(text, source) for text in section_texts(step))
     sections = tuple(s for s in found if s.blocks)
-    return Document(results.study.title, sentence, level, _facts(results), sections, genre=page.genre)
+    facts, collect = _facts(results), partial(view_of, source)
+    return Document(results.study.title, sentence, level, facts, sections, genre=page.genre, collect=collect)
 
 
 def _titled(text: SectionText, imported: bool) -> SectionText:
@@ -81,10 +85,12 @@ def _titled(text: SectionText, imported: bool) -> SectionText:
 
 
 def _section(text: SectionText, source: ReportSource) -> Section:
-    """The section that the function `text.id` of its module makes."""
-    blocks: list[Block] = getattr(import_module(f"femtune.reporting.sections.{text.module}"), text.id)(source)
-    intro = (Paragraph(text.intro, tone="muted"),) if text.intro else ()
-    return Section(text.id, text.title, (*intro, *blocks))
+    """The section that a function of its module makes; one that only says why it is empty has no opening words."""
+    module = import_module(f"femtune.reporting.sections.{text.module}")
+    blocks: list[Block] = getattr(module, text.function or text.id)(source)
+    folded = text.optional and len(blocks) == 1 and isinstance(blocks[0], Paragraph)
+    intro = (Paragraph(text.intro, tone="muted"),) if text.intro and not folded else ()
+    return Section(text.id, text.title, (*intro, *blocks), folded)
 
 
 def _facts(results: Results) -> tuple[tuple[str, str], ...]:

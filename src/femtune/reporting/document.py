@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+if TYPE_CHECKING:
+    from femtune.reporting.view import View
 
 Tone = Literal["", "good", "poor", "muted"]
 Level = Literal["info", "warning", "problem"]
@@ -160,18 +163,20 @@ Block = Paragraph | Heading | Listing | AlertBox | KeyNumbers | Table | Figure |
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the page, or of the short form."""
+    """A section of the page, or of the short form; `folded` where its step did not run, and it only says so."""
 
     id: str
     title: str
     blocks: tuple[Block, ...]
+    folded: bool = False
 
 
 @dataclass(frozen=True)
 class Document:
     """The whole report: `verdict` is one sentence, `facts` are lines under the title, `short` fits a terminal.
 
-    `genre` says what kind of report it is, above the title.
+    `genre` says what kind of report it is, above the title. `collect` returns what moves on the page, for who asks for
+    `view`; None for text and still pictures alone.
     """
 
     title: str
@@ -181,6 +186,12 @@ class Document:
     sections: tuple[Section, ...]
     short: tuple[Section, ...] = ()
     genre: str = "Model updating report"
+    collect: Callable[[], View] | None = None
+
+    @cached_property
+    def view(self) -> View | None:
+        """What moves on the page, made once."""
+        return None if self.collect is None else self.collect()
 
 
 def row(*cells: Cell | str) -> tuple[Cell, ...]:

@@ -1,8 +1,13 @@
-"""The document as one self-contained HTML file: no script, nothing from the network, every text escaped."""
+"""The document as one self-contained HTML file: nothing from the network, every text escaped.
+
+Only the style and the scripts of the package have an effect: the page names their hashes, so that a browser refuses any
+other. Without scripts the page shows its text and still pictures.
+"""
 
 from __future__ import annotations
 
 import base64
+import hashlib
 import tomllib
 from dataclasses import dataclass
 from functools import cache
@@ -11,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jinja2
+from markupsafe import Markup
 
 from femtune.assembly.progress import silent
 from femtune.errors import FemtuneError, Where, printable
@@ -19,7 +25,7 @@ from femtune.reporting.document import Figure, FigureRow
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
-    from femtune.reporting.document import Bar, Document
+    from femtune.reporting.document import Document
 
 
 def write_html(document: Document, path: Path | str, progress: Progress = silent) -> Path:
@@ -82,7 +88,31 @@ def _unwritable(path: Path, error: OSError | ValueError) -> FemtuneError:
 
 def html_text(document: Document) -> str:
     """The document as HTML."""
-    return _environment().get_template("report.html").render(document=document)
+    view = None if document.view is None or document.view.empty else document.view
+    scripts = [_package_text("bundle/page.js")]
+    if view is not None and view.scenes:
+        scripts.append(_package_text("bundle/viewer.js"))
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(
+            document=document,
+            style=Markup(_package_text("templates/report.css")),
+            scripts=[Markup(script) for script in scripts],
+            view=None if view is None else Markup(view.json()),
+        )
+    )
+
+
+@cache
+def _package_text(name: str) -> str:
+    """A file of the package: style, or a script of the bundle that `web/` is the source of."""
+    return files("femtune.reporting").joinpath(name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    """How a content security policy names an inline script or style."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 @cache
@@ -96,7 +126,7 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
         finalize=_final,
     )
-    environment.filters |= {"data_uri": _data_uri, "bar_style": _bar_style}
+    environment.filters |= {"data_uri": _data_uri, "csp_hash": _hash}
     return environment
 
 
@@ -110,22 +140,23 @@ def _data_uri(svg: str) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
 
 
-def _bar_style(bar: Bar) -> str:
-    return f"left:{100 * bar.start:.1f}%;width:{max(100 * (bar.end - bar.start), 0.8):.1f}%"
-
-
 # ----------------------------------------------------------------------------------------------------
 # Order, titles and opening words of the sections, from the files in text/.
 
 
 @dataclass(frozen=True)
 class SectionText:
-    """One entry of the file; the function `id` of `module` in `femtune.reporting.sections` makes the blocks."""
+    """One entry of the file; `function` (`id` by default) of `module` in `femtune.reporting.sections` makes the blocks.
+
+    An `optional` section is folded where its step did not run.
+    """
 
     id: str
     module: str
     title: str
     intro: str = ""
+    function: str = ""
+    optional: bool = False
 
 
 def section_texts(page: str = "report") -> tuple[SectionText, ...]:

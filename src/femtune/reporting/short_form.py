@@ -52,7 +52,7 @@ def short_form(source: ReportSource) -> tuple[Section, ...]:
         ("parameters", "Parameters", _parameters(source)),
         ("specimens", "Specimens", _specimens(source)),
         ("validation", "Validation", _validation(source)),
-        ("open", "What was not determined or tested", [*_undetermined(source), *_not_tested(source)]),
+        ("open", "What was not determined or tested", [*undetermined(source), *not_tested(source)]),
     )
     return tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
 
@@ -155,7 +155,8 @@ def _remark(fact: ParameterFacts, reason: str) -> Cell:
     return Cell(reason, tone="poor") if reason else Cell(f"tied: {fact.tie}" if fact.tie else "", tone="muted")
 
 
-def _undetermined(source: ReportSource) -> list[Block]:
+def undetermined(source: ReportSource) -> list[Block]:
+    """What the data leave open."""
     selection = source.results.selection
     if selection is None:
         return [Paragraph("The identifiability of the parameters was not tested.")]
@@ -171,7 +172,8 @@ def _undetermined(source: ReportSource) -> list[Block]:
     return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines)), *known]
 
 
-def _not_tested(source: ReportSource) -> list[Block]:
+def not_tested(source: ReportSource) -> list[Block]:
+    """What nobody tested: predictions and criteria."""
     found = source.results.validation
     if found is None:
         return [Paragraph("Not tested: prediction of data that the update did not use. No validation was run.")]

@@ -25,15 +25,26 @@ class SearchedParameter(Record):
     """Value after the least squares on the model that start there."""
     at_bound: bool
     """True if this value is at a bound."""
+    variance_alone: float | None = None
+    """Part of the variance of the residuals over the box that this parameter explains alone (Sobol's first index of all
+    residuals together); None without polynomial chaos."""
+    variance_total: float | None = None
+    """Part that it explains with all its interactions."""
 
 
 class SurrogateFacts(Record):
     """A surrogate of the residuals and its errors, all in standard deviations of the data."""
 
-    trend: str
-    """"constant", "linear" or "quadratic"."""
-    correlation: str
-    """"gaussian", "matern-5/2", "matern-3/2" or "none"."""
+    method: str
+    """"kriging", "radial-basis" or "chaos"."""
+    trend: str | None
+    """"constant", "linear" or "quadratic"; None for polynomial chaos."""
+    correlation: str | None
+    """Of Kriging: "gaussian", "matern-5/2", "matern-3/2" or "none"."""
+    kernel: str | None
+    """Of radial basis functions: "cubic", "quintic" or "thin-plate"."""
+    terms: tuple[int, ...]
+    """Of polynomial chaos: number of terms of each response; empty for others."""
     runs: int
     """Runs that it was fitted to at last, without those that failed."""
     responses: int

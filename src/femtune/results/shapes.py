@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from femtune.correlation import SensorMap
     from femtune.fem.structure import NodeTable
     from femtune.model import ConfiguredModel, EigenSolution
+    from femtune.testdata import WireFrame
 
 
 class ModeShapes(Record):
@@ -44,6 +46,9 @@ class ModeShapes(Record):
     """Key of 1 for sensors that measure a rotation and 0 for others, shape (sensors,)."""
     test_shapes_key: str | None = None
     """Key of the measured shapes, shape (sensors, test modes), modes as in CorrelationResults.mac_test_labels."""
+    wire_key: str | None = None
+    """Key of the wire frame of the test, shape (wires, 2): rows of a sensor at both ends; None in older results and
+    without a test."""
     model_at_sensors_key: str | None = None
     """Key of the model's motion seen by the sensors, shape (sensors, modes)."""
     simplified: str = ""
@@ -142,6 +147,7 @@ def _measured(case: StudyCase, solution: EigenSolution) -> dict[str, NDArray]:
         "sensor_positions": np.array([s[0] for s in seats]).reshape(-1, 3),
         "sensor_directions": np.array([s[1] for s in seats]).reshape(-1, 3),
         "sensor_rotations": np.array([m.label.component > 3 for m in case.sensors.matches], dtype=np.int8),
+        "wire": _wire(case.test.geometry, case.sensors).astype(np.int32),
         "test_shapes": case.modal.test.shapes,
         "model_at_sensors": case.modal.sensors @ solution.shapes[:, : solution.wanted],
     }
@@ -157,3 +163,17 @@ def _seat(sensors: SensorMap, i: int, known: NDArray, nodes: NodeTable) -> tuple
     at = nodes.position(match.node)
     first = 6 * at + (3 if match.label.component > 3 else 0)
     return nodes.xyz[at], nodes.frames[at] @ sensors.matrix[[i], first : first + 3].toarray()[0]
+
+
+def _wire(geometry: WireFrame, sensors: SensorMap) -> NDArray[np.int64]:
+    """(wires, 2) the first sensor of the nodes at both ends, of the trace lines and elements of the test.
+
+    Lines to a node without a sensor are left out, since its motion is not known.
+    """
+    first: dict[int, int] = {}
+    for row, match in enumerate(sensors.matches):
+        first.setdefault(match.label.node, row)
+    closed = [(*nodes, nodes[0]) if len(nodes) > 2 else nodes for nodes in geometry.elements]
+    steps = {(min(a, b), max(a, b)) for nodes in (*geometry.lines, *closed) for a, b in pairwise(nodes) if a != b}
+    found = [(first[a], first[b]) for a, b in sorted(steps) if a in first and b in first]
+    return np.array(found, dtype=np.int64).reshape(-1, 2)

@@ -198,6 +198,21 @@ class PairingEvent(Record):
     """The change, in words."""
 
 
+class IterationModeRecord(Record):
+    """A paired mode at one point of the history."""
+
+    configuration: str
+    """Name of the configuration."""
+    test_label: str
+    """Label of the test mode."""
+    test_freq_hz: float
+    """Frequency of the test in Hz."""
+    freq_hz: float
+    """Frequency of the model in Hz."""
+    mac: float | None
+    """MAC of the pair, of close modes with the model's motion nearest to the test's; None without a measured shape."""
+
+
 class IterationRecord(Record):
     """One point of the update's history."""
 
@@ -219,6 +234,8 @@ class IterationRecord(Record):
     """True on the way from the minimum within the bounds to the smallest change."""
     long_step: bool = False
     """True for a long step, taken since no short one reduced the objective function."""
+    modes: tuple[IterationModeRecord, ...] = ()
+    """Paired modes; empty if no modes are compared, and in older results without this field."""
 
 
 class WrittenValue(Record):
@@ -770,7 +787,14 @@ def _iteration(result: UpdateResult, number: int) -> IterationRecord:
         events=i.events,
         to_smallest_change=i.to_smallest_change,
         long_step=i.long_step,
-    )
+        modes=tuple(
+            IterationModeRecord(
+                configuration=m.configuration, test_label=m.test_label, test_freq_hz=m.test_freq_hz,
+                freq_hz=m.freq_hz, mac=m.mac if np.isfinite(m.mac) else None,
+            )
+            for m in i.modes
+        ),
+    )  # fmt: skip
 
 
 def _events(result: UpdateResult) -> Iterable[PairingEvent]:

@@ -16,7 +16,7 @@ from femtune.assembly.progress import silent
 from femtune.assembly.study import read_study
 from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
-from femtune.experiments import latin_hypercube
+from femtune.experiments import VarianceIndices, latin_hypercube
 from femtune.files.study_file import with_search
 from femtune.global_search import Front, GlobalMinimum, SearchRules, front_of, global_minimum, surrogate_minimum
 from femtune.results.base import alert
@@ -42,8 +42,17 @@ from femtune.study.search_front import ErrorParts
 from femtune.study.select import check_parameters
 from femtune.study.solutions import looking_up
 from femtune.study.tables import write_csv
-from femtune.surrogates import KrigingRules, SumOfSquares, Surrogate, fit_surrogate, where_better
-from femtune.surrogates.trend import term_count
+from femtune.surrogates import (
+    ChaosRules,
+    KrigingRules,
+    RadialRules,
+    SumOfSquares,
+    Surrogate,
+    explained_variances,
+    fit_surrogate,
+    term_counts,
+    where_better,
+)
 from femtune.updating import StartRules, UpdateResult, multi_start
 
 if TYPE_CHECKING:
@@ -122,13 +131,25 @@ def search_minimum(
 
 def _papers(table: SearchTable) -> list[str]:
     methods = {"differential-evolution": "storn1997", "genetic": "deb2001", "cma-es": "hansen2001"}
-    kriging, front = table.on == "surrogate", table.front > 0
-    return [methods[table.method], *(["sacks1989"] if kriging else []), *(["deb2002"] if front else [])]
+    surrogates = {
+        "kriging": ["sacks1989"],
+        "radial-basis": ["duchon1977", "wahba1990"],
+        "chaos": ["blatman2011", "sudret2008"],
+    }
+    front = table.front > 0
+    return [
+        methods[table.method],
+        *(surrogates[table.surrogate] if table.on == "surrogate" else []),
+        *(["deb2002"] if front else []),
+    ]
 
 
 @dataclass(frozen=True, eq=False)
 class _Ended:
-    """Where the search of each seed ended: points (s, k) and χ²; the surrogate, and the χ² that it leaves out."""
+    """Where the search of each seed ended: points (s, k) and χ²; the surrogate, and the χ² that it leaves out.
+
+    `shares` are the parts of the variance of the residuals that each parameter explains, from polynomial chaos.
+    """
 
     searches: tuple[GlobalMinimum, ...]
     points: Reals
@@ -136,6 +157,7 @@ class _Ended:
     surrogate: SurrogateFacts | None = None
     rest: float = 0.0
     front: Front | None = None
+    shares: VarianceIndices | None = None
 
     @property
     def best(self) -> int:
@@ -207,10 +229,9 @@ class _Search:
     def on_surrogate(self) -> _Ended:
         """Runs of a Latin hypercube, a surrogate of the residuals, further runs, and its minimum."""
         table, (lower, upper) = self.table, self.bounds
-        least = term_count(len(lower), table.trend) + 2
+        least = _surrogate_rules(table).least_runs(len(lower))
         wanted = table.runs or max(_PER_PARAMETER * len(lower), least)
-        x = lower + latin_hypercube(len(lower), wanted, table.seed).points * (upper - lower)
-        x, r = self._good(x, self.run(x, "runs for the surrogate"), least)
+        x, r = self._good(*self._designed(wanted), least)
         responses = _Responses.of(r)
         surrogate = self._fit(x, responses.of_residuals(r))
         checked, fresh_rms = 0, None
@@ -232,9 +253,13 @@ class _Search:
         seeds = range(table.seed, table.seed + table.seeds)
         found = surrogate_minimum(surrogate, responses.objective, (lower, upper), self.rules, seeds)
         error = responses.residuals(surrogate.left_out) - responses.residuals(surrogate.y)
+        rules = _surrogate_rules(table)
         facts = SurrogateFacts(
-            trend=table.trend,
-            correlation=table.correlation,
+            method=table.surrogate,
+            trend=None if isinstance(rules, ChaosRules) else rules.trend,
+            correlation=rules.correlation if isinstance(rules, KrigingRules) else None,
+            kernel=rules.kernel if isinstance(rules, RadialRules) else None,
+            terms=term_counts(surrogate),
             runs=len(x),
             responses=len(surrogate.fits),
             left_out_rms=float(np.sqrt(np.mean(error**2))),
@@ -242,8 +267,21 @@ class _Search:
             fresh_runs=checked,
             fresh_rms=fresh_rms,
         )
+        shares = explained_variances(surrogate) if isinstance(rules, ChaosRules) else None
         front = self._front(lambda points: responses.residuals(surrogate.predict(points)))
-        return _Ended(found.searches, found.ends, 2.0 * found.values + responses.rest, facts, responses.rest, front)
+        chi2 = 2.0 * found.values + responses.rest
+        return _Ended(found.searches, found.ends, chi2, facts, responses.rest, front, shares)
+
+    def _designed(self, wanted: int) -> tuple[Reals, Reals]:
+        """Points of a Latin hypercube and their residuals; as many further ones as runs failed."""
+        lower, upper = self.bounds
+        x = lower + latin_hypercube(len(lower), wanted, self.table.seed).points * (upper - lower)
+        r = self.run(x, "runs for the surrogate")
+        failed = int(np.isnan(r).any(axis=1).sum())
+        if not 0 < failed < wanted:
+            return x, r
+        more = lower + latin_hypercube(len(lower), failed, self.table.seed + 2).points * (upper - lower)
+        return np.vstack([x, more]), np.vstack([r, self.run(more, "runs in the place of those that failed")])
 
     def _front(self, residuals: Callable[[Reals], Reals]) -> Front | None:
         """The front of frequency against other errors, by residuals (n, m) at points (n, k)."""
@@ -262,10 +300,11 @@ class _Search:
 
     def _fit(self, x: Reals, y: Reals) -> Surrogate:
         table = self.table
-        rules = KrigingRules(table.trend, table.correlation, table.noise, seed=table.seed)
         self.progress.step("fitting the surrogate", 0, None)
         with errors_at(self.study.file.where("search")):
-            return fit_surrogate(x, y, rules, self.bounds, [p.name for p in self.study.parameters.free])
+            return fit_surrogate(
+                x, y, _surrogate_rules(table), self.bounds, [p.name for p in self.study.parameters.free]
+            )
 
     # ------------------------------------------------------------------------------------------------
     # The end on the model.
@@ -290,7 +329,7 @@ class _Search:
             residuals=len(initial),
             surrogate=ended.surrogate,
             seeds=seeds,
-            parameters=self._parameters(ended.points[ended.best], result),
+            parameters=self._parameters(ended, result),
             chi2_initial=float(initial @ initial),
             chi2_searched=float(ended.chi2[ended.best]),
             chi2_model=chi2_model,
@@ -367,8 +406,8 @@ class _Search:
             for i, (search, point, chi2) in enumerate(zip(ended.searches, ended.points, ended.chi2, strict=True))
         )
 
-    def _parameters(self, x: Reals, result: UpdateResult) -> tuple[SearchedParameter, ...]:
-        found = self.study.parameters.denormalise(x)
+    def _parameters(self, ended: _Ended, result: UpdateResult) -> tuple[SearchedParameter, ...]:
+        found, shares = self.study.parameters.denormalise(ended.points[ended.best]), ended.shares
         return tuple(
             SearchedParameter(
                 name=p.name,
@@ -379,6 +418,8 @@ class _Search:
                 found=float(found[i]),
                 value=result.values[p.name],
                 at_bound=p.name in result.at_bound,
+                variance_alone=None if shares is None else float(shares.first[i, 0]),
+                variance_total=None if shares is None else float(shares.total[i, 0]),
             )
             for i, p in enumerate(self.study.parameters.free)
         )
@@ -431,6 +472,15 @@ class _Responses:
         return float(left @ left)
 
 
+def _surrogate_rules(table: SearchTable) -> KrigingRules | RadialRules | ChaosRules:
+    """Of a surrogate of the residuals."""
+    if table.surrogate == "radial-basis":
+        return RadialRules(table.kernel, table.noise)
+    if table.surrogate == "chaos":
+        return ChaosRules(table.degree)
+    return KrigingRules(table.trend, table.correlation, table.noise, seed=table.seed)
+
+
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
@@ -455,6 +505,12 @@ def _sentences(found: GlobalSearchResults) -> tuple[str, ...]:
             f"The surrogate predicts a residual within {s.left_out_rms:.3g} standard deviations of the data "
             f"(root mean square, leaving out one run{fresh})."
         )
+    shares = sorted(
+        ((p.variance_total, p.name) for p in found.parameters if p.variance_total is not None), reverse=True
+    )
+    if shares:
+        named = ", ".join(f"{name} {100.0 * share:.0f} %" for share, name in shares)
+        out.append(f"Parts of the variance of the residuals over the box, with interactions (Sobol): {named}.")
     model = "" if found.chi2_model is None or found.on == "model" else f", {found.chi2_model:.4g} by the model there"
     out.append(
         f"χ² is {found.chi2_initial:.4g} at the initial values, {found.chi2_searched:.4g} at the end of the search"

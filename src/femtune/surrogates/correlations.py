@@ -74,3 +74,47 @@ CORRELATIONS = {
 """By their keys in a study; in the order of their smoothness."""
 NO_CORRELATION = "none"
 """The trend alone: a response surface fitted by least squares."""
+
+
+@dataclass(frozen=True, eq=False)
+class KernelSum:
+    """Σ wᵢ k(h²) of the distances from the runs, with first and second derivatives.
+
+    Parameters
+    ----------
+    kind : of the kernel
+    runs : (N, n)
+    lengths : (n,)
+    weights : (N,)
+    """
+
+    kind: CorrelationFunction
+    runs: Reals
+    lengths: Reals
+    weights: Reals
+
+    def each(self, u: Reals) -> Reals:
+        """(k, N) kernel between points (k, n) and runs."""
+        return self.kind.value(np.sum(self._away(u) ** 2, axis=2))
+
+    def value(self, u: Reals) -> Reals:
+        """(k,)."""
+        return np.asarray(self.each(u) @ self.weights)
+
+    def slopes(self, u: Reals) -> Reals:
+        """(k, n)."""
+        away = self._away(u)
+        bent = self.kind.slope(np.sum(away**2, axis=2)) * self.weights
+        return np.asarray(2.0 * np.einsum("ki,kin->kn", bent, away) / self.lengths)
+
+    def curvatures(self, u: Reals) -> Reals:
+        """(k, n, n)."""
+        away = self._away(u)
+        squared = np.sum(away**2, axis=2)
+        bent, curved = (part(squared) * self.weights for part in (self.kind.slope, self.kind.curvature))
+        found = 4.0 * np.einsum("ki,kin,kim->knm", curved, away, away)
+        found = found + 2.0 * np.sum(bent, axis=1)[:, None, None] * np.eye(len(self.lengths))
+        return np.asarray(found / np.outer(self.lengths, self.lengths))
+
+    def _away(self, u: Reals) -> Reals:
+        return np.asarray((u[:, None] - self.runs[None]) / self.lengths)

@@ -9,13 +9,13 @@ Sources: Jones, Schonlau and Welch 1998 (expected improvement); Uhrenholt and Je
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import norm, qmc
 
 from femtune.arrays import Reals
-from femtune.surrogates.kriging import Surrogate, fitted_at
+from femtune.surrogates.surrogate import Surrogate
 
 _CANDIDATES = 10
 """log₂ of their number."""
@@ -41,9 +41,8 @@ class SumOfSquares:
 
 
 def with_run(surrogate: Surrogate, x: Reals, y: Reals) -> Surrogate:
-    """The surrogate with one more run (n,), (m,), at unchanged lengths and noise."""
-    more = replace(surrogate, x=np.vstack([surrogate.x, x]), y=np.vstack([surrogate.y, y]))
-    return fitted_at(more)
+    """The surrogate with one more run (n,), (m,), at unchanged hyperparameters."""
+    return surrogate.with_runs(np.vstack([surrogate.x, x]), np.vstack([surrogate.y, y]))
 
 
 def where_uncertain(surrogate: Surrogate, count: int, seed: int = 0) -> Reals:

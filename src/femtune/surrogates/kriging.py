@@ -14,20 +14,17 @@ Rasmussen and Williams 2006.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from femtune.arrays import Reals
-from femtune.errors import FemtuneError
-from femtune.surrogates.correlations import CORRELATIONS, NO_CORRELATION, CorrelationFunction
-from femtune.surrogates.trend import term_count, term_slopes, terms
+from femtune.surrogates.correlations import CORRELATIONS, NO_CORRELATION, CorrelationFunction, KernelSum
+from femtune.surrogates.trend import term_count, term_curvatures, term_slopes, terms
 
 ESTIMATED, NO_NOISE = "estimate", "none"
 """Keys of the noise in a study."""
@@ -64,13 +61,28 @@ class KrigingRules:
     starts: int = 3
     seed: int = 0
 
+    @property
+    def label(self) -> str:
+        """For messages."""
+        return f"{self.trend} trend"
+
+    def least_runs(self, parameters: int) -> int:
+        """Coefficients of the trend, and two."""
+        return term_count(parameters, self.trend) + 2
+
+    def fits(self, u: Reals, y: Reals) -> tuple[KrigedResponse, ...]:
+        """Of the responses (N, m) over scaled parameters (N, n), each with its own hyperparameters."""
+        return tuple(_fitted(u, column, self) for column in y.T)
+
 
 @dataclass(frozen=True, eq=False)
-class FittedResponse:
+class KrigedResponse:
     """One response: what its likelihood found, on scaled parameters and responses.
 
     Parameters
     ----------
+    rules : how it was fitted
+    runs : (N, n) scaled parameters
     lengths : (n,) correlation lengths, in edges of the box; empty without correlation
     noise : g
     variance : σ²
@@ -82,6 +94,8 @@ class FittedResponse:
     log_likelihood : restricted
     """
 
+    rules: KrigingRules
+    runs: Reals
     lengths: Reals
     noise: float
     variance: float
@@ -93,194 +107,50 @@ class FittedResponse:
     error_sd: Reals
     log_likelihood: float
 
-
-@dataclass(frozen=True, eq=False)
-class Surrogate:
-    """A fitted surrogate of m responses over n parameters.
-
-    Parameters
-    ----------
-    parameters, responses : names
-    x, y : (N, n) and (N, m) the runs
-    lower, upper : (n,) the box that is scaled to the unit cube
-    rules : how it was fitted
-    fits : one per response
-    centre, scale : (m,) of the responses, or of their logarithms
-    """
-
-    parameters: tuple[str, ...]
-    responses: tuple[str, ...]
-    x: Reals
-    y: Reals
-    lower: Reals
-    upper: Reals
-    rules: KrigingRules
-    fits: tuple[FittedResponse, ...]
-    centre: Reals
-    scale: Reals
-
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of the intervals: runs less coefficients of the trend."""
-        return len(self.x) - term_count(self.x.shape[1], self.rules.trend)
+        """Runs less coefficients of the trend."""
+        return len(self.runs) - len(self.trend)
 
-    def predict(self, x: Reals) -> Reals:
-        """(k, m) responses at points (k, n); accepts complex values."""
-        u = self._unit(np.atleast_2d(x))
+    @property
+    def _process(self) -> KernelSum | None:
+        """The mean of the process; None without correlation."""
+        if not len(self.lengths):
+            return None
+        return KernelSum(CORRELATIONS[self.rules.correlation], self.runs, self.lengths, self.weights)
+
+    def value(self, u: Reals) -> Reals:
+        """(k,) at points (k, n)."""
+        found = terms(u, self.rules.trend) @ self.trend
+        return np.asarray(found if self._process is None else found + self._process.value(u))
+
+    def slopes(self, u: Reals) -> Reals:
+        """(k, n) first derivatives."""
+        found = np.einsum("kqn,q->kn", term_slopes(u, self.rules.trend), self.trend)
+        return np.asarray(found if self._process is None else found + self._process.slopes(u))
+
+    def curvatures(self, u: Reals) -> Reals:
+        """(k, n, n) second derivatives; Matérn 3/2 has none at the runs."""
+        found = np.einsum("kqnm,q->knm", term_curvatures(u, self.rules.trend), self.trend)
+        return np.asarray(found if self._process is None else found + self._process.curvatures(u))
+
+    def spread(self, u: Reals) -> Reals:
+        """(k,) standard deviation of a run: process, noise, and what the trend's coefficients add."""
         trend = terms(u, self.rules.trend)
-        scaled = [trend @ fit.trend + self._correlations(u, fit) @ fit.weights for fit in self.fits]
-        found = self.centre + self.scale * np.stack(scaled, axis=1)
-        return np.asarray(np.exp(found) if self.rules.logarithms else found)
+        process = self._process
+        near = np.zeros((len(u), len(self.runs))) if process is None else process.each(u)
+        across = solve_triangular(self.factor, near.T, lower=True)
+        own = 0.0 if process is None else 1.0
+        F = solve_triangular(self.factor, terms(self.runs, self.rules.trend), lower=True)
+        added = solve_triangular(self.trend_factor, trend.T - F.T @ across, trans="T")
+        variance = own + self.noise - np.sum(across**2, axis=0) + np.sum(added**2, axis=0)
+        return np.asarray(np.sqrt(self.variance * np.maximum(variance, 0.0)))
 
-    def predict_sd(self, x: Reals) -> Reals:
-        """(k, m) standard deviations of a run at points (k, n); of its logarithm, with `logarithms`."""
-        u = self._unit(np.atleast_2d(x))
-        trend = terms(u, self.rules.trend)
-        return np.stack([s * self._spread(u, trend, fit) for fit, s in zip(self.fits, self.scale, strict=True)], axis=1)
-
-    def interval(self, x: Reals, level: float = 0.95) -> tuple[Reals, Reals]:
-        """Two (k, m) limits between which a run at each point lies with a probability, by Student's t."""
-        wide = stats.t.ppf(0.5 + 0.5 * level, self.freedom) * self.predict_sd(x)
-        middle = self.predict(x)
-        if self.rules.logarithms:
-            return middle * np.exp(-wide), middle * np.exp(wide)
-        return middle - wide, middle + wide
-
-    def gradient(self, x: Reals) -> Reals:
-        """(k, m, n) derivatives of the responses."""
-        x = np.atleast_2d(x)
-        u = self._unit(x)
-        slopes = term_slopes(u, self.rules.trend)
-        parts = []
-        for fit in self.fits:
-            slope = np.einsum("kqn,q->kn", slopes, fit.trend)
-            if len(fit.lengths):
-                kind = CORRELATIONS[self.rules.correlation]
-                away = (u[:, None] - self._runs[None]) / fit.lengths
-                bent = kind.slope(np.sum(away**2, axis=2)) * fit.weights
-                slope = slope + 2.0 * np.einsum("ki,kin->kn", bent, away) / fit.lengths
-            parts.append(slope)
-        found = self.scale[:, None] * np.stack(parts, axis=1) / (self._edges[1] - self._edges[0])
-        if self.rules.logarithms:
-            found = found * self.predict(x)[:, :, None] / x[:, None, :]
-        return np.asarray(found)
-
-    @property
-    def left_out(self) -> Reals:
-        """(N, m) response of each run as predicted from all others."""
-        scaled = np.stack([fit.errors for fit in self.fits], axis=1) * self.scale
-        return np.asarray(self.y * np.exp(-scaled) if self.rules.logarithms else self.y - scaled)
-
-    @property
-    def left_out_ratio(self) -> Reals:
-        """(N, m) errors of leaving out each run over their standard deviations; of unit variance if sound."""
-        return np.stack([fit.errors / fit.error_sd for fit in self.fits], axis=1)
-
-    @cached_property
-    def _edges(self) -> tuple[Reals, Reals]:
-        return (np.log(self.lower), np.log(self.upper)) if self.rules.logarithms else (self.lower, self.upper)
-
-    @property
-    def _scaled(self) -> Reals:
-        """(N, m) responses, or their logarithms, of unit variance."""
-        return np.asarray(((np.log(self.y) if self.rules.logarithms else self.y) - self.centre) / self.scale)
-
-    @cached_property
-    def _runs(self) -> Reals:
-        return self._unit(self.x)
-
-    def _unit(self, x: Reals) -> Reals:
-        low, high = self._edges
-        return np.asarray(((np.log(x) if self.rules.logarithms else x) - low) / (high - low))
-
-    def _correlations(self, u: Reals, fit: FittedResponse) -> Reals:
-        """(k, N) with the runs."""
-        if not len(fit.lengths):
-            return np.zeros((len(u), len(self.x)))
-        away = (u[:, None] - self._runs[None]) / fit.lengths
-        return CORRELATIONS[self.rules.correlation].value(np.sum(away**2, axis=2))
-
-    def _spread(self, u: Reals, trend: Reals, fit: FittedResponse) -> Reals:
-        """(k,) standard deviation of a run, scaled: process, noise, and what the trend's coefficients add."""
-        across = solve_triangular(fit.factor, self._correlations(u, fit).T, lower=True)
-        own = 1.0 if len(fit.lengths) else 0.0
-        F = solve_triangular(fit.factor, terms(self._runs, self.rules.trend), lower=True)
-        added = solve_triangular(fit.trend_factor, trend.T - F.T @ across, trans="T")
-        variance = own + fit.noise - np.sum(across**2, axis=0) + np.sum(added**2, axis=0)
-        return np.asarray(np.sqrt(fit.variance * np.maximum(variance, 0.0)))
-
-
-def fit_surrogate(
-    x: Reals,
-    y: Reals,
-    rules: KrigingRules | None = None,
-    box: tuple[Reals, Reals] | None = None,
-    parameters: Sequence[str] = (),
-    responses: Sequence[str] = (),
-) -> Surrogate:
-    """A surrogate of a table of runs.
-
-    Parameters
-    ----------
-    x : (N, n) parameters of the runs
-    y : (N, m) responses
-    rules : how to fit; None: Kriging with constant trend, Gaussian correlation and estimated noise
-    box : (n,) lower and (n,) upper bounds, which are scaled to the unit cube; None: those of the runs
-    parameters, responses : names, for messages
-
-    Raises
-    ------
-    FemtuneError : ``surrogate.*``
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from femtune.surrogates import fit_surrogate
-    >>> x = np.linspace(0.0, 1.0, 8)[:, None]
-    >>> fitted = fit_surrogate(x, np.sin(6.0 * x))
-    >>> bool(abs(fitted.predict([[0.4]])[0, 0] - np.sin(2.4)) < 1e-3)
-    True
-    """
-    rules = rules or KrigingRules()
-    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-    lower, upper = (x.min(axis=0), x.max(axis=0)) if box is None else map(np.asarray, box)
-    names = tuple(parameters) or tuple(f"x{i + 1}" for i in range(x.shape[1]))
-    called = tuple(responses) or tuple(f"y{i + 1}" for i in range(y.shape[1]))
-    _check(x, y, rules, (lower, upper), names, called)
-    values = np.log(y) if rules.logarithms else y
-    spread = values.std(axis=0)
-    scale = np.where(spread > 0.0, spread, 1.0)
-    empty = Surrogate(names, called, x, y, lower, upper, rules, (), values.mean(axis=0), scale)
-    return replace(empty, fits=tuple(_fitted(empty._runs, column, rules) for column in empty._scaled.T))
-
-
-def fitted_at(surrogate: Surrogate) -> Surrogate:
-    """The surrogate with its runs as they are now, at the lengths and the noise that it has."""
-    u, rules = surrogate._runs, surrogate.rules
-    fits = []
-    for fit, column in zip(surrogate.fits, surrogate._scaled.T, strict=True):
-        likelihood = _likelihood(u, column, rules)
-        log = np.log(fit.lengths) if likelihood.noise is not None else np.log([*fit.lengths, fit.noise])
-        fits.append(likelihood.solved(log)[0])
-    return replace(surrogate, fits=tuple(fits))
-
-
-def _check(
-    x: Reals, y: Reals, rules: KrigingRules, box: tuple[Reals, Reals], names: Sequence[str], called: Sequence[str]
-) -> None:
-    if not (np.all(np.isfinite(x)) and np.all(np.isfinite(y))):
-        bad = np.flatnonzero(~(np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)))
-        raise FemtuneError("surrogate.not-finite", runs=", ".join(str(i + 1) for i in bad))
-    still = [name for name, low, high in zip(names, *box, strict=True) if not high > low]
-    if still:
-        raise FemtuneError("surrogate.still", names=", ".join(still))
-    needed = term_count(x.shape[1], rules.trend) + 2
-    if len(x) < needed:
-        raise FemtuneError("surrogate.too-few-runs", runs=len(x), trend=rules.trend, needed=needed)
-    if rules.logarithms:
-        low = [name for name, values in zip((*names, *called), (*x.T, *y.T), strict=True) if np.any(values <= 0.0)]
-        if low:
-            raise FemtuneError("surrogate.not-positive", names=", ".join(low))
+    def again(self, u: Reals, y: Reals) -> KrigedResponse:
+        """Of other runs (N, n), (N,), with unchanged lengths and noise."""
+        likelihood = _Likelihood.of(u, y, self.rules)
+        log = np.log(self.lengths) if likelihood.noise is not None else np.log([*self.lengths, self.noise])
+        return likelihood.solved(log)[0]
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -291,11 +161,18 @@ def _check(
 class _Likelihood:
     """The restricted likelihood of a response over the logarithms of the lengths and of g."""
 
+    rules: KrigingRules
     u: Reals
     y: Reals
     F: Reals
     kind: CorrelationFunction | None
     noise: float | None
+
+    @classmethod
+    def of(cls, u: Reals, y: Reals, rules: KrigingRules) -> _Likelihood:
+        """By the rules."""
+        kind = None if rules.correlation == NO_CORRELATION else CORRELATIONS[rules.correlation]
+        return cls(rules, u, y, terms(u, rules.trend), kind, None if rules.noise == ESTIMATED else _JITTER)
 
     @cached_property
     def away(self) -> Reals:
@@ -309,7 +186,7 @@ class _Likelihood:
             return lengths, 1.0
         return lengths, float(np.exp(log[-1])) if self.noise is None else self.noise
 
-    def solved(self, log: Reals) -> tuple[FittedResponse, Reals]:
+    def solved(self, log: Reals) -> tuple[KrigedResponse, Reals]:
         """The fit, and P."""
         lengths, noise = self.parts(log)
         N = len(self.y)
@@ -327,7 +204,9 @@ class _Likelihood:
             0.5 * freedom * np.log(variance) + np.sum(np.log(np.diag(L))) + np.sum(np.log(np.abs(np.diag(T))))
         )
         each = np.diag(P)
-        fit = FittedResponse(
+        fit = KrigedResponse(
+            self.rules,
+            self.u,
             lengths,
             noise,
             variance,
@@ -354,15 +233,9 @@ class _Likelihood:
         return -fit.log_likelihood, slopes
 
 
-def _likelihood(u: Reals, y: Reals, rules: KrigingRules) -> _Likelihood:
-    kind = None if rules.correlation == NO_CORRELATION else CORRELATIONS[rules.correlation]
-    noise = None if rules.noise == ESTIMATED else _JITTER
-    return _Likelihood(u, y, terms(u, rules.trend), kind, noise)
-
-
-def _fitted(u: Reals, y: Reals, rules: KrigingRules) -> FittedResponse:
+def _fitted(u: Reals, y: Reals, rules: KrigingRules) -> KrigedResponse:
     """The response at the largest likelihood of several starts."""
-    likelihood = _likelihood(u, y, rules)
+    likelihood = _Likelihood.of(u, y, rules)
     noise = likelihood.noise
     if likelihood.kind is None or np.ptp(y) == 0.0:
         return likelihood.solved(np.zeros(u.shape[1] + (noise is None)))[0]

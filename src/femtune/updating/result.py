@@ -19,6 +19,17 @@ from femtune.updating.smallest_change import SmallestChange
 
 
 @dataclass(frozen=True)
+class IterationMode:
+    """A paired mode at an accepted point: frequencies of test and model in Hz, MAC (NaN without a measured shape)."""
+
+    configuration: str
+    test_label: str
+    test_freq_hz: float
+    freq_hz: float
+    mac: float
+
+
+@dataclass(frozen=True)
 class Iteration:
     """One accepted point.
 
@@ -33,6 +44,7 @@ class Iteration:
     events : pairing changes that followed
     to_smallest_change : whether the step belongs to the way from the minimum to the smallest change
     long_step : whether it is a long step, taken since no short one reduced the objective
+    modes : the paired modes there
     """
 
     number: int
@@ -45,6 +57,7 @@ class Iteration:
     events: tuple[str, ...] = ()
     to_smallest_change: bool = False
     long_step: bool = False
+    modes: tuple[IterationMode, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,14 @@ Source: Mottershead, Link and Friswell (2011); damping after Levenberg and Marqu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from femtune.arrays import Flags, Reals
 from femtune.errors import FemtuneError
+from femtune.modal.shape_criteria import mac_where_defined
 from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
 from femtune.residuals.pairing import Joined, alternating, describe_joined
@@ -26,7 +27,7 @@ from femtune.updating.regularisation import (
     position,
     reweighed,
 )
-from femtune.updating.result import Certificate, Iteration, UpdateResult
+from femtune.updating.result import Certificate, Iteration, IterationMode, UpdateResult
 from femtune.updating.search import LevenbergMarquardt, LocalModel, Search, without
 from femtune.updating.smallest_change import ALLOWED, SmallestChange, change_rows, weight_for
 
@@ -615,7 +616,19 @@ def _iteration(walk: Walk, number: int, point: Point, moved: float, state: float
     names = tuple(p.name for p, at in zip(walk.problem.parameters.free, walk.at_bound(point.x)) if at)
     half = 0.5 * walk.chi_square(point.evaluation)
     mean, small = point.evaluation.mean_error, walk.change is not None
-    return Iteration(number, half, mean, point.x, moved, state, names, events, small)
+    modes = tuple(_modes(point.evaluation))
+    return Iteration(number, half, mean, point.x, moved, state, names, events, small, modes=modes)
+
+
+def _modes(evaluation: Evaluation) -> Iterator[IterationMode]:
+    """Of states that residuals have formed pairs of: the record costs no solution of its own."""
+    for state in evaluation.states:
+        if state.solved is None or not any(r.on_modes for r in state.case.residuals):
+            continue
+        for pair in state.pairs(derivatives=False):
+            freq_hz = float(np.sqrt(max(pair.eigenvalue, 0.0)) / (2.0 * np.pi))
+            agreement = mac_where_defined(pair.test_shape[:, None], pair.shape[:, None])[0, 0]
+            yield IterationMode(state.case.name, pair.label, pair.test_hz, freq_hz, float(agreement))
 
 
 def _result(

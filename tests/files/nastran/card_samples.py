@@ -77,6 +77,10 @@ SOLIDS = (*GRIDS, "GRID,21,,0.,0.,1.", "GRID,22,,1.,0.,1.", "GRID,23,,1.,1.,1.",
 LUMPS = (*SOLIDS, "PSOLID,7,9")
 WEBS = (*GRIDS, STEEL, "CSHEAR,11,7,1,2,3,4", "CSHEAR,12,7,2,5,6,3")
 SKINS = (*GRIDS, STEEL, "PSHELL,7,1,.1,1,,1")
+LAPS = (*SKINS, "CQUAD4,13,7,1,2,3,4", "CQUAD4,14,7,31,32,33,34", "GRID,31,,0.,0.,.2", "GRID,32,,1.,0.,.2",
+        "GRID,33,,1.,1.,.2", "GRID,34,,0.,1.,.2", "GRID,35,,.4,.6,0.")  # fmt: skip
+WELDS = (*LAPS, "CWELD,11,7,35,ELEMID", ",13,14", "CWELD,12,7,,ALIGN,3,32")
+FASTENERS = (*LAPS, "CFAST,11,7,ELEM,13,14,35", "CFAST,12,7,ELEM,13,14,,,", ",.5,.3,.1")
 
 SAMPLES = (
     Sample("MAT1", 9, "9 E=2.+11 G=8.+10 NU=.3 RHO=7800. - - GE=.02", LAMINA, needed="E G NU"),
@@ -131,6 +135,8 @@ SAMPLES = (
            (*GRIDS, STEEL, "CBEND,11,7,1,2,0.,1.,0.,2", "CBEND,12,7,2,5,0.,1.,.3,2"), needed="A I1 I2 J"),
     Sample("PGAP", 7, "7 - - KA=1.+5 - KT=1.+4", GAPS, needed="KA KT"),
     Sample("PGAP", 7, "7 .1 - 1.+5 KB=10.", GAPS),
+    Sample("PWELD", 7, "7 1 D=.1", WELDS, needed="D"),
+    Sample("PFAST", 7, "7 .1 - - KT1=5. KT2=4. KT3=3. KR1=2. KR2=1. KR3=6. MASS=3. GE=.1", FASTENERS),
     Sample("PTUBE", 7, "7 1 OD=.1 T=.01 NSM=.5", (*GRIDS, STEEL, "CTUBE,11,7,1,2", "CTUBE,12,7,2,5"), needed="OD T",
            beside="NSM"),
     Sample("CONROD", 11, "11 1 2 1 A=.01 J=1.-5 - NSM=.5", (*GRIDS, STEEL), True),

@@ -139,7 +139,24 @@ def test_what_is_a_number_is_what_a_card_says(deck_of: DeckOf, lines: str, monke
             assert real[i] == card.real(0, 0.0)
     spelled = {card.text(0) for i, card in enumerate(cards) if whole_plain[i]}
     assert spelled == {"1", "9" * 8}
-    assert {card.text(0) for i, card in enumerate(cards) if real_plain[i]} == {"", "1.", "-.5", "+.5"}
+    assert {card.text(0) for i, card in enumerate(cards) if real_plain[i]} == {
+        "", "1.", "-.5", "+.5", "1.5-3", "1.E3",
+    }  # fmt: skip
+
+
+def test_long_fields_beside_short_ones(deck_of: DeckOf, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Large fields, an exponent, and a field that is longer than any; each row is the card's own."""
+    monkeypatch.setattr(columns, "_WORTH", 1)
+    long = ("-5.000000000E-01", "1.23456789012-3", "12345678.9012345", "123456789012345", "1.5E+400")
+    text = "".join(f"GRID*   {i + 1:<16}{'':16}{x:>16}\n*\n" for i, x in enumerate(long))
+    cards = deck_of(f"GRID    9               .5\n{text}GRID,8,,1.000000000000000000000\n").by_name("GRID")
+    found = columns_of(cards)
+    assert found is not None
+    assert found.integers(0)[0].tolist() == [9, 1, 2, 3, 4, 5, 8]
+    values, plain = found.reals(2)
+    assert plain.tolist() == [True, True, True, True, False, False, False]
+    assert values[:4].tolist() == [0.5, -0.5, 1.23456789012e-3, 12345678.9012345]
+    assert [found.blank(i).all() for i in (1, 2, 3)] == [True, False, True]
 
 
 def test_grids_that_are_not_plain_are_read_one_by_one(deck_of: DeckOf, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,7 +165,8 @@ def test_grids_that_are_not_plain_are_read_one_by_one(deck_of: DeckOf, monkeypat
     found = plain_grids(deck.by_name("GRID"))
     assert found is not None
     assert list(found.records) == [1, 2, 3, 4, 5]
-    assert found.simple.tolist() == [False, True, False, False, True]
+    assert found.simple.tolist() == [True, True, False, False, True]
+    assert found.xyz[0].tolist() == [1.5e-3, 0.0, 0.0]
     assert found.supported.tolist() == [False] * 4 + [True]
     assert found.records[4].card is deck.by_name("GRID")[3]
     assert plain_grids(deck_of("GRID,1\nGRID,1\n").by_name("GRID")) is None

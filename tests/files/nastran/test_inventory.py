@@ -20,8 +20,8 @@ POINTS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,2.,0.,0.\nGRID,4,,2.,1.,0.
     ("name", "use"),
     [
         ("GRID", READ), ("BAROR", READ), ("FORCE", NOT_NEEDED), ("CAERO1", NOT_NEEDED), ("CBARAO", NOT_NEEDED),
-        ("CDAMP5", NOT_NEEDED), ("RLOAD1", NOT_NEEDED), ("CWELD", MISSING), ("CTETRA", READ), ("RBE3", READ),
-        ("RSSCON", MISSING), ("CFAST", MISSING), ("RBE2GS", MISSING), ("CNEWONE", MISSING), ("RJOINT", MISSING),
+        ("CDAMP5", NOT_NEEDED), ("RLOAD1", NOT_NEEDED), ("CTRAX3", MISSING), ("CTETRA", READ), ("RBE3", READ),
+        ("RSSCON", MISSING), ("CTRIAX6", MISSING), ("RBE2GS", MISSING), ("CNEWONE", MISSING), ("RJOINT", MISSING),
         ("CORD3G", IGNORED), ("MATT1", IGNORED), ("DMIG", IGNORED), ("ASET1", READ), ("SUPORT", READ),
         ("SPCOFF", IGNORED), ("WHATEVER", IGNORED),
     ],
@@ -31,16 +31,16 @@ def test_use(name: str, use: str) -> None:
 
 
 def test_missing_elements_are_an_error_with_count_and_first_line(deck_of: DeckOf) -> None:
-    deck = deck_of(POINTS + "CFAST,1,1,1,2,3,4\nCFAST,2,1,1,2,3,4\nRSSCON,3,.1,1,2,123456,3\n")
+    deck = deck_of(POINTS + "CTRIAX6,1,1,1,2,3,4\nCTRIAX6,2,1,1,2,3,4\nRSSCON,3,.1,1,2,123456,3\n")
     with pytest.raises(FemtuneError) as error:
         build_structure(deck)
     text = str(error.value)
-    assert "2 CFAST cards are not supported" in text
-    assert "deck.bdf:5 (CFAST 1)" in text
+    assert "2 CTRIAX6 cards are not supported" in text
+    assert "deck.bdf:5 (CTRIAX6 1)" in text
     assert "1 RSSCON card is not supported" in text
     model = build_structure(deck, allow_missing=True)
     found = [(n.level, n.what.split(" left")[0]) for n in model.notices if n.code == "deck.unsupported-element"]
-    assert found == [("warning", "2 CFAST cards are"), ("warning", "1 RSSCON card is")]
+    assert found == [("warning", "2 CTRIAX6 cards are"), ("warning", "1 RSSCON card is")]
 
 
 def test_ignored_cards_are_notices(deck_of: DeckOf) -> None:

@@ -204,6 +204,30 @@ RBAR    23      16      17      123456
 CONM2,32,17,,2.
 CQUADR,9,11,13,14,16,15
 CTRIAR  10      12      14      16      17      0.
+GRID    41              .2      .2      .3
+GRID    42              .9      .2      .3
+GRID    43              .9      .9      .3
+GRID    44              .2      .9      .3
+GRID    45              .5      .5      .1
+CQUAD4  11      12      41      42      43      44
+PWELD   21      1       .2                                      SPOT
+        .3      4.
+CWELD   41      21      45      ELEMID
+        1       11
+CWELD   42      22      45      GRIDID                  QQ
+        1       2       5       4
+        41      42      43      44
+CWELD   43      23              PARTPAT
+        11      12
+        .6      .6      .1
+CWELD,44,22,,ALIGN,1,41
+PWELD   22      1       .1
+PWELD   23      1       .1
+PFAST   24      .1      5       1       2.+7    1.+7    1.+7    1.+5
+        1.+5    1.+5    2.      .02
+CFAST   45      24      ELEM    1       11      45
+CFAST,46,24,PROP,11,12,,,,
+,.4,.6,.1
 MPC     2       6       3       1.      3       3       -1.             +
 +               9       3       .5
 MPC     3       12      1       1.      11      1       -1.

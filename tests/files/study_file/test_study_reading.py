@@ -16,7 +16,7 @@ from femtune.fem.fields import FieldRef
 from femtune.files.study_file import StudyFile, element_list, read_study_file, study_from_text
 from femtune.model.configuration import AddedMass
 
-_FULL = """\
+FULL = """\
 [study]
 title = "Two-storey steel building"
 deck = "building.bdf"
@@ -124,7 +124,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def full(folder: Path) -> StudyFile:
     """The study with everything in it."""
-    (folder / "study.toml").write_text(_FULL)
+    (folder / "study.toml").write_text(FULL)
     return read_study_file(folder / "study.toml")
 
 
@@ -194,7 +194,7 @@ def test_single_test_belongs_to_the_state_as_the_deck(folder: Path) -> None:
 
 
 def test_lines_that_end_as_on_windows(folder: Path) -> None:
-    (folder / "dos.toml").write_bytes(_FULL.replace("\n", "\r\n").encode())
+    (folder / "dos.toml").write_bytes(FULL.replace("\n", "\r\n").encode())
     assert read_study_file(folder / "dos.toml").where("parameter", 1, "tie").line == 70
 
 
@@ -202,7 +202,7 @@ _WORDS = ["[", "]", "{", "}", "=", '"', "'", '"""', "\n", "#", ",", ".", "nan", 
           "[]", "{}", "true", '"x"', "\x00", "\\", "[[parameter]]", "[study]", "é", "\r", "1979-05-27", "0x1",
           "inf"]  # fmt: skip
 _EDITS = st.lists(
-    st.tuples(st.integers(0, len(_FULL)), st.integers(0, 12), st.sampled_from(_WORDS) | st.text(max_size=4)),
+    st.tuples(st.integers(0, len(FULL)), st.integers(0, 12), st.sampled_from(_WORDS) | st.text(max_size=4)),
     min_size=1,
     max_size=4,
 )
@@ -220,13 +220,13 @@ def _only_femtune_errors(text: str, folder: Path) -> None:
 
 @given(_EDITS)
 def test_damaged_text_gives_femtune_errors_only(folder: Path, edits: list[tuple[int, int, str]]) -> None:
-    text = _FULL
+    text = FULL
     for at, length, word in edits:
         text = text[:at] + word + text[at + length :]
     _only_femtune_errors(text, folder)
 
 
-_LINES = _FULL.split("\n")
+_LINES = FULL.split("\n")
 _SCALARS = (  # values of every type that TOML has
     st.integers(-(10**20), 10**20).map(str)
     | st.floats().map(str)

@@ -3,10 +3,12 @@
 The internal forces of an element of stiffness k are its mean stress resultants S_j, the axial force of a bar, the three
 membrane forces of a shell, the six stresses of a solid. An element that passes the patch test has a field of
 displacements v_j of constant unit strain j, so that virtual work gives S_j = v_jᵀ k u / V for any law and any
-displacements u; V is the length, area or volume. The differential stiffness is Σ_j S_j G_j with constant G_j:
-∫ ∇Nᵀ e_j ∇N dV for each direction of displacement, e_j the unit tensor of stress j (Zienkiewicz, Taylor and Fox, The
-Finite Element Method for Solid and Structural Mechanics, 2014, section 6.4); of a bar the cubic shape functions and
-the transverse displacements (Przemieniecki, Theory of Matrix Structural Analysis, 1968, section 15.2).
+displacements u; V is the length, area or volume. The differential stiffness is Σ_j S_j G_j with constant
+G_j: ∫ ∇Nᵀ e_j ∇N dV for each direction of displacement, e_j the unit tensor of stress j (Zienkiewicz, Taylor and Fox,
+The Finite Element Method for Solid and Structural Mechanics, 2014, section 6.4). Solids with mid-side nodes have fields
+of linear unit strains too, so that their stresses are found as linear functions of the place. Of a bar there are the
+cubic shape functions and the transverse displacements (Przemieniecki, Theory of Matrix Structural Analysis, 1968,
+section 15.2).
 """
 
 from __future__ import annotations
@@ -148,8 +150,75 @@ def of_surface(
 
 
 def of_solid(batch: ElementBatch, structure: Structure, gradients: Reals, sizes: Reals) -> Differential:
-    """Solids: the stresses along the basic axes; `gradients` (m, p, n, 3) and volumes (m, p) of the points."""
+    """Solids: the mean stresses along the basic axes; `gradients` (m, p, n, 3) and volumes (m, p) of the points."""
+    tensors = np.broadcast_to(_stresses(), (len(batch), 6, 3, 3))
+    return of_continuum(batch, structure, gradients, sizes, tensors, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class SolidRule:
+    """Points in m solids with mid-side nodes.
+
+    Parameters
+    ----------
+    nodes : (m, n, 3) places of the nodes in the basic frame; of nodes that are left out they are not read
+    points : (m, p, 3) places of the points from the same origin
+    gradients : (m, p, n, 3) of the shape functions, in the basic frame
+    volumes : (m, p) of the points
+    """
+
+    nodes: Reals
+    points: Reals
+    gradients: Reals
+    volumes: Reals
+
+
+def of_quadratic_solid(batch: ElementBatch, structure: Structure, rule: SolidRule) -> Differential:
+    """Solids with mid-side nodes: stresses that are linear functions of the place, along the basic axes.
+
+    A stress is Σ_a s_a φ_a with φ = (1, x, y, z) about the centre, in units of the element's size. Displacements v_b
+    whose strain is the unit strain times φ_b give ∫ σ φ_b dV = v_bᵀ k u = Σ_a s_a ∫ φ_a φ_b dV, which is solved for s.
+    An element that lacks a mid-side node has no such displacements; its stress is the mean.
+    """
+    at, w = batch.nodes, rule.volumes
+    m, n = at.shape
+    there, whole = at >= 0, (at >= 0).all(axis=1)
+    size = w.sum(axis=1)[:, None, None]
+    centre = np.einsum("mp,mpi->mi", w, rule.points)[:, None] / size
+    x, y = ((places - centre) / np.cbrt(size) for places in (rule.nodes, rule.points))
+    powers = np.concatenate([np.ones((m, y.shape[1], 1)), y], axis=2)
+    inverse = np.linalg.inv(np.einsum("mp,mpa,mpb->mab", w, powers, powers))
+    inverse[~whole, 1:] = 0.0
+    fields = _linear_strains(np.where(there[:, :, None], x, 0.0)) * np.cbrt(size)[:, None, None]
+    turn = np.swapaxes(structure.nodes.frames[at], 2, 3)
+    patterns = np.einsum("mnij,mab,mbknj->makni", turn, inverse, fields, optimize=True)
+    # as one matrix product: there are 24 internal forces
+    stresses = np.einsum("mp,mpa,kij,mpyj->mpakiy", w, powers, _stresses(), rule.gradients, optimize=True)
+    products = np.einsum("mpxi,mpakiy->makxy", rule.gradients, stresses, optimize=True)
+    products = 0.5 * (products + np.swapaxes(products, 3, 4))
+    between = np.einsum("maix,mbjx->maibj", turn, turn)
+    matrices = products[:, :, :, :, None, :, None] * between[:, None, None]
+    return Differential(patterns.reshape(m, -1, 3 * n), matrices.reshape(m, -1, 3 * n, 3 * n))
+
+
+def _stresses() -> Reals:
+    """(6, 3, 3) unit tensors of the stresses."""
     tensors = np.zeros((6, 3, 3))
     for k, (i, j) in enumerate(_PAIRS):
         tensors[k, i, j] = tensors[k, j, i] = 1.0
-    return of_continuum(batch, structure, gradients, sizes, np.broadcast_to(tensors, (len(batch), 6, 3, 3)), 3)
+    return tensors
+
+
+def _linear_strains(x: Reals) -> Reals:
+    """(m, 4, 6, n, 3) displacements at places (m, n, 3) whose strains are the six unit strains times 1, x, y and z.
+
+    A strain E x_b is that of u_i = E_ij x_j x_b − ½ δ_ib E_jk x_j x_k.
+    """
+    stresses = _stresses()
+    strains = stresses * np.where(np.trace(stresses, axis1=1, axis2=2) > 0.5, 1.0, 0.5)[:, None, None]
+    constant = np.einsum("kij,mnj->mkni", strains, x)
+    linear = np.einsum("mkni,mnb->mbkni", constant, x)
+    square = np.einsum("mkni,mni->mkn", constant, x)
+    for b in range(3):
+        linear[:, b, :, :, b] -= 0.5 * square
+    return np.concatenate([constant[:, None], linear], axis=1)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from femtune.fem.contribution import Contribution, hysteretic
 from femtune.fem.elements.bar import BAR
+from femtune.fem.elements.connector import FASTENER, WELD
 from femtune.fem.elements.curved_bar import CURVED_BAR
 from femtune.fem.elements.discrete import (
     BUSH,
@@ -43,6 +44,8 @@ KINDS.update(
         ROD,
         SPRING,
         BUSH,
+        WELD,
+        FASTENER,
         DASHPOT,
         LINE_DASHPOT,
         LINE_SPRING,

@@ -8,7 +8,7 @@ from pathlib import Path
 from femtune.errors import FemtuneError, Where
 
 _TITLES = ("REALEIGENVALUES", "EIGENVALUEOUTPUT")
-_ROW = re.compile(r"\s*\d+(?:\s+\d+)?((?:\s+[-+]?\d*\.\d*(?:[ED][-+]?\d+)?)+)\s*")
+_ROW = re.compile(r"\s*\d+(?:\s+\d+)?((?:\s+[-+]?(?:\d+\.\d*|\.\d+)(?:[ED][-+]?\d+)?){3,})\s*")
 _BETWEEN = 12
 """Lines without numbers that the table may have: headings, a new page."""
 

@@ -140,6 +140,8 @@ def read_punch(path: Path) -> SolvedModes:
                 raise truncated(path, "the end of a line")
             three = [number(line[18 * k : 18 * (k + 1)], path, i) for k in (1, 2, 3)]
             if line.startswith("-CONT-"):
+                if node not in own:
+                    raise truncated(path, "the first line of a grid point")
                 own[node][3:] = three
             else:
                 node = int(number(line[:10], path, i))

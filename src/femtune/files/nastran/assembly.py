@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from typing import Any
@@ -121,10 +121,11 @@ _MOST_ERRORS = 20
 
 @dataclass(frozen=True)
 class Bulk:
-    """Cards in the order of the deck, and what the user should know about their lines."""
+    """Cards in the order of the deck, what the user should know about their lines, and BEGIN SUPER lines by number."""
 
     cards: tuple[Card, ...]
     notices: tuple[Notice, ...]
+    parts: Mapping[int, SourceLine]
 
 
 def read_bulk(lines: Iterable[SourceLine]) -> Bulk:
@@ -142,7 +143,8 @@ def read_bulk(lines: Iterable[SourceLine]) -> Bulk:
             if body and not body.isspace():
                 assembly.take(line, body)
     assembly.finish()
-    return Bulk(tuple(assembly.cards), tuple(assembly.notices))
+    parts = {number: line for number, line in assembly.begins.items() if number}
+    return Bulk(tuple(assembly.cards), tuple(assembly.notices), parts)
 
 
 class _Assembly:
@@ -157,6 +159,7 @@ class _Assembly:
         self.names: dict[str, str] = {}
         self.text: list[SourceLine] = []
         self.superelement = 0
+        self.begins: dict[int, SourceLine] = {}
         self.asking: list[_Part] = []
         self.apart: list[_Part] = []
 
@@ -196,7 +199,7 @@ class _Assembly:
         begin = _BEGIN.match(body) if body.lstrip()[:1] in "bB" else None
         if begin:
             self._close()
-            self._begin(begin)
+            self._begin(begin, line)
             return
         cut = split_line(line, body)
         self._note_width(cut, body)
@@ -303,8 +306,9 @@ class _Assembly:
     def _replicate(self, cut: FieldLine) -> None:
         self.cards.extend(replicate(self.cards, cut, self.superelement))
 
-    def _begin(self, begin: re.Match[str]) -> None:
+    def _begin(self, begin: re.Match[str], line: SourceLine) -> None:
         self.superelement = int(begin[1] or 0)
+        self.begins.setdefault(self.superelement, line)
 
     def _note_width(self, cut: FieldLine, body: str) -> None:
         if beyond_last_column(cut, body):

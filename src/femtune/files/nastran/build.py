@@ -14,6 +14,7 @@ from femtune.files.nastran.building import Building, FieldPlace, duplicate
 from femtune.files.nastran.bushes import read_bushes, read_gaps
 from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT, NAMESPACES
 from femtune.files.nastran.columns import plain_numbers
+from femtune.files.nastran.connectors import read_connectors
 from femtune.files.nastran.constraints import read_dof_sets, read_multipoint_sets, read_supports
 from femtune.files.nastran.control import (
     EigenMethod,
@@ -181,12 +182,13 @@ def _batches(building: Building, grids: Grids) -> list[ElementBatch]:
         *read_bars(building, grids, materials),
         *read_bends(building, grids, materials),
         *read_rods(building, grids, materials),
-        *read_shells(building, grids, materials),
+        *(shells := read_shells(building, grids, materials)),
         *read_shear_panels(building, grids, materials),
         *read_solids(building, grids, materials),
         *read_scalars(building, grids),
         *read_bushes(building, grids),
         *read_gaps(building, grids),
+        *read_connectors(building, grids, materials, shells),
         *read_dampers(building, grids),
         *read_masses(building, grids),
     ]

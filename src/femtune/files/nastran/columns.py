@@ -1,7 +1,7 @@
 """Whole columns of many cards at once: what a large deck repeats a hundred thousand times.
 
-Only what is plainly spelled is converted here: integers of digits, reals of digits and one decimal point. Every other
-field is told apart, so that its card is read by itself, with its own message where it is wrong.
+Only what is plainly spelled is converted here: integers of digits, and reals, those without an exponent at once. Every
+other field is told apart, so that its card is read by itself, with its own message where it is wrong.
 """
 
 from __future__ import annotations
@@ -13,20 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.files.nastran.card import Card
+from femtune.files.nastran.lines import parse_real
 
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 _WIDTH, _FIRST, _LAST = 8, 8, 72
+_LARGE = 16
 # below so many cards one by one is as fast
 _WORTH = 100
-_LINE, _TOO_LONG = 8, 8 * "?"
+_LINE, _UNKNOWN = 8, "?"
 _BLANK, _POINT, _ZERO = ord(" "), ord("."), ord("0")
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Fields of n cards in plain columns of small fields: `text` is (n, fields, 8) characters."""
+    """Fields of n cards: `text` is (n, fields, 8 or, where one is longer, 16) characters."""
 
     text: Bytes
 
@@ -42,7 +44,7 @@ class Columns:
             return np.zeros(len(self.text), np.int64), np.zeros(len(self.text), bool)
         digit = (field >= _ZERO) & (field <= _ZERO + 9)
         value = np.zeros(len(field), np.int64)
-        for column in range(_WIDTH):
+        for column in range(field.shape[1]):
             value = np.where(digit[:, column], 10 * value + field[:, column] - _ZERO, value)
         plain = digit.any(axis=1) & _together(field != _BLANK, digit)
         return np.where(plain, value, 0), plain
@@ -58,11 +60,19 @@ class Columns:
         sign = first & ((field == ord("-")) | (field == ord("+")))
         plain = digit.any(axis=1) & (point.sum(axis=1) == 1) & _together(given, digit | point | sign)
         out = np.zeros(len(field))
-        out[plain] = np.ascontiguousarray(field[plain]).view("S8")[:, 0].astype(float)
+        out[plain] = _texts(field[plain]).astype(float)
+        other = np.flatnonzero(given.any(axis=1) & ~plain)
+        for i, text in zip(other.tolist(), _texts(field[other]).tolist()):
+            value = parse_real(text.decode("latin-1").strip())
+            out[i], plain[i] = 0.0 if value is None else value, value is not None
         return out, plain | ~given.any(axis=1)
 
     def _field(self, index: int) -> Bytes | None:
         return self.text[:, index] if index < self.text.shape[1] else None
+
+
+def _texts(field: Bytes) -> NDArray[np.bytes_]:
+    return np.ascontiguousarray(field).view(f"S{field.shape[1]}")[:, 0]
 
 
 def _together(given: Mask, allowed: Mask) -> Mask:
@@ -76,9 +86,19 @@ def columns_of(cards: Sequence[Card]) -> Columns | None:
     if len(cards) < _WORTH:
         return None
     most = max(_lines(card) for card in cards)
-    text = "".join([_data(card, most) for card in cards])
-    raw = np.frombuffer(text.encode("latin-1"), np.uint8)
-    return Columns(raw.reshape(len(cards), most * (_LAST - _FIRST) // _WIDTH, _WIDTH))
+    wide = np.array([not card.plain and any(len(field) > _WIDTH for field in card.fields) for card in cards])
+    small = _text("".join([_data(card, most) for card, large in zip(cards, wide.tolist()) if not large]), most, _WIDTH)
+    if not wide.any():
+        return Columns(small)
+    text = np.full((len(cards), most * _LINE, _LARGE), _BLANK, np.uint8)
+    text[~wide, :, :_WIDTH] = small
+    long = [_fields(card, most, _LARGE) for card, large in zip(cards, wide.tolist()) if large]
+    text[wide] = _text("".join(long), most, _LARGE)
+    return Columns(text)
+
+
+def _text(text: str, lines: int, width: int) -> Bytes:
+    return np.frombuffer(text.encode("latin-1"), np.uint8).reshape(-1, lines * _LINE, width)
 
 
 def _lines(card: Card) -> int:
@@ -87,12 +107,17 @@ def _lines(card: Card) -> int:
 
 def _data(card: Card, lines: int) -> str:
     """Columns 9 to 72 of all lines of a card, and blank ones up to a number of lines."""
-    width = _LAST - _FIRST
     if not card.plain:
-        fields = [field.ljust(_WIDTH) if len(field) <= _WIDTH else _TOO_LONG for field in card.fields]
-        return "".join(fields).ljust(lines * width)
+        return _fields(card, lines, _WIDTH)
+    width = _LAST - _FIRST
     data = [line[2][_FIRST:_LAST].rstrip("\r\n").ljust(width) for line in card.lines]
     return "".join(data).ljust(lines * width)
+
+
+def _fields(card: Card, lines: int, width: int) -> str:
+    """All fields of a card at a width, and blank ones up to a number of lines."""
+    fields = [field.ljust(width) if len(field) <= width else width * _UNKNOWN for field in card.fields]
+    return "".join(fields).ljust(lines * _LINE * width)
 
 
 def plain_numbers(cards: Sequence[Card]) -> list[int] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -50,7 +50,8 @@ class Deck:
     """One deck as it was read.
 
     `files` are all files, the main one first; `cards` are in the order of reading with INCLUDEs in their
-    place; `params` holds for each PARAM the value that counts (the last one; case control before bulk data).
+    place; `params` holds for each PARAM the value that counts (the last one; case control before bulk data); `parts`
+    are the BEGIN SUPER lines by the number of their superelement.
     """
 
     path: Path
@@ -60,6 +61,7 @@ class Deck:
     cards: tuple[Card, ...]
     params: Mapping[str, DeckParameter]
     notices: tuple[Notice, ...]
+    parts: Mapping[int, SourceLine] = field(default_factory=dict)
 
     @property
     def files(self) -> tuple[SourceFile, ...]:
@@ -96,7 +98,7 @@ def read_deck(path: str | Path) -> Deck:
     has_sections = bool(bulk_lines) and _BEGIN.match(bulk_lines[0].text) is not None
     end = _check_end(source, has_sections)
     notices = (*source.notices, *case_control.notices, *bulk.notices, *repeated, *end)
-    return Deck(Path(path), source, executive, case_control, bulk.cards, params, notices)
+    return Deck(Path(path), source, executive, case_control, bulk.cards, params, notices, bulk.parts)
 
 
 _Lines = tuple[SourceLine, ...]

@@ -42,6 +42,8 @@ _REMARKS = {
     **dict.fromkeys(("PBUSHT", "PELAST", "PDAMPT"), _BY_FREQUENCY),
     **dict.fromkeys(("MATT1", "MATT2", "MATT3", "MATT8", "MATT9"), _TEMPERATURE),
     **dict.fromkeys(("SPCOFF", "SPCOFF1"), _SINGULAR),
+    "SWLDPRM": "welds and fasteners have the default settings",
+    "PFASTT": _BY_FREQUENCY,
     "DMIG": "case control does not select these matrices",
 }
 _ELEMENT_NAME = re.compile(r"C[A-Z]+[0-9]*")

@@ -11,6 +11,7 @@ import numpy as np
 from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError, Notice
 from femtune.fem.elements import KINDS
+from femtune.fem.elements.connector import WELD
 from femtune.fem.elements.curved_bar import CURVED_BAR
 from femtune.fem.elements.shear_panel import SHEAR_PANEL
 from femtune.fem.preload import Preload
@@ -41,7 +42,7 @@ _FOLLOWING = ("PLOAD", "PLOAD2", "PLOAD4", "FORCE1", "FORCE2", "MOMENT1", "MOMEN
 # cards with loads that LOAD of case control may select, and that are not read
 _OTHERS = ("PLOAD1", "PLOADX1", "PLOADB3", "RFORCE", "RFORCE1", "SPCD", "SPCR", "ACCEL", "ACCEL1", "LOADCYH", "LOADCYN",
            "LOADCYT", "FORCEAX", "MOMAX", "PRESAX")  # fmt: skip
-_WITHOUT_DIFFERENTIAL = (CURVED_BAR.key, SHEAR_PANEL.key)
+_WITHOUT_DIFFERENTIAL = (CURVED_BAR.key, SHEAR_PANEL.key, WELD.key)
 
 
 def preload_command(deck: Deck) -> CaseCommand | None:

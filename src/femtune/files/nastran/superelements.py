@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from femtune.errors import FemtuneError, Notice
+from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.nastran.deck import Deck
 
 _IN_ONE_MODEL = ("SESET", "SETREE", "SEELT", "SEQSET", "SEQSET1", "CSUPEXT", "RELEASE")
@@ -20,11 +20,11 @@ def check_superelements(deck: Deck) -> list[Notice]:
     external = next((c for c in deck.by_name("SEBULK") if c.text(1).startswith(_EXTERNAL)), None)
     if external is not None:
         raise FemtuneError("deck.superelement/external", where=external.where(), card=external.record)
-    parts = {card.superelement: card for card in reversed(deck.cards) if card.superelement}
-    if parts:
-        number, first = min(parts.items())
-        count = f"{len(parts)} superelement{'s' if len(parts) > 1 else ''}"
-        raise FemtuneError("deck.superelement", where=first.where(), count=count, number=number)
+    if deck.parts:
+        number, line = next(iter(deck.parts.items()))
+        count = f"{len(deck.parts)} superelement{'s' if len(deck.parts) > 1 else ''}"
+        where = Where(line.file, line.number, f"BEGIN SUPER {number}")
+        raise FemtuneError("deck.superelement", where=where, count=count, number=number)
     missing = next(iter(deck.by_name("SEBULK")), None)
     if missing is not None:
         raise FemtuneError("deck.superelement/no-part", where=missing.where(), card=missing.record)

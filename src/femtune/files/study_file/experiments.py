@@ -30,8 +30,11 @@ class SearchTable(TomlTable):
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
     fresh_runs: Annotated[int, Field(ge=0, le=10_000)] = 5
     infill: Annotated[int, Field(ge=0, le=10_000)] = 5
+    surrogate: Literal["kriging", "radial-basis", "chaos"] = "kriging"
     trend: Literal["constant", "linear", "quadratic"] = "linear"
     correlation: Literal["gaussian", "matern-5/2", "matern-3/2", "none"] = "gaussian"
+    kernel: Literal["cubic", "quintic", "thin-plate"] = "cubic"
+    degree: Annotated[int, Field(ge=1, le=20)] = 6
     noise: Literal["estimate", "none"] = "estimate"
     method: Literal["differential-evolution", "genetic", "cma-es"] = "differential-evolution"
     population: Annotated[int, Field(ge=4, le=100_000)] = 60
@@ -41,11 +44,26 @@ class SearchTable(TomlTable):
     seed: Seed = 0
 
 
+_ONLY_OF = {
+    "trend": ("kriging",),
+    "correlation": ("kriging",),
+    "kernel": ("radial-basis",),
+    "degree": ("chaos",),
+    "noise": ("kriging", "radial-basis"),
+}
+"""Surrogates that a key of [search] applies to."""
+
+
 def experiment_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
-    """A design and its levels fit each other."""
+    """A design and its levels fit each other, a surrogate and its keys."""
     screen = table(data, "screen")
     two = screen.get("design") == "plackett-burman"
     if two and screen.get("levels", 2) != 2:
         yield source.error(("screen", "levels"), "screen.design", {"levels": screen["levels"]})
     if "array" in screen and screen.get("design", "orthogonal") != "orthogonal":
         yield source.error(("screen", "array"), "screen.design/array", {"array": screen["array"]})
+    search = table(data, "search")
+    surrogate = search.get("surrogate", "kriging")
+    for key, methods in _ONLY_OF.items():
+        if key in search and surrogate not in methods:
+            yield source.error(("search", key), "search.surrogate", {}, key=key, surrogate=surrogate)

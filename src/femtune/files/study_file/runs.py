@@ -14,18 +14,23 @@ from femtune.files.study_file.validation import FRF_LIMITS
 
 
 class RunsModelTable(TomlTable):
-    """[runs]: the table, and the polynomials, or Kriging with a polynomial trend, that are fitted to it."""
+    """[runs]: the table, and the polynomials or surrogates that are fitted to it."""
 
     file: Text
-    method: Literal["polynomial", "kriging"] = "polynomial"
-    degree: Annotated[int, Field(ge=0, le=6)] = 2
+    method: Literal["polynomial", "kriging", "radial-basis", "chaos"] = "polynomial"
+    degree: Annotated[int, Field(ge=0, le=20)] | None = None
     crossed: bool = True
     correlation: Literal["gaussian", "matern-5/2"] = "gaussian"
+    kernel: Literal["cubic", "quintic"] = "cubic"
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 0.005
+
+    @property
+    def order(self) -> int:
+        """Degree of the polynomials, of the trend of Kriging, or the largest one of polynomial chaos."""
+        return (6 if self.method == "chaos" else 2) if self.degree is None else self.degree
 
 
 Data = dict[str, Any]
-MOST_TREND = 2
 _KINDS = ("frequency", "shape", "mac", "flexibility")
 _NEEDS_MATRICES = (
     "matrix", "variable", "reduction", "component", "generic", "distribution", "frequency_table", "response", "load",
@@ -68,14 +73,20 @@ def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
             yield source.error((*place, "kind"), "runs.study/residual", {}, kind=entry.get("kind"), kinds=kinds)
 
 
+_ONLY_OF = {"crossed": "polynomial", "correlation": "kriging", "kernel": "radial-basis"}
+"""Method that a key belongs to."""
+_DEGREES = {"polynomial": (1, 6), "kriging": (0, 2), "chaos": (1, 20)}
+
+
 def _method(runs: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """Keys of polynomials and of Kriging."""
+    """Keys of one method only, and the degree."""
     method, degree = runs.get("method", "polynomial"), number(runs, "degree")
-    if method == "kriging" and "crossed" in runs:
-        yield source.error(("runs", "crossed"), "runs.method", {}, key="crossed", method=method)
-    if method == "polynomial" and "correlation" in runs:
-        yield source.error(("runs", "correlation"), "runs.method", {}, key="correlation", method=method)
-    low, high = (0, MOST_TREND) if method == "kriging" else (1, 6)
+    wrong = [key for key, of in _ONLY_OF.items() if key in runs and method != of]
+    if degree is not None and method not in _DEGREES:
+        wrong.append("degree")
+    for key in wrong:
+        yield source.error(("runs", key), "runs.method", {}, key=key, method=method)
+    low, high = _DEGREES.get(method, (0, 20))
     if degree is not None and not low <= degree <= high:
         facts = {"method": method, "degree": int(degree), "low": low, "high": high}
         yield source.error(("runs", "degree"), "runs.method/degree", {}, **facts)

@@ -1,4 +1,4 @@
-"""A model of the runs of another solver: modal matrices of every run, and polynomials or Kriging through them.
+"""A model of the runs of another solver: modal matrices of every run, and polynomials or surrogates of them.
 
 With the shapes Φ(p) of m modes, of unit modal mass, in coordinates Ψ(p) of a basis B that spans the shapes of all runs,
 
@@ -8,7 +8,7 @@ have exactly the eigenvalues and shapes of the run. They do not depend on the or
 repeated modes, so that they are smooth in p where modes change places: nothing is tracked. Where the basis has more
 vectors than modes, those that are no mode get eigenvalues above the modes. Without shapes K is the diagonal of ω².
 
-Polynomials are fitted to the entries. Kriging is fitted to principal components of the entries over the runs, or to
+Polynomials are fitted to the entries. Surrogates are fitted to principal components of the entries over the runs, or to
 each ω² without shapes.
 """
 
@@ -26,7 +26,7 @@ from femtune.arrays import Flags, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.fem import AssembledMatrix, NodeTable, Structure, ValueTableBuilder
 from femtune.fem.constraints import follow_rows
-from femtune.model.imported.kriged import Kriged, KrigedCoefficient, kriged
+from femtune.model.imported.fitted_matrices import FittedMatrices, SurrogateCoefficient, fit_matrices
 from femtune.model.imported.model import (
     ImportedMatrix,
     factor_of_matrix,
@@ -35,8 +35,7 @@ from femtune.model.imported.model import (
     polynomial_terms,
 )
 from femtune.model.imported.polynomial import Polynomial, Powers, Variable
-from femtune.surrogates import KrigingRules
-from femtune.surrogates.trend import TRENDS
+from femtune.surrogates import SurrogateRules
 
 _NEW_DIRECTION = 1e-4
 """Part of the shapes outside the modes of the central run, over their size, from which it is a direction of its own."""
@@ -110,15 +109,16 @@ class FittedRuns:
 
 
 def fit_runs(
-    runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None, correlation: str | None = None
-) -> FittedRuns:
+    runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None,
+    rules: SurrogateRules | None = None,
+) -> FittedRuns:  # fmt: skip
     """Fit the model to runs; arguments and errors as of `fit_configurations`."""
-    return fit_configurations([runs], nodes, degree, crossed, centre, correlation)[0]
+    return fit_configurations([runs], nodes, degree, crossed, centre, rules)[0]
 
 
 def fit_configurations(
     parts: Sequence[Runs], nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None,
-    correlation: str | None = None,
+    rules: SurrogateRules | None = None,
 ) -> tuple[FittedRuns, ...]:  # fmt: skip
     """Fit one model to the runs of one or several configurations.
 
@@ -129,29 +129,29 @@ def fit_configurations(
     ----------
     nodes : grid points of the shapes; without shapes, or beside them, its scalar points are those of the model
     degree : of the polynomials in each parameter, and of products in total; 0 for the model of the first run alone,
-        which no parameter changes; of the trend, with Kriging
+        which no parameter changes
     crossed : True with products of parameters
     centre : the run that the basis is taken from; None for the one nearest the middle
-    correlation : of Kriging; None for polynomials
+    rules : of surrogates, without logarithms; None for polynomials
 
     Raises
     ------
     FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``, ``runs.few-dofs/alike``,
         ``surrogate.*``
     """
-    fits = [_fit(runs, degree, crossed, centre, correlation) for runs in parts]
+    fits = [_fit(runs, degree, crossed, centre, rules) for runs in parts]
     structure = _structure(parts, nodes, fits, degree or 1)
     return tuple(FittedRuns(structure, f.used, f.error, f.coefficients, f.middle) for f in fits)
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Polynomials of one configuration: powers, and coefficients (p, r, r) of stiffness and mass; or Kriging.
+    """Polynomials of one configuration: powers, and coefficients (p, r, r) of stiffness and mass; or surrogates.
 
     Parameters
     ----------
     coefficients : number of coefficients of a polynomial, or of surrogates
-    kriged : surrogates of stiffness and mass in place of the polynomials
+    by_surrogates : surrogates of stiffness and mass in place of the polynomials
     """
 
     basis: Reals | None
@@ -163,10 +163,10 @@ class _Fit:
     used: Flags
     error: Reals
     coefficients: int
-    kriged: tuple[Kriged, ...] = ()
+    by_surrogates: tuple[FittedMatrices, ...] = ()
 
 
-def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, correlation: str | None) -> _Fit:
+def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, rules: SurrogateRules | None) -> _Fit:
     if centre is None:
         centre = _central(runs)
     runs = _rigid_exact(runs, centre)
@@ -174,8 +174,8 @@ def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, correlation
     chosen = runs.select(used)
     modal = modal[:, used]
     middle, half = _scales(chosen)
-    if correlation is not None:
-        return _kriged(chosen, basis, modal, used, KrigingRules(tuple(TRENDS)[degree], correlation))
+    if rules is not None:
+        return _by_surrogates(chosen, basis, modal, used, rules)
     powers = _powers(len(runs.names), degree, crossed)
     if not degree:
         # every parameter has its term, which is zero
@@ -196,10 +196,10 @@ def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, correlation
     return _Fit(basis, K, M, powers, middle, half, used, _left_out(V, modal, chosen.freq_hz), len(powers))
 
 
-def _kriged(chosen: Runs, basis: Reals | None, modal: Reals, used: Flags, rules: KrigingRules) -> _Fit:
-    """Kriging surrogates of the modal matrices."""
+def _by_surrogates(chosen: Runs, basis: Reals | None, modal: Reals, used: Flags, rules: SurrogateRules) -> _Fit:
+    """Surrogates of the modal matrices."""
     middle, half = _scales(chosen)
-    K, M = (kriged(chosen.names, chosen.points, part, rules, basis is None) for part in modal)
+    K, M = (fit_matrices(chosen.names, chosen.points, part, rules, basis is None) for part in modal)
     error = np.full(chosen.freq_hz.shape, np.nan)
     for i, (one, other) in enumerate(zip(K.left_out, M.left_out)):
         error[i] = _errors(one, other, chosen.freq_hz[i])
@@ -354,9 +354,9 @@ def _structure(parts: Sequence[Runs], nodes: NodeTable, fits: Sequence[_Fit], de
         for j, (kind, coefficients) in enumerate((("stiffness", fit.stiffness), ("mass", fit.mass))):
             name = kind.upper() if len(parts) == 1 else f"{kind.upper()}{i}"
             factor = values.add(field_of_matrix(name), 1.0)
-            if fit.kriged:
+            if fit.by_surrogates:
                 used = {own_name: places[own_name] for own_name in runs.names}
-                assembled += _kriged_matrices(kind, name, fit.kriged[j], at, nodes.n_dofs, factor, used)
+                assembled += _matrices_of_surrogates(kind, name, fit.by_surrogates[j], at, nodes.n_dofs, factor, used)
                 continue
             some = [(p, c) for p, c in zip(fit.powers, coefficients) if c.any() or kind == "stiffness"]
             terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in some)
@@ -376,15 +376,15 @@ def _structure(parts: Sequence[Runs], nodes: NodeTable, fits: Sequence[_Fit], de
     return replace(structure, rigid=follow_rows(moving, np.tile(scalars, (len(moving), 1)), shapes, 0))
 
 
-def _kriged_matrices(
-    kind: str, name: str, found: Kriged, at: Integers, size: int, factor: int, places: dict[str, int]
+def _matrices_of_surrogates(
+    kind: str, name: str, found: FittedMatrices, at: Integers, size: int, factor: int, places: dict[str, int]
 ) -> Iterator[AssembledMatrix]:
     """The mean of the modal matrices, and the parts that surrogates multiply."""
     label, roles = f"{kind} {name}", {"FACTOR": factor}
     yield AssembledMatrix(kind, label, _on_g_set(found.mean, at, size), roles, factor_of_matrix)  # type: ignore[arg-type]
     for j, matrix in enumerate(found.parts):
         assert found.surrogate is not None
-        moving = KrigedCoefficient(found.surrogate, j)
+        moving = SurrogateCoefficient(found.surrogate, j)
         upper = _on_g_set(matrix, at, size)
         yield AssembledMatrix(kind, label, upper, {**roles, **places}, moving)  # type: ignore[arg-type]
 

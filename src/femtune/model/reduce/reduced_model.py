@@ -235,10 +235,12 @@ def check_size(configured: ConfiguredModel, order: int) -> None:
     """Refuse terms that would be larger dense than the sparse model is worth (error ``reduce.too-many-terms``)."""
     columns = sum(p.term.n_columns for p in configured.projected)
     if 8 * columns * order**2 > MOST_BYTES:
+        preload = configured.model.structure.preload
         raise FemtuneError(
-            "reduce.too-many-terms",
+            "reduce.too-many-terms" + ("" if preload is None else "/preload"),
             values={"memory (GiB)": f"{8 * columns * order**2 / 1024**3:.1f}"},
             configuration=configured.configuration.name,
             functions=columns,
             order=order,
+            request="" if preload is None else preload.request,
         )

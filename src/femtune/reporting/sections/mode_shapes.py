@@ -218,27 +218,39 @@ def _columns(comparison: CorrelationResults, pair: ModePairRecord) -> list[int]:
 
 
 def measured_motion(drawn: _Drawn, values: Reals) -> tuple[Reals, Reals]:
-    """Places and motion of what was measured, both (k, 3): sensors at one place are joined to a vector.
+    """Places and motion of what was measured, both (k, 3), see `measured_places`."""
+    places, motions, _ = measured_places(drawn.frame, drawn.seats, drawn.directions, drawn.rotations)
+    return places, motions @ values
 
-    A place with measured rotations that carries rigid elements moves their other ends as well.
+
+def measured_places(
+    frame: Wireframe, seats: Reals, directions: Reals, rotations: NDArray[np.bool_]
+) -> tuple[Reals, Reals, NDArray[np.int64]]:
+    """Places (k, 3) of the sensors, matrices (k, 3, sensors) from what they measure to the motion of each place, and
+    the place of each sensor (sensors,), −1 where its position is not known.
+
+    Sensors at one place are joined to a vector. A place with measured rotations that carries rigid elements moves
+    their other ends as well.
     """
-    places, motions = [], []
-    known = np.isfinite(drawn.seats).all(axis=1)
-    for seat in np.unique(drawn.seats[known], axis=0):
-        here = known & (drawn.seats == seat).all(axis=1)
-        shift = _vector(drawn, here & ~drawn.rotations, values)
-        spin = _vector(drawn, here & drawn.rotations, values)
-        ends = _rigid_ends(drawn.frame, seat) if (here & drawn.rotations).any() else np.zeros((0, 3))
+    places: list[Reals] = []
+    motions: list[Reals] = []
+    place_of = np.full(len(seats), -1)
+    known = np.isfinite(seats).all(axis=1)
+    for seat in np.unique(seats[known], axis=0):
+        here = known & (seats == seat).all(axis=1)
+        place_of[here] = len(places)
+        shift, spin = (_vector(directions, here & of) for of in (~rotations, rotations))
+        ends = _rigid_ends(frame, seat) if (here & rotations).any() else np.zeros((0, 3))
         places += [seat, *ends]
-        motions += [shift, *(shift + np.cross(spin, ends - seat))]
-    return np.array(places).reshape(-1, 3), np.array(motions).reshape(-1, 3)
+        motions += [shift, *(shift + np.cross(spin, end - seat, axis=0) for end in ends)]
+    return np.array(places).reshape(-1, 3), np.array(motions).reshape(-1, 3, len(seats)), place_of
 
 
-def _vector(drawn: _Drawn, rows: NDArray[np.bool_], values: Reals) -> Reals:
-    """The shortest vector that agrees with sensors along their directions."""
-    if not rows.any():
-        return np.zeros(3)
-    return np.asarray(np.linalg.lstsq(drawn.directions[rows], values[rows], rcond=None)[0])
+def _vector(directions: Reals, rows: NDArray[np.bool_]) -> Reals:
+    """(3, sensors) from values of sensors to the shortest vector that agrees with them along their directions."""
+    out = np.zeros((3, len(rows)))
+    out[:, rows] = np.linalg.pinv(directions[rows])
+    return out
 
 
 def _rigid_ends(frame: Wireframe, seat: Reals) -> Reals:

@@ -46,7 +46,7 @@ def physical_values(found: Sequence[ParameterResult], most: int | None = None) -
     rows = [r for p in found for r in _physical_rows(p)]
     heads = columns("Parameter", "Field", "Unit", ">Initial", ">Updated", ">95 %")
     more = 0 if most is None else len(rows) - most
-    note = f"and {counted(more, 'more field')} in the HTML report" if more > 0 else ""
+    note = f"and {counted(more, 'more field')} in the section on parameters of the report" if more > 0 else ""
     return [Table("Physical values of the factors", heads, tuple(rows[:most]), note)] if rows else []
 
 

@@ -23,7 +23,7 @@ from femtune.reporting.numbers import NONE, counted, short, value
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
-    from femtune.results.global_search import GlobalSearchResults
+    from femtune.results.global_search import GlobalSearchResults, SurrogateFacts
 
 _MOST_DRAWN = 6
 
@@ -57,15 +57,23 @@ def search_parameters(source: ReportSource) -> list[Block]:
 
 def parameter_table(found: GlobalSearchResults) -> Table:
     """A line each parameter."""
-    heads = columns("Parameter", "Unit", ">Lower", ">Upper", ">Initial", ">Found", ">Value", "")
+    known = any(p.variance_total is not None for p in found.parameters)
+    extra = (">Variance alone", ">Total") if known else ()
+    heads = columns("Parameter", "Unit", ">Lower", ">Upper", ">Initial", ">Found", ">Value", *extra, "")
     rows = tuple(
         row(
             p.name, p.unit, value(p.lower), value(p.upper), value(p.initial), value(p.found), value(p.value),
+            *((_share(p.variance_alone), _share(p.variance_total)) if known else ()),
             Cell("at its bound", tone="poor") if p.at_bound else "",
         )
         for p in found.parameters
     )  # fmt: skip
-    return Table("", heads, rows)
+    note = "Variance: part of that of all residuals over the box which the parameter explains alone, and with others."
+    return Table("", heads, rows, note if known else "")
+
+
+def _share(part: float | None) -> str:
+    return NONE if part is None else f"{100.0 * part:.1f} %"
 
 
 def search_convergence(source: ReportSource) -> list[Block]:
@@ -129,6 +137,16 @@ def _or_none(number: float | None) -> str:
     return NONE if number is None else short(number)
 
 
+def _form(s: SurrogateFacts) -> tuple[str, str]:
+    """Method, and what it consists of."""
+    if s.method == "kriging":
+        return "Kriging", f"{s.trend} trend, correlation {s.correlation}"
+    if s.method == "radial-basis":
+        return "radial basis functions", f"{s.kernel}, {s.trend} trend"
+    few, many = min(s.terms), max(s.terms)
+    return "polynomial chaos", counted(many, "term") if few == many else f"{few} to {many} terms"
+
+
 def search_surrogate(source: ReportSource) -> list[Block]:
     """The surrogate and its errors."""
     return surrogate_blocks(_of(source))
@@ -140,12 +158,10 @@ def surrogate_blocks(found: GlobalSearchResults) -> list[Block]:
     if s is None:
         return [Paragraph("The model itself was searched.")]
     heads = columns(
-        "Trend", "Correlation", ">Runs", ">Responses", ">Leaving out a run σ", ">Fresh runs σ", ">Error / predicted"
+        "Surrogate", "Form", ">Runs", ">Responses", ">Leaving out a run σ", ">Fresh runs σ", ">Error / predicted"
     )
     fresh = NONE if s.fresh_rms is None else short(s.fresh_rms)
-    line = row(
-        s.trend, s.correlation, str(s.runs), str(s.responses), short(s.left_out_rms), fresh, short(s.left_out_ratio)
-    )
+    line = row(*_form(s), str(s.runs), str(s.responses), short(s.left_out_rms), fresh, short(s.left_out_ratio))
     note = (
         "Root mean square errors of the residuals, in standard deviations σ of the data. The last column compares the "
         "errors of leaving out a run with their predicted standard deviation; it is near 1 if the intervals are right."

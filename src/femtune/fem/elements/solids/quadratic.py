@@ -14,7 +14,7 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
-from femtune.fem.elements.differential import Differential, of_solid
+from femtune.fem.elements.differential import Differential, SolidRule, of_quadratic_solid
 from femtune.fem.elements.kind import DifferentialKernel, ElementKind
 from femtune.fem.elements.solids.parts import HEXAHEDRON_PARTS, PENTAHEDRON_PARTS, TETRAHEDRON_PARTS, pyramid_parts
 from femtune.fem.elements.solids.shape import (
@@ -267,12 +267,14 @@ def tetra10(batch: ElementBatch, structure: Structure) -> list[Contribution]:
 
 
 def _differential(shape: SolidShape, points: SolidPoints) -> DifferentialKernel:
-    """Differential stiffness of the mean stresses, by a rule of integration."""
+    """Differential stiffness of stresses that are linear within an element, by a rule of integration."""
     table = tabulated(shape, points)
 
     def differential(batch: ElementBatch, structure: Structure) -> Differential:
-        at = gradients(table, grid_points(batch, structure, slice(None)))
-        return of_solid(batch, structure, at.along, at.volume)
+        xyz = grid_points(batch, structure, slice(None))
+        at = gradients(table, xyz)
+        nodes = xyz - xyz[:, : shape.corners].mean(axis=1, keepdims=True)
+        return of_quadratic_solid(batch, structure, SolidRule(nodes, at.places, at.along, at.volume))
 
     return differential
 

@@ -1,6 +1,6 @@
-"""Matrices of runs between the runs by Kriging: of principal components of their entries, or of single entries.
+"""Matrices of runs between the runs by surrogates: of principal components of their entries, or of single entries.
 
-A(p) = Ā + Σ c_j(p) B_j with the mean Ā over the runs and a Kriging surrogate of each c_j, which has exact derivatives.
+A(p) = Ā + Σ c_j(p) B_j with the mean Ā over the runs and a surrogate of each c_j, which has exact derivatives.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.parameters.jet import Jet
-from femtune.surrogates import CORRELATIONS, KrigingRules, Surrogate, fit_surrogate
-from femtune.surrogates.trend import TRENDS, exponents
+from femtune.surrogates import Surrogate, SurrogateRules, fit_surrogate
 
 _REST = 1e-13
 """Part of the squares of the changes between the runs that components left out may have."""
@@ -22,7 +21,7 @@ _MOST_COMPONENTS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Kriged:
+class FittedMatrices:
     """Symmetric matrices of n runs between the runs.
 
     Parameters
@@ -30,7 +29,7 @@ class Kriged:
     mean : (r, r)
     parts : (q, r, r) matrices B that the components multiply
     surrogate : of the q components; None without any
-    left_out : (n, r, r) matrix of each run as predicted from all others, at unchanged lengths
+    left_out : (n, r, r) matrix of each run as predicted from all others, at unchanged hyperparameters
     """
 
     mean: Reals
@@ -39,7 +38,9 @@ class Kriged:
     left_out: Reals
 
 
-def kriged(names: tuple[str, ...], points: Reals, matrices: Reals, rules: KrigingRules, entries: bool) -> Kriged:
+def fit_matrices(
+    names: tuple[str, ...], points: Reals, matrices: Reals, rules: SurrogateRules, entries: bool
+) -> FittedMatrices:
     """Fit to matrices (n, r, r) at points (n, k).
 
     Parameters
@@ -64,17 +65,17 @@ def kriged(names: tuple[str, ...], points: Reals, matrices: Reals, rules: Krigin
         parts = np.zeros((count, r * r))
         parts[:, moving] = rows[:count]
     if not len(parts):
-        return Kriged(mean, np.zeros((0, r, r)), None, np.broadcast_to(mean, matrices.shape))
+        return FittedMatrices(mean, np.zeros((0, r, r)), None, np.broadcast_to(mean, matrices.shape))
     surrogate = fit_surrogate(points, away @ parts.T, rules, parameters=names)
     left_out = mean + (surrogate.left_out @ parts).reshape(n, r, r)
-    return Kriged(mean, parts.reshape(-1, r, r), surrogate, left_out)
+    return FittedMatrices(mean, parts.reshape(-1, r, r), surrogate, left_out)
 
 
 @dataclass(frozen=True, eq=False)
-class KrigedCoefficient:
+class SurrogateCoefficient:
     """factor · (a response of a surrogate without logarithms), with first and second derivatives.
 
-    Matérn 3/2 has no second derivative at the runs.
+    Matérn 3/2 and thin plates have no second derivative at the runs.
     """
 
     surrogate: Surrogate
@@ -82,29 +83,15 @@ class KrigedCoefficient:
 
     def __call__(self, values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
         s, fit = self.surrogate, self.surrogate.fits[self.response]
-        width = s.upper - s.lower
-        unit = [(values[name] - low) * (1.0 / w) for name, low, w in zip(s.parameters, s.lower, width, strict=True)]
-        scaled: Jet = 0.0 * values["FACTOR"]
-        for weight, term in zip(fit.trend, exponents(len(unit), TRENDS[s.rules.trend]), strict=True):
-            product = values["FACTOR"] * 0.0 + float(weight)
-            for parameter in term:
-                product = product * unit[parameter]
-            scaled = scaled + product
-        runs = (s.x - s.lower) / width
-        squared: Jet | None = None
-        for u, place, length in zip(unit, runs.T, fit.lengths, strict=True):
-            away = (u - place) * (1.0 / length)
-            squared = away * away if squared is None else squared + away * away
-        if squared is not None:
-            kind = CORRELATIONS[s.rules.correlation]
-            near = squared.chain(kind.value(squared.value), kind.slope(squared.value), kind.curvature(squared.value))
-            scaled = scaled + _weighted_sum(near, fit.weights)
+        pairs = zip(s.parameters, s.lower, s.upper, strict=True)
+        unit = [(values[name] - low) * (1.0 / (high - low)) for name, low, high in pairs]
+        u = np.stack([one.value for one in unit], axis=-1)
+        slopes, curvatures = fit.slopes(u), fit.curvatures(u)
+        inner = np.stack([one.grad for one in unit], axis=-2)
+        scaled = Jet(
+            fit.value(u),
+            np.einsum("...n,...nk->...k", slopes, inner),
+            np.einsum("...nm,...nk,...ml->...kl", curvatures, inner, inner)
+            + np.einsum("...n,...nkl->...kl", slopes, np.stack([one.hess for one in unit], axis=-3)),
+        )
         return values["FACTOR"] * (scaled * float(s.scale[self.response]) + float(s.centre[self.response]))
-
-
-def _weighted_sum(jets: Jet, weights: Reals) -> Jet:
-    return Jet(
-        np.sum(weights * jets.value, keepdims=True),
-        np.sum(weights[:, None] * jets.grad, axis=0, keepdims=True),
-        np.sum(weights[:, None, None] * jets.hess, axis=0, keepdims=True),
-    )

@@ -1,0 +1,533 @@
+"""What the interactive page needs beside its text: geometry, shapes, functions and iterations, as compact data.
+
+The document is plain data: numbers, texts, and arrays packed as base64 of little-endian values. Coordinates and motions
+are stored with 16 bits, to 1/65534 of their range. A large mesh is drawn with fewer faces, and modes that are least
+looked at are left out, so that the page stays small; a sentence says so.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from femtune.assembly.drawn_mesh import DrawnMesh, thinned
+from femtune.reporting.figures.shapes import closed, outline
+from femtune.reporting.sections.correlation import pair_places, shown_columns
+from femtune.reporting.sections.mode_shapes import measured_places, structure_of
+from femtune.reporting.sections.responses import ordered_pairs
+from femtune.reporting.source import VERSION_HEADS
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.reporting.figures.shapes import Wireframe
+    from femtune.reporting.source import ReportSource
+    from femtune.results.correlation import CorrelationResults, ModePairRecord
+    from femtune.results.response import FrfResults, ResponseResults
+    from femtune.results.shapes import ModeShapes
+    from femtune.results.update import IterationRecord
+
+MOTION_BYTES = 2_800_000
+"""Bytes of all motions of the model; base64 makes them a third larger."""
+FUNCTION_BYTES = 1_500_000
+"""Bytes of all frequency response functions."""
+_FEWEST_FACES = 6_000
+_WHOLE_EDGES = 3_000
+"""Up to so many faces all of their edges are drawn, above it those that show the form."""
+
+
+@dataclass(frozen=True)
+class Packed:
+    """An array: value = offset + scale · number, along the last axis where these have several entries.
+
+    `type` is "u1", "u2", "u4", "i2" or "f4"; `data` is base64 of the numbers in C order, little-endian.
+    """
+
+    type: str
+    shape: tuple[int, ...]
+    data: str
+    scale: tuple[float, ...] = ()
+    offset: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class PairView:
+    """A pair: rows of the test's modes and columns of the model's; the model's motion is Σ weight · mode."""
+
+    test: int
+    column: int
+    modes: tuple[int, ...]
+    weights: tuple[float, ...]
+    factor: tuple[float, float]
+    """Real and imaginary part of the modal scale factor from the test's shape to this motion."""
+
+
+@dataclass(frozen=True)
+class StageView:
+    """The model at one version: `freq_hz` of its modes in the order of `numbers`; `motion` (points, 3, modes).
+
+    `mac` (test modes, modes) and `seen` (places, 3, modes), the motion at the places of the sensors, are None without a
+    test. `stored` has the column of each mode of `motion` in `numbers`.
+    """
+
+    title: str
+    numbers: tuple[int, ...]
+    freq_hz: tuple[float, ...]
+    stored: tuple[int, ...]
+    motion: Packed
+    mac: Packed | None = None
+    seen: Packed | None = None
+    factors: Packed | None = None
+    """(test modes, modes, 2) real and imaginary part of the modal scale factor from test to model."""
+    expanded: Packed | None = None
+    """(points, 3, test modes) the test's shapes expanded to the points; None where this was not requested."""
+    pairs: tuple[PairView, ...] = ()
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """One configuration: geometry of model and test, and its shapes.
+
+    `faces` (f, 4) with the third corner of a triangle repeated, `edges` of faces to draw, `lines` and
+    `rigid` lines, all by rows of `points`; `wire` by rows of `places`. `test` (places, 3, test modes), with
+    `test_imaginary` where shapes are complex.
+    """
+
+    configuration: str
+    note: str
+    points: Packed
+    faces: Packed
+    edges: Packed
+    lines: Packed
+    rigid: Packed
+    stages: tuple[StageView, ...]
+    places: Packed | None = None
+    wire: Packed | None = None
+    test: Packed | None = None
+    test_imaginary: Packed | None = None
+    test_labels: tuple[str, ...] = ()
+    test_freq_hz: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class CurveView:
+    """Curves of all functions over the same lines: `real` and `imaginary` (functions, lines)."""
+
+    look: str
+    freq_hz: Packed
+    real: Packed
+    imaginary: Packed
+
+
+@dataclass(frozen=True)
+class FunctionsView:
+    """Frequency response functions of one configuration."""
+
+    configuration: str
+    ordinate: str
+    titles: tuple[str, ...]
+    curves: tuple[CurveView, ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class IterationMode:
+    """A compared mode during the update."""
+
+    configuration: str
+    test_label: str
+    test_freq_hz: float
+    freq_hz: tuple[float | None, ...]
+    mac: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class HistoryView:
+    """The update by iterations: weighted mean error in %, values of the parameters, compared modes."""
+
+    iterations: tuple[int, ...]
+    objective_percent: tuple[float, ...]
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    nominal: tuple[float, ...]
+    values: tuple[tuple[float, ...], ...]
+    modes: tuple[IterationMode, ...] = ()
+
+
+@dataclass(frozen=True)
+class View:
+    """All that moves on the page."""
+
+    scenes: tuple[SceneView, ...] = ()
+    functions: tuple[FunctionsView, ...] = ()
+    history: HistoryView | None = None
+
+    @property
+    def empty(self) -> bool:
+        """True where nothing can be shown."""
+        return not (self.scenes or self.functions or self.history)
+
+    def json(self) -> str:
+        """As JSON that may stand inside a script element: without the characters that could end it."""
+        text = json.dumps(asdict(self), separators=(",", ":"), allow_nan=False)
+        return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def view_of(source: ReportSource) -> View:
+    """The view of results: shapes of the solved modes, frequency responses, history of the update."""
+    kept = [m for m in source.results.mode_shapes if not m.reason]
+    names = list(dict.fromkeys(m.configuration for m in kept))
+    share = MOTION_BYTES // max(1, len(names))
+    scenes = (_scene(source, [m for m in kept if m.configuration == name], share) for name in names)
+    return View(tuple(s for s in scenes if s), tuple(_functions(source)), _history(source))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Arrays as text.
+
+
+def whole(values: NDArray[Any]) -> Packed:
+    """Numbers of rows, each with as few bytes as the largest one needs."""
+    most = int(values.max(initial=0))
+    kind = "u1" if most < 1 << 8 else "u2" if most < 1 << 16 else "u4"
+    return _packed(kind, values)
+
+
+def single(values: NDArray[Any]) -> Packed:
+    """Real numbers in single precision."""
+    return _packed("f4", np.nan_to_num(values))
+
+
+def quantised(values: Reals) -> Packed:
+    """Real numbers as 16-bit multiples of the largest magnitude along all axes but the last."""
+    filled = np.nan_to_num(np.asarray(values, dtype=float))
+    largest = np.abs(filled).reshape(-1, filled.shape[-1]).max(axis=0, initial=0.0)
+    steps = np.where(largest > 0.0, largest, 1.0) / 32767.0
+    return _packed("i2", np.round(filled / steps), tuple(map(float, steps)))
+
+
+def _coordinates(points: Reals) -> Packed:
+    first, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-300)
+    steps = size / 65535.0
+    return _packed("u2", np.round((points - first) / steps), tuple(map(float, steps)), tuple(map(float, first)))
+
+
+def _packed(kind: str, values: NDArray[Any], scale: tuple[float, ...] = (), offset: tuple[float, ...] = ()) -> Packed:
+    data = np.ascontiguousarray(values).astype(f"<{kind}").tobytes()
+    return Packed(kind, tuple(values.shape), base64.b64encode(data).decode(), scale, offset)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Scenes.
+
+
+@dataclass(frozen=True)
+class _Geometry:
+    """The mesh that is drawn; `rows` of the points of the results."""
+
+    frame: Wireframe
+    mesh: DrawnMesh
+    rows: NDArray[np.int64]
+
+
+def _scene(source: ReportSource, kept: Sequence[ModeShapes], share: int) -> SceneView | None:
+    frame = structure_of(source, kept[0])
+    if frame is None or not len(frame.points):
+        return None
+    geometry = _geometry(frame, share, sum(_mode_count(source, m) for m in kept))
+    room = max(1, share // (6 * len(geometry.rows) * len(kept)))
+    stages = [_stage(source, m, geometry, room) for m in kept]
+    test = _test(source, kept[-1], frame)
+    points, mesh = frame.points[geometry.rows], geometry.mesh
+    return SceneView(
+        configuration=kept[0].configuration,
+        note=" ".join(filter(None, (_sentence(kept[0].simplified or mesh.sentence), _fewer(source, kept, stages)))),
+        points=_coordinates(points),
+        faces=whole(closed(mesh.faces)),
+        edges=whole(_edges(mesh.faces, points)),
+        lines=whole(mesh.lines[mesh.kinds == 0]),
+        rigid=whole(mesh.lines[mesh.kinds != 0]),
+        stages=tuple(stages),
+        **test,
+    )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
+
+
+def _fewer(source: ReportSource, kept: Sequence[ModeShapes], stages: Sequence[StageView]) -> str:
+    left = max(_mode_count(source, m) - len(s.stored) for m, s in zip(kept, stages))
+    return f"Shapes of {left} of the modes are not stored, to keep the page small." if left > 0 else ""
+
+
+def _mode_count(source: ReportSource, kept: ModeShapes) -> int:
+    motion = source.array(kept.translations_key)
+    return 0 if motion is None else motion.shape[2]
+
+
+def _geometry(frame: Wireframe, share: int, modes: int) -> _Geometry:
+    """With so few faces that all modes have room, but not with fewer than a picture needs."""
+    mesh = DrawnMesh(frame.lines, frame.rigid.astype(np.int64), frame.faces)
+    # points are about as many as faces
+    mesh = thinned(frame.points, mesh, most_faces=max(_FEWEST_FACES, share // (6 * max(modes, 1))))
+    rows = mesh.used
+    return _Geometry(frame, mesh.counted_from(rows), rows)
+
+
+def _edges(faces: NDArray[np.int64], points: Reals) -> NDArray[np.int64]:
+    if len(faces) > _WHOLE_EDGES:
+        return outline(faces, points)
+    corners = closed(faces)
+    sides = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    return np.unique(sides[sides[:, 0] != sides[:, 1]], axis=0)
+
+
+def _stage(source: ReportSource, kept: ModeShapes, geometry: _Geometry, room: int) -> StageView:
+    comparison = source.at(kept.configuration, kept.stage)
+    motion = source.array(kept.translations_key)
+    assert motion is not None
+    solved = _frequencies(source, kept)
+    columns = _wanted(comparison, motion.shape[2], room)
+    stored = np.ascontiguousarray(motion[np.ix_(geometry.rows, np.arange(3), np.array(columns))])
+    plain = StageView(
+        title=VERSION_HEADS[kept.stage],
+        numbers=tuple(range(1, motion.shape[2] + 1)),
+        freq_hz=solved[: motion.shape[2]],
+        stored=tuple(columns),
+        motion=quantised(stored),
+    )
+    return plain if comparison is None else _compared(source, kept, comparison, geometry, plain)
+
+
+def _frequencies(source: ReportSource, kept: ModeShapes) -> tuple[float, ...]:
+    of = (m for m in source.results.modes if (m.configuration, m.stage) == (kept.configuration, kept.stage))
+    modes = next(of, None)
+    comparison = source.at(kept.configuration, kept.stage)
+    return modes.freq_hz if modes else comparison.mac_model_freq_hz if comparison else ()
+
+
+def _wanted(comparison: CorrelationResults | None, count: int, room: int) -> list[int]:
+    """Columns of the modes that are stored, in their order: those of pairs first, then elastic ones, then the rest."""
+    paired = {n - 1 for p in comparison.pairs for n in _model_numbers(comparison, p)} if comparison else set()
+    shown = set(shown_columns(comparison)) if comparison else set()
+    order = sorted(range(count), key=lambda j: (j not in paired, j not in shown, j))
+    return sorted(order[:room])
+
+
+def _model_numbers(comparison: CorrelationResults, pair: ModePairRecord) -> tuple[int, ...]:
+    cluster = next((c for c in comparison.clusters if c.cluster == pair.cluster), None)
+    return cluster.model_numbers if cluster else (pair.model_number,)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The test beside the model.
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Shapes (sensors, test modes), those of the model at the sensors, and what makes motions of the places of them."""
+
+    test: NDArray[Any]
+    seen: Reals
+    places: Reals
+    motions: Reals
+
+
+def _measured(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> tuple[_Measured, NDArray[np.int64]] | None:
+    """The measured shapes and the place of each sensor; None without a test."""
+    keys = (
+        kept.sensor_positions_key, kept.sensor_directions_key, kept.sensor_rotations_key, kept.test_shapes_key,
+        kept.model_at_sensors_key,
+    )  # fmt: skip
+    found = [a for a in map(source.array, keys) if a is not None]
+    if len(found) < len(keys) or not found[3].size:
+        return None
+    seats, directions, rotations, test, seen = found
+    places, motions, place_of = measured_places(
+        frame, seats.astype(float), directions.astype(float), rotations.astype(bool)
+    )
+    return _Measured(np.nan_to_num(test), seen.astype(float), places, motions), place_of
+
+
+def _test(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> dict[str, Any]:
+    """The fields of a scene that a test fills."""
+    found, comparison = _measured(source, kept, frame), source.at(kept.configuration, kept.stage)
+    if found is None or comparison is None:
+        return {}
+    measured, place_of = found
+    moved = np.einsum("pcs,sm->pcm", measured.motions, measured.test)
+    return {
+        "places": single(measured.places),
+        "wire": whole(_wire(source.array(kept.wire_key), place_of, measured.places, frame)),
+        "test": quantised(moved.real),
+        "test_imaginary": quantised(moved.imag) if np.iscomplexobj(moved) else None,
+        "test_labels": comparison.mac_test_labels,
+        "test_freq_hz": comparison.mac_test_freq_hz,
+    }
+
+
+def _wire(wire: NDArray[Any] | None, place_of: NDArray[np.int64], places: Reals, frame: Wireframe) -> NDArray[np.int64]:
+    """The wire frame by places; where the test has none, the lines of the model from place to place."""
+    if not len(places):
+        return np.zeros((0, 2), np.int64)
+    if wire is not None and len(wire):
+        lines = place_of[wire].reshape(-1, 2)
+    else:
+        # a place that is not found has the number after the last
+        near = cKDTree(places).query(frame.points, distance_upper_bound=1e-6 * _diagonal(frame.points))[1]
+        at = np.where(near == len(places), -1, near)
+        lines = at[frame.lines[~frame.rigid]].reshape(-1, 2)
+    return lines[(lines >= 0).all(axis=1) & (lines[:, 0] != lines[:, 1])]
+
+
+def _diagonal(points: Reals) -> float:
+    return float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
+
+
+def _compared(
+    source: ReportSource, kept: ModeShapes, comparison: CorrelationResults, geometry: _Geometry, plain: StageView
+) -> StageView:
+    """The stage with what the comparison with a test adds."""
+    found, mac = _measured(source, kept, geometry.frame), source.array(comparison.mac_key)
+    if found is None or mac is None:
+        return plain
+    measured, _ = found
+    seen = np.einsum("pcs,sm->pcm", measured.motions, measured.seen)
+    pairs = (_pair(comparison, measured, p, place) for p, place in _placed_pairs(comparison))
+    return replace(
+        plain,
+        mac=single(np.nan_to_num(mac, nan=-1.0)),
+        seen=quantised(seen),
+        factors=single(_parts(_factors(measured.test, measured.seen))),
+        expanded=_expanded(source, comparison, geometry),
+        pairs=tuple(p for p in pairs if set(p.modes) <= {n + 1 for n in plain.stored}),
+    )
+
+
+def _placed_pairs(comparison: CorrelationResults) -> Iterable[tuple[ModePairRecord, tuple[int, int]]]:
+    rows, columns = comparison.mac_test_labels, comparison.mac_model_numbers
+    placed = [p for p in comparison.pairs if p.test_label in rows and p.model_number in columns]
+    return zip(placed, pair_places(comparison), strict=True)
+
+
+def _pair(
+    comparison: CorrelationResults, measured: _Measured, pair: ModePairRecord, place: tuple[int, int]
+) -> PairView:
+    """Modes of a cluster are shown in the combination that is nearest to the test's shape."""
+    numbers = _model_numbers(comparison, pair)
+    test = in_phase(measured.test[:, place[0]])
+    seen = measured.seen[:, [n - 1 for n in numbers]]
+    weights = np.linalg.lstsq(seen, test, rcond=None)[0] if len(numbers) > 1 else np.ones(1)
+    factor = complex(_factors(measured.test[:, [place[0]]], (seen @ weights)[:, None])[0, 0])
+    return PairView(*place, numbers, tuple(map(float, weights)), (factor.real, factor.imag))
+
+
+def in_phase(shape: NDArray[Any]) -> Reals:
+    """The real part of a shape, turned in phase so that it is as large as it can be."""
+    return np.asarray((shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))).real) if np.iscomplexobj(shape) else shape
+
+
+def _factors(test: NDArray[Any], seen: Reals) -> NDArray[Any]:
+    """(test modes, modes) modal scale factors tᴴm/tᴴt; 0 for a shape without motion."""
+    size = np.sum(np.abs(test) ** 2, axis=0)
+    return np.asarray(test.conj().T @ seen / np.where(size > 0.0, size, 1.0)[:, None])
+
+
+def _parts(values: NDArray[Any]) -> Reals:
+    return np.stack([values.real, values.imag], axis=-1)
+
+
+def _expanded(source: ReportSource, comparison: CorrelationResults, geometry: _Geometry) -> Packed | None:
+    """The expanded shapes at the points that are drawn, columns as the rows of the MAC matrix; 0 where not expanded."""
+    record = comparison.expansion
+    if record is None:
+        return None
+    shapes, drawn = source.array(record.shapes_key), source.array(record.drawn_key)
+    if shapes is None or drawn is None:
+        return None
+    out = np.zeros((len(geometry.rows), 3, len(comparison.mac_test_labels)))
+    for j, mode in enumerate(record.modes):
+        if mode.test_label in comparison.mac_test_labels:
+            moved = shapes[drawn[geometry.rows], :3, j]
+            out[:, :, comparison.mac_test_labels.index(mode.test_label)] = in_phase(np.nan_to_num(moved))
+    return quantised(out)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Frequency response functions, and the update by iterations.
+
+
+def _functions(source: ReportSource) -> Iterable[FunctionsView]:
+    found = [r for r in source.results.responses if r.frfs is not None]
+    names = list(dict.fromkeys(r.configuration for r in found))
+    for name in names:
+        yield _functions_of(source, [r for r in found if r.configuration == name], FUNCTION_BYTES // len(names))
+
+
+def _functions_of(source: ReportSource, found: Sequence[ResponseResults], share: int) -> FunctionsView:
+    frfs = [r.frfs for r in found if r.frfs is not None]
+    last, looks = frfs[-1], ("model",) if len(frfs) == 1 else ("before", "after")
+    order = ordered_pairs(last)
+    curves = [(look, f.freq_key, f.values_key) for look, f in zip(looks, frfs)]
+    if last.test_freq_key and last.test_values_key:
+        curves.insert(0, ("test", last.test_freq_key, last.test_values_key))
+    lines = sum(len(source.arrays[key]) for _, key, _ in curves)
+    shown = order[: max(1, share // max(8 * lines, 1))]
+    left = len(order) - len(shown)
+    return FunctionsView(
+        configuration=found[-1].configuration,
+        ordinate=last.kind.capitalize() + (f", {last.unit}" if last.unit else ""),
+        titles=tuple(_function_title(last, k) for k in shown),
+        curves=tuple(curve_view(look, source.arrays[f], _rows(source.arrays[v], shown)) for look, f, v in curves),
+        note=f"{left} more functions are in the table and in arrays.npz." if left else "",
+    )
+
+
+def _function_title(frfs: FrfResults, k: int) -> str:
+    pair = frfs.pairs[k]
+    return f"{pair.output} by {pair.input}" + (" (driving point)" if pair.driving_point else "")
+
+
+def _rows(values: NDArray[Any], shown: Sequence[int]) -> NDArray[Any]:
+    """(functions, lines) of values (outputs, inputs, lines): functions are counted input by input."""
+    return values.transpose(1, 0, 2).reshape(-1, values.shape[2])[list(shown)]
+
+
+def curve_view(look: str, freq_hz: Reals, values: NDArray[Any]) -> CurveView:
+    """Curves of `values` (functions, lines), 0 where not measured."""
+    return CurveView(look, single(freq_hz), single(np.real(values)), single(np.imag(values)))
+
+
+def _history(source: ReportSource) -> HistoryView | None:
+    update = source.results.update
+    if update is None or len(update.history) < 2:
+        return None
+    facts = {p.name: p for p in source.results.parameters}
+    known = [facts.get(name) for name in update.history_parameters]
+    return HistoryView(
+        iterations=tuple(i.iteration for i in update.history),
+        objective_percent=tuple(i.objective_percent for i in update.history),
+        parameters=update.history_parameters,
+        units=tuple(p.unit if p else "" for p in known),
+        nominal=tuple(p.nominal if p else 0.0 for p in known),
+        values=tuple(i.parameters for i in update.history),
+        modes=tuple(_iteration_modes(update.history)),
+    )
+
+
+def _iteration_modes(history: Sequence[IterationRecord]) -> Iterable[IterationMode]:
+    names = dict.fromkeys((m.configuration, m.test_label, m.test_freq_hz) for i in history for m in i.modes)
+    for configuration, label, hz in names:
+        of = [next((m for m in i.modes if (m.configuration, m.test_label) == (configuration, label)), None)
+              for i in history]  # fmt: skip
+        yield IterationMode(
+            configuration, label, hz, tuple(None if m is None else m.freq_hz for m in of),
+            tuple(None if m is None else m.mac for m in of),
+        )  # fmt: skip

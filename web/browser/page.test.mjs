@@ -1,0 +1,281 @@
+// The report in headless Chromium, as a reader uses it. FEMTUNE_PAGES names the pages (the first has a test and an update),
+// FEMTUNE_PICTURES a folder for the pictures that are taken, FEMTUNE_CHROMIUM the browser.
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdirSync, readFileSync } from "node:fs";
+import { basename, dirname, join, resolve } from "node:path";
+import test, { after, before } from "node:test";
+import { pathToFileURL } from "node:url";
+import { chromium } from "playwright-core";
+
+const pages = (process.env.FEMTUNE_PAGES || "../examples/01_building/run/report.html").split(":").map((p) => resolve(p));
+const pictures = resolve(process.env.FEMTUNE_PICTURES ?? "../build/pictures");
+const axe = readFileSync("node_modules/axe-core/axe.min.js", "utf8");
+const found = process.env.FEMTUNE_CHROMIUM ?? execFileSync("sh", ["-c", "command -v chromium || command -v chromium-browser || command -v google-chrome"]).toString().trim();
+const software = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+let browser;
+before(async () => { browser = await chromium.launch({ executablePath: found, args: software }); mkdirSync(pictures, { recursive: true }); });
+after(() => browser.close());
+
+const named = (path) => `${basename(dirname(dirname(path)))}-${basename(path, ".html")}`;
+
+/** A page that fails the test for anything on the console and for any request but its own file. */
+async function open(path, options = {}, from = browser) {
+  const context = await from.newContext({ viewport: { width: 1280, height: 900 }, reducedMotion: "reduce", acceptDownloads: true, ...options });
+  const page = await context.newPage();
+  const complaints = [];
+  page.on("console", (m) => { if (!/GPU stall due to ReadPixels/.test(m.text())) complaints.push(`console: ${m.text()}`); });
+  page.on("pageerror", (e) => complaints.push(`error: ${e.message}`));
+  page.on("request", (r) => { if (!/^(file|data|blob):/.test(r.url())) complaints.push(`request: ${r.url()}`); });
+  await page.goto(pathToFileURL(path).href);
+  const close = async () => { await context.close(); assert.deepEqual(complaints, []); };
+  return { page, close };
+}
+
+const canvas = (page) => page.locator(".viewer canvas");
+const settled = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done)))));
+async function still(page) {
+  await settled(page);
+  return canvas(page).evaluate((c) => c.toDataURL());
+}
+const viewOf = (page) => page.evaluate(() => JSON.parse(document.getElementById("view").textContent));
+const contents = async (download) => readFileSync(await (await download).path(), "utf8").replace(/^\ufeff/, "");
+
+/** Fields of CSV (RFC 4180). */
+function fields(text) {
+  const rows = [[]];
+  for (const [, quoted, plain, end] of text.matchAll(/(?:"((?:[^"]|"")*)"|([^",\r\n]*))(,|\r\n)/g)) {
+    rows[rows.length - 1].push(quoted === undefined ? plain : quoted.replaceAll('""', '"'));
+    if (end !== ",") rows.push([]);
+  }
+  return rows.slice(0, -1);
+}
+
+test("a cell of the MAC matrix shows its pair, the rest of the page stays", async () => {
+  const { page, close } = await open(pages[0]);
+  const data = await viewOf(page);
+  const stage = data.scenes[0].stages.at(-1);
+  assert.equal(await page.locator(".viewer").getAttribute("data-shown"), `${stage.pairs[0].test}|${stage.pairs[0].column}`);
+  await page.locator(".viewer").scrollIntoViewIfNeeded();
+  const before = await still(page);
+  const [table, nav] = [await page.locator("#modes").screenshot(), await page.locator("nav").screenshot()];
+  const pair = stage.pairs[2];
+  await page.locator("table.mac button.pair").nth(2).click();
+  assert.equal(await page.locator(".viewer").getAttribute("data-shown"), `${pair.test}|${pair.column}`);
+  assert.match(await page.locator(".viewer .shown").textContent(), new RegExp(`Test mode ${data.scenes[0].test_labels[pair.test]}, .*model mode ${stage.numbers[pair.column]}`));
+  assert.notEqual(await still(page), before);
+  assert.ok(table.equals(await page.locator("#modes").screenshot()));
+  assert.ok(nav.equals(await page.locator("nav").screenshot()));
+  await close();
+});
+
+test("shapes move while it plays, and stand when it is paused", async () => {
+  const { page, close } = await open(pages[0]);
+  await page.locator(".viewer").scrollIntoViewIfNeeded();
+  const standing = await still(page);
+  await page.waitForTimeout(300);
+  assert.equal(await still(page), standing, "reduced motion is asked for, so that nothing moves by itself");
+  await page.getByRole("button", { name: "Play" }).click();
+  await page.waitForTimeout(500);
+  const first = await still(page);
+  await page.waitForTimeout(300);
+  assert.notEqual(await still(page), first);
+  await page.getByRole("button", { name: "Pause" }).click();
+  const paused = await still(page);
+  await page.waitForTimeout(300);
+  assert.equal(await still(page), paused);
+  await close();
+});
+
+test("it plays by itself where nothing speaks against motion", async () => {
+  const { page, close } = await open(pages[0], { reducedMotion: "no-preference" });
+  await canvas(page).scrollIntoViewIfNeeded();
+  await page.waitForTimeout(500);
+  const first = await still(page);
+  await page.waitForTimeout(300);
+  assert.notEqual(await still(page), first);
+  await close();
+});
+
+test("pointer, wheel, phase, scale, windows, colours and arrows change the picture", async () => {
+  const { page, close } = await open(pages[0]);
+  await canvas(page).scrollIntoViewIfNeeded();
+  let last = await still(page);
+  const changes = async (what, act) => {
+    await act();
+    const now = await still(page);
+    assert.notEqual(now, last, what);
+    last = now;
+  };
+  const box = await canvas(page).boundingBox();
+  const set = (label, value) => page.getByLabel(label, { exact: true }).fill(String(value));
+  await changes("turn", async () => {
+    await page.mouse.move(box.x + 100, box.y + 100);
+    await page.mouse.down();
+    await page.mouse.move(box.x + 180, box.y + 130);
+    await page.mouse.up();
+  });
+  await changes("zoom", async () => { await canvas(page).focus(); await page.mouse.move(box.x + 100, box.y + 100); await page.mouse.wheel(0, -300); });
+  await changes("reset", () => page.getByRole("button", { name: "reset" }).click());
+  await changes("phase", () => set("Phase", 180));
+  await changes("scale", () => set("Scale", 2));
+  await changes("view", () => page.getByRole("button", { name: "View along z" }).click());
+  await changes("overlaid", () => page.getByLabel("Windows").selectOption("overlaid"));
+  await changes("arrows", () => page.getByLabel("Arrows").uncheck());
+  await changes("difference", () => page.getByLabel("Colour").selectOption("difference to the test"));
+  await changes("model before", () => page.locator(".viewer").getByLabel(/^Model/).selectOption("before"));
+  await close();
+});
+
+test("the keyboard alone is enough", async () => {
+  const { page, close } = await open(pages[0]);
+  await page.locator("table.mac button[aria-pressed=true]").focus();
+  const chosen = await page.locator(".viewer").getAttribute("data-shown");
+  await page.keyboard.press("ArrowRight");
+  await page.keyboard.press("Enter");
+  assert.notEqual(await page.locator(".viewer").getAttribute("data-shown"), chosen);
+  let stops = 0;
+  while (!(await page.evaluate(() => document.activeElement.tagName === "CANVAS"))) {
+    await page.keyboard.press("Tab");
+    assert.ok(++stops < 30, "the picture cannot be reached by the tab key");
+  }
+  let last = await still(page);
+  for (const key of ["ArrowLeft", "ArrowUp", "+", "0"]) {
+    await page.keyboard.press(key);
+    const now = await still(page);
+    assert.notEqual(now, last, key);
+    last = now;
+  }
+  await page.keyboard.press(" ");
+  assert.equal(await page.locator(".viewer .play").textContent(), "Pause");
+  await close();
+});
+
+test("a row of the table of modes shows its pair", async () => {
+  const { page, close } = await open(pages[0]);
+  const data = await viewOf(page), stage = data.scenes[0].stages.at(-1), pair = stage.pairs[1];
+  await page.getByRole("button", { name: `Show the shapes of test mode ${data.scenes[0].test_labels[pair.test]}`, exact: true }).first().click();
+  assert.equal(await page.locator(".viewer").getAttribute("data-shown"), `${pair.test}|${pair.column}`);
+  await close();
+});
+
+test("the slider goes through the iterations", async () => {
+  const { page, close } = await open(pages[0]);
+  const { history } = await viewOf(page);
+  const cell = (row, column) => page.locator(".iterations table").first().locator("tbody tr").nth(row).locator("td").nth(column).textContent();
+  const number = (text) => Number(text.replaceAll("−", "-"));
+  for (const k of [0, 1, history.iterations.length - 1]) {
+    await page.getByLabel("Iteration", { exact: true }).fill(String(k));
+    for (const i of [0, history.parameters.length - 1]) assert.ok(Math.abs(number(await cell(i, 2)) / history.values[k][i] - 1) < 1e-4);
+  }
+  if (history.modes.length) {
+    await page.getByLabel("Iteration", { exact: true }).fill("0");
+    const shown = await page.locator(".iterations table").nth(1).locator("tbody tr").first().locator("td").nth(1).textContent();
+    assert.ok(Math.abs(number(shown) / history.modes[0].freq_hz[0] - 1) < 1e-3);
+  }
+  await close();
+});
+
+test("tables sort, and their CSV is what they show", async () => {
+  const { page, close } = await open(pages[0]);
+  const table = page.locator("#parameters table").first();
+  const shown = () => table.evaluate((t) => Array.from(t.tBodies[0].rows, (r) => Array.from(r.cells, (c) => c.textContent.replace(/\s+/g, " ").trim())));
+  const plain = (text) => (/^[−+]?[\d.]/.test(text) ? text.replaceAll("−", "-") : text);
+  const saved = page.waitForEvent("download");
+  await page.locator("#parameters").getByRole("button", { name: "Save table as CSV" }).first().click();
+  const rows = fields(await contents(saved));
+  assert.deepEqual(rows.slice(1), (await shown()).map((r) => r.map(plain)));
+  const before = await shown();
+  await table.locator("th .sort").first().click();
+  await table.locator("th .sort").first().click();
+  assert.equal(await table.locator("thead tr").last().locator("th").first().getAttribute("aria-sort"), "descending");
+  assert.notDeepEqual(await shown(), before);
+  assert.deepEqual((await shown()).map(String).sort(), before.map(String).sort());
+  await close();
+});
+
+test("pictures are saved as they are, and as images", async () => {
+  const { page, close } = await open(pages[0]);
+  const figure = page.locator("#mac figure").first();
+  const source = await figure.locator("img").evaluate((i) => new TextDecoder().decode(Uint8Array.from(atob(i.src.split(",")[1]), (c) => c.charCodeAt(0))));
+  let saved = page.waitForEvent("download");
+  await figure.getByRole("button", { name: "Save picture as SVG" }).click();
+  assert.equal(await contents(saved), source);
+  saved = page.waitForEvent("download");
+  await figure.getByRole("button", { name: "Save picture as PNG" }).click();
+  const png = readFileSync(await (await saved).path());
+  assert.deepEqual([...png.subarray(1, 4)], [...Buffer.from("PNG")]);
+  await close();
+});
+
+test("functions zoom, and their CSV is what the page holds", async (t) => {
+  const path = pages.find((p) => /"functions":\[\{/.test(readFileSync(p, "utf8")));
+  if (!path) return t.skip("no page has frequency response functions");
+  const { page, close } = await open(path);
+  const plot = page.locator("svg.plot").first();
+  await plot.scrollIntoViewIfNeeded();
+  const range = async () => (await plot.getAttribute("data-range")).split(" ").map(Number);
+  const whole = await range(), box = await plot.boundingBox();
+  await page.mouse.move(box.x + 0.4 * box.width, box.y + 80);
+  await page.mouse.down();
+  await page.mouse.move(box.x + 0.6 * box.width, box.y + 90);
+  await page.mouse.up();
+  const closer = await range();
+  assert.ok(closer[0] > whole[0] && closer[1] < whole[1]);
+  await plot.focus();
+  await page.keyboard.press("0");
+  assert.deepEqual(await range(), whole);
+  const saved = page.waitForEvent("download");
+  await page.getByRole("button", { name: "Save the curves as CSV" }).first().click();
+  const rows = fields(await contents(saved)).slice(1);
+  const values = (await viewOf(page)).functions[0].curves.at(-1);
+  const real = new Float32Array(Uint8Array.from(Buffer.from(values.real.data, "base64")).buffer);
+  const last = rows.slice(-values.freq_hz.shape[0]).map((r) => Number(r[2]));
+  assert.deepEqual(last, Array.from(real.subarray(0, values.freq_hz.shape[0])));
+  await close();
+});
+
+test("without scripts and without WebGL the still pictures are there", async () => {
+  const plain = await browser.newContext({ javaScriptEnabled: false, viewport: { width: 1280, height: 900 } });
+  const page = await plain.newPage();
+  await page.goto(pathToFileURL(pages[0]).href);
+  assert.ok(await page.locator("#mode_shapes figure img").first().isVisible());
+  assert.equal(await page.locator(".viewer, .tools, .live").count(), 0);
+  await plain.close();
+  const without = await chromium.launch({ executablePath: found, args: ["--no-sandbox", "--disable-gpu", "--disable-3d-apis"] });
+  const other = await (await without.newContext()).newPage();
+  await other.goto(pathToFileURL(pages[0]).href);
+  assert.ok(await other.locator("#mode_shapes figure img").first().isVisible());
+  assert.equal(await other.locator(".viewer").count(), 0);
+  await without.close();
+});
+
+for (const path of pages) {
+  for (const scheme of ["light", "dark"]) for (const width of [1280, 800]) {
+    test(`${named(path)}, ${scheme}, ${width} pixels: no serious finding of axe-core, no line wider than the window`, async () => {
+      const { page, close } = await open(path, { colorScheme: scheme, viewport: { width, height: 900 } });
+      const wide = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+      for (const place of ["header", ".viewer", ".live .iterations", "svg.plot", "#parameters"]) {
+        const part = page.locator(place).first();
+        if (!(await part.count())) continue;
+        await part.evaluate((e) => e.scrollIntoView({ block: "start", behavior: "instant" }));
+        await settled(page);
+        await page.screenshot({ path: join(pictures, `${named(path)}-${scheme}-${width}-${place.replace(/\W+/g, "")}.png`) });
+      }
+      assert.equal(wide, 0);
+      await page.evaluate(axe);
+      const { violations } = await page.evaluate(() => globalThis.axe.run(document, { resultTypes: ["violations"] }));
+      const serious = violations.filter((v) => ["serious", "critical"].includes(v.impact));
+      assert.deepEqual(serious.map((v) => `${v.id}: ${v.help}: ${v.nodes.slice(0, 3).map((n) => n.html.slice(0, 120)).join(" | ")}`), []);
+      await close();
+    });
+  }
+  test(`${named(path)}: print shows stills and no controls`, async () => {
+    const { page, close } = await open(path);
+    await page.emulateMedia({ media: "print" });
+    assert.equal(await page.locator(".viewer:visible, .tools:visible, .live:visible").count(), 0);
+    if (await page.locator(".stills").count()) assert.ok(await page.locator(".stills figure img").first().isVisible());
+    await page.pdf({ path: join(pictures, `${named(path)}.pdf`), preferCSSPageSize: true });
+    await close();
+  });
+}

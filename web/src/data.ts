@@ -1,0 +1,67 @@
+// The view document of the page: types as in femtune.reporting.view, and how its arrays are unpacked.
+
+export interface Packed { type: "u1" | "u2" | "u4" | "i2" | "f4"; shape: number[]; data: string; scale: number[]; offset: number[] }
+export interface Pair { test: number; column: number; modes: number[]; weights: number[]; factor: [number, number] }
+export interface Stage {
+  title: string; numbers: number[]; freq_hz: number[]; stored: number[]; motion: Packed; mac: Packed | null;
+  seen: Packed | null; factors: Packed | null; expanded: Packed | null; pairs: Pair[];
+}
+export interface SceneData {
+  configuration: string; note: string; points: Packed; faces: Packed; edges: Packed; lines: Packed; rigid: Packed;
+  stages: Stage[]; places: Packed | null; wire: Packed | null; test: Packed | null; test_imaginary: Packed | null;
+  test_labels: string[]; test_freq_hz: number[];
+}
+export interface Curve { look: string; freq_hz: Packed; real: Packed; imaginary: Packed }
+export interface Functions { configuration: string; ordinate: string; titles: string[]; curves: Curve[]; note: string }
+export interface IterationMode {
+  configuration: string; test_label: string; test_freq_hz: number; freq_hz: (number | null)[]; mac: (number | null)[];
+}
+export interface History {
+  iterations: number[]; objective_percent: number[]; parameters: string[]; units: string[]; nominal: number[];
+  values: number[][]; modes: IterationMode[];
+}
+export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null }
+
+const BYTES = { u1: 1, u2: 2, u4: 4, i2: 2, f4: 4 };
+
+/** The numbers of an array in C order, scaled along its last axis. */
+export function unpack(packed: Packed): Float32Array {
+  const text = atob(packed.data);
+  const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
+  const from = new DataView(bytes.buffer);
+  const size = BYTES[packed.type];
+  const count = bytes.length / size;
+  if (count !== packed.shape.reduce((a, b) => a * b, 1)) throw new Error("an array of the page has the wrong length");
+  const out = new Float32Array(count);
+  const last = packed.shape[packed.shape.length - 1] || 1;
+  for (let i = 0; i < count; i++) {
+    const at = i * size;
+    const raw = packed.type === "f4" ? from.getFloat32(at, true)
+      : packed.type === "i2" ? from.getInt16(at, true)
+      : packed.type === "u1" ? from.getUint8(at)
+      : packed.type === "u2" ? from.getUint16(at, true)
+      : from.getUint32(at, true);
+    const k = i % last;
+    out[i] = (packed.offset.length ? packed.offset[k] : 0) + (packed.scale.length ? packed.scale[k] : 1) * raw;
+  }
+  return out;
+}
+
+/** Rows of points, as whole numbers. */
+export function unpackRows(packed: Packed): Uint32Array {
+  return Uint32Array.from(unpack({ ...packed, scale: [], offset: [] }));
+}
+
+/** Column `k` of the last axis. */
+export function column(values: Float32Array, shape: number[], k: number): Float32Array {
+  const last = shape[shape.length - 1];
+  const out = new Float32Array(values.length / last);
+  for (let i = 0; i < out.length; i++) out[i] = values[i * last + k];
+  return out;
+}
+
+/** The view document of the page; null where the page has none. */
+export function readView(): View | null {
+  const text = document.getElementById("view")?.textContent;
+  return text ? (JSON.parse(text) as View) : null;
+}

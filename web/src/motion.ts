@@ -1,0 +1,93 @@
+// Motions as amplitudes: real and imaginary parts of (n, 3) vectors; what is shown is Re(u · e^{iφ}).
+
+export interface Motion { real: Float32Array; imaginary: Float32Array | null }
+
+/** Σ weight · column of real motions. */
+export function combined(columns: Float32Array[], weights: number[]): Motion {
+  const real = new Float32Array(columns[0].length);
+  columns.forEach((values, k) => { for (let i = 0; i < real.length; i++) real[i] += weights[k] * values[i]; });
+  return { real, imaginary: null };
+}
+
+/** A motion times a complex number. */
+export function times(motion: Motion, [a, b]: [number, number]): Motion {
+  const { real, imaginary } = motion;
+  if (!imaginary && b === 0) return { real: real.map((v) => a * v), imaginary: null };
+  const out = { real: new Float32Array(real.length), imaginary: new Float32Array(real.length) };
+  for (let i = 0; i < real.length; i++) {
+    const im = imaginary ? imaginary[i] : 0;
+    out.real[i] = a * real[i] - b * im;
+    out.imaginary[i] = a * im + b * real[i];
+  }
+  return out;
+}
+
+/** a − b. */
+export function minus(a: Motion, b: Motion): Motion {
+  const part = (x: Float32Array | null, y: Float32Array | null) =>
+    x || y ? Float32Array.from({ length: a.real.length }, (_, i) => (x ? x[i] : 0) - (y ? y[i] : 0)) : null;
+  return { real: part(a.real, b.real)!, imaginary: part(a.imaginary, b.imaginary) };
+}
+
+/** (n,) length of the largest motion of each point: the root of the sum of squares of both parts. */
+export function sizes(motion: Motion): Float32Array {
+  const out = new Float32Array(motion.real.length / 3);
+  for (let i = 0; i < out.length; i++) {
+    let sum = 0;
+    for (let k = 3 * i; k < 3 * i + 3; k++) sum += motion.real[k] ** 2 + (motion.imaginary ? motion.imaginary[k] ** 2 : 0);
+    out[i] = Math.sqrt(sum);
+  }
+  return out;
+}
+
+export const largest = (values: ArrayLike<number>): number => {
+  let most = 0;
+  for (let i = 0; i < values.length; i++) if (values[i] > most) most = values[i];
+  return most;
+};
+
+/** Positions at a phase in radians, into `out`. */
+export function moved(rest: Float32Array, motion: Motion, scale: number, phase: number, out: Float32Array): void {
+  const c = scale * Math.cos(phase), s = scale * Math.sin(phase);
+  const { real, imaginary } = motion;
+  if (imaginary) for (let i = 0; i < out.length; i++) out[i] = rest[i] + c * real[i] - s * imaginary[i];
+  else for (let i = 0; i < out.length; i++) out[i] = rest[i] + c * real[i];
+}
+
+/** Length of the diagonal of the box around the points. */
+export function diagonal(points: Float32Array): number {
+  return Math.hypot(...box(points).map(([low, high]) => high - low)) || 1;
+}
+
+/** Smallest and largest coordinate in each direction. */
+export function box(points: Float32Array): [number, number][] {
+  const out: [number, number][] = [[Infinity, -Infinity], [Infinity, -Infinity], [Infinity, -Infinity]];
+  for (let i = 0; i < points.length; i++) {
+    const side = out[i % 3];
+    if (points[i] < side[0]) side[0] = points[i];
+    if (points[i] > side[1]) side[1] = points[i];
+  }
+  return out;
+}
+
+/**
+ * The factor from a test's shape to a model's: the modal scale factor where the shapes are alike; else the one that makes
+ * their largest motions equal, since the modal scale factor of unlike shapes is small.
+ */
+export function shownFactor(factor: [number, number], mac: number, test: Motion, seen: Motion): [number, number] {
+  if (mac >= 0.5) return factor;
+  const size = Math.hypot(...factor) || 1, most = largest(sizes(test)) || 1;
+  const wanted = largest(sizes(seen)) / most;
+  return [(wanted * factor[0]) / size || wanted, (wanted * factor[1]) / size];
+}
+
+/** Two triangles of each quadrilateral (f, 4); one where the fourth corner is the third. */
+export function triangles(faces: Uint32Array): Uint32Array {
+  const out: number[] = [];
+  for (let i = 0; i < faces.length; i += 4) {
+    const [a, b, c, d] = faces.subarray(i, i + 4);
+    out.push(a, b, c);
+    if (d !== c) out.push(a, c, d);
+  }
+  return Uint32Array.from(out);
+}

@@ -1,0 +1,40 @@
+// What the page can do besides moving shapes: tables, pictures, functions and iterations.
+
+import { readView } from "./data.ts";
+import { h } from "./dom.ts";
+import { FunctionPlot } from "./functions.ts";
+import { Iterations } from "./iterations.ts";
+import { enhancePicture } from "./pictures.ts";
+import { enhance } from "./tables.ts";
+
+/** Rows of the tables of modes show their pair in the window of moving shapes. */
+function linkPairs(configurations: string[]): void {
+  for (const table of document.querySelectorAll<HTMLTableElement>("#modes table")) {
+    const configuration = table.caption?.textContent?.trim() ?? "";
+    if (!configurations.includes(configuration)) continue;
+    for (const row of table.tBodies[0].rows) {
+      const head = row.cells[0], label = head.textContent!.trim();
+      const show = () => document.dispatchEvent(new CustomEvent("femtune:pair", { detail: { configuration, label } }));
+      const button = h("button", { type: "button", class: "show", "aria-label": `Show the shapes of test mode ${label}`, title: "Show the shapes", click: show }, label);
+      head.replaceChildren(button);
+    }
+  }
+}
+
+/** Something that answers, at the head of a section. */
+function atHead(id: string, ...elements: HTMLElement[]): void {
+  const section = document.getElementById(id) ?? document.getElementById("fit");
+  const last = Array.from(section?.children ?? []).find((c) => c.tagName === "FIGURE" || c.tagName === "H3" || c.classList.contains("scroll"));
+  if (section) section.insertBefore(h("div", { class: "live" }, ...elements), last ?? section.children[1] ?? null);
+}
+
+const view = readView();
+for (const table of document.querySelectorAll<HTMLTableElement>(".scroll table")) enhance(table);
+for (const figure of document.querySelectorAll<HTMLElement>("figure")) enhancePicture(figure);
+if (view?.scenes.length) linkPairs(view.scenes.filter((s) => s.test).map((s) => s.configuration));
+if (view?.functions.length) {
+  const several = view.functions.length > 1;
+  const plots = view.functions.flatMap((f) => [...(several ? [h("h3", {}, f.configuration)] : []), new FunctionPlot(f).element]);
+  atHead("responses", h("h3", {}, "Look closer"), ...plots);
+}
+if (view?.history) atHead("convergence", new Iterations(view.history).element);

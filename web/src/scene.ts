@@ -1,0 +1,182 @@
+// Both sides of a configuration: the model on its mesh, the test on its wire frame.
+
+import { BufferAttribute, Color, DirectionalLight, AmbientLight, Scene } from "three";
+import { column, unpack, unpackRows, type Packed, type SceneData, type Stage } from "./data.ts";
+import { Arrows, colours, Dots, Faces, thinLines, WideLines } from "./drawing.ts";
+import { combined, diagonal, largest, minus, moved, shownFactor, sizes, times, triangles, type Motion } from "./motion.ts";
+
+export type Colouring = "displacement" | "difference";
+export interface Theme { dark: boolean; ink: string; rest: string; model: string; test: string }
+
+/** What is shown: a row of the test's modes (null without a test) and a column of the model's. */
+export interface Chosen { test: number | null; column: number }
+
+
+export class SceneOf {
+  readonly model = new Scene();
+  readonly test = new Scene();
+  readonly points: Float32Array;
+  readonly size: number;
+  readonly places: Float32Array | null;
+  factor: [number, number] = [1, 0];
+  alike = true;
+  private readonly shapes = new Map<Packed, Float32Array>();
+  private readonly rest: BufferAttribute;
+  private modelMotion: Motion | null = null;
+  private testMotion: Motion | null = null;
+  private expandedMotion: Motion | null = null;
+  private scale = 0;
+  private readonly modelSide: ModelSide;
+  private readonly testSide: TestSide | null;
+  private readonly expandedSide: ModelSide | null;
+
+  constructor(readonly data: SceneData, private readonly theme: Theme) {
+    this.points = unpack(data.points);
+    this.size = diagonal(this.points);
+    this.rest = new BufferAttribute(this.points.slice(), 3);
+    this.places = data.places ? unpack(data.places) : null;
+    this.modelSide = new ModelSide(this.points, data, theme, this.model);
+    const expandable = data.stages.some((s) => s.expanded);
+    this.expandedSide = expandable ? new ModelSide(this.points, data, theme, this.test) : null;
+    this.testSide = this.places ? new TestSide(this.places, unpackRows(data.wire!), this.size, theme, this.test) : null;
+    for (const scene of [this.model, this.test]) this.light(scene);
+    this.model.add(this.ghost());
+    if (!expandable) this.test.add(this.ghost());
+  }
+
+  get hasTest(): boolean { return this.places !== null && this.data.test !== null; }
+  get expanded(): boolean { return this.expandedSide !== null; }
+
+  /** Take up a shape. */
+  choose(stage: Stage, chosen: Chosen): void {
+    const pair = stage.pairs.find((p) => p.test === chosen.test && p.column === chosen.column);
+    const [modes, weights] = pair ? [pair.modes.map((n) => n - 1), pair.weights] : [[chosen.column], [1]];
+    const stored = modes.map((j) => stage.stored.indexOf(j));
+    if (stored.some((k) => k < 0)) throw new Error("the shape is not stored");
+    this.modelMotion = combined(stored.map((k) => this.column(stage.motion, k)), weights);
+    this.testMotion = this.expandedMotion = null;
+    if (chosen.test !== null && this.hasTest && stage.seen && stage.factors && stage.mac) this.chooseTest(stage, chosen.test, chosen.column, pair?.factor, combined(modes.map((j) => this.column(stage.seen!, j)), weights));
+    const most = largest(sizes(this.modelMotion)) || 1;
+    this.scale = (0.13 * this.size) / most;
+  }
+
+  private chooseTest(stage: Stage, test: number, at: number, given: [number, number] | undefined, seen: Motion): void {
+    const { data } = this;
+    const motion = { real: this.column(data.test!, test), imaginary: data.test_imaginary ? this.column(data.test_imaginary, test) : null };
+    const factors = this.unpacked(stage.factors!), count = stage.numbers.length, k = 2 * (test * count + at);
+    const mac = this.unpacked(stage.mac!)[test * count + at];
+    this.alike = given !== undefined || mac >= 0.5;
+    this.factor = shownFactor(given ?? [factors[k], factors[k + 1]], given ? 1 : mac, motion, seen);
+    this.testMotion = times(motion, this.factor);
+    this.testSide!.choose(this.testMotion, minus(seen, this.testMotion));
+    if (stage.expanded) {
+      const real = [Math.sign(this.factor[0] || 1) * Math.hypot(...this.factor), 0] as [number, number];
+      this.expandedMotion = times({ real: this.column(stage.expanded, test), imaginary: null }, real);
+    }
+  }
+
+  /** Colour of the model, and of the test where it is expanded or compared at the sensors. */
+  paint(colouring: Colouring): void {
+    if (!this.modelMotion) return;
+    const { dark } = this.theme;
+    const amount = sizes(this.modelMotion), most = largest(amount) || 1;
+    const part = amount.map((v) => v / most);
+    let values: Float32Array = part;
+    if (colouring === "difference" && this.expandedMotion) values = sizes(minus(this.modelMotion, this.expandedMotion)).map((v) => v / most);
+    this.modelSide.paint(colours(values, dark));
+    if (this.expandedMotion) this.expandedSide!.paint(colours(colouring === "difference" ? values : sizes(this.expandedMotion).map((v) => v / most), dark));
+    this.testSide?.paint(colouring === "difference" ? most : null);
+  }
+
+  /** Move all to a phase in radians. */
+  move(phase: number, factor: number, arrows: boolean): void {
+    const s = factor * this.scale;
+    if (this.modelMotion) this.modelSide.follow(this.modelMotion, s, phase);
+    if (this.expandedMotion) this.expandedSide!.follow(this.expandedMotion, s, phase);
+    if (this.testMotion) this.testSide!.follow(this.testMotion, s, phase, arrows);
+  }
+
+  private column(packed: Packed, k: number): Float32Array { return column(this.unpacked(packed), packed.shape, k); }
+
+  private unpacked(packed: Packed): Float32Array {
+    if (!this.shapes.has(packed)) this.shapes.set(packed, unpack(packed));
+    return this.shapes.get(packed)!;
+  }
+
+  private ghost() {
+    const { data } = this;
+    const rows = [data.edges, data.lines].flatMap((p) => Array.from(unpackRows(p)));
+    return thinLines(this.rest, Uint32Array.from(rows), this.theme.rest, data.faces.shape[0] ? 0.35 : 0.9);
+  }
+
+  private light(scene: Scene): void {
+    const sun = new DirectionalLight(0xffffff, 1.6);
+    sun.name = "sun";
+    scene.add(new AmbientLight(0xffffff, 2.0), sun, sun.target);
+  }
+}
+
+class ModelSide {
+  private readonly now: Float32Array;
+  private readonly attribute: BufferAttribute;
+  private readonly faces: Faces | null;
+  private readonly lines: WideLines;
+  private readonly rigid: WideLines;
+
+  constructor(private readonly points: Float32Array, data: SceneData, theme: Theme, scene: Scene) {
+    this.now = points.slice();
+    this.attribute = new BufferAttribute(this.now, 3);
+    this.faces = data.faces.shape[0] ? new Faces(this.attribute, triangles(unpackRows(data.faces))) : null;
+    // lines take the colours of the motion where there are no faces, on which they would drown
+    this.lines = new WideLines(unpackRows(data.lines), this.faces ? 1.6 : 3, this.faces ? theme.ink : null);
+    this.rigid = new WideLines(unpackRows(data.rigid), 1, theme.rest);
+    if (this.faces) scene.add(this.faces.object, thinLines(this.attribute, unpackRows(data.edges), theme.ink, data.faces.shape[0] > 3000 ? 0.5 : 0.3));
+    if (data.lines.shape[0]) scene.add(this.lines.object);
+    if (data.rigid.shape[0]) scene.add(this.rigid.object);
+  }
+  paint(values: Float32Array): void {
+    this.faces?.paint(values);
+    if (!this.faces) this.lines.paint(values);
+  }
+  follow(motion: Motion, scale: number, phase: number): void {
+    moved(this.points, motion, scale, phase, this.now);
+    this.attribute.needsUpdate = true;
+    this.lines.follow(this.now);
+    this.rigid.follow(this.now);
+  }
+}
+
+class TestSide {
+  private readonly now: Float32Array;
+  private readonly attribute: BufferAttribute;
+  private readonly wire: WideLines;
+  private readonly dots: Dots;
+  private readonly arrows: Arrows;
+  private difference: Float32Array = new Float32Array(0);
+
+  constructor(private readonly places: Float32Array, wire: Uint32Array, size: number, private readonly theme: Theme, scene: Scene) {
+    this.now = places.slice();
+    this.attribute = new BufferAttribute(this.now, 3);
+    this.wire = new WideLines(wire, 2.4, theme.test);
+    this.dots = new Dots(this.attribute, 6);
+    this.arrows = new Arrows(places, 0.025 * size, theme.test);
+    if (wire.length) scene.add(this.wire.object);
+    scene.add(this.dots.object, this.arrows.object);
+  }
+  choose(_motion: Motion, difference: Motion): void { this.difference = sizes(difference); }
+  /** Dots in the colour of the test, or of the difference to the model relative to the largest motion `most`. */
+  paint(most: number | null): void {
+    const plain = new Color(this.theme.test);
+    const values = most === null
+      ? Float32Array.from({ length: this.places.length }, (_, i) => plain.toArray()[i % 3])
+      : colours(this.difference.map((v) => v / most), this.theme.dark);
+    this.dots.paint(values);
+  }
+  follow(motion: Motion, scale: number, phase: number, arrows: boolean): void {
+    moved(this.places, motion, scale, phase, this.now);
+    this.attribute.needsUpdate = true;
+    this.wire.follow(this.now);
+    this.arrows.object.visible = arrows;
+    if (arrows) this.arrows.follow(this.now);
+  }
+}

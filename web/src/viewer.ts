@@ -1,0 +1,284 @@
+// The window with moving mode shapes: test and model of a pair side by side or over each other, in the same view.
+
+import { OrthographicCamera, Vector3, WebGLRenderer, type Scene } from "three";
+import { readView, unpack, type Stage, type View } from "./data.ts";
+import { scaleStops } from "./drawing.ts";
+import { choice, fileName, h, labelled, save, shown } from "./dom.ts";
+import { MatrixGrid, type MatrixCell } from "./matrix.ts";
+import { box } from "./motion.ts";
+import { control, homeOf, Orbit } from "./orbit.ts";
+import { SceneOf, type Chosen, type Colouring, type Theme } from "./scene.ts";
+
+const COLOURINGS: [Colouring, string][] = [["displacement", "displacement"], ["difference", "difference to the test"]];
+const KEYS = "Drag to turn, shift and drag to move, wheel to zoom once the picture has the focus. Keys: arrows turn, + and − zoom, 0 resets the view, space starts and stops the motion.";
+
+export class Viewer {
+  readonly element: HTMLElement;
+  private readonly dark = matchMedia("(prefers-color-scheme: dark)");
+  private readonly renderer: WebGLRenderer;
+  private readonly camera = new OrthographicCamera();
+  private readonly canvas: HTMLCanvasElement;
+  private readonly title = h("p", { class: "shown", "aria-live": "polite" });
+  private readonly remark = h("p", { class: "note" });
+  private readonly list = h("div", { class: "choices" });
+  private readonly legend = h("p", { class: "legend" });
+  private readonly names = [h("span", { class: "name" }, "Test"), h("span", { class: "name" }, "Model")];
+  private readonly play: HTMLButtonElement;
+  private readonly phase: HTMLInputElement;
+  private readonly scale: HTMLInputElement;
+  private readonly speed: HTMLInputElement;
+  private readonly arrows: HTMLInputElement;
+  private readonly configuration;
+  private readonly version;
+  private readonly colouring;
+  private readonly layout;
+  private scene!: SceneOf;
+  private orbit!: Orbit;
+  private centre = new Vector3();
+  private extent: number[] = [1, 1];
+  private grid: MatrixGrid | null = null;
+  private cells: MatrixCell[][] = [];
+  private chosen: Chosen = { test: null, column: 0 };
+  private running = false;
+  private visible = true;
+  private last = 0;
+  private dirty = true;
+
+  constructor(private readonly view: View) {
+    this.canvas = h("canvas", { tabindex: 0, role: "img", "aria-label": "Moving mode shape", "aria-describedby": "viewer-keys" });
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+    this.renderer.autoClear = false;
+    const range = (low: number, high: number, step: number, value: number) =>
+      h("input", { type: "range", min: low, max: high, step, value, input: () => this.redraw() });
+    this.play = h("button", { type: "button", class: "play", click: () => this.run(!this.running) }, "Play");
+    this.phase = range(0, 360, 1, 0);
+    this.phase.addEventListener("input", () => this.run(false));
+    this.scale = range(0, 3, 0.05, 1);
+    this.speed = range(0.1, 3, 0.1, 1);
+    this.arrows = h("input", { type: "checkbox", checked: true, change: () => this.redraw() });
+    this.configuration = choice("Configuration", view.scenes.map((s) => s.configuration), (k) => this.open(k));
+    this.version = choice("Model", ["before", "after"], () => this.fill());
+    this.colouring = choice("Colour", COLOURINGS.map(([, text]) => text), () => this.repaint());
+    this.layout = choice("Windows", ["side by side", "overlaid"], () => this.redraw());
+    const look = (name: string, azimuth: number, elevation: number) =>
+      h("button", { type: "button", "aria-label": `View along ${name}`, click: () => { this.orbit.look(azimuth, elevation); this.redraw(); } }, name);
+    const views = h("span", { class: "views", role: "group", "aria-label": "View" },
+      look("x", 0, 0), look("y", -Math.PI / 2, 0), look("z", -Math.PI / 2, Math.PI / 2),
+      h("button", { type: "button", click: () => { this.orbit.reset(); this.redraw(); } }, "reset"));
+    const picture = h("button", { type: "button", click: () => this.savePicture(), "aria-label": "Save picture as PNG" }, "PNG");
+    const tools = h("div", { class: "controls" }, this.play, labelled("Phase", this.phase), labelled("Scale", this.scale),
+      labelled("Speed", this.speed), this.colouring.label, this.layout.label, labelled("Arrows", this.arrows), views, picture);
+    const stage = h("div", { class: "stage" }, this.canvas, ...this.names);
+    const window_ = h("div", { class: "window" }, this.title, stage, this.legend, tools, this.remark, h("p", { class: "note", id: "viewer-keys" }, KEYS));
+    const choices = h("div", { class: "side" }, h("div", { class: "controls" }, this.configuration.label, this.version.label), this.list);
+    this.element = h("div", { class: "viewer", role: "group", "aria-label": "Moving mode shapes" }, choices, window_);
+    control(this.canvas, () => this.orbit, () => this.redraw());
+    this.canvas.addEventListener("keydown", (e) => { if (e.key === " ") { e.preventDefault(); this.run(!this.running); } });
+    this.dark.addEventListener("change", () => this.open(this.configuration.select.selectedIndex));
+  }
+
+  /** Begin, once the element is part of the page. */
+  start(): void {
+    this.open(0);
+    new ResizeObserver(() => this.redraw()).observe(this.canvas);
+    new IntersectionObserver((found) => { this.visible = found[found.length - 1].isIntersecting; }).observe(this.canvas);
+    this.run(!matchMedia("(prefers-reduced-motion: reduce)").matches);
+    requestAnimationFrame((now) => this.frame(now));
+  }
+
+  /** Show the pair of a test mode, of a row of a table of the page; false where it has none. */
+  showPair(configuration: string, label: string): boolean {
+    const k = this.view.scenes.findIndex((s) => s.configuration === configuration);
+    const test = this.view.scenes[k]?.test_labels.indexOf(label) ?? -1;
+    if (test < 0) return false;
+    if (k !== this.configuration.select.selectedIndex) { this.configuration.select.selectedIndex = k; this.open(k); }
+    const pair = this.stage.pairs.find((p) => p.test === test);
+    if (pair) this.choose({ test, column: pair.column });
+    return pair !== undefined;
+  }
+
+  private get stage(): Stage { return this.scene.data.stages[this.version.select.selectedIndex]; }
+
+  private theme(): Theme {
+    return this.dark.matches
+      ? { dark: true, ink: "#d5dde5", rest: "#66727e", model: "#66a5d8", test: "#f0924c" }
+      : { dark: false, ink: "#1d2733", rest: "#98a4b0", model: "#1f5a92", test: "#b4530f" };
+  }
+
+  private open(k: number): void {
+    const data = this.view.scenes[k], theme = this.theme();
+    this.scene = new SceneOf(data, theme);
+    const around = box(this.scene.points);
+    this.centre = new Vector3(...around.map(([low, high]) => 0.5 * (low + high)));
+    const half = around.map(([low, high]) => 0.5 * (high - low));
+    this.orbit = new Orbit(homeOf(half));
+    this.extent = this.orbit.axes().slice(0, 2).map((axis) => 1.25 * axis.reduce((sum, a, i) => sum + Math.abs(a) * half[i], 0) + 0.02 * this.scene.size);
+    const stages = this.version.select;
+    stages.replaceChildren(...data.stages.map((s) => h("option", {}, s.title)));
+    stages.selectedIndex = data.stages.length - 1;
+    this.version.label.hidden = data.stages.length < 2;
+    const usable: Record<Colouring, boolean> = { displacement: true, difference: this.scene.hasTest };
+    COLOURINGS.forEach(([name], i) => { this.colouring.select.options[i].disabled = !usable[name]; });
+    this.colouring.select.selectedIndex = 0;
+    this.layout.label.hidden = !this.scene.hasTest;
+    this.arrows.parentElement!.hidden = !this.scene.hasTest;
+    this.legend.replaceChildren("no motion ", ...scaleStops(theme.dark).map(swatch), " largest");
+    this.remark.textContent = data.note;
+    this.remark.hidden = !data.note;
+    const first = this.stage.pairs[0];
+    this.chosen = first ? { test: first.test, column: first.column } : { test: null, column: this.stage.stored.find((j) => this.stage.freq_hz[j] > 1e-3) ?? this.stage.stored[0] };
+    this.fill();
+  }
+
+  /** The choices of the stage: a MAC matrix, or a list of modes without a test. */
+  private fill(): void {
+    const { stage } = this, { data } = this.scene;
+    this.grid = null;
+    if (this.scene.hasTest && stage.mac) this.fillMatrix(unpack(stage.mac));
+    else this.list.replaceChildren(h("div", { class: "modes", role: "group", "aria-label": "Modes" }, ...stage.stored.map((j) =>
+      h("button", { type: "button", "aria-pressed": "false", click: () => this.choose({ test: null, column: j }) }, `${stage.numbers[j]}: ${shown(stage.freq_hz[j])} Hz`))));
+    // the same test mode at another model version may have another partner
+    const pair = stage.pairs.find((p) => p.test === this.chosen.test);
+    const column = pair ? pair.column : stage.stored.includes(this.chosen.column) ? this.chosen.column : stage.stored[0];
+    this.element.dataset.configuration = data.configuration;
+    this.choose({ test: this.chosen.test, column });
+  }
+
+  private fillMatrix(mac: Float32Array): void {
+    const { stage } = this, { data } = this.scene, count = stage.numbers.length;
+    const paired = new Set(stage.pairs.map((p) => p.column));
+    const columns = stage.stored.filter((j) => paired.has(j) || stage.freq_hz[j] > 1e-3);
+    this.cells = data.test_labels.map((label, i) => columns.map((j) => {
+      const value = mac[i * count + j], pair = stage.pairs.some((p) => p.test === i && p.column === j);
+      const text = value < 0 ? "MAC not tested" : `MAC ${value.toFixed(2)}`;
+      const words = `Test mode ${label}, ${shown(data.test_freq_hz[i])} Hz; model mode ${stage.numbers[j]}, ${shown(stage.freq_hz[j])} Hz; ${text}${pair ? "; pair" : ""}`;
+      return { row: i, column: j, value, pair, label: words, disabled: false };
+    }));
+    const rows = data.test_labels.map((label, i) => `${label}: ${shown(data.test_freq_hz[i], 3)} Hz`);
+    this.grid = new MatrixGrid("MAC: click a cell to see both shapes. Rows: test; columns: model; framed: pairs.", rows,
+      columns.map((j) => String(stage.numbers[j])), this.cells, (cell) => this.choose({ test: cell.row, column: cell.column }));
+    this.list.replaceChildren(h("div", { class: "scroll" }, this.grid.element));
+  }
+
+  private choose(chosen: Chosen): void {
+    this.chosen = chosen;
+    this.scene.choose(this.stage, chosen);
+    const { stage } = this, { data } = this.scene;
+    const model = `model mode ${stage.numbers[chosen.column]}, ${shown(stage.freq_hz[chosen.column])} Hz`;
+    if (chosen.test === null) {
+      this.title.textContent = model[0].toUpperCase() + model.slice(1);
+      for (const [k, b] of Array.from(this.list.querySelectorAll("button")).entries()) b.setAttribute("aria-pressed", String(stage.stored[k] === chosen.column));
+    } else {
+      const hz = data.test_freq_hz[chosen.test], error = 100 * (stage.freq_hz[chosen.column] / hz - 1);
+      const cell = this.cells[chosen.test].find((c) => c.column === chosen.column);
+      const mac = cell && cell.value >= 0 ? `, MAC ${cell.value.toFixed(3)}` : "";
+      const scaled = this.scene.alike ? "" : "; the shapes are unlike and are scaled to the same largest motion";
+      this.title.textContent = `Test mode ${data.test_labels[chosen.test]}, ${shown(hz)} Hz, and ${model} (${error > 0 ? "+" : ""}${shown(error, 3)} %${mac})${scaled}`;
+      this.grid?.mark(chosen.test, this.cells[chosen.test].findIndex((c) => c.column === chosen.column));
+    }
+    this.element.dataset.shown = `${chosen.test ?? ""}|${chosen.column}`;
+    this.canvas.setAttribute("aria-label", `Moving mode shape. ${this.title.textContent}`);
+    this.repaint();
+  }
+
+  private repaint(): void {
+    this.scene.paint(COLOURINGS[this.colouring.select.selectedIndex][0]);
+    this.redraw();
+  }
+
+  private run(on: boolean): void {
+    this.running = on;
+    this.play.textContent = on ? "Pause" : "Play";
+    this.last = 0;
+  }
+
+  private redraw(): void { this.dirty = true; }
+
+  private frame(now: number): void {
+    requestAnimationFrame((next) => this.frame(next));
+    if (this.running && this.visible && !document.hidden) {
+      const seconds = this.last ? Math.min(0.1, (now - this.last) / 1000) : 0;
+      this.phase.value = String((Number(this.phase.value) + 240 * Number(this.speed.value) * seconds) % 360);
+      this.last = now;
+      this.dirty = true;
+    }
+    if (this.dirty) this.draw();
+  }
+
+  private draw(): void {
+    this.dirty = false;
+    const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
+    if (!width || !height) return;
+    const ratio = Math.min(devicePixelRatio, 2);
+    if (this.canvas.width !== Math.round(width * ratio) || this.canvas.height !== Math.round(height * ratio)) {
+      this.renderer.setPixelRatio(ratio);
+      this.renderer.setSize(width, height, false);
+    }
+    this.scene.move((Number(this.phase.value) * Math.PI) / 180, Number(this.scale.value), this.arrows.checked);
+    const overlaid = this.layout.select.selectedIndex === 1, both = this.scene.hasTest && this.chosen.test !== null;
+    this.names[0].hidden = this.names[1].hidden = !both;
+    this.names[0].textContent = overlaid ? "Test and model" : "Test";
+    this.names[1].hidden ||= overlaid;
+    this.renderer.setScissorTest(true);
+    if (both && !overlaid) {
+      const half = Math.floor(width / 2);
+      this.render([this.scene.test], 0, half, height);
+      this.render([this.scene.model], half, width - half, height);
+    } else this.render(both ? [this.scene.model, this.scene.test] : [this.scene.model], 0, width, height);
+  }
+
+  private render(scenes: Scene[], left: number, width: number, height: number): void {
+    const [right, up, out] = this.orbit.axes(), wide = width / height;
+    // the whole structure as it was seen at first, also in a narrow window
+    const y = Math.max(this.extent[1], this.extent[0] / wide) / this.orbit.zoom, x = wide * y;
+    Object.assign(this.camera, { left: -x, right: x, top: y, bottom: -y, near: 0, far: 20 * this.scene.size });
+    const at = this.centre.clone().addScaledVector(new Vector3(...right), -this.orbit.pan[0] * y * 0.5).addScaledVector(new Vector3(...up), -this.orbit.pan[1] * y * 0.5);
+    this.camera.up.set(...(up as [number, number, number]));
+    this.camera.position.copy(at).addScaledVector(new Vector3(...out), 10 * this.scene.size);
+    this.camera.lookAt(at);
+    this.camera.updateProjectionMatrix();
+    for (const scene of scenes) {
+      const sun = scene.getObjectByName("sun")!;
+      sun.position.set(0, 0, 0).addScaledVector(new Vector3(...out), 1).addScaledVector(new Vector3(...up), 0.6).addScaledVector(new Vector3(...right), -0.4);
+    }
+    this.renderer.setViewport(left, 0, width, height);
+    this.renderer.setScissor(left, 0, width, height);
+    this.renderer.clear();
+    for (const scene of scenes) this.renderer.render(scene, this.camera);
+  }
+
+  private savePicture(): void {
+    this.draw();
+    this.canvas.toBlob((blob) => { if (blob) save(fileName(this.title.textContent ?? "", "png"), blob); }, "image/png");
+  }
+}
+
+function swatch(colour: string): HTMLElement {
+  const one = h("i");
+  one.style.backgroundColor = colour;
+  return one;
+}
+
+/** Put the viewer before the still pictures, which are then folded; leave the page as it is without WebGL. */
+function install(): void {
+  const view = readView();
+  const section = document.getElementById("mode_shapes") ?? document.getElementById("pictures");
+  if (!view?.scenes.length || !section) return;
+  let viewer: Viewer;
+  try {
+    viewer = new Viewer(view);
+  } catch {
+    section.querySelector("h2")?.after(h("p", { class: "muted" }, "This browser has no WebGL: the shapes are shown in still pictures."));
+    return;
+  }
+  const stills = h("details", { class: "stills" }, h("summary", {}, "Still pictures"));
+  stills.append(...Array.from(section.children).filter((c) => c.tagName !== "H2"));
+  section.append(viewer.element, stills);
+  viewer.start();
+  document.addEventListener("femtune:pair", (e) => {
+    const { configuration, label } = (e as CustomEvent<{ configuration: string; label: string }>).detail;
+    if (viewer.showPair(configuration, label)) viewer.element.scrollIntoView({ block: "start" });
+  });
+}
+
+install();
