@@ -129,6 +129,14 @@ class Measured:
         return np.arange(self.band_hz[0], self.band_hz[1] + 1e-9, self.step_hz)
 
 
+def deviation_sd(test: FrfSet, measured: Measured, band_hz: tuple[float, float]) -> Reals:
+    """(outputs, inputs) σ of δ by the noise if the model is right: of the mean of squares of log₁₀(1 + noise/H)."""
+    inside = (test.freq_hz >= band_hz[0]) & (test.freq_hz <= band_hz[1])
+    size = np.abs(test.values[:, :, inside])
+    sd = np.hypot(measured.relative, measured.floor * size.max(axis=2, keepdims=True) / size) / np.log(10.0)
+    return np.asarray(np.sqrt((4.0 * sd**4).sum(axis=2)) / inside.sum())
+
+
 FREE = State("free", False, (100.0, 400.0))
 LOADED = State("mass-loaded", True, (40.0, 225.0))
 
@@ -142,11 +150,13 @@ class Laboratory:
     n_dofs : of the mesh
     parameters : 9 or 15
     channels : 47 or 56: triaxial accelerometers and single ones
+    exciters : 1 or 2
     """
 
     n_dofs: int
     parameters: int = 9
     channels: int = 47
+    exciters: int = 2
 
     @cached_property
     def mesh(self) -> Subframe:
@@ -201,9 +211,9 @@ class Laboratory:
 
     @property
     def inputs(self) -> list[str]:
-        """Two shakers: one upright on a side member, one across at the other end."""
+        """Shakers: one upright on a side member, one across at the other end."""
         first, second = self.mesh.sensors[0], self.mesh.sensors[1]
-        return [f"{first}Z+", f"{second}Y+"]
+        return [f"{first}Z+", f"{second}Y+"][: self.exciters]
 
     @property
     def outputs(self) -> list[str]:

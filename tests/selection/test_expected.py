@@ -11,6 +11,7 @@ import pytest
 from femtune.residuals import Evaluation, ResidualBlock
 from femtune.residuals.weights import LineSamples
 from femtune.selection.expected import expected_knowledge
+from femtune.updating.covariance import Box, parameter_covariance
 
 PRIOR = np.array([0.1, 0.2, 0.3])
 NAMES = ("a", "b", "c")
@@ -113,6 +114,20 @@ def test_residuals_of_an_identified_test_larger_than_its_noise_increase_the_devi
         told = any("times as large as the noise" in s for s in found.sentences(np.ones(3)))
         assert told == (misfit > 1.0)
         assert expected_knowledge(at, PRIOR, NAMES).misfit == 1.0
+        # one covariance serves the table of the update, too: that of Jᵀe gives the same standard deviations
+        assert found.noise is not None
+        moving, none = np.ones(3, bool), np.zeros((0, 3))
+        table = parameter_covariance(
+            at.residuals, J, at.kinds, none, ~moving, PRIOR, moving, "estimated", noise=found.noise
+        )
+        np.testing.assert_allclose(table.sd, found.together, rtol=1e-9)
+        wide = Box(np.zeros(3), np.full(3, -9.0), np.full(3, 9.0), np.zeros(0), np.zeros(3))
+        within = parameter_covariance(
+            at.residuals, J, at.kinds, none, ~moving, PRIOR, moving, box=wide, noise=found.noise
+        ).posterior
+        assert within is not None
+        # by samples
+        np.testing.assert_allclose(np.sqrt(np.diag(within.covariance)), found.together, rtol=0.03)
 
 
 def test_residuals_as_large_as_the_noise_are_no_misfit() -> None:

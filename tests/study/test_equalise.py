@@ -80,6 +80,11 @@ def test_stiffness_is_found_whatever_the_damping(bench: Bench, more: str) -> Non
     (record,) = update.residual_counts
     assert record.rms_after is not None
     assert record.rms_after < 1.0
+    # one covariance: the table of the update and what the data tell of the parameters
+    assert update.fisher is not None
+    for p, q in zip(update.parameters, update.fisher.parameters):
+        assert q.sd_percent is not None
+        assert p.sd == pytest.approx(0.01 * q.sd_percent * p.value, rel=1e-6)
     # the damping ratios of the test come back to the modes that they belong to
     (mapped,) = run.results.mapped_damping
     assert mapped.equalised_percent == pytest.approx(2.0)

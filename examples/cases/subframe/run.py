@@ -19,12 +19,11 @@ import numpy as np
 from studies import FLOOR, WEIGHT, Compared, Effort, equalised, held_out
 
 from femtune import steps
-from femtune.arrays import Reals
 from femtune.modal import FrfSet
 from femtune.results.frf_deviation import ChannelDeviation
 from femtune.results.mapped_damping import MappedDamping, MappedMode
 from femtune.results.step_results import RunResult
-from structures.subframe_campaign import FREE, Laboratory, Measured
+from structures.subframe_campaign import FREE, Laboratory, Measured, deviation_sd
 
 HERE = Path(__file__).resolve().parent
 MAC, WITHIN, LIMIT = 0.95, 2.0, 3.0
@@ -89,21 +88,14 @@ class Calibrated:
     @property
     def held_out(self) -> list[tuple[ChannelDeviation, float]]:
         """Held-out FRFs, and σ of δ by the noise."""
-        noise = dict(zip(self._labels, self._noise().ravel().tolist()))
+        sd = deviation_sd(self.test, self.compared.measured, self.compared.band_hz)
+        noise = dict(zip(self._labels, sd.ravel().tolist()))
         return [(c, noise[c.output, c.input]) for c in _channels(self.run, "validation")]
 
     @property
     def _labels(self) -> list[tuple[str, str]]:
         outputs, inputs = self.test.responses.labels(), self.test.references.labels()
         return [(o, i) for o in outputs for i in inputs]
-
-    def _noise(self) -> Reals:
-        """(outputs, inputs) σ of δ if the model is right: of the mean of squares of log₁₀(1 + noise/H)."""
-        low, high = self.compared.band_hz
-        inside = (self.test.freq_hz >= low) & (self.test.freq_hz <= high)
-        size, noise = np.abs(self.test.values[:, :, inside]), self.compared.measured
-        sd = np.hypot(noise.relative, noise.floor * size.max(axis=2, keepdims=True) / size) / np.log(10.0)
-        return np.asarray(np.sqrt((4.0 * sd**4).sum(axis=2)) / inside.sum())
 
     def sums(self) -> dict[str, tuple[float, float]]:
         """Mean δ before and after: equalised FRFs of the calibration set, measured ones of the validation set."""

@@ -56,6 +56,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_silent_modes(study),
         *_of_residuals(study),
         *_of_truncation(results),
+        *_of_left_out_modes(results),
         *_of_frfs_alone(study, results),
         *(told for r in results.responses for told in r.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
@@ -79,6 +80,16 @@ def _of_truncation(results: Results) -> Iterable[Alert]:
     for found in () if results.update is None else results.update.frf_truncation:
         if not found.small:
             yield alert("warning", "residual.frf-truncated", configuration=found.configuration, outcome=found.sentence)
+
+
+def _of_left_out_modes(results: Results) -> Iterable[Alert]:
+    """Modes that are left out of FRFs and changed their shapes."""
+    for one in () if results.update is None else results.update.left_out_modes:
+        if not one.resembles:
+            yield alert(
+                "warning", "residual.left-out-mode-lost", configuration=one.configuration, before=one.before,
+                before_hz=one.before_hz, after=one.after, after_hz=one.after_hz, correlation=one.correlation,
+            )  # fmt: skip
 
 
 def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:

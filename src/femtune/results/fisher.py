@@ -8,7 +8,7 @@ import numpy as np
 
 from femtune.results.base import Record
 from femtune.selection import estimated_size
-from femtune.selection.expected import expected_knowledge
+from femtune.selection.expected import ExpectedKnowledge, expected_knowledge
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,10 +54,10 @@ class FisherResults(Record):
     """The same in words."""
 
 
-def fisher_results(
+def known_of_frfs(
     study: Study, at: Evaluation, stage: Literal["before", "after"], active: Sequence[str] | None = None
-) -> FisherResults | None:
-    """The information at an evaluation; None for studies without residuals of measured FRFs.
+) -> ExpectedKnowledge | None:
+    """What the data tell at an evaluation; None for studies without residuals of measured FRFs.
 
     Parameters
     ----------
@@ -72,8 +72,25 @@ def fisher_results(
     names = tuple(p.name for p in parameters.free)
     moving = np.array([active is None or n in active for n in names])
     prior = np.asarray(parameters.prior[1]) * moving
-    values, jets = parameters.values(at.x), parameters.jets(at.x)
-    known = expected_knowledge(at, prior, names, size, updated=stage == "after").select(moving)
+    return expected_knowledge(at, prior, names, size, updated=stage == "after")
+
+
+def fisher_results(
+    study: Study, at: Evaluation, stage: Literal["before", "after"], found: ExpectedKnowledge | None,
+    active: Sequence[str] | None = None,
+) -> FisherResults | None:  # fmt: skip
+    """The information at an evaluation as a record; None where there is none.
+
+    Parameters
+    ----------
+    found, active : from `known_of_frfs`, and as there
+    """
+    if found is None:
+        return None
+    parameters = study.parameters
+    names = tuple(p.name for p in parameters.free)
+    moving = np.array([active is None or n in active for n in names])
+    values, jets, known = parameters.values(at.x), parameters.jets(at.x), found.select(moving)
     scale = np.array([_percent(jets[n].grad, i, values[n]) for i, n in enumerate(names) if moving[i]])
     percent = known.together * scale
     return FisherResults(

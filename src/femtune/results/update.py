@@ -23,6 +23,7 @@ from femtune.residuals.frequency import FrequencyResidual
 from femtune.results.base import CitationRecord, Record
 from femtune.results.checks import ModelCheck
 from femtune.results.fisher import FisherResults
+from femtune.results.left_out import ModeLeftOutOfFrfs
 from femtune.results.reduction import ReductionResults
 from femtune.results.search import (
     CertificateResults,
@@ -442,6 +443,8 @@ class UpdateResults(Record):
     """Fisher information of the FRFs at the result; None without residuals of measured FRFs."""
     frf_truncation: tuple[FrfTruncation, ...] = ()
     """Error of the FRFs of residuals by truncation of the modes, at start and end; empty without FRF residuals."""
+    left_out_modes: tuple[ModeLeftOutOfFrfs, ...] = ()
+    """Modes of the model that are left out of the compared FRFs; empty where none is."""
     iteration: int | None = None
     """The iteration whose point is the result; None in older results, where it is the last one."""
     chi_square: float | None = None

@@ -45,6 +45,8 @@ class ExpectedKnowledge:
     measured : whether the noise is that of the measured FRFs behind an identified test
     misfit : residuals of identified tests after an update over those that the noise makes; 1 where the noise explains
         them, before an update, and for other data. The standard deviations contain it
+    noise : (k, k) covariance of Jᵀe, with the Jacobian J of all parameters in prior standard deviations, where errors e
+        of identified tests, the misfit included, are among the data; None for other data, and of a selection
     """
 
     names: tuple[str, ...]
@@ -55,6 +57,7 @@ class ExpectedKnowledge:
     null: Reals
     measured: bool
     misfit: float = 1.0
+    noise: Reals | None = None
 
     @property
     def known(self) -> Flags:
@@ -92,7 +95,7 @@ class ExpectedKnowledge:
         null = self.null[(np.abs(self.null[:, ~which]) < _SHARE).all(axis=1)][:, which]
         return replace(
             self, names=names, prior_sd=self.prior_sd[which], together=self.together[which], alone=self.alone[which],
-            correlation=self.correlation[np.ix_(which, which)], null=null,
+            correlation=self.correlation[np.ix_(which, which)], null=null, noise=None,
         )  # fmt: skip
 
     def sentences(self, percent: Reals) -> list[str]:
@@ -157,7 +160,8 @@ def expected_knowledge(
     # what does not move has no spread, whatever the data tell
     together, alone = (np.where(prior_sd > 0.0, x, 0.0) * prior_sd for x in (np.where(open_, np.inf, sd), alone))
     correlation = covariance / np.outer(safe, safe)
-    return ExpectedKnowledge(names, prior_sd, together, alone, correlation, null, measured, misfit)
+    own = noise if measured else None
+    return ExpectedKnowledge(names, prior_sd, together, alone, correlation, null, measured, misfit, own)
 
 
 def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:

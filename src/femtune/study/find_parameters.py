@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.stages import bottom_up
 from femtune.assembly.update_method import method_of
+from femtune.results.fisher import known_of_frfs
 from femtune.study.reduction import TrainingProgress, find_on_reduced
 from femtune.study.starts import History, find_from_starts
-from femtune.updating import update
+from femtune.updating import update, with_noise
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from femtune.residuals import Evaluation
     from femtune.results.base import Alert
     from femtune.results.reduction import ReductionResults
+    from femtune.selection.expected import ExpectedKnowledge
     from femtune.updating import Iteration, MultiStart, ReducedSearch, StageResult, UpdateResult
 
 
@@ -35,6 +37,7 @@ class FoundParameters:
     study : the study on the model at the result, where the model has moved
     alerts : what is said of the runs of an external solver
     search : the reduced models at the end, from which another update may go on
+    known : what the FRFs tell of the parameters at the result; None without FRFs
     """
 
     result: UpdateResult
@@ -44,10 +47,34 @@ class FoundParameters:
     study: Study | None = None
     alerts: tuple[Alert, ...] = ()
     search: ReducedSearch | None = None
+    known: ExpectedKnowledge | None = None
 
 
 def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progress) -> FoundParameters:
     """Find the free parameters from an evaluation at the initial values; the history of iterations goes into `folder`.
+
+    Where FRFs of an identified test are compared, whose errors all lines share, the covariance is that of its noise.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``, ``study.stage``, and what the update method raises
+    """
+    found = _found(study, folder, at, progress)
+    result, known = with_noise_of_tests(found.study or study, found.result)
+    return replace(found, result=result, known=known)
+
+
+def with_noise_of_tests(study: Study, result: UpdateResult) -> tuple[UpdateResult, ExpectedKnowledge | None]:
+    """A result with the covariance of the noise of its identified tests, and what the FRFs tell of the parameters."""
+    known = known_of_frfs(study, result.after, "after", result.active)
+    # stages have a covariance of their own
+    if known is None or known.noise is None or study.file.stage:
+        return result, known
+    return with_noise(result, known.noise), known
+
+
+def _found(study: Study, folder: Path, at: Evaluation, progress: Progress) -> FoundParameters:
+    """The same, with the covariance of independent errors.
 
     Raises
     ------

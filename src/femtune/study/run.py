@@ -18,6 +18,7 @@ from femtune.results.fisher import FisherResults, fisher_results
 from femtune.results.folder import RESULTS_FILE, write_results
 from femtune.results.frf_deviation import frf_deviations
 from femtune.results.frf_validation import check_frf_band, unused_frfs
+from femtune.results.left_out import left_out_mode_records
 from femtune.results.mapped_damping import MappedDamping, mapped_damping
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from femtune.results.bootstrap import BootstrapResults
     from femtune.results.frf_deviation import FrfDeviations
     from femtune.results.frf_validation import UnusedFrfs
+    from femtune.results.left_out import ModeLeftOutOfFrfs
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
     from femtune.results.specimens import SpecimenResults
@@ -87,6 +89,7 @@ class Known:
     sensitivities : those of the frequencies that the updated model predicts
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
+    left_out_modes : modes of the model that FRFs are compared without
     deviations : those of the FRFs at the start and the end of the update
     vibration_tests, vibrations : sweeps and random vibration tests as measured, and beside the model
     quantify : covariance of the parameters from the repeats
@@ -109,6 +112,7 @@ class Known:
     after: ModelRecords = _LATER
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
+    left_out_modes: tuple[ModeLeftOutOfFrfs, ...] = ()
     unused_frfs: tuple[UnusedFrfs, ...] = ()
     deviations: FrfDeviations | None = None
     vibration_tests: VibrationTests = _LATER
@@ -207,7 +211,7 @@ class Run:
         ).model_copy(
             update={
                 "stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation,
-                "fisher": known.fisher,
+                "fisher": known.fisher, "left_out_modes": known.left_out_modes,
             }
         )  # fmt: skip
         predicted = predictions(self.study, found.result, known.sensitivities)
@@ -286,7 +290,7 @@ def _select(run: Run, known: Known, arrays: Arrays) -> Outcome:
 def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     found = find_parameters(run.study, run.folder, known.start, run.progress)
     study = found.study or run.study
-    known_after = fisher_results(study, found.result.after, "after", found.result.active)
+    known_after = fisher_results(study, found.result.after, "after", found.known, found.result.active)
     return {"parameters": found, "fisher": known_after, "alerts": (*known.alerts, *found.alerts)}
 
 
@@ -294,6 +298,10 @@ def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
     """At the start as the update saw it; the end may be that of other cases, if it was reached in stages."""
     before = frf_truncations(known.start, "before", run.progress)
     return {"truncation": (*before, *frf_truncations(known.parameters.result.after, "after", run.progress))}
+
+
+def _left_out_modes(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    return {"left_out_modes": left_out_mode_records(known.start, known.parameters.result.after)}
 
 
 def _mapped_damping(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -387,6 +395,7 @@ UNTIL_UPDATED = (
     Step("select", _select),
     Step("update", _update),
     Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
+    Step("left-out modes", _left_out_modes),
     Step("correlate after", _correlate_after),
     Step("measured damping", _mapped_damping, optional="measured damping on the modes of the updated model"),
     Step("unused FRFs", _unused_frfs),

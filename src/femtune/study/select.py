@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femtune.assembly.stages import reduction_rules
 from femtune.errors import FemtuneError
 from femtune.results.checks import model_checks
-from femtune.results.fisher import fisher_results
+from femtune.results.fisher import fisher_results, known_of_frfs
 from femtune.results.selection import selection_measures
 from femtune.results.solved import solutions_of
 from femtune.results.update import SmoothnessRecord, selection_results
@@ -49,7 +49,7 @@ def select_at(study: Study, at: Evaluation, arrays: dict[str, NDArray], progress
     smooth = _smoothness(study, at, progress)
     more = {
         "measures": measures,
-        "fisher": fisher_results(study, at, "before"),
+        "fisher": fisher_results(study, at, "before", known_of_frfs(study, at, "before")),
         "smoothness": smooth,
         "sentences": (*found.sentences, *(s.sentence for s in smooth if s.sentence)),
     }

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from femtune.assembly.stages import bottom_up, reduction_rules
 from femtune.assembly.update_method import method_of
+from femtune.study.find_parameters import with_noise_of_tests
 from femtune.updating import update, update_reduced
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def calibrate_each(study: Study, found: FoundParameters, progress: Progress) -> 
         progress.step(f"calibration of specimen {name} alone", i, len(specimens.names))
         own = study.of_specimen(name)
         if any(case.used is not None for case in own.cases):
-            out[name] = _alone(own, found)
+            out[name], _ = with_noise_of_tests(own, _alone(own, found))
     return out
 
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     )
     from femtune.updating.result import Iteration, UpdateResult
     from femtune.updating.search import GaussNewton, LevenbergMarquardt, LineSearch, Search
-    from femtune.updating.sensitivity_method import SensitivityMethod, update
+    from femtune.updating.sensitivity_method import SensitivityMethod, update, with_noise
     from femtune.updating.stages import (
         Belief,
         ErrorSum,
@@ -126,4 +126,5 @@ __all__ = [
     "starting_points",
     "update",
     "update_reduced",
+    "with_noise",
 ]

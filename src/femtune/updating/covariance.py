@@ -90,11 +90,22 @@ class Box:
 
 @dataclass(frozen=True)
 class _Fit:
-    """The linear estimate: x̂ = −E r, E (k, n + m) for data and prior rows, on determined combinations."""
+    """The linear estimate: x̂ = −E r, E = H⁻¹·rowsᵀ (k, n + m) for data and prior rows, on determined combinations."""
 
     rows: Reals
-    estimator: Reals
+    inverse: Reals
     undetermined: Reals
+
+    @property
+    def estimator(self) -> Reals:
+        return np.asarray(self.inverse @ self.rows.T)
+
+    def covariance(self, sizes: Reals, noise: Reals | None) -> Reals:
+        """Of the estimate, for the sizes of the errors of the rows (n + m,), or the covariance of rowsᵀ·errors."""
+        if noise is not None:
+            return np.asarray(self.inverse @ noise @ self.inverse)
+        spread = self.estimator * sizes
+        return np.asarray(spread @ spread.T)
 
 
 def parameter_covariance(
@@ -108,6 +119,7 @@ def parameter_covariance(
     scatter: Scatter = "stated",
     lost: Mapping[str, int] = NOTHING_LOST,
     box: Box | None = None,
+    noise: Reals | None = None,
 ) -> ParameterCovariance:
     """Covariance of the least-squares estimate, H⁻¹(JᵀS²J + RᵀR)H⁻¹ with H = JᵀJ + RᵀR, of parameters not at a bound.
 
@@ -126,13 +138,16 @@ def parameter_covariance(
     moving : (k,) parameters that the update moves, all where it is None; the others get no standard deviation
     lost : by kind, combinations of residuals that vanish whatever the noise: one of each shape of unit norm
     box : bounds; with them the result has the distribution within the bounds
+    noise : (k, k) covariance of Jᵀe in units of `prior_sd`, for errors e of the data that are not independent, such as
+        those of identified tests; it takes the place of the stated standard deviations, and of S
     """
     moving = np.ones(len(at_bound), bool) if moving is None else moving
     free = np.flatnonzero(moving & ~at_bound)
     fit = _fit(np.vstack([J, extra])[:, free] * prior_sd[free], bool(len(extra)))
     freedom = {kind: free - lost.get(kind, 0) for kind, free in _freedom(fit, kinds).items()}
     misfit = _misfit(r, kinds, freedom)
-    size = _estimated(r, freedom) if scatter == "estimated" else _widened(misfit, freedom)
+    noise = None if noise is None else noise + (extra * prior_sd).T @ (extra * prior_sd)
+    size = _size(r, misfit, freedom, scatter, noise)
     known = np.linalg.norm(fit.undetermined, axis=0) < _SHARE
     reasons = {int(i): "fixed in this update, σ not given" for i in np.flatnonzero(~moving)}
     reasons |= {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
@@ -143,17 +158,20 @@ def parameter_covariance(
         }
         size, known = _Size({}, np.inf), np.zeros(len(free), bool)
     rows = np.concatenate([[size.by_kind.get(kind, 1.0) for kind in kinds], np.ones(len(extra))])
-    spread = prior_sd[free, None] * fit.estimator * rows
+    own = fit.covariance(rows, None if noise is None else noise[np.ix_(free, free)])
     matrix = np.full((len(at_bound), len(at_bound)), np.nan)
-    matrix[np.ix_(free[known], free[known])] = (spread @ spread.T)[np.ix_(known, known)]
+    matrix[np.ix_(free[known], free[known])] = (np.outer(prior_sd[free], prior_sd[free]) * own)[np.ix_(known, known)]
     widened = tuple(size.by_kind) if scatter == "stated" else ()
-    posterior = None if box is None else _posterior(r, J, kinds, extra, prior_sd, moving, scatter, lost, box, size)
+    scatter = scatter if noise is None else "stated"
+    posterior = (
+        None if box is None else _posterior(r, J, kinds, extra, prior_sd, moving, scatter, lost, box, size, noise)
+    )
     return ParameterCovariance(matrix, reasons, misfit, size.degrees, widened, freedom, posterior)
 
 
 def _posterior(
     r: Reals, J: Reals, kinds: Sequence[str], extra: Reals, prior_sd: Reals, moving: NDArray[np.bool_],
-    scatter: Scatter, lost: Mapping[str, int], box: Box, size: _Size,
+    scatter: Scatter, lost: Mapping[str, int], box: Box, size: _Size, noise: Reals | None,
 ) -> BoxPosterior | None:  # fmt: skip
     """None if the residual variance is to be estimated and no degrees of freedom are left."""
     if scatter == "estimated":
@@ -164,7 +182,7 @@ def _posterior(
     sizes = np.array([size.by_kind.get(kind, 1.0) for kind in kinds])
     return box_posterior(
         r, J, extra, box.prior_residuals, prior_sd, moving, box.x, (box.lower, box.upper), sizes, size.degrees,
-        box.pull if box.pull.any() else None,
+        box.pull if box.pull.any() else None, noise,
     )  # fmt: skip
 
 
@@ -197,6 +215,15 @@ def _estimated(r: Reals, freedom: dict[str, float]) -> _Size | None:
     return _Size(dict.fromkeys(freedom, float(np.sqrt(r @ r / degrees))), degrees) if degrees > _LEAST_FREEDOM else None
 
 
+def _size(
+    r: Reals, misfit: dict[str, float], freedom: dict[str, float], scatter: Scatter, noise: Reals | None
+) -> _Size | None:
+    """As stated where the noise is known."""
+    if noise is not None:
+        return _Size({}, np.inf)
+    return _estimated(r, freedom) if scatter == "estimated" else _widened(misfit, freedom)
+
+
 def _widened(misfit: dict[str, float], freedom: dict[str, float]) -> _Size:
     large = {kind: s for kind, s in misfit.items() if _larger_than_stated(s, freedom[kind])}
     return _Size(large, min((freedom[kind] for kind in large), default=np.inf))
@@ -205,7 +232,7 @@ def _widened(misfit: dict[str, float], freedom: dict[str, float]) -> _Size:
 def _fit(rows: Reals, has_prior: bool) -> _Fit:
     s, vt = _directions(rows)
     good = s > 0.0 if has_prior else determined(s)
-    return _Fit(rows, (vt[good].T / s[good] ** 2) @ vt[good] @ rows.T, vt[~good])
+    return _Fit(rows, (vt[good].T / s[good] ** 2) @ vt[good], vt[~good])
 
 
 def _freedom(fit: _Fit, kinds: Sequence[str]) -> dict[str, float]:

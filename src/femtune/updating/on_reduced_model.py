@@ -500,7 +500,7 @@ def train(
         asked = TrainingRules(_count(state, frfs), SEARCH * rules.tolerance, most, rules.order, ranked=ranked)
         hears = partial(told.trained, case.name), partial(told.estimated, case.name)
         wanted = tuple(wanted_of(state, r) for r in frfs)
-        rows = sp.csr_array(sp.vstack([case.sensors, *port_rows(wanted)], format="csr"))
+        rows = sp.csr_array(sp.vstack([case.sensors, *port_rows(frfs, wanted)], format="csr"))
         known = _most_modes(state, frfs)
         division = _division(case, rules)
         solve = partial(_solve, case, known, ranked and division is None)
@@ -534,7 +534,7 @@ def keep_functions(problem: UpdateProblem, rules: ReductionRules, states: Sequen
             continue
         known, wanted = _most_modes(state, functions), tuple(wanted_of(state, r) for r in functions)
         asked = TrainingRules(_count(state, functions), SEARCH * rules.tolerance, ranked=True, inner=0)
-        rows = sp.csr_array(sp.vstack([state.case.sensors, *port_rows(wanted)], format="csr"))
+        rows = sp.csr_array(sp.vstack([state.case.sensors, *port_rows(functions, wanted)], format="csr"))
         solve = partial(_solve, state.case, known, False)
         begun = Trainer(state.case.configured, asked, rows, solve, base=state.point.x, functions=wanted).start()
         state.shared[_BEGUN] = begun

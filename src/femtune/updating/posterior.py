@@ -164,6 +164,7 @@ def box_posterior(
     sizes: Reals,
     degrees: float = np.inf,
     pull: Reals | None = None,
+    noise: Reals | None = None,
 ) -> BoxPosterior:
     """The distribution of parameters x between bounds.
 
@@ -176,6 +177,7 @@ def box_posterior(
     ends : lower and upper bounds of x
     sizes : (n,) actual over stated standard deviation of each residual
     pull : (k,) gradient of side constraints that are no information: they move the estimate, and do not narrow it
+    noise : (k, k) covariance of the gradient of the rows' errors in units of `prior_sd`, in place of `sizes`
     """
     used = np.flatnonzero(moving)
     rows = np.vstack([J, extra])[:, used] * prior_sd[used]
@@ -186,7 +188,8 @@ def box_posterior(
     if pull is not None:
         target = target + (right @ (pull[used] * prior_sd[used])) / s
     spread = left * np.concatenate([sizes, np.ones(len(extra))])[:, None]
-    lower = la.cholesky(spread.T @ spread, lower=True) if len(s) else np.zeros((0, 0))
+    errors = spread.T @ spread if noise is None else right @ noise[np.ix_(used, used)] @ right.T / np.outer(s, s)
+    lower = la.cholesky(errors, lower=True) if len(s) else np.zeros((0, 0))
     A = la.solve_triangular(lower, s[:, None] * right, lower=True) / prior_sd[used] if len(s) else right
     b = la.solve_triangular(lower, target, lower=True) if len(s) else target
     # rounding may put x just outside

@@ -13,6 +13,7 @@ import numpy as np
 from femtune.arrays import Flags, Reals
 from femtune.errors import FemtuneError
 from femtune.modal.shape_criteria import mac_where_defined
+from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
 from femtune.residuals.pairing import Joined, alternating, describe_joined
 from femtune.selection.combinations import determined_combinations
@@ -654,13 +655,31 @@ def _covariance(walk: Walk, at: Evaluation) -> ParameterCovariance:
     jacobian = without(at.jacobian * spread, walk.side.held * spread) / spread
     return parameter_covariance(
         at.residuals, jacobian, at.kinds, walk.side.prior_rows, walk.at_bound(at.x), spread, walk.moving,
-        walk.problem.scatter, at.lost, _box(walk, at),
+        walk.problem.scatter, at.lost, _box(walk.problem.parameters, walk.side, at),
     )  # fmt: skip
 
 
-def _box(walk: Walk, at: Evaluation) -> Box:
+def with_noise(result: UpdateResult, noise: Reals) -> UpdateResult:
+    """The result with the covariance that follows from errors of the data that are not independent.
+
+    Parameters
+    ----------
+    noise : (k, k) covariance of Jᵀe in units of the prior standard deviations, see `parameter_covariance`
+    """
+    parameters, side, at = result.parameters, result.side, result.after
+    spread, names = parameters.prior[1], np.array([p.name for p in parameters.free])
+    turn = without(np.eye(len(spread)), side.held * spread)
+    found = parameter_covariance(
+        at.residuals, at.jacobian * spread @ turn / spread, at.kinds, side.prior_rows, np.isin(names, result.at_bound),
+        spread, np.isin(names, result.active), lost=at.lost, box=_box(parameters, side, at),
+        noise=turn.T @ noise @ turn,
+    )  # fmt: skip
+    return replace(result, covariance=found)
+
+
+def _box(parameters: ParameterSet, side: SideConstraint, at: Evaluation) -> Box:
     """The bounds, and how the side constraint acts there: as a prior, or as an opinion that only moves the estimate."""
-    values, rows = walk.side.rows(at.x)
-    prior = np.broadcast_to(walk.side.informative, len(values))
-    lower, upper = walk.problem.parameters.limits
+    values, rows = side.rows(at.x)
+    prior = np.broadcast_to(side.informative, len(values))
+    lower, upper = parameters.limits
     return Box(at.x, lower, upper, values[prior], rows[~prior].T @ values[~prior])

@@ -73,14 +73,15 @@ def ports_of(model: ConfiguredModel) -> Ports:
 
 
 def in_basis(
-    model: ConfiguredModel, x: NDArray, lines: NDArray, damping: ModalDamping | None, damped: int
-) -> FunctionsInBasis:
+    model: ConfiguredModel, x: NDArray, lines: NDArray, damping: ModalDamping | None, damped: int,
+    left_out: tuple[int, ...] = (),
+) -> FunctionsInBasis:  # fmt: skip
     """On a basis of all motions, turned at random."""
     basis = la.qr(np.random.default_rng(3).standard_normal((model.n_free, model.n_free)))[0]
     ports = ports_of(model)
     on = BasisPorts(basis.T @ ports.inputs.toarray(), ports.outputs @ basis)
     modes = reduced_modes(reduce_model(model, basis).at(x), model.n_free)
-    return reduced_functions(modes, on, 2j * np.pi * lines, damped, damping)
+    return reduced_functions(modes, on, 2j * np.pi * lines, damped, damping, left_out=left_out)
 
 
 @pytest.mark.quick(6)
@@ -99,6 +100,24 @@ def test_on_a_basis_of_all_motions_they_are_those_of_the_full_model(
     values, gradient = np.moveaxis(full.frfs.values, -1, 0), np.moveaxis(full.gradient, 2, 0)
     np.testing.assert_allclose(found.values, values, atol=1e-11 * np.abs(values).max())
     np.testing.assert_allclose(found.gradient, gradient, atol=1e-10 * np.abs(gradient).max())
+
+
+@pytest.mark.quick(6)
+@pytest.mark.parametrize("damped", DAMPED)
+@pytest.mark.parametrize("modal", MODAL)
+@pytest.mark.parametrize("left_out", [(0,), (1, 3)])
+def test_modes_that_are_left_out_are_those_of_the_full_model(
+    damped: str, modal: str, left_out: tuple[int, ...]
+) -> None:
+    model, damping = ring(damped), MODAL[modal]
+    full = frf_gradient(
+        solve_modes(model.at(APART), 4), ports_of(model), LINES, "receptance", "direct", damping=damping,
+        left_out=left_out,
+    )  # fmt: skip
+    found = in_basis(model, APART, LINES, damping, 4, left_out)
+    values, gradient = np.moveaxis(full.frfs.values, -1, 0), np.moveaxis(full.gradient, 2, 0)
+    np.testing.assert_allclose(found.values, values, atol=1e-10 * np.abs(values).max())
+    np.testing.assert_allclose(found.gradient, gradient, atol=1e-8 * np.abs(gradient).max())
 
 
 def by_square_root(model: ConfiguredModel, x: NDArray, lines: NDArray) -> NDArray:

@@ -133,6 +133,7 @@ class FrfResidualEntry(MeasuredFunctionsTable):
     residual_vectors: bool = True
     ratio: Ratio | None = None
     ratios: Annotated[tuple[Ratio, ...], Field(min_length=1)] | None = None
+    leave_out_modes_hz: tuple[HertzAboveZero, ...] = ()
 
     @classmethod
     def breaches(cls, given: Data) -> Iterator[Breach]:
@@ -144,6 +145,8 @@ class FrfResidualEntry(MeasuredFunctionsTable):
             if key in given:
                 code = "study.residual-lines" if resonances else "study.residual-lines/band"
                 yield Breach(key, code, {"around": around}, {"key": key})
+        if given.get("leave_out_modes_hz") and given.get("method", "real modes") != "real modes":
+            yield Breach("method", "study.left-out-modes", {"method": given["method"]}, {"method": given["method"]})
 
 
 class AntiresonanceResidualEntry(MeasuredFunctionsTable):

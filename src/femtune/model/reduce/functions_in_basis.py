@@ -11,13 +11,14 @@ at Chebyshev points only and interpolated.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from femtune.arrays import Complexes, Reals
-from femtune.model.reduce.modes_in_basis import ReducedModes, elastic
+from femtune.arrays import Complexes, Integers, Reals
+from femtune.model.reduce.modes_in_basis import ReducedModes, elastic, reduced_derivative
+from femtune.model.reduce.reduced_model import ReducedPoint
 from femtune.model.response.basis import ModalBasis
 from femtune.model.response.modal_damping import DampingRatios, ModalRates, divided, modal_rates
 from femtune.model.response.reduced import ReducedStiffness, fields, slim
@@ -57,6 +58,7 @@ def reduced_functions(
     damped: int,
     damping: DampingRatios | None = None,
     derivatives: bool = True,
+    left_out: Sequence[int] = (),
 ) -> FunctionsInBasis:
     """Receptances of a reduced model at s = iω.
 
@@ -66,6 +68,7 @@ def reduced_functions(
     s : (k,) iω, ω > 0
     damped : number of modes, the lowest ones, that modal damping acts on
     damping : modal damping, besides that of the model; ratios that are values of the model take its place
+    left_out : positions of modes whose own response is taken away, see `femtune.model.response.frf_gradient`
     derivatives : without them the gradient has no columns
 
     Returns
@@ -78,6 +81,14 @@ def reduced_functions(
     """
     system = _System.of(modes, ports, s, damped, damping)
     count = modes.point.n_parameters if derivatives else 0
+    found = _all_modes(system, s, count)
+    if not left_out:
+        return found
+    part = _some_modes(system, list(left_out), ports, s, count)
+    return FunctionsInBasis(found.values - part.values, found.gradient - part.gradient)
+
+
+def _all_modes(system: _System, s: Complexes, count: int) -> FunctionsInBasis:
     if system.stiffness.is_diagonal:
         return _split(system, s, count)
     forces = np.hstack([system.stiffness.inputs, system.stiffness.outputs.T])
@@ -88,6 +99,37 @@ def reduced_functions(
         for weight, matrix in system.changes(p, s):
             gradient[..., p] -= weight[:, None, None] * (y @ (matrix @ x))
     return FunctionsInBasis(np.asarray(system.stiffness.outputs @ x), gradient)
+
+
+def _some_modes(
+    system: _System, members: Sequence[int], ports: BasisPorts, s: Complexes, count: int
+) -> FunctionsInBasis:
+    """The response CQ (QᵀZQ)⁻¹ QᵀB of some modes Q, which depends on their span only."""
+    modes, at = system.modes, np.array(members, dtype=int)
+    point, Q = modes.point, modes.shapes[:, at]
+    basis = ModalBasis(Q, modes.eigenvalues[at], np.ones(len(at)), len(at))
+    viscous, hysteretic = system.damping_of(Q, at)
+    of = ReducedStiffness(basis, viscous, hysteretic, Q.T @ ports.inputs, ports.outputs @ Q)
+    both, b = fields(of, s, np.hstack([of.inputs, of.outputs.T])), of.inputs.shape[1]
+    x, y = both[:, :, :b], np.swapaxes(both[:, :, b:], 1, 2)
+    values = np.asarray(of.outputs @ x)
+    gradient = np.zeros((*values.shape, count), complex)
+    if not count:
+        return FunctionsInBasis(values, gradient)
+    seen = [ports.inputs.T, ports.outputs, (point.viscous @ Q).T, (point.hysteretic @ Q).T]
+    outside = reduced_derivative(modes, members, np.vstack(seen)).outside
+    driven, moved, viscous, hysteretic = np.split(outside, np.cumsum([len(rows) for rows in seen[:-1]]))
+    for p in range(count):
+        own = [(weight, Q.T @ matrix @ Q) for weight, matrix in system.weighted(p, s)]
+        # the subspace stays orthogonal in K and M as it turns, and modal damping is diagonal in it: these add nothing
+        turned = [(s, viscous[:, :, p]), (np.full(len(s), 1j), hysteretic[:, :, p])]
+        changes = own + [(weight, part + part.T) for weight, part in turned]
+        if system.rates is not None:
+            changes.append((system.damping_weight(s), system.damping_inside(at, p, own[0][1], own[1][1])))
+        gradient[..., p] = y @ driven[:, :, p].T + moved[:, :, p] @ x
+        for weight, change in changes:
+            gradient[..., p] -= weight[:, None, None] * (y @ (change @ x))
+    return FunctionsInBasis(values, gradient)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,19 +162,18 @@ class _System:
         stiffness = np.concatenate([modes.eigenvalues[:near], 1.0 + shift * theta[near:]])
         mass = np.concatenate([np.ones(near), theta[near:]])
         rates, own = None, point.full.mode_ratios
-        viscous, hysteretic = (_in_modes(matrix, vectors) for matrix in (point.viscous, point.hysteretic))
         if damping is not None or own:
             rigid = ~elastic(modes.eigenvalues[:damped])
             rates = modal_rates(modes.eigenvalues[:damped], rigid, damping, own, point.n_parameters)
-            added = np.append(rates.rates, np.zeros(len(vectors) - damped))
-            if rates.hysteretic:
-                hysteretic = _with_diagonal(hysteretic, added)
-            else:
-                viscous = _with_diagonal(viscous, added)
         basis = ModalBasis(vectors, stiffness, mass, near)
+        viscous, hysteretic = _damping(point, rates, vectors, np.arange(len(vectors)))
         inputs, outputs = vectors.T @ ports.inputs, ports.outputs @ vectors
         reduced = ReducedStiffness(basis, viscous, hysteretic, inputs, outputs)
         return cls(modes, vectors, reduced, near, rates)
+
+    def damping_of(self, vectors: Reals, at: Integers) -> tuple[Reals, Reals]:
+        """QᵀĈQ and QᵀĤQ with modal damping, of the modes Q (r, m) at the positions `at` (m,)."""
+        return _damping(self.modes.point, self.rates, vectors, at)
 
     def weighted(self, p: int, s: Complexes) -> Iterator[tuple[Complexes, Reals]]:
         """Factors (k,) and matrices (r, r) in the coordinates of the basis, whose sum is Z′ without modal damping."""
@@ -159,16 +200,24 @@ class _System:
         assert self.rates is not None
         return np.full(len(s), 1j) if self.rates.hysteretic else s
 
+    def damping_inside(self, at: Integers, p: int, stiffness: Reals, mass: Reals) -> Reals:
+        """(m, m) block of the derivative of modal damping of the modes at the positions `at`, from those of K̂′, M̂′."""
+        assert self.rates is not None
+        own = np.flatnonzero(at < len(self.rates.rates))
+        d, slope = np.zeros((2, len(at)))
+        d[own], slope[own] = self.rates.rates[at[own]], self.rates.slopes[at[own]]
+        values = self.modes.eigenvalues[at]
+        inside = divided(values, d, slope) * stiffness - divided(values, d * values, d + slope * values) * mass
+        inside = inside + mass * d + d[:, None] * mass
+        inside[own, own] += self.rates.gradients[at[own], p]
+        return np.asarray(inside)
+
     def damping_change(self, p: int, stiffness: Reals, mass: Reals) -> Reals:
         """(near, r) rows of the derivative of modal damping from those of K̂′ and M̂′."""
         assert self.rates is not None
         d = np.append(self.rates.rates, np.zeros(self.near - len(self.rates.rates)))
-        slope = np.append(self.rates.slopes, np.zeros(self.near - len(self.rates.rates)))
         values, theta = self.modes.eigenvalues[: self.near], self.modes.theta[self.near :]
-        k, m, n = stiffness[:, : self.near], mass[:, : self.near], len(self.rates.rates)
-        inside = divided(values, d, slope) * k - divided(values, d * values, d + slope * values) * m
-        inside = inside + m * d + d[:, None] * m
-        inside[np.arange(n), np.arange(n)] += self.rates.gradients[:, p]
+        inside = self.damping_inside(np.arange(self.near), p, stiffness[:, : self.near], mass[:, : self.near])
         # 1/(λ_i − λ_j) for the others, which nothing damps, and −λ_j/(λ_i − λ_j); 1/λ_j may be zero
         below = np.outer(values - self.modes.point.model.shift, theta) - 1.0
         by_stiffness, by_mass = theta / below, -(1.0 + self.modes.point.model.shift * theta) / below
@@ -176,9 +225,21 @@ class _System:
         return np.hstack([inside, outside])
 
 
+def _damping(point: ReducedPoint, rates: ModalRates | None, vectors: Reals, at: Integers) -> tuple[Reals, Reals]:
+    """Viscous and hysteretic damping in some vectors, the modes at the positions `at`."""
+    viscous, hysteretic = (_in_modes(matrix, vectors) for matrix in (point.viscous, point.hysteretic))
+    if rates is None:
+        return viscous, hysteretic
+    own, added = np.flatnonzero(at < len(rates.rates)), np.zeros(len(at))
+    added[own] = rates.rates[at[own]]
+    if rates.hysteretic:
+        return viscous, _with_diagonal(hysteretic, added)
+    return _with_diagonal(viscous, added), hysteretic
+
+
 def _in_modes(matrix: Reals, vectors: Reals) -> Reals:
-    """VᵀAV (r, r), or its diagonal (r,) where it has no other entries."""
-    return slim(vectors.T @ matrix @ vectors) if np.any(matrix) else np.zeros(len(vectors))
+    """VᵀAV (m, m) for vectors (r, m), or its diagonal (m,) where it has no other entries."""
+    return slim(vectors.T @ matrix @ vectors) if np.any(matrix) else np.zeros(vectors.shape[1])
 
 
 def _with_diagonal(matrix: Reals, added: Reals) -> Reals:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,6 +99,18 @@ def shifted_basis(modes: EigenSolution, forces: Reals) -> ModalBasis:
     return ModalBasis(np.hstack([phi, missed @ turn]), stiffness, np.concatenate([np.ones(keep), m]), keep)
 
 
+def modes_alone(modes: EigenSolution, members: Sequence[int]) -> ModalBasis:
+    """Some of the modes and nothing else."""
+    phi, some = modes.shapes[:, list(members)], np.array(members, dtype=int)
+    stiffness = np.where(is_rigid(modes), 0.0, modes.eigenvalues)[some]
+
+    def slopes(columns: Reals) -> Iterator[Reals]:
+        few, back = _independent(columns, columns - (modes.point.mass @ phi) @ (phi.T @ columns))
+        return (one @ back for one in _outside(modes, members, few))
+
+    return ModalBasis(phi, stiffness, np.ones(len(some)), len(some), slopes)
+
+
 def static_slopes(modes: EigenSolution, keep: int, vectors: Reals, forces: Reals, columns: Reals) -> Iterator[Reals]:
     """`Slopes` of the first `keep` modes Φ and of their static complements V = A P (n_free, x) of forces P.
 
@@ -109,7 +121,7 @@ def static_slopes(modes: EigenSolution, keep: int, vectors: Reals, forces: Reals
     g = few.shape[1]
     static = static_complement(modes, keep, few) if vectors.shape[1] else np.zeros_like(few)
     pushed, inertia = forces.T @ phi, np.asarray(point.mass @ static)
-    outside = _outside(modes, keep, np.hstack([few, inertia]))
+    outside = _outside(modes, range(keep), np.hstack([few, inertia]))
     for i in range(point.n_parameters):
         by_stiffness = vectors.T @ (point.stiffness_derivatives[i] @ static)
         by_modes = pushed @ (phi.T @ (point.mass_derivatives[i] @ static) + outside[i, :, g:])
@@ -127,14 +139,14 @@ def _independent(whole: Reals, columns: Reals) -> tuple[Reals, Reals]:
     return np.asarray(U[:, : len(back)]), back
 
 
-def _outside(modes: EigenSolution, keep: int, rows: Reals) -> Reals:
-    """(p, keep, r) Φ′ᵀ rows by each parameter, for rows (n_free, r) that have no part in the modes."""
-    p, r = modes.point.n_parameters, rows.shape[1]
-    if not (keep and r and p):
-        return np.zeros((p, keep, r))
+def _outside(modes: EigenSolution, members: Sequence[int], rows: Reals) -> Reals:
+    """(p, m, r) Φ′ᵀ rows of m modes by each parameter, for rows (n_free, r) that have no part in these modes."""
+    p, m, r = modes.point.n_parameters, len(members), rows.shape[1]
+    if not (m and r and p):
+        return np.zeros((p, m, r))
     size = np.linalg.norm(rows, axis=0)
     size = np.where(size > 0.0, size, 1.0)
-    found = subspace_derivative(modes, range(keep), sp.csr_array((rows / size).T), _SLOPES)
+    found = subspace_derivative(modes, members, sp.csr_array((rows / size).T), _SLOPES)
     return np.asarray(found.outside.transpose(2, 1, 0) * size)
 
 

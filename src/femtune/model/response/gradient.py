@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femtune.errors import FemtuneError
 from femtune.modal import FrfSet
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.solution import EigenSolution
-from femtune.model.response.basis import ModalBasis
+from femtune.model.response.basis import ModalBasis, modes_alone
 from femtune.model.response.dynamic_stiffness import DynamicStiffness
 from femtune.model.response.frf_methods import (
     Kind,
@@ -23,6 +24,7 @@ from femtune.model.response.frf_methods import (
     checked_request,
     direct_fields,
     reduced_system,
+    system_on,
 )
 from femtune.model.response.modal_damping import DampingRatios
 from femtune.model.response.ports import Ports
@@ -54,6 +56,7 @@ def frf_gradient(
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,
     derivatives: bool = True,
+    left_out: Sequence[int] = (),
     progress: Progress | None = None,
 ) -> FrfGradient:
     """FRFs and their derivatives; arguments and errors as of `frf`.
@@ -66,6 +69,10 @@ def frf_gradient(
     as they are computed, however few the modes are: the changes of modes and residual vectors are part of them. Complex
     modes whose poles coincide have no derivatives; with them the gradient converges with the number of modes.
     Derivatives of modal damping include the change of its mode, and of ζ where it is a function of frequency.
+
+    `left_out` are positions of real modes Q whose own response CQ (QᵀZQ)⁻¹ QᵀB is taken away: the term of each mode in
+    the modal sum, or of its subspace where damping couples them. They need a solution as `model` (error
+    ``response.modes-needed``).
     """
     request = checked_request(model, ports, freq_hz, kind, method, damping)
     count = request.stiffness.point.n_parameters if derivatives else 0
@@ -75,9 +82,19 @@ def frf_gradient(
         outputs = request.ports.outputs.T.toarray()
         system = reduced_system(request, residual_vectors, outputs)
         receptance, gradient = _superposed(request, system, count)
+    if left_out:
+        part, slope = _superposed(request, system_of_modes(request, left_out), count)
+        receptance, gradient = receptance - part, gradient - slope
     names = request.stiffness.point.configured.model.parameters.free[:count]
     scaled = np.moveaxis(gradient * request.factor[:, None, None, None], 0, 2)
     return FrfGradient(as_frf_set(request, receptance), scaled, tuple(p.name for p in names))
+
+
+def system_of_modes(request: Request, members: Sequence[int]) -> System:
+    """Some real modes alone, whatever the method of the functions that they are part of."""
+    if request.modes is None:
+        raise FemtuneError("response.modes-needed", method=request.method)
+    return system_on(replace(request, method="real-modes"), modes_alone(request.modes, members))
 
 
 def _direct(request: Request, p: int, progress: Progress | None) -> tuple[NDArray, NDArray]:

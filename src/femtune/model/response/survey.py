@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
@@ -10,7 +12,8 @@ from femtune.arrays import Complexes, Reals
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.basis import modal_basis, shifted_basis
-from femtune.model.response.frf_methods import Kind, Method, checked_request, direct_fields
+from femtune.model.response.frf_methods import Kind, Method, checked_request, direct_fields, superposed
+from femtune.model.response.gradient import system_of_modes
 from femtune.model.response.modal_damping import DampingRatios
 from femtune.model.response.ports import Ports
 from femtune.model.response.reduced import fields, reduce
@@ -25,6 +28,7 @@ def survey_functions(
     *,
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,
+    left_out: Sequence[int] = (),
 ) -> Complexes:
     """(outputs, inputs, k) FRFs to look at, not to compare: which are zero, which have the wrong sign or size.
 
@@ -33,7 +37,7 @@ def survey_functions(
 
     Parameters
     ----------
-    model, ports, freq_hz, kind, method, damping, residual_vectors : as of `frf_gradient`
+    model, ports, freq_hz, kind, method, damping, residual_vectors, left_out : as of `frf_gradient`
 
     Raises
     ------
@@ -49,6 +53,8 @@ def survey_functions(
         basis = shifted_basis(request.modes, forces) if residual_vectors else modal_basis(request.modes, None)
         reduced = reduce(request.stiffness, basis, ports)
         receptance = reduced.outputs @ fields(reduced, request.s, reduced.inputs)
+    if left_out:
+        receptance = receptance - superposed(request, system_of_modes(request, left_out), None)
     return np.asarray(np.moveaxis(receptance * request.factor[:, None, None], 0, -1))
 
 

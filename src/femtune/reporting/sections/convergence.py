@@ -34,6 +34,10 @@ _TRUNCATION_NOTE = (
     "The FRFs of a residual are superposed from modes and residual vectors, and compared with solutions of "
     "K + iωC − ω²M at a few frequency lines; σ is the standard deviation of the measured values."
 )
+_LEFT_OUT_NOTE = (
+    "Their terms in the modal sum are taken away, before and after the update. Correlation: square of the product of "
+    "the mass-normalised shapes, weighted by the mass; 1 for the same shape."
+)
 _NOTE = (
     "Mean error: √(Σr²/Σσ⁻²) of one kind, relative to the measured values. Root mean square: of the residuals r, in "
     "units of the standard deviations that the study states; it is about 1 if only measurement noise is left."
@@ -47,7 +51,8 @@ def residual_kinds(update: UpdateResults) -> list[Block]:
         return []
     heads = columns("Residuals", ">Number", ">Mean error % before", ">after", ">Root mean square before", ">after")
     by_kind = Table("Residuals by kind", heads, tuple(_row(kind) for kind in known))
-    return [by_kind, Paragraph(_NOTE, tone="muted"), *_poles(update), *_comparisons(update), *_truncation(update)]
+    note = Paragraph(_NOTE, tone="muted")
+    return [by_kind, note, *_poles(update), *_comparisons(update), *_truncation(update), *_left_out(update)]
 
 
 def _row(kind: ResidualCount) -> tuple[Cell, ...]:
@@ -96,6 +101,18 @@ def _truncation(update: UpdateResults) -> list[Block]:
     )  # fmt: skip
     rows = tuple(_truncated(t) for t in update.frf_truncation)
     return [Table("FRFs of the model: superposition of modes beside direct solutions", heads, rows, _TRUNCATION_NOTE)]
+
+
+def _left_out(update: UpdateResults) -> list[Block]:
+    """Modes of the model that FRFs are compared without."""
+    if not update.left_out_modes:
+        return []
+    heads = columns("Configuration", ">Mode before", ">Hz", ">Mode after", ">Hz", ">Correlation")
+    rows = tuple(
+        row(m.configuration, str(m.before), freq(m.before_hz), str(m.after), freq(m.after_hz), short(m.correlation))
+        for m in update.left_out_modes
+    )
+    return [Table("Modes that are left out of the FRFs of the model", heads, rows, _LEFT_OUT_NOTE)]
 
 
 def _truncated(t: FrfTruncation) -> tuple[Cell, ...]:

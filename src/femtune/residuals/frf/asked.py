@@ -18,6 +18,7 @@ from femtune.residuals.case import CaseState
 from femtune.residuals.frf.against_model import against_model
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual, ZeroGates, antiresonance_residual
 from femtune.residuals.frf.choice import frf_residual
+from femtune.residuals.frf.left_out import LeftOutModes, left_out_modes
 from femtune.residuals.frf.lines import Band, Lines, PairedResonances
 from femtune.residuals.frf.measured_zeros import ZeroSearch, measured_antiresonances
 from femtune.residuals.frf.model_way import AtFirstState, ModelWay, ModesWanted, Settled, full_modes
@@ -141,9 +142,30 @@ def _settled_functions(
     way = way.settled(state, highest_hz)
     model = way.model(state, highest_hz)
     found, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
+    left_out = _left_out(entry, state, way)
+    found = replace(found, left_out=left_out)
+    told = () if left_out is None else (_told_left_out(left_out, state.case.name),)
     doubts = against_model(found.measured, found.survey(model), np.isfinite(found.sd), found.configuration)
     found, times = with_enough_modes(found, state)
-    return found, (*notices, *about_lines, *_more_modes(state, found.way, highest_hz, times), *left, *doubts)
+    return found, (*notices, *told, *about_lines, *_more_modes(state, found.way, highest_hz, times), *left, *doubts)
+
+
+def _left_out(entry: Any, state: CaseState, way: ModelWay) -> LeftOutModes | None:
+    """The modes that the table leaves out, named by their frequencies at the initial values (error
+    ``residual.left-out-mode``)."""
+    if not entry.leave_out_modes_hz:
+        return None
+    if np.any(state.point.x):
+        # a later stage begins elsewhere
+        case = state.case.on_full_model
+        state = CaseState(case, case.configured.at(np.zeros(len(state.point.x))))
+    return left_out_modes(full_modes(state, way.modes), entry.leave_out_modes_hz, state.case.name)
+
+
+def _told_left_out(found: LeftOutModes, configuration: str) -> Notice:
+    named = [f"{1 + number} ({hz:.4g} Hz)" for number, hz in zip(found.numbers, found.freq_hz)]
+    which = f"model mode {named[0]} is" if len(named) == 1 else f"model modes {', '.join(named)} are"
+    return Notice("residual.frf-left-out-modes", level="info", configuration=configuration, modes=which)
 
 
 def _more_modes(state: CaseState, way: ModelWay, highest_hz: float, times: float) -> tuple[Notice, ...]:

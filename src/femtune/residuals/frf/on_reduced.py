@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import cast
 
 import numpy as np
@@ -61,9 +61,13 @@ def wanted_of(state: CaseState, residual: FrfResidual) -> FunctionsWanted:
     return FunctionsWanted(ports, lines, damped, residual.way.damping)
 
 
-def port_rows(wanted: Sequence[FunctionsWanted]) -> list[sp.csr_array]:
-    """Rows over the free DOFs that see outputs, then inputs, of each."""
-    return [sp.csr_array(rows) for w in wanted for rows in (w.ports.outputs, w.ports.inputs.T)]
+def port_rows(residuals: Sequence[FrfResidual], wanted: Sequence[FunctionsWanted]) -> list[sp.csr_array]:
+    """Rows over the free DOFs that see outputs, inputs and modes that are left out, of each."""
+    return [
+        sp.csr_array(rows)
+        for r, w in zip(residuals, wanted)
+        for rows in (w.ports.outputs, w.ports.inputs.T, *(() if r.left_out is None else (r.left_out.momentum,)))
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +78,13 @@ class ReducedFrfs(Residual):
     ----------
     own : the residual on the full model
     outputs, inputs : (a, r) and (b, r) rows that see its ports in the coordinates of the basis
+    momentum : (m, r) rows that see the modes that are left out
     """
 
     own: FrfResidual
     outputs: Reals
     inputs: Reals
+    momentum: Reals = field(default_factory=lambda: np.zeros((0, 0)))
     key = FrfResidual.key
     label = FrfResidual.label
     on_modes = True
@@ -94,7 +100,8 @@ class ReducedFrfs(Residual):
         s = np.asarray(2j * np.pi * lines, dtype=np.complex128)
         way = self.own.way
         damped = wanted_number(modes.eigenvalues, *(way.modes or (0, None)))
-        found = reduced_functions(modes, BasisPorts(self.inputs.T, self.outputs), s, damped, way.damping, derivatives)
+        ports, left_out = BasisPorts(self.inputs.T, self.outputs), self._left_out(modes, damped)
+        found = reduced_functions(modes, ports, s, damped, way.damping, derivatives, left_out)
         factor = s ** KINDS.index(self.own.measured.kind)
         if not np.isfinite(found.values).all():
             raise FemtuneError(
@@ -104,10 +111,18 @@ class ReducedFrfs(Residual):
         gradient = np.moveaxis(found.gradient * factor[:, None, None, None], 0, 2)
         return self.own.at_lines(values[:, :, back], gradient[:, :, back])
 
+    def _left_out(self, modes: ReducedModes, count: int) -> tuple[int, ...]:
+        left_out = self.own.left_out
+        return () if left_out is None else left_out.found(self.momentum @ modes.shapes[:, :count])[0]
+
 
 def on_reduced(case: ComparedCase, residuals: Sequence[FrfResidual], rows: Reals) -> tuple[Residual, ...]:
     """The residuals of a case, those that a reduced model serves with their `rows` from `port_rows` on its basis."""
-    ends = np.cumsum([n for r in residuals for n in (len(r.measured.responses), len(r.measured.references))])
+    counts = [
+        (len(r.measured.responses), len(r.measured.references), 0 if r.left_out is None else len(r.left_out.numbers))
+        for r in residuals
+    ]
+    ends = np.cumsum([n for some in counts for n in some])
     parts = iter(np.split(rows, ends[:-1]) if len(ends) else [])
-    of = {id(r): ReducedFrfs(r, next(parts), next(parts)) for r in residuals}
+    of = {id(r): ReducedFrfs(r, next(parts), next(parts), next(parts)) for r in residuals}
     return tuple(of.get(id(settled(r)), r) for r in case.residuals)

@@ -24,6 +24,7 @@ from femtune.modal.frf_set import KINDS
 from femtune.model import ConfiguredModel, EigenSolution, ModelPoint
 from femtune.model.response import Ports, frf_gradient, matrix_ports, survey_functions
 from femtune.residuals.case import CaseState, Residual
+from femtune.residuals.frf.left_out import LeftOutModes
 from femtune.residuals.frf.lines import Region
 from femtune.residuals.frf.model_way import ModelWay
 from femtune.residuals.weights import IdentifiedValues, LineSamples, ResidualBlock
@@ -156,6 +157,7 @@ class FrfResidual(Residual):
     way : how the model's functions are computed
     shift : (outputs, inputs, lines) added to logarithms of magnitudes, against the bias of their weights
     identified : the test that `measured` was computed from; None where it was measured itself
+    left_out : modes whose part in the model's functions is taken away
     """
 
     configuration: str
@@ -167,6 +169,7 @@ class FrfResidual(Residual):
     way: ModelWay = field(default_factory=ModelWay)
     shift: Reals | None = field(default=None, repr=False)
     identified: RedrawnTest | None = field(default=None, repr=False)
+    left_out: LeftOutModes | None = None
     key = "frf"
     label = "frf"
     # a reduced model of modes has no residual vectors for the forces and no damping of its own
@@ -224,6 +227,7 @@ class FrfResidual(Residual):
         found = frf_gradient(
             model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
             damping=self.way.damping, residual_vectors=self.way.residual_vectors, derivatives=derivatives,
+            left_out=self._left_out(model),
         )  # fmt: skip
         return self.at_lines(found.frfs.values[:, :, back], found.gradient[:, :, back])
 
@@ -232,9 +236,16 @@ class FrfResidual(Residual):
         lines, back = self.model_lines
         values = survey_functions(
             model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
-            damping=self.way.damping, residual_vectors=self.way.residual_vectors,
+            damping=self.way.damping, residual_vectors=self.way.residual_vectors, left_out=self._left_out(model),
         )  # fmt: skip
         return self.at_lines(values[:, :, back], np.zeros((*values.shape, 0)))[0]
+
+    def _left_out(self, model: ModelPoint | EigenSolution) -> tuple[int, ...]:
+        if self.left_out is None:
+            return ()
+        # the study allows modes to be left out of functions that are superposed of modes only
+        assert isinstance(model, EigenSolution)
+        return self.left_out.of(model)[0]
 
     @cached_property
     def model_lines(self) -> tuple[Reals, Integers]:

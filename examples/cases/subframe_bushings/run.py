@@ -1,0 +1,325 @@
+"""Find the stiffness of rubber bushings from two tests: python run.py [--quick] [--components N] [--evidence DIR].
+
+A component of the subframe with other moduli and thicknesses than the deck is tested free, and with masses on its
+mounts, by one input and 56 channels, with noise and uneven damping. Fifteen parameters are calibrated with one damping
+ratio on both sides, without pairing any mode. Modes of the model that the test of the loaded state does not show are
+left out. What the free test alone can tell of the bushings below 300 Hz is stated beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
+
+import numpy as np
+from studies import FLOOR, WEIGHT, Compared, Plan, held_out, study
+
+from femtune import steps
+from femtune.modal import FrfSet
+from femtune.results.fisher import FisherResults
+from femtune.results.frf_deviation import ChannelDeviation
+from femtune.results.mapped_damping import MappedMode
+from femtune.results.step_results import RunResult
+from femtune.results.update import UpdateResults
+from structures.subframe_campaign import FREE, LOADED, Laboratory, Measured, deviation_sd
+
+HERE = Path(__file__).resolve().parent
+MAC, WITHIN, LIMIT = 0.95, 2.0, 3.0
+SHARE, NOT_MET = 0.9, " The second target is not met: the errors of the identified tests are larger than stated."
+SPURIOUS = 0.01
+"""Identified damping ratio in % below which a mode is one of the noise."""
+BELOW_HZ = 300.0
+"""What the free test alone can tell is stated up to here, as in the published study."""
+FREE_TEST = Compared(FREE, Measured((60.0, 450.0), 1.0), (100.0, 390.0))
+LOADED_TEST = Compared(LOADED, Measured((30.0, 300.0), 0.5), (55.0, 146.0))
+LEFT_OUT = {5_000: (52.67, 52.69, 64.49, 64.53), 20_000: (50.67, 50.78, 62.04, 62.19)}
+"""By the size of the mesh: pairs of modes of the loaded mounts that hardly move the frame; no test shows them."""
+RUBBER = ("E_rubber_front", "E_rubber_rear")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter of one component, as a factor on the deck."""
+
+    component: int
+    name: str
+    truth: float
+    value: float
+    sd: float
+
+    @property
+    def z(self) -> float:
+        """Error in stated standard deviations."""
+        return (self.value - self.truth) / self.sd
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """One component: its tests, its run, and what its free test alone can tell before the update."""
+
+    plan: Plan
+    component: int
+    tests: dict[str, FrfSet]
+    run: RunResult
+    alone: FisherResults
+
+    @property
+    def update(self) -> UpdateResults:
+        """The result of the update."""
+        assert self.run.results.update is not None
+        return self.run.results.update
+
+    @property
+    def both(self) -> FisherResults:
+        """What both tests can tell before the update."""
+        assert self.run.results.selection is not None
+        assert self.run.results.selection.fisher is not None
+        return self.run.results.selection.fisher
+
+    @property
+    def estimates(self) -> list[Estimate]:
+        """All parameters, with the standard deviations of the table of the update."""
+        lab, found = self.plan.lab, {p.name: p for p in self.update.parameters}
+        truth = dict(zip(lab.names, (1.0 + lab.truth(self.component)).tolist()))
+        return [Estimate(self.component, n, t, found[n].value, found[n].sd or np.nan) for n, t in truth.items()]
+
+    @property
+    def modes(self) -> list[tuple[str, MappedMode]]:
+        """Identified modes in the bands that are compared, with their states."""
+        bands = {test.state.name: test.band_hz for test in self.plan.tests}
+        return [
+            (of.configuration, m)
+            for of in self.run.results.mapped_damping
+            for m in of.modes
+            if m.test_hz is not None and bands[of.configuration][0] <= m.test_hz <= bands[of.configuration][1]
+        ]
+
+    def channels(self, data: str) -> list[ChannelDeviation]:
+        """FRFs of the calibration or of the validation set."""
+        found = self.run.results.validation
+        assert found is not None
+        assert found.deviations is not None
+        return [c for c in found.deviations.channels if c.data == data]
+
+    def sums(self) -> dict[str, tuple[float, float]]:
+        """Mean δ before and after: equalised FRFs of the calibration set, measured ones of the validation set."""
+        sets = {name: self.channels(name) for name in ("calibration", "validation")}
+        return {
+            n: (float(np.mean([c.before for c in s])), float(np.mean([c.after for c in s]))) for n, s in sets.items()
+        }
+
+    def risen(self) -> list[str]:
+        """Held-out FRFs whose δ has risen by more than two standard deviations of its noise."""
+        sd: dict[tuple[str, str, str], float] = {}
+        for test in self.plan.tests:
+            frfs = self.tests[test.state.name]
+            labels = [(o, i) for o in frfs.responses.labels() for i in frfs.references.labels()]
+            found = deviation_sd(frfs, test.measured, test.band_hz).ravel().tolist()
+            sd |= {(test.state.name, *label): one for label, one in zip(labels, found)}
+        return [
+            f"{c.configuration} {c.output}"
+            for c in self.channels("validation")
+            if c.after > c.before + WITHIN * sd[c.configuration, c.output, c.input]
+        ]
+
+
+def simulated(plan: Plan, component: int, folder: Path) -> dict[str, FrfSet]:
+    """Write the deck and the tests of a component."""
+    folder.mkdir(exist_ok=True, parents=True)
+    plan.lab.write(folder / "subframe.bdf")
+    tests = {test.state.name: plan.lab.test(test.state, component, test.measured) for test in plan.tests}
+    for name, frfs in tests.items():
+        plan.lab.write_test(folder / f"{name}.uff", frfs)
+    return tests
+
+
+def calibrated(plan: Plan, component: int, folder: Path) -> Calibrated:
+    """Test a component, ask what its free test alone can tell, and run the study of both tests."""
+    tests = simulated(plan, component, folder)
+    only = replace(plan, tests=(replace(FREE_TEST, band_hz=(FREE_TEST.band_hz[0], BELOW_HZ)),))
+    for name, one in (("free.toml", only), ("study.toml", plan)):
+        (folder / name).write_text(study(one), encoding="utf-8")
+    alone = steps.select(folder / "free.toml").record.fisher
+    assert alone is not None
+    run = steps.run(folder / "study.toml", output=folder / "run")
+    return Calibrated(plan, component, tests, run, alone)
+
+
+def spurious(mode: MappedMode) -> bool:
+    """Whether an identified mode is one of the noise: nothing is damped so little."""
+    return (mode.measured_percent or 0.0) < SPURIOUS
+
+
+def check(found: Sequence[Calibrated]) -> None:
+    """What the calibration shows; the page states which part of the errors is within two standard deviations."""
+    errors = np.abs([e.z for one in found for e in one.estimates])
+    assert (errors > LIMIT).sum() <= 1, errors
+    for one in found:
+        assert one.run.ok, one.run.message
+        before, after = one.sums()["validation"]
+        assert after < 0.5 * before, (before, after)
+        assert not one.risen(), one.risen()
+        macs = [m.mac or 0.0 for _, m in one.modes if not spurious(m)]
+        assert macs
+        assert min(macs) > MAC, macs
+        both, alone = ({p.parameter: p for p in fisher.parameters} for fisher in (one.both, one.alone))
+        for name in RUBBER:
+            assert both[name].known
+            sd = alone[name].sd_percent
+            assert sd is None or sd > 5.0 * (both[name].sd_percent or np.inf), (name, sd)
+
+
+def page(found: Sequence[Calibrated]) -> str:
+    """The page of the documentation."""
+    return "\n".join([*_head(found), *_readings(found), *_parameters(found), *_deviations(found), *_modes(found)])
+
+
+def _head(found: Sequence[Calibrated]) -> Iterator[str]:
+    plan = found[0].plan
+    lab, free, loaded = plan.lab, *plan.tests
+    n = lab.configured[FREE.name].n_free
+    count = "One component" if len(found) == 1 else f"{len(found)} components"
+    yield "# Rubber bushings from a free and a mass-loaded test\n"
+    yield (
+        f"{count} of a generated subframe of welded sheets with rubber bushings, {n:,} degrees of freedom, with "
+        f"{lab.parameters} parameters, tested with {len(lab.inputs)} input and {lab.channels} channels: free from "
+        f"{free.measured.band_hz[0]:g} to {free.measured.band_hz[1]:g} Hz, and with masses on its mounts from "
+        f"{loaded.measured.band_hz[0]:g} to {loaded.measured.band_hz[1]:g} Hz. Moduli and thicknesses differ from the "
+        "deck by up to half of their bounds. Noise of real and imaginary part: "
+        f"{100 * free.measured.relative:g} % of the magnitude and {100 * free.measured.floor:g} % of the largest "
+        "magnitude of each FRF. The damping ratios are those of the rubber (3 %) by its part of the strain energy, and "
+        "of the steel, uneven by mode (0.1 to 1 %).\n"
+    )
+    yield (
+        "Both tests are identified and compared with one damping ratio on both sides (`[equalise]`), free from "
+        f"{free.band_hz[0]:g} to {free.band_hz[1]:g} Hz, loaded from {loaded.band_hz[0]:g} to "
+        f"{loaded.band_hz[1]:g} Hz; no mode is paired. {len(held_out(lab.outputs))} channels are held out. In the "
+        "loaded state, pairs of modes of the mounts move the frame so little that the identification misses them; the "
+        f"model modes at {', '.join(f'{hz:g}' for hz in loaded.left_out_hz)} Hz are left out (`leave_out_modes_hz`). "
+        "The band of the loaded test ends below a group of four close modes of the mounts, which the identification "
+        f"takes for one. The weights, {100 * WEIGHT:g} % of a value and {100 * FLOOR:g} % of the largest of its FRF, "
+        "are chosen, not derived.\n"
+    )
+
+
+def _readings(found: Sequence[Calibrated]) -> Iterator[str]:
+    yield f"## What the free test alone can tell below {BELOW_HZ:g} Hz\n"
+    yield (
+        "Expected standard deviations before the update, from the Fisher information with the noise of the measured "
+        "FRFs, in % of the value. A parameter can be known if its standard deviation is below a third of the prior's.\n"
+    )
+    yield "| component | parameter | free alone | can be known | both tests | can be known |"
+    yield "| --- " * 6 + "|"
+    for one in found:
+        both, alone = ({p.parameter: p for p in fisher.parameters} for fisher in (one.both, one.alone))
+        for name in one.plan.lab.names:
+            first, second = alone[name], both[name]
+            yield (
+                f"| {1 + one.component} | {name} | {_percent(first.sd_percent)} | {_word(first.known)} "
+                f"| {_percent(second.sd_percent)} | {_word(second.known)} |"
+            )
+        ratios = [(alone[n].sd_percent or np.inf) / (both[n].sd_percent or np.inf) for n in RUBBER]
+        open_ = [n for n in RUBBER if not alone[n].known]
+        yield (
+            f"\nComponent {1 + one.component}: both tests reduce the standard deviations of the rubber by factors of "
+            f"{ratios[0]:.0f} (front) and {ratios[1]:.0f} (rear). In a published study of a real subframe the bushings "
+            "were not identifiable below 300 Hz without the mass-loaded test; here the free test alone leaves "
+            f"{' and '.join(open_) or 'none of them'} unknown. Its model is exact but for the parameters.\n"
+        )
+
+
+def _percent(value: float | None) -> str:
+    return "open" if value is None else f"{value:.2g}"
+
+
+def _word(known: bool) -> str:
+    return "yes" if known else "no"
+
+
+def _parameters(found: Sequence[Calibrated]) -> Iterator[str]:
+    yield "## Parameters\n"
+    yield "| component | parameter | truth | calibrated | σ | error / σ |"
+    yield "| --- " * 6 + "|"
+    for one in found:
+        for e in one.estimates:
+            yield f"| {1 + e.component} | {e.name} | {e.truth:.4f} | {e.value:.4f} | {e.sd:.1e} | {e.z:+.1f} |"
+    errors = np.abs([e.z for one in found for e in one.estimates])
+    missed = "" if (errors <= WITHIN).mean() >= SHARE else NOT_MET
+    yield (
+        f"\n{(errors > LIMIT).sum()} of {len(errors)} errors are larger than {LIMIT:g} σ (at most one), "
+        f"{100 * (errors <= WITHIN).mean():.0f} % are within {WITHIN:g} σ (at least 90 %); their root mean square is "
+        f"{np.sqrt(np.mean(errors**2)):.2f} σ.{missed} The standard deviations are those of the table of the update."
+    )
+    for one in found:
+        fisher = one.update.fisher
+        assert fisher is not None
+        if fisher.misfit > 1.0:
+            yield (
+                f"Component {1 + one.component}: the residuals are {fisher.misfit:.2g} times as large as the noise "
+                "makes them; the standard deviations are increased by this factor."
+            )
+    yield ""
+
+
+def _deviations(found: Sequence[Calibrated]) -> Iterator[str]:
+    yield "## Deviation δ of the FRFs\n"
+    yield "| component | set | before | after | change, % |\n| --- | --- | --- | --- | --- |"
+    for one in found:
+        for name, (before, after) in one.sums().items():
+            yield f"| {1 + one.component} | {name} | {before:.3g} | {after:.3g} | {100 * (after / before - 1):+.0f} |"
+    yield "\nThe calibration set are equalised FRFs, the validation set measured ones with mapped damping."
+    for one in found:
+        risen = one.risen()
+        yield (
+            f"Component {1 + one.component}: the δ of {len(risen) or 'no'} held-out FRF has risen by more than 2 σ of "
+            f"its noise{': ' + ', '.join(risen) if risen else ''}."
+        )
+    yield ""
+
+
+def _modes(found: Sequence[Calibrated]) -> Iterator[str]:
+    yield "## Modes, paired afterwards\n"
+    yield "| component | state | test, Hz | model, Hz | MAC | identified damping, % |"
+    yield "| --- " * 6 + "|"
+    for one in found:
+        for name, m in one.modes:
+            model = (
+                "spurious | "
+                if spurious(m)
+                else "not paired | "
+                if m.mac is None or m.model_hz is None
+                else f"{m.model_hz:.2f} | {m.mac:.3f}"
+            )
+            yield f"| {1 + one.component} | {name} | {m.test_hz:.2f} | {model} | {m.measured_percent:.2f} |"
+    yield "\n## Modes that are left out\n"
+    yield "| component | before, Hz | after, Hz | correlation |\n| --- | --- | --- | --- |"
+    for one in found:
+        for left in one.update.left_out_modes:
+            yield f"| {1 + one.component} | {left.before_hz:.2f} | {left.after_hz:.2f} | {left.correlation:.3f} |"
+
+
+def main() -> None:
+    """Simulate, calibrate, check, report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="one component with 5,000 degrees of freedom")
+    parser.add_argument("--components", type=int, default=3, help="number of components")
+    parser.add_argument("--dofs", type=int, default=20_000, choices=sorted(LEFT_OUT), help="size of the mesh")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
+    options = parser.parse_args()
+    dofs, components = (5_000, 1) if options.quick else (options.dofs, options.components)
+    plan = Plan(Laboratory(dofs, 15, 56, 1), (FREE_TEST, replace(LOADED_TEST, left_out_hz=LEFT_OUT[dofs])))
+    found = [calibrated(plan, c, HERE / "run" / f"component_{c + 1}") for c in range(components)]
+    text = page(found)
+    print(text)
+    if options.evidence:
+        (options.evidence / "cases_subframe_bushings.md").write_text(text + "\n", encoding="utf-8")
+    check(found)
+
+
+if __name__ == "__main__":
+    main()
