@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from math import pi
 
 import numpy as np
@@ -11,21 +13,30 @@ from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
 from femtune.experiments import latin_hypercube, sobol_indices
-from femtune.surrogates import ChaosRules, Surrogate, chaos_indices, explained_variances, fit_surrogate
-from femtune.surrogates.chaos import _Product, _products
+from femtune.surrogates import (
+    ChaosRules,
+    Surrogate,
+    chaos_indices,
+    explained_variances,
+    fit_surrogate,
+    term_counts,
+)
+from femtune.surrogates.chaos import _folds, _Product, _products
 
 _RNG = np.random.default_rng(4)
 _X = _RNG.random((40, 3))
 _NEW = _RNG.random((7, 3))
 _UNIT = (np.zeros(3), np.ones(3))
+_RULES = ChaosRules(4)
 
 
 def _function(x: np.ndarray) -> np.ndarray:
     return np.stack([np.sin(3.0 * x[:, 0]) + x[:, 1] * x[:, 2] + 2.0, np.exp(x[:, 0] - x[:, 1]) + 1.0], axis=1)
 
 
-def _fitted(**rules: object) -> Surrogate:
-    return fit_surrogate(_X, _function(_X), ChaosRules(**rules), _UNIT)  # type: ignore[arg-type]
+@cache
+def _fitted() -> Surrogate:
+    return fit_surrogate(_X, _function(_X), _RULES, _UNIT)
 
 
 def _ishigami(x: np.ndarray, a: float = 7.0, b: float = 0.1) -> np.ndarray:
@@ -68,13 +79,41 @@ def test_the_coefficients_are_those_of_least_squares() -> None:
         np.testing.assert_allclose(fit.coefficients, np.linalg.lstsq(values, column, rcond=None)[0], atol=1e-9)
 
 
-def test_leaving_out_one_run_is_fitting_without_it() -> None:
+def test_runs_that_are_left_out_are_predicted_by_a_fit_without_them() -> None:
+    """Which chooses its terms again, so that they differ."""
     surrogate = _fitted()
+    counts = []
+    for left_out in _folds(40)[:2]:
+        kept = np.setdiff1d(np.arange(40), left_out)
+        without = fit_surrogate(_X[kept], surrogate.y[kept], _RULES, _UNIT)
+        counts.append(term_counts(without))
+        np.testing.assert_allclose(surrogate.left_out[left_out], without.predict(_X[left_out]), rtol=1e-7)
+        # with the variance of the whole, in the units of each
+        fits = tuple(
+            replace(new, variance=old.variance * ratio**2)
+            for new, old, ratio in zip(without.fits, surrogate.fits, surrogate.scale / without.scale, strict=True)
+        )
+        errors = (surrogate.y - surrogate.left_out)[left_out]
+        expected = errors / replace(without, fits=fits).predict_sd(_X[left_out])
+        np.testing.assert_allclose(surrogate.left_out_ratio[left_out], expected, rtol=1e-4)
+    assert set(counts) != {term_counts(surrogate)}
+
+
+def test_the_variance_is_that_of_cross_validation() -> None:
+    """Errors over their standard deviations have unit mean square; those of new runs do not change it."""
+    surrogate = _fitted()
+    np.testing.assert_allclose(np.mean(surrogate.left_out_ratio**2, axis=0), 1.0, rtol=1e-12)
+    again = surrogate.with_runs(np.vstack([_X, _NEW]), np.vstack([surrogate.y, surrogate.predict(_NEW)]))
+    np.testing.assert_allclose(again.predict(_X), surrogate.predict(_X), rtol=1e-9)
+    assert np.all(again.predict_sd(_NEW) < surrogate.predict_sd(_NEW))
+    assert np.all(again.predict_sd(_NEW) > 0.3 * surrogate.predict_sd(_NEW))
+
+
+def test_leaving_out_one_run_with_unchanged_terms() -> None:
+    surrogate = _fitted().with_runs(_X, _function(_X))
     for i in (0, 7, 24):
         kept = np.arange(40) != i
         without = surrogate.with_runs(surrogate.x[kept], surrogate.y[kept])
-        pairs = zip(without.fits, surrogate.fits, strict=True)
-        without = replace(without, fits=tuple(replace(new, variance=old.variance) for new, old in pairs))
         np.testing.assert_allclose(surrogate.left_out[i], without.predict(_X[i])[0], rtol=1e-6)
         error = (surrogate.y[i] - surrogate.left_out[i]) / surrogate.left_out_ratio[i]
         np.testing.assert_allclose(np.abs(error), without.predict_sd(_X[i])[0], rtol=1e-6)
@@ -83,7 +122,7 @@ def test_leaving_out_one_run_is_fitting_without_it() -> None:
 @pytest.mark.parametrize("logarithms", [False, True])
 def test_the_gradient_of_a_prediction_by_complex_step(logarithms: bool) -> None:
     x, new = _X + 0.5, _NEW + 0.5
-    surrogate = fit_surrogate(x, _function(_X), ChaosRules(logarithms=logarithms))
+    surrogate = fit_surrogate(x, _function(_X), ChaosRules(4, logarithms))
     gradient = surrogate.gradient(new)
     for i, direction in enumerate(np.eye(3)):
         moved = surrogate.predict(new + 1e-30j * direction).imag / 1e-30
@@ -98,15 +137,38 @@ def test_second_derivatives_by_complex_step_of_the_first() -> None:
         np.testing.assert_allclose(curved[:, i], moved, rtol=1e-9, atol=1e-9 * np.abs(curved).max())
 
 
+def _waves(x: np.ndarray) -> np.ndarray:
+    """A smooth random function of five variables: twelve cosines."""
+    rng = np.random.default_rng(3)
+    waves, phases = 0.8 * rng.normal(size=(5, 12)), 2.0 * pi * rng.random(12)
+    return np.asarray(np.cos(x @ waves + phases) @ rng.normal(size=12))[:, None]
+
+
 @pytest.mark.slow
-def test_intervals_cover_fresh_runs() -> None:
+@pytest.mark.parametrize(
+    ("function", "parameters", "runs", "degree"),
+    [
+        (_function, 3, 60, 3),
+        (_ishigami, 3, 200, 12),
+        (_waves, 5, 150, 6),
+    ],
+)
+def test_errors_and_intervals_are_those_of_fresh_runs(
+    function: Callable[[np.ndarray], np.ndarray], parameters: int, runs: int, degree: int
+) -> None:
+    """Of 90 % intervals, and of the root mean square of the errors of runs that are left out."""
     rng = np.random.default_rng(6)
-    inside = []
-    for _ in range(20):
-        x, new = rng.random((60, 3)), rng.random((100, 3))
-        low, high = fit_surrogate(x, _function(x), ChaosRules(degree=3), _UNIT).interval(new, 0.9)
-        inside.append(np.mean((_function(new) > low) & (_function(new) < high)))
-    assert 0.85 < np.mean(inside) < 0.95
+    box = np.zeros(parameters), np.ones(parameters)
+    inside, ratio = [], []
+    for seed in range(4):
+        x, new = latin_hypercube(parameters, runs, seed).points, rng.random((500, parameters))
+        surrogate, truth = fit_surrogate(x, function(x), ChaosRules(degree), box), function(new)
+        low, high = surrogate.interval(new, 0.9)
+        inside.append(np.mean((truth > low) & (truth < high)))
+        fresh = np.sqrt(np.mean((truth - surrogate.predict(new)) ** 2, axis=0))
+        ratio.append(np.sqrt(np.mean((surrogate.y - surrogate.left_out) ** 2, axis=0)) / fresh)
+    assert 0.85 < np.mean(inside) < 0.97
+    assert 0.7 < np.exp(np.mean(np.log(ratio))) < 2.0
 
 
 @pytest.mark.slow

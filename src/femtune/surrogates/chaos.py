@@ -2,8 +2,10 @@
 
 Of all products up to a degree, few are chosen for each response: always the one that reduces the squares the most
 (orthogonal least squares), until the error of leaving out one run, corrected for the number of terms, does not fall any
-more; the degree with the smallest such error is kept. The coefficients are those of ordinary least squares. Sobol's
-indices for parameters that are uniform over the box follow from the coefficients without further evaluations.
+more; the degree with the smallest such error is kept. The coefficients are those of ordinary least squares. As this
+error is too small where the candidates are many, the errors that are stated are those of cross-validation, in which
+the terms are chosen again without each tenth of the runs. Sobol's indices for parameters that are uniform over the box
+follow from the coefficients without further evaluations.
 
 Sources: Xiu and Karniadakis 2002; Chen, Cowan and Grant 1991 (orthogonal least squares); Blatman and Sudret 2011
 (selection, corrected error); Sudret 2008 (indices).
@@ -27,8 +29,14 @@ _MOST_CANDIDATES = 5000
 """Products of polynomials to choose from; a degree that has more is not tried, unless it is the first."""
 _PATIENCE = 10
 """Terms that are added after the smallest error so far before the selection ends."""
+_MOST_TERMS = 2.0 / 3.0
+"""Largest number of terms, as a part of the runs; the error of leaving out one run says nothing with more of them."""
 _NEW = 1e-10
 """Part of a candidate that must be left beside the chosen ones."""
+_FOLDS = 10
+"""Parts of the runs that are left out, one after the other, to find the error of a prediction."""
+_LEAST = 1e-12
+"""Of one less the leverage of a run, by which residuals are divided."""
 
 
 @dataclass(frozen=True)
@@ -56,17 +64,10 @@ class ChaosRules:
     def fits(self, u: Reals, y: Reals) -> tuple[ChaosResponse, ...]:
         """Of the responses (N, m) over scaled parameters (N, n)."""
         n = u.shape[1]
-        degrees = [d for d in range(1, self.degree + 1) if d == 1 or comb(n + d, d) <= _MOST_CANDIDATES]
-        every = _products(n, degrees[-1])
-        total = every.sum(axis=1)
+        highest = max(d for d in range(1, self.degree + 1) if d == 1 or comb(n + d, d) <= _MOST_CANDIDATES)
+        every = _products(n, highest)
         values = _Product(every).value(u)
-        return tuple(
-            min(
-                (_chosen(u, column, every[total <= d], values[:, total <= d]) for d in degrees),
-                key=lambda fit: fit.corrected_error,
-            )
-            for column in y.T
-        )
+        return tuple(_fitted(column, every, values) for column in y.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +79,8 @@ class ChaosResponse:
     degrees : (t, n) degree of each polynomial in each term
     coefficients : (t,)
     factor : (t, t) upper triangular factor of the terms at the runs
-    variance : σ² of what the terms do not explain
-    errors, error_sd : (N,) errors of leaving out each run, and their standard deviations
-    corrected_error : mean square of these errors, corrected for the number of terms
+    variance : σ² of what the terms do not explain, by cross-validation
+    errors, error_sd : (N,) errors of each run as predicted from the other folds, and their standard deviations
     """
 
     degrees: Integers
@@ -89,7 +89,6 @@ class ChaosResponse:
     variance: float
     errors: Reals
     error_sd: Reals
-    corrected_error: float
 
     @property
     def freedom(self) -> int:
@@ -117,12 +116,15 @@ class ChaosResponse:
 
     def spread(self, u: Reals) -> Reals:
         """(k,) standard deviation of a run: what the terms do not explain, and that of the coefficients."""
-        added = solve_triangular(self.factor, _Product(self.degrees).value(u).T, trans="T")
-        return np.asarray(np.sqrt(self.variance * (1.0 + np.sum(added**2, axis=0))))
+        return np.asarray(np.sqrt(self.variance * (1.0 + _added(self.factor, _Product(self.degrees).value(u)))))
 
     def again(self, u: Reals, y: Reals) -> ChaosResponse:
-        """Of other runs (N, n), (N,), with unchanged terms."""
-        return _least_squares(y, self.degrees, _Product(self.degrees).value(u))
+        """Of other runs (N, n), (N,), with unchanged terms and variance; errors are those of leaving out one run."""
+        values = _Product(self.degrees).value(u)
+        coefficients, factor = _least_squares(y, values)
+        kept = np.maximum(1.0 - _added(factor, values), _LEAST)
+        errors = (y - values @ coefficients) / kept
+        return ChaosResponse(self.degrees, coefficients, factor, self.variance, errors, np.sqrt(self.variance / kept))
 
 
 def chaos_indices(surrogate: Surrogate) -> VarianceIndices:
@@ -210,66 +212,91 @@ def _products(parameters: int, degree: int) -> Integers:
     return np.array(rows)
 
 
-def _chosen(u: Reals, y: Reals, degrees: Integers, values: Reals) -> ChaosResponse:
-    """The terms with the smallest corrected error, of those that orthogonal least squares adds one by one."""
-    N = len(y)
-    left, rest, full = values.copy(), y.copy(), np.sum(values**2, axis=0)
+def _fitted(y: Reals, degrees: Integers, values: Reals) -> ChaosResponse:
+    """The chosen terms, and errors by cross-validation, in which the terms are chosen again without each fold."""
+    totals = degrees.sum(axis=1)
+    errors, added = np.empty(len(y)), np.empty(len(y))
+    for left_out in _folds(len(y)):
+        kept = np.setdiff1d(np.arange(len(y)), left_out)
+        terms = _chosen(y[kept], totals, values[kept])
+        coefficients, factor = _least_squares(y[kept], values[kept][:, terms])
+        there = values[left_out][:, terms]
+        errors[left_out] = y[left_out] - there @ coefficients
+        added[left_out] = _added(factor, there)
+    variance = max(float(np.mean(errors**2 / (1.0 + added))), np.finfo(float).tiny)
+    terms = _chosen(y, totals, values)
+    coefficients, factor = _least_squares(y, values[:, terms])
+    return ChaosResponse(degrees[terms], coefficients, factor, variance, errors, np.sqrt(variance * (1.0 + added)))
+
+
+def _folds(runs: int) -> list[Integers]:
+    """Numbers of the runs that are left out together; at random, as the order of the runs may be that of a grid."""
+    return np.array_split(np.random.default_rng(0).permutation(runs), min(_FOLDS, runs))
+
+
+def _chosen(y: Reals, totals: Integers, values: Reals) -> list[int]:
+    """The terms with the smallest corrected error, over the largest total degrees; candidates are sorted by degree."""
+    candidates = np.ascontiguousarray(values.T)
+    counts = np.searchsorted(totals, np.arange(1, totals[-1] + 1), side="right")
+    most = min(len(y) - 2, max(int(counts[0]), int(_MOST_TERMS * len(y))))
+    return min((_selection(y, candidates[:count], most) for count in counts), key=lambda found: found[0])[1]
+
+
+def _selection(y: Reals, candidates: Reals, most: int) -> tuple[float, list[int]]:
+    """Smallest corrected error, and the terms that have it, of candidates (t, N) of which `most` are added one by one.
+
+    What is left of a candidate beside the chosen ones is known by its squares and its product with the residuals.
+    """
+    most = min(most, len(candidates))
+    full = np.sum(candidates**2, axis=1)
+    size, product, rest = full.copy(), candidates @ y, y
+    basis, inverse, leverage = np.zeros((most, len(y))), np.zeros((most, most)), np.zeros(len(y))
+    trace, best, best_count = 0.0, np.inf, 1
     chosen: list[int] = []
-    leverage = np.zeros(N)
-    best, best_count = np.inf, 1
-    inverse = np.zeros((0, 0))
-    basis = np.zeros((N, 0))
-    while len(chosen) < min(N - 2, len(degrees)) and len(chosen) < best_count + _PATIENCE:
-        size = np.sum(left**2, axis=0)
-        usable = size > _NEW * full
-        usable[chosen] = False
+    usable = np.ones(len(candidates), dtype=bool)
+    while len(chosen) < min(most, best_count + _PATIENCE):
+        t = len(chosen)
+        usable &= size > _NEW * full
         if not usable.any():
             break
-        gain = np.where(usable, (left.T @ rest) ** 2 / np.where(usable, size, 1.0), -1.0)
         # the mean belongs to every expansion
-        k = int(np.argmax(gain)) if chosen else 0
-        direction = left[:, k] / np.sqrt(size[k])
-        along = basis.T @ values[:, k]
-        inverse = _bordered(inverse, along, float(np.sqrt(size[k])))
-        basis = np.column_stack([basis, direction])
-        left -= np.outer(direction, direction @ left)
-        rest = rest - direction * (direction @ rest)
-        leverage += direction**2
+        k = int(np.argmax(np.where(usable, product**2 / np.where(usable, size, 1.0), -1.0))) if t else 0
+        along, direction = _orthogonal(candidates[k], basis[:t])
+        corner = float(np.linalg.norm(direction))
+        basis[t] = direction = direction / corner
+        # the inverse of the triangular factor
+        inverse[:t, t], inverse[t, t] = -(inverse[:t, :t] @ along) / corner, 1.0 / corner
+        trace += float(np.sum(inverse[: t + 1, t] ** 2))
+        row, amount = candidates @ direction, float(direction @ rest)
+        size, product = size - row**2, product - amount * row
+        rest, leverage = rest - amount * direction, leverage + direction**2
+        usable[k] = False
         chosen.append(k)
-        error = _corrected(rest / np.maximum(1.0 - leverage, 1e-12), inverse)
+        error = _corrected(rest / np.maximum(1.0 - leverage, _LEAST), t + 1, trace)
         if error < best:
-            best, best_count = error, len(chosen)
-    kept = chosen[:best_count]
-    return _least_squares(y, degrees[kept], values[:, kept])
+            best, best_count = error, t + 1
+    return best, chosen[:best_count]
 
 
-def _bordered(inverse: Reals, along: Reals, corner: float) -> Reals:
-    """Inverse of an upper triangular matrix with one more column."""
-    n = len(inverse)
-    found = np.zeros((n + 1, n + 1))
-    found[:n, :n] = inverse
-    found[:n, n] = -(inverse @ along) / corner
-    found[n, n] = 1.0 / corner
-    return found
+def _orthogonal(x: Reals, basis: Reals) -> tuple[Reals, Reals]:
+    """Parts of x (N,) along a basis (t, N), and what is left; twice, as rounding leaves parts of the first."""
+    along = basis @ x
+    left = x - along @ basis
+    again = basis @ left
+    return along + again, left - again @ basis
 
 
-def _corrected(errors: Reals, inverse: Reals) -> float:
+def _corrected(errors: Reals, terms: int, trace: float) -> float:
     """Mean square of errors of leaving out one run, times the factor of Blatman and Sudret for a choice of terms."""
-    N, t = len(errors), len(inverse)
-    return float(np.mean(errors**2) * N / (N - t) * (1.0 + np.sum(inverse**2)))
+    return float(np.mean(errors**2)) * len(errors) / (len(errors) - terms) * (1.0 + trace)
 
 
-def _least_squares(y: Reals, degrees: Integers, values: Reals) -> ChaosResponse:
-    """Coefficients of chosen terms, whose values at the runs are (N, t)."""
+def _least_squares(y: Reals, values: Reals) -> tuple[Reals, Reals]:
+    """Coefficients of terms whose values at the runs are (N, t), and the triangular factor of the values."""
     basis, factor = np.linalg.qr(values)
-    leverage = np.minimum(np.sum(basis**2, axis=1), 1.0 - 1e-12)
-    coefficients = solve_triangular(factor, basis.T @ y)
-    rest = y - values @ coefficients
-    errors = rest / (1.0 - leverage)
-    inverse = solve_triangular(factor, np.eye(len(factor)))
-    # the terms were chosen by these runs: the residuals alone would give too small a variance
-    variance = max(float(np.mean(errors**2 * (1.0 - leverage))), np.finfo(float).tiny)
-    return ChaosResponse(
-        degrees, coefficients, factor, variance, errors, np.sqrt(variance / (1.0 - leverage)),
-        _corrected(errors, inverse),
-    )  # fmt: skip
+    return solve_triangular(factor, basis.T @ y), factor
+
+
+def _added(factor: Reals, values: Reals) -> Reals:
+    """(k,) variance of predictions at terms (k, t) by that of the coefficients, in units of σ²."""
+    return np.asarray(np.sum(solve_triangular(factor, values.T, trans="T") ** 2, axis=0))

@@ -20,7 +20,7 @@ class FittedResponse(Protocol):
 
     @property
     def errors(self) -> Reals:
-        """(N,) errors of leaving out each run."""
+        """(N,) errors of leaving out each run; of polynomial chaos, a tenth of the runs."""
 
     @property
     def error_sd(self) -> Reals:
@@ -120,7 +120,7 @@ class Surrogate:
 
     @property
     def left_out(self) -> Reals:
-        """(N, m) response of each run as predicted from all others."""
+        """(N, m) response of each run as predicted from all others; by polynomial chaos, without a tenth of them."""
         scaled = np.stack([fit.errors for fit in self.fits], axis=1) * self.scale
         return np.asarray(self.y * np.exp(-scaled) if self.rules.logarithms else self.y - scaled)
 
