@@ -28,6 +28,8 @@ _NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND"
 _LOADS = {"script": "src", "img": "src", "iframe": "src", "link": "href", "source": "src", "object": "data"}
 _SVG = "data:image/svg+xml;base64,"
 _BLANK_PNG_BYTES = 12_000
+# what the browser says of itself on a machine without a graphics card
+_OF_DRIVER = ("GL Driver Message", "fallback to software WebGL")
 
 
 class _Page(HTMLParser):
@@ -98,7 +100,8 @@ def check(report: Path) -> list[str]:
     """What is wrong with the page, in words."""
     address = report.resolve().as_uri()
     shown = _chromium("--dump-dom", address)
-    console = [line for line in shown.stderr.splitlines() if "CONSOLE" in line]
+    lines = (line for line in shown.stderr.splitlines() if "CONSOLE" in line)
+    console = [line for line in lines if not any(text in line for text in _OF_DRIVER)]
     return _problems_of_markup(shown.stdout) + console + _problems_of_picture(address)
 
 

@@ -25,7 +25,11 @@ def _zdt2(x: np.ndarray) -> np.ndarray:
 def test_fronts_of_closed_form(objectives: object, power: float) -> None:
     found = front_of(objectives, np.zeros(6), np.ones(6), SearchRules(population=60, generations=200))  # type: ignore[arg-type]
     f1, f2 = found.values.T
-    np.testing.assert_allclose(f2, 1.0 - f1**power, atol=0.02)
+    above = f2 - (1.0 - f1**power)
+    # a single point may lag behind the front without being dominated by another one
+    assert np.sqrt(np.mean(above**2)) < 0.01
+    assert above.max() < 0.04
+    assert above.min() > -1e-12
     # the whole front, without gaps
     assert f1[0] < 0.01
     assert f1[-1] > 0.98

@@ -301,7 +301,8 @@ def test_rounding_of_rigid_body_modes_is_not_magnified_by_runs_that_lie_side_by_
     """The free structure stays free away from the runs, and its elastic modes are extrapolated as they are."""
     centre = np.array([1e4, 2e4])
     sides = [centre * (1.0 + 0.01 * s * np.eye(2)[i]) for i in range(2) for s in (1.0, -1.0)]
-    fitted = fit_runs(free_runs(np.array([centre, *sides])), FREE_NODES, 1, False, 0, correlation)
+    rules = None if correlation is None else KrigingRules(correlation=correlation)
+    fitted = fit_runs(free_runs(np.array([centre, *sides])), FREE_NODES, 1, False, 0, rules)
     parameters = ParameterSet(tuple(Parameter(name, v, 0.1 * v, 10.0 * v) for name, v in zip(NAMES, centre)))
     assigned = [Assignment(name, field_of_variable(name), relative=False) for name in NAMES]
     configured = configure(parametric_model(fitted.structure, parameters, assigned), Configuration("runs"))
@@ -325,7 +326,8 @@ def test_a_soft_suspension_is_no_rigid_body_mode() -> None:
 def test_runs_without_shapes_keep_a_column_of_rigid_body_modes(correlation: str | None) -> None:
     points = sample(9)
     hz = np.column_stack([np.linspace(1e-6, 9e-6, 9), np.sqrt(points[:, 0]), np.sqrt(points[:, 1])])
-    fitted = fit_runs(Runs(NAMES, points, hz), NO_NODES, 1, False, correlation=correlation)
+    rules = None if correlation is None else KrigingRules(correlation=correlation)
+    fitted = fit_runs(Runs(NAMES, points, hz), NO_NODES, 1, False, rules=rules)
     found, rigid = solved_without_shapes(fitted, np.array([9e3, 1.1e4]))
     assert rigid.tolist() == [True, False, False]
     np.testing.assert_allclose(found[1:], np.sqrt([9e3, 1.1e4]), rtol=1e-6 if correlation else 1e-9)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from femtune.reporting import view as views
 from femtune.reporting.document import Document
+from femtune.reporting.page_view import Packed, PageView, SceneView
 from femtune.reporting.source import ReportSource
-from femtune.reporting.view import Packed, SceneView, View, in_phase, quantised, view_of
+from femtune.reporting.view import in_phase, quantised, view_of
 from femtune.results.results import Results
 
 
@@ -23,7 +24,7 @@ def unpacked(packed: Packed) -> NDArray[Any]:
 
 
 @pytest.fixture(scope="module")
-def view(document: Document) -> View:
+def view(document: Document) -> PageView:
     """That of the whole report."""
     assert document.view is not None
     return document.view
@@ -37,11 +38,11 @@ def source(results: Results) -> ReportSource:
     return ReportSource(results, all_arrays())
 
 
-def _scene(view: View, name: str = "BC") -> SceneView:
+def _scene(view: PageView, name: str = "BC") -> SceneView:
     return next(s for s in view.scenes if s.configuration == name)
 
 
-def test_motion_and_points_are_those_of_the_results(view: View, source: ReportSource) -> None:
+def test_motion_and_points_are_those_of_the_results(view: PageView, source: ReportSource) -> None:
     kept = next(m for m in source.results.mode_shapes if m.configuration == "BC")
     scene = _scene(view)
     points, motion = source.array(kept.points_key), source.array(kept.translations_key)
@@ -57,7 +58,7 @@ def test_motion_and_points_are_those_of_the_results(view: View, source: ReportSo
     assert (np.abs(found - motion[near][:, :, columns]).max(axis=(0, 1)) <= 1.6e-5 * largest).all()
 
 
-def test_mac_and_pairs_are_those_of_the_comparison(view: View, source: ReportSource) -> None:
+def test_mac_and_pairs_are_those_of_the_comparison(view: PageView, source: ReportSource) -> None:
     scene = _scene(view)
     for stage in scene.stages:
         comparison = next(
@@ -70,7 +71,7 @@ def test_mac_and_pairs_are_those_of_the_comparison(view: View, source: ReportSou
         assert labels == [(p.test_label, p.model_number) for p in comparison.pairs]
 
 
-def test_the_factor_of_a_pair_is_its_modal_scale_factor(view: View, source: ReportSource) -> None:
+def test_the_factor_of_a_pair_is_its_modal_scale_factor(view: PageView, source: ReportSource) -> None:
     kept = [m for m in source.results.mode_shapes if m.configuration == "BC"][-1]
     test, seen = source.array(kept.test_shapes_key), source.array(kept.model_at_sensors_key)
     assert test is not None
@@ -81,7 +82,7 @@ def test_the_factor_of_a_pair_is_its_modal_scale_factor(view: View, source: Repo
         assert pair.factor == pytest.approx((t @ m / (t @ t), 0.0))
 
 
-def test_the_motion_of_places_agrees_with_the_sensors(view: View, source: ReportSource) -> None:
+def test_the_motion_of_places_agrees_with_the_sensors(view: PageView, source: ReportSource) -> None:
     kept = [m for m in source.results.mode_shapes if m.configuration == "BC"][-1]
     keys = (kept.sensor_positions_key, kept.sensor_directions_key, kept.sensor_rotations_key, kept.test_shapes_key)
     seats, directions, rotations, test = (np.asarray(source.array(k)) for k in keys)
@@ -120,7 +121,7 @@ def test_complex_test_shapes_are_kept(data: dict[str, Any], arrays: dict[str, An
         assert np.angle(complex(*pair.factor)) % np.pi == pytest.approx(np.pi - 0.5, abs=1e-6)
 
 
-def test_the_history_has_all_iterations(view: View, results: Results) -> None:
+def test_the_history_has_all_iterations(view: PageView, results: Results) -> None:
     assert view.history is not None
     assert results.update is not None
     assert view.history.values == tuple(i.parameters for i in results.update.history)

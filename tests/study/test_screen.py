@@ -97,7 +97,8 @@ def test_the_modes_of_all_configurations_or_of_one(bench: Bench) -> None:
     one = steps.screen(study(bench, cases), configuration="loaded")
     assert {row.configuration for row in one.modes} == {"loaded"}
     loaded = [row.contribution for row in both.effects if row.configuration == "loaded"]
-    np.testing.assert_allclose(loaded, [row.contribution for row in one.effects])
+    # contributions of parameters without effect are rounding
+    np.testing.assert_allclose(loaded, [row.contribution for row in one.effects], atol=1e-12)
 
 
 def test_runs_that_fail_are_left_out_and_named(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

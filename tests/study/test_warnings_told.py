@@ -24,13 +24,15 @@ def test_a_deck_without_its_end_is_told(beam: Bench, step: str) -> None:
     ]
 
 
-def test_the_terminal_says_it_and_quiet_does_not(bench: Bench) -> None:
+def test_the_terminal_says_it_and_quiet_says_it_on_standard_error(bench: Bench) -> None:
     path = bench.folder / "beam.bdf"
     path.write_text(path.read_text().replace("ENDDATA\n", ""))
     for word in ("modes", "info"):
         found = CliRunner().invoke(main, [word, str(path)])
         assert "has no ENDDATA and may be incomplete" in " ".join(found.output.split())
-    assert "ENDDATA" not in CliRunner().invoke(main, ["modes", str(path), "--quiet"]).output
+    quiet = CliRunner().invoke(main, ["modes", str(path), "--quiet"])
+    assert "ENDDATA" not in quiet.stdout
+    assert "the deck has no ENDDATA and may be incomplete" in " ".join(quiet.stderr.split())
 
 
 def test_validate_shows_the_warnings_on_the_deck(beam: Bench) -> None:

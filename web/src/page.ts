@@ -21,9 +21,9 @@ function linkPairs(configurations: string[]): void {
   }
 }
 
-/** Something that answers, at the head of a section. */
-function atHead(id: string, ...elements: HTMLElement[]): void {
-  const section = document.getElementById(id) ?? document.getElementById("fit");
+/** Something that answers, at the head of the first of these sections that the page has. */
+function atHead(ids: string[], ...elements: HTMLElement[]): void {
+  const section = ids.map((id) => document.getElementById(id)).find((s) => s !== null);
   const last = Array.from(section?.children ?? []).find((c) => c.tagName === "FIGURE" || c.tagName === "H3" || c.classList.contains("scroll"));
   if (section) section.insertBefore(h("div", { class: "live" }, ...elements), last ?? section.children[1] ?? null);
 }
@@ -35,6 +35,6 @@ if (view?.scenes.length) linkPairs(view.scenes.filter((s) => s.test).map((s) => 
 if (view?.functions.length) {
   const several = view.functions.length > 1;
   const plots = view.functions.flatMap((f) => [...(several ? [h("h3", {}, f.configuration)] : []), new FunctionPlot(f).element]);
-  atHead("responses", h("h3", {}, "Look closer"), ...plots);
+  atHead(["responses", "frequency_responses", "fit"], h("h3", {}, "Look closer"), ...plots);
 }
-if (view?.history) atHead("convergence", new Iterations(view.history).element);
+if (view?.history) atHead(["convergence"], new Iterations(view.history).element);

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 if TYPE_CHECKING:
-    from femtune.reporting.view import View
+    from femtune.reporting.page_view import PageView
 
 Tone = Literal["", "good", "poor", "muted"]
 Level = Literal["info", "warning", "problem"]
@@ -186,10 +186,10 @@ class Document:
     sections: tuple[Section, ...]
     short: tuple[Section, ...] = ()
     genre: str = "Model updating report"
-    collect: Callable[[], View] | None = None
+    collect: Callable[[], PageView] | None = None
 
     @cached_property
-    def view(self) -> View | None:
+    def view(self) -> PageView | None:
         """What moves on the page, made once."""
         return None if self.collect is None else self.collect()
 

@@ -8,9 +8,8 @@ looked at are left out, so that the page stays small; a sentence says so.
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +18,17 @@ from scipy.spatial import cKDTree
 
 from femtune.assembly.drawn_mesh import DrawnMesh, thinned
 from femtune.reporting.figures.shapes import closed, outline
+from femtune.reporting.page_view import (
+    CurveView,
+    FunctionsView,
+    HistoryView,
+    IterationModeView,
+    Packed,
+    PageView,
+    PairView,
+    SceneView,
+    StageView,
+)
 from femtune.reporting.sections.correlation import pair_places, shown_columns
 from femtune.reporting.sections.mode_shapes import measured_places, structure_of
 from femtune.reporting.sections.responses import ordered_pairs
@@ -42,150 +52,13 @@ _WHOLE_EDGES = 3_000
 """Up to so many faces all of their edges are drawn, above it those that show the form."""
 
 
-@dataclass(frozen=True)
-class Packed:
-    """An array: value = offset + scale · number, along the last axis where these have several entries.
-
-    `type` is "u1", "u2", "u4", "i2" or "f4"; `data` is base64 of the numbers in C order, little-endian.
-    """
-
-    type: str
-    shape: tuple[int, ...]
-    data: str
-    scale: tuple[float, ...] = ()
-    offset: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class PairView:
-    """A pair: rows of the test's modes and columns of the model's; the model's motion is Σ weight · mode."""
-
-    test: int
-    column: int
-    modes: tuple[int, ...]
-    weights: tuple[float, ...]
-    factor: tuple[float, float]
-    """Real and imaginary part of the modal scale factor from the test's shape to this motion."""
-
-
-@dataclass(frozen=True)
-class StageView:
-    """The model at one version: `freq_hz` of its modes in the order of `numbers`; `motion` (points, 3, modes).
-
-    `mac` (test modes, modes) and `seen` (places, 3, modes), the motion at the places of the sensors, are None without a
-    test. `stored` has the column of each mode of `motion` in `numbers`.
-    """
-
-    title: str
-    numbers: tuple[int, ...]
-    freq_hz: tuple[float, ...]
-    stored: tuple[int, ...]
-    motion: Packed
-    mac: Packed | None = None
-    seen: Packed | None = None
-    factors: Packed | None = None
-    """(test modes, modes, 2) real and imaginary part of the modal scale factor from test to model."""
-    expanded: Packed | None = None
-    """(points, 3, test modes) the test's shapes expanded to the points; None where this was not requested."""
-    pairs: tuple[PairView, ...] = ()
-
-
-@dataclass(frozen=True)
-class SceneView:
-    """One configuration: geometry of model and test, and its shapes.
-
-    `faces` (f, 4) with the third corner of a triangle repeated, `edges` of faces to draw, `lines` and
-    `rigid` lines, all by rows of `points`; `wire` by rows of `places`. `test` (places, 3, test modes), with
-    `test_imaginary` where shapes are complex.
-    """
-
-    configuration: str
-    note: str
-    points: Packed
-    faces: Packed
-    edges: Packed
-    lines: Packed
-    rigid: Packed
-    stages: tuple[StageView, ...]
-    places: Packed | None = None
-    wire: Packed | None = None
-    test: Packed | None = None
-    test_imaginary: Packed | None = None
-    test_labels: tuple[str, ...] = ()
-    test_freq_hz: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class CurveView:
-    """Curves of all functions over the same lines: `real` and `imaginary` (functions, lines)."""
-
-    look: str
-    freq_hz: Packed
-    real: Packed
-    imaginary: Packed
-
-
-@dataclass(frozen=True)
-class FunctionsView:
-    """Frequency response functions of one configuration."""
-
-    configuration: str
-    ordinate: str
-    titles: tuple[str, ...]
-    curves: tuple[CurveView, ...]
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class IterationMode:
-    """A compared mode during the update."""
-
-    configuration: str
-    test_label: str
-    test_freq_hz: float
-    freq_hz: tuple[float | None, ...]
-    mac: tuple[float | None, ...]
-
-
-@dataclass(frozen=True)
-class HistoryView:
-    """The update by iterations: weighted mean error in %, values of the parameters, compared modes."""
-
-    iterations: tuple[int, ...]
-    objective_percent: tuple[float, ...]
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
-    nominal: tuple[float, ...]
-    values: tuple[tuple[float, ...], ...]
-    modes: tuple[IterationMode, ...] = ()
-
-
-@dataclass(frozen=True)
-class View:
-    """All that moves on the page."""
-
-    scenes: tuple[SceneView, ...] = ()
-    functions: tuple[FunctionsView, ...] = ()
-    history: HistoryView | None = None
-
-    @property
-    def empty(self) -> bool:
-        """True where nothing can be shown."""
-        return not (self.scenes or self.functions or self.history)
-
-    def json(self) -> str:
-        """As JSON that may stand inside a script element: without the characters that could end it."""
-        text = json.dumps(asdict(self), separators=(",", ":"), allow_nan=False)
-        return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
-def view_of(source: ReportSource) -> View:
+def view_of(source: ReportSource) -> PageView:
     """The view of results: shapes of the solved modes, frequency responses, history of the update."""
     kept = [m for m in source.results.mode_shapes if not m.reason]
     names = list(dict.fromkeys(m.configuration for m in kept))
     share = MOTION_BYTES // max(1, len(names))
     scenes = (_scene(source, [m for m in kept if m.configuration == name], share) for name in names)
-    return View(tuple(s for s in scenes if s), tuple(_functions(source)), _history(source))
+    return PageView(tuple(s for s in scenes if s), tuple(_functions(source)), _history(source))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -522,12 +395,12 @@ def _history(source: ReportSource) -> HistoryView | None:
     )
 
 
-def _iteration_modes(history: Sequence[IterationRecord]) -> Iterable[IterationMode]:
+def _iteration_modes(history: Sequence[IterationRecord]) -> Iterable[IterationModeView]:
     names = dict.fromkeys((m.configuration, m.test_label, m.test_freq_hz) for i in history for m in i.modes)
     for configuration, label, hz in names:
         of = [next((m for m in i.modes if (m.configuration, m.test_label) == (configuration, label)), None)
               for i in history]  # fmt: skip
-        yield IterationMode(
+        yield IterationModeView(
             configuration, label, hz, tuple(None if m is None else m.freq_hz for m in of),
             tuple(None if m is None else m.mac for m in of),
         )  # fmt: skip

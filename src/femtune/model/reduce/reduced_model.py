@@ -237,7 +237,7 @@ def check_size(configured: ConfiguredModel, order: int) -> None:
     if 8 * columns * order**2 > MOST_BYTES:
         preload = configured.model.structure.preload
         raise FemtuneError(
-            "reduce.too-many-terms" + ("" if preload is None else "/preload"),
+            "reduce.too-many-terms" if preload is None else "reduce.too-many-terms/preload",
             values={"memory (GiB)": f"{8 * columns * order**2 / 1024**3:.1f}"},
             configuration=configured.configuration.name,
             functions=columns,

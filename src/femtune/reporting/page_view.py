@@ -1,0 +1,143 @@
+"""The typed document of what moves on a page: numbers, texts, and arrays packed as base64 of little-endian values."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+
+@dataclass(frozen=True)
+class Packed:
+    """An array: value = offset + scale · number, along the last axis where these have several entries.
+
+    `type` is "u1", "u2", "u4", "i2" or "f4"; `data` is base64 of the numbers in C order, little-endian.
+    """
+
+    type: str
+    shape: tuple[int, ...]
+    data: str
+    scale: tuple[float, ...] = ()
+    offset: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class PairView:
+    """A pair: rows of the test's modes and columns of the model's; the model's motion is Σ weight · mode."""
+
+    test: int
+    column: int
+    modes: tuple[int, ...]
+    weights: tuple[float, ...]
+    factor: tuple[float, float]
+    """Real and imaginary part of the modal scale factor from the test's shape to this motion."""
+
+
+@dataclass(frozen=True)
+class StageView:
+    """The model at one version: `freq_hz` of its modes in the order of `numbers`; `motion` (points, 3, modes).
+
+    `mac` (test modes, modes) and `seen` (places, 3, modes), the motion at the places of the sensors, are None without a
+    test. `stored` has the column of each mode of `motion` in `numbers`.
+    """
+
+    title: str
+    numbers: tuple[int, ...]
+    freq_hz: tuple[float, ...]
+    stored: tuple[int, ...]
+    motion: Packed
+    mac: Packed | None = None
+    seen: Packed | None = None
+    factors: Packed | None = None
+    """(test modes, modes, 2) real and imaginary part of the modal scale factor from test to model."""
+    expanded: Packed | None = None
+    """(points, 3, test modes) the test's shapes expanded to the points; None where this was not requested."""
+    pairs: tuple[PairView, ...] = ()
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """One configuration: geometry of model and test, and its shapes.
+
+    `faces` (f, 4) with the third corner of a triangle repeated, `edges` of faces to draw, `lines` and
+    `rigid` lines, all by rows of `points`; `wire` by rows of `places`. `test` (places, 3, test modes), with
+    `test_imaginary` where shapes are complex.
+    """
+
+    configuration: str
+    note: str
+    points: Packed
+    faces: Packed
+    edges: Packed
+    lines: Packed
+    rigid: Packed
+    stages: tuple[StageView, ...]
+    places: Packed | None = None
+    wire: Packed | None = None
+    test: Packed | None = None
+    test_imaginary: Packed | None = None
+    test_labels: tuple[str, ...] = ()
+    test_freq_hz: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class CurveView:
+    """Curves of all functions over the same lines: `real` and `imaginary` (functions, lines)."""
+
+    look: str
+    freq_hz: Packed
+    real: Packed
+    imaginary: Packed
+
+
+@dataclass(frozen=True)
+class FunctionsView:
+    """Frequency response functions of one configuration."""
+
+    configuration: str
+    ordinate: str
+    titles: tuple[str, ...]
+    curves: tuple[CurveView, ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class IterationModeView:
+    """A compared mode during the update."""
+
+    configuration: str
+    test_label: str
+    test_freq_hz: float
+    freq_hz: tuple[float | None, ...]
+    mac: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class HistoryView:
+    """The update by iterations: weighted mean error in %, values of the parameters, compared modes."""
+
+    iterations: tuple[int, ...]
+    objective_percent: tuple[float, ...]
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    nominal: tuple[float, ...]
+    values: tuple[tuple[float, ...], ...]
+    modes: tuple[IterationModeView, ...] = ()
+
+
+@dataclass(frozen=True)
+class PageView:
+    """All that moves on the page."""
+
+    scenes: tuple[SceneView, ...] = ()
+    functions: tuple[FunctionsView, ...] = ()
+    history: HistoryView | None = None
+
+    @property
+    def empty(self) -> bool:
+        """True where nothing can be shown."""
+        return not (self.scenes or self.functions or self.history)
+
+    def json(self) -> str:
+        """As JSON that may stand inside a script element: without the characters that could end it."""
+        text = json.dumps(asdict(self), separators=(",", ":"), allow_nan=False)
+        return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
