@@ -235,7 +235,9 @@ def test_other_surrogates_find_the_truth(beam: Bench, surrogate: str) -> None:
     if surrogate == "chaos":
         assert len(facts.terms) == 4
         # first indices add up to one but for interactions, total ones exceed them
-        alone, total = ([getattr(p, key) for p in found.parameters] for key in ("variance_alone", "variance_total"))
+        alone, total = (
+            [getattr(p, key) for p in found.record.parameters] for key in ("variance_alone", "variance_total")
+        )
         assert 0.5 < sum(alone) <= 1.0 <= sum(total)
         assert "Variance alone" in page
     else:
