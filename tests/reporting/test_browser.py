@@ -49,6 +49,12 @@ def _open(page: Path, profile: Path) -> tuple[str, str]:
     return done.stdout, done.stderr
 
 
+def _said(log: str) -> list[str]:
+    """What the page wrote to the console; the browser adds messages of its own without a graphics card."""
+    of_driver = ("GL Driver Message", "fallback to software WebGL")
+    return [line for line in log.splitlines() if "CONSOLE" in line and not any(text in line for text in of_driver)]
+
+
 def _hostile(data: dict[str, Any], probe: str) -> Results:
     data["study"] |= {"title": probe, "deck_file": probe, "description": probe}
     data["provenance"]["input_files"][0]["path"] = probe
@@ -70,8 +76,8 @@ def test_hostile_texts_do_nothing(slim: dict[str, Any], arrays: dict[str, Any], 
     images = _Images(dom)
     assert images.attributes
     assert all(set(a) == {"src", "alt"} for a in images.attributes)
-    assert "CONSOLE" not in log
-    assert len(re.findall(r"<section ", dom)) == len(document.sections)
+    assert _said(log) == []
+    assert len(re.findall(r"<section ", dom)) == sum(not section.folded for section in document.sections)
     assert not re.findall(r'(?:src|href)="(?!#|data:image/svg\+xml;base64,)[^"]*"', dom)
 
 
