@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from collections.abc import Sequence
 from typing import Any
 
@@ -69,6 +71,7 @@ def test_without_a_criterion_the_verdict_is_not_tested(data: dict[str, Any]) -> 
     assert "Not tested: no criterion was evaluated." in words
 
 
+@pytest.mark.slow
 def test_steps_that_did_not_run_share_a_line(data: dict[str, Any], arrays: dict[str, Any]) -> None:
     data["specimens"] = None
     document: Document = build_report(Results.model_validate(data), arrays)
