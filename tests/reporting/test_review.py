@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from collections.abc import Sequence
 from typing import Any
+
+import pytest
 
 from femtune.reporting import build_report, html_text
 from femtune.reporting.document import Document, Heading, Paragraph, Table
