@@ -23,7 +23,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers release-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers release-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -36,8 +36,11 @@ demo: $(VENV)/.stamp-test  ## update the model of the benchmark building; prints
 test: $(VENV)/.stamp-test  ## the quick tests: a selection of the cases of each family; requires only Python and make
 	@HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-quick} $(PYTEST) -m "not slow" --maxprocesses 4 $(PYTEST_ARGS)
 
-test-slow: $(VENV)/.stamp-test  ## the tests that make test omits: the other cases, long updates, statistics; more random examples
-	@$(PYTEST) -m "slow or hypothesis" $(PYTEST_ARGS)
+test-slow: $(VENV)/.stamp-test  ## the tests that make test omits, except those that take minutes; more random examples
+	@$(PYTEST) -m "(slow or hypothesis) and not long" $(PYTEST_ARGS)
+
+test-long: $(VENV)/.stamp-test  ## the tests that take minutes each: coverage of intervals, levels of tests, thousands of mutants
+	@$(PYTEST) -m long $(PYTEST_ARGS)
 
 check-all: $(VENV)/.stamp-test  ## all tests with all cases
 	@$(PYTEST) $(PYTEST_ARGS)

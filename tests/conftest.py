@@ -61,17 +61,20 @@ class _Skipped:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of a family marked ``quick(count)``, mark all cases slow except `count` of them."""
-    families: dict[tuple[str, int], list[Any]] = defaultdict(list)
+    """Of a family marked ``quick(count)``, mark all cases slow (or `rest`) except `count`; what is long is slow as well."""
+    families: dict[tuple[str, int, str], list[Any]] = defaultdict(list)
     for item in items:
         mark = item.get_closest_marker("quick")
         if mark is not None and item.get_closest_marker("slow") is None:
-            families[item.nodeid.partition("[")[0], mark.args[0]].append(item)
-    for (_, count), cases in families.items():
+            families[item.nodeid.partition("[")[0], mark.args[0], mark.kwargs.get("rest", "slow")].append(item)
+    for (_, count, rest), cases in families.items():
         chosen = spread([case.callspec.indices for case in cases], count)
         for number, case in enumerate(cases):
             if number not in chosen:
-                case.add_marker("slow")
+                case.add_marker(rest)
+    for item in items:
+        if item.get_closest_marker("long") is not None:
+            item.add_marker("slow")
 
 
 def spread(cases: list[dict[str, int]], count: int) -> set[int]:

@@ -13,6 +13,8 @@ from collections import Counter
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 _ROOT = Path(__file__).resolve().parents[1]
 _MODULES = sorted((_ROOT / "src").rglob("*.py"))
 _FRONT_DOOR = {"files/study_file/objects.py", "assembly/described.py"}
@@ -26,10 +28,12 @@ def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_a_file_says_what_it_is() -> None:
     assert [str(path) for path in _MODULES if not ast.get_docstring(_tree(path))] == []
 
 
+@pytest.mark.slow
 def test_a_class_has_a_name_of_its_own() -> None:
     modules = [path for path in _MODULES if path.relative_to(_ROOT / "src/femtune").as_posix() not in _FRONT_DOOR]
     nodes = (node for path in modules for node in ast.walk(_tree(path)))
@@ -93,10 +97,12 @@ def _constants() -> set[str]:
     return {code for code in codes if code.partition(".")[2] not in (*_SUFFIXES, "jsonl")}
 
 
+@pytest.mark.slow
 def test_codes_that_are_raised_are_in_the_registry_and_all_of_the_registry_is_used() -> None:
     assert sorted(_constants() ^ set(_messages())) == []
 
 
+@pytest.mark.slow
 def test_errors_and_notices_give_the_facts_that_their_wording_names() -> None:
     messages = _messages()
     for node in (node for path in _MODULES for node in ast.walk(_tree(path))):

@@ -49,6 +49,7 @@ def test_a_name_that_a_package_lacks_is_an_attribute_error() -> None:
         package.nothing  # noqa: B018
 
 
+@pytest.mark.slow
 def test_no_modules_import_each_other() -> None:
     """Not in circles either, whether for annotations alone or inside of functions."""
     root = Path(femtune.__file__).parent

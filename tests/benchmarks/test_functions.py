@@ -35,6 +35,7 @@ def test_errors_are_relative_and_a_missing_mode_is_no_number(run: ModuleType) ->
     assert np.isnan(errors[:, 3]).all()
 
 
+@pytest.mark.slow
 def test_a_small_run_finds_all_modes(run: ModuleType) -> None:
     row = run.measured("apart, .1 to 5 %", 40, "femtune", 8, 1)
     assert (row.found, row.extra) == (6.0, 0.0)

@@ -98,6 +98,7 @@ def test_a_start_is_measured_and_makes_a_page(modules: dict[str, ModuleType]):
 
 
 @pytest.mark.parametrize(("name", "most"), [("frames 1", 40), ("matrices 5", 40)])
+@pytest.mark.slow
 def test_springs_over_nine_decades_take_few_solutions(modules: dict[str, ModuleType], name: str, most: int):
     """With damping that changes by factors of ten these took 83 and 146 solutions."""
     p = problem(modules, name)

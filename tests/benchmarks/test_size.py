@@ -131,7 +131,7 @@ def test_medians_exponents_and_goals(bench: dict[str, ModuleType]) -> None:
     assert bench["summary"].exponent([1e4, 1e5, 1e6], [3 * n**1.2 for n in (1e4, 1e5, 1e6)]) == pytest.approx(1.2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_quick_form_measures_all_and_a_second_start_has_nothing_to_do(tmp_path: Path) -> None:
     command = [sys.executable, str(FOLDER / "run.py"), "--quick", "--folder", str(tmp_path / "runs")]
     first = subprocess.run([*command, "--evidence", str(tmp_path)], capture_output=True, text=True, check=False)

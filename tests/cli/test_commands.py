@@ -80,6 +80,7 @@ def test_result_is_shown(invoke: Invoke, steps: Any, study: Path) -> None:
     assert invoke("info", study, "--quiet").stdout == ""
 
 
+@pytest.mark.slow
 def test_solvers_need_no_study(invoke: Invoke) -> None:
     result = invoke("info", "--solvers")
     assert result.exit_code == 0

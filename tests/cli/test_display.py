@@ -74,6 +74,7 @@ def _terminal(monkeypatch: pytest.MonkeyPatch, wait_s: float) -> str:
     return written.getvalue()
 
 
+@pytest.mark.slow
 def test_bar_appears_by_itself_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "modes of [BC]" in _terminal(monkeypatch, 0.6)
 

@@ -161,6 +161,7 @@ def test_invisible_model_modes_are_undefined_not_an_error() -> None:
     assert found.pairing.unpaired_model == (4,)
 
 
+@pytest.mark.slow
 def test_noise_predicts_the_mean_loss() -> None:
     rng = np.random.default_rng(2)
     shape = rng.normal(size=15)

@@ -41,6 +41,7 @@ def test_swapped_modes_are_paired_by_shape_and_the_error_has_its_sign() -> None:
 
 
 @given(st.integers(0, 10**6), st.integers(1, 4), st.integers(1, 4), st.floats(0.0, 0.9))
+@pytest.mark.slow
 def test_the_assignment_is_the_best_of_all_permutations(seed: int, t: int, m: int, gate: float) -> None:
     rng = np.random.default_rng(seed)
     test = _modes(10 + 20 * rng.random(t), rng.normal(size=(5, t)))

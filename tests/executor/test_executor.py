@@ -28,6 +28,7 @@ def test_processes_are_serial_to_the_last_bit() -> None:
 
 
 @both
+@pytest.mark.slow
 def test_results_are_in_the_order_of_the_tasks(executor: Executor) -> None:
     ended = []
     assert executor.run(late_first, range(4), finished=lambda i, r: ended.append((i, r))) == [0, 1, 4, 9]
@@ -42,6 +43,7 @@ def test_no_task(executor: Executor) -> None:
 
 
 @both
+@pytest.mark.slow
 def test_an_error_names_the_run(executor: Executor) -> None:
     with pytest.raises(FemtuneError) as error:
         executor.run(refuses, range(8), name="start")

@@ -45,6 +45,7 @@ def test_a_name_that_is_not_there_is_no_module_by_chance() -> None:
         _ = ft.correlation_of
 
 
+@pytest.mark.slow
 def test_no_module_takes_the_place_of_a_function() -> None:
     """Python binds an imported submodule to its package: a package of the name of a verb would replace it."""
     code = (

@@ -249,7 +249,7 @@ def test_intervals_cover(three_modes: Any, told: bool) -> None:
     assert inside.mean() == pytest.approx(0.95, abs=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("told", [False, True], ids=["noise from the fit", "noise told"])
 def test_intervals_cover_over_1000_seeds(three_modes: Any, told: bool) -> None:
     scores = _z_scores(three_modes, range(1000), told)

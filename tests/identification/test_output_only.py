@@ -173,7 +173,7 @@ def test_phases_are_steady_at_modes_only():
     assert found.sd_rad[between] > 2.0 * max(found.sd_rad[line] for line in lines)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_stated_deviations_cover_the_truth():
     truth, hits, rounds = plant().truth, np.zeros(6), 1000
     for seed in range(rounds):

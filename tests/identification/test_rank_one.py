@@ -136,6 +136,7 @@ def test_the_sum_of_squares_is_least(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 11])
+@pytest.mark.slow
 def test_residual_modes_at_assumed_frequencies_end_in_the_least_sum(seed: int) -> None:
     """Shapes and participations solved in turn, 50 times, end 2.5 and 2.2 times above it."""
     made = _random_system(seed, largest=False)

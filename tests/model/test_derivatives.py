@@ -116,6 +116,7 @@ def test_sensors_are_solved_for_a_few_times_whatever_the_number_of_parameters(
     assert solves[1] <= 5 * rows.shape[0]
 
 
+@pytest.mark.slow
 def test_small_matrices_and_eigenvalues(frame: tuple[EigenSolution, sp.csr_array]) -> None:
     solution, rows = frame
     slopes = eigenvalue_derivatives(solution)

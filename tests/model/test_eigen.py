@@ -312,7 +312,7 @@ def space_frame(bays: int, storeys: int) -> Structure:
     return make_structure(xyz, parts, permanent=np.arange(6 * n * n), consistent_mass=True)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["SuperLU", "PARDISO"])
 def test_iterative_against_dense_on_a_frame(solver: str, monkeypatch: pytest.MonkeyPatch):
     if solver not in factorise.available_solvers():

@@ -98,6 +98,7 @@ def test_the_split_does_not_matter(structures: dict[str, Structure], name: str, 
         assert all(same_matrix(points[0], p, kind) for p in points)
 
 
+@pytest.mark.slow
 def test_a_value_of_a_part_of_the_elements_is_another_model(structures: dict[str, Structure]) -> None:
     whole, part = (moved(structures["lines"], 0.1, "MAT1 1 E", elements=e) for e in (None, frozenset({1, 2})))
     assert matrices_digest(whole, "stiffness") != matrices_digest(part, "stiffness")

@@ -171,6 +171,7 @@ def test_runs_that_do_not_determine_the_polynomials_are_refused(points: np.ndarr
 NO_NODES = NodeTable(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
 
+@pytest.mark.slow
 def test_kriging_of_runs_with_shapes_follows_modes_that_change_places() -> None:
     """Closer to the chain than the quadratic polynomials of the same runs, with shapes, and the runs themselves met."""
     runs = runs_at(sample(40), 3)
@@ -244,6 +245,7 @@ def test_the_coefficients_of_surrogates_and_their_derivatives(rules: SurrogateRu
             np.testing.assert_allclose(moved.grad[0].imag / 1e-20, found.hess[0, i], rtol=1e-9, atol=1e-20)
 
 
+@pytest.mark.slow
 def test_the_error_of_a_run_that_is_left_out_of_kriging() -> None:
     """As predicted by Kriging of the other runs, at the lengths and the noise that all runs have."""
     runs = Runs(NAMES, sample(14), runs_at(sample(14), 4).freq_hz ** 1.3)
@@ -326,7 +328,7 @@ def test_a_soft_suspension_is_no_rigid_body_mode() -> None:
 def test_runs_without_shapes_keep_a_column_of_rigid_body_modes(correlation: str | None) -> None:
     points = sample(9)
     hz = np.column_stack([np.linspace(1e-6, 9e-6, 9), np.sqrt(points[:, 0]), np.sqrt(points[:, 1])])
-    rules = None if correlation is None else KrigingRules(correlation=correlation)
+    rules = None if correlation is None else KrigingRules(trend="linear", correlation=correlation)
     fitted = fit_runs(Runs(NAMES, points, hz), NO_NODES, 1, False, rules=rules)
     found, rigid = solved_without_shapes(fitted, np.array([9e3, 1.1e4]))
     assert rigid.tolist() == [True, False, False]

@@ -95,6 +95,7 @@ def test_the_changes_are_those_of_the_moved_mass(tmp_path: Path, offset: float) 
     assert np.nanmax(np.abs(found.change)) > 1e-4
 
 
+@pytest.mark.slow
 def test_modes_and_info_tell(tmp_path: Path) -> None:
     """A warning above 1 %, an info below; both name the modes with their changes."""
     path = beam(tmp_path, "beam")

@@ -275,6 +275,7 @@ CRITICAL = 4 * np.pi**2 * RIGIDITY / SIDE**2
     ("kind", "n", "tolerance"), [("CQUAD4", 16, 5e-3), ("CTRIA3", 16, 1.5e-2), ("CQUAD8", 4, 2e-3), ("CTRIA6", 4, 5e-3)]
 )
 @pytest.mark.parametrize("forces", [(2.0, -0.3, 0.0), (-0.8, 0.0, 0.0)])
+@pytest.mark.quick(2)
 def test_a_plate_under_forces_in_its_plane(
     kind: str, n: int, tolerance: float, forces: tuple[float, float, float]
 ) -> None:
@@ -289,6 +290,7 @@ def test_a_plate_under_forces_in_its_plane(
 @pytest.mark.parametrize(
     ("direction", "k", "tolerance"), [((-1.0, 0.0, 0.0), 4.0, 1e-3), ((0.0, 0.0, 1.0), 9.325, 6e-3)]
 )
+@pytest.mark.slow
 def test_a_plate_buckles_in_compression_and_in_shear(
     direction: tuple[float, float, float], k: float, tolerance: float
 ) -> None:
@@ -401,6 +403,7 @@ def parametric_frame() -> ConfiguredModel:
     return configure(parametric_model(frame().structure, parameters, assignments), Configuration())
 
 
+@pytest.mark.slow
 def test_derivatives_are_exact() -> None:
     """First derivatives of the stiffness beside complex steps of it, second ones beside those of the first."""
     model, h = parametric_frame(), 1e-30

@@ -47,6 +47,7 @@ def two_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("two_ranks")
+@pytest.mark.slow
 def test_two_ranks_find_all_modes_of_a_free_net_with_repeated_ones() -> None:
     K, M = grid(30)
     modes = slepc_lowest(K, M, 25)
@@ -201,6 +202,7 @@ linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="process
 
 
 @linux
+@pytest.mark.slow
 def test_processes_that_never_end_are_ended_with_their_children(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -294,6 +296,7 @@ def spring_net(n: int) -> ModelPoint:
 
 
 @pytest.mark.usefixtures("two_ranks")
+@pytest.mark.slow
 def test_modes_of_a_model_go_to_slepc_without_a_change(monkeypatch: pytest.MonkeyPatch) -> None:
     point = spring_net(21)
     monkeypatch.setenv("FEMTUNE_EIGENSOLVER", "slepc")

@@ -31,6 +31,7 @@ MODULUS = [FieldRef("MAT1", 1, "E")]
 
 
 @pytest.mark.parametrize(("cells", "refs"), [("quad", THICKNESS[:1]), ("union", [*THICKNESS, *MODULUS]), ("quad", [])])
+@pytest.mark.slow
 def test_shells(cells: str, refs: list[FieldRef], monkeypatch: pytest.MonkeyPatch) -> None:
     assert_foreseen(shells(cells), refs, monkeypatch)
 

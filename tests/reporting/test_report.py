@@ -209,6 +209,7 @@ def test_correlation_without_shapes_and_without_update(data: dict[str, Any], arr
     assert "not tested" in _texts(_section(document, "modes"))
 
 
+@pytest.mark.slow
 def test_the_file_is_small_and_loads_nothing(document: Document, tmp_path: Path) -> None:
     path = write_html(document, tmp_path / "report.html")
     text = without_own_scripts(path.read_text("utf-8"))
@@ -277,6 +278,7 @@ def test_what_comes_from_files_stays_text(hostile: Document) -> None:
     assert any("{{7*7}}" in word for word in page.words)
 
 
+@pytest.mark.slow
 def test_pictures_hold_no_markup_of_labels(hostile: Document) -> None:
     figures = [b for s in hostile.sections for b in s.blocks if isinstance(b, Figure)]
     assert len(figures) >= 5

@@ -62,7 +62,7 @@ def test_one_standard_deviation_is_that_of_the_frequencies(form: str) -> None:
     assert square == pytest.approx(u @ u / (1.0 + u @ u))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("common_sd", [0.04, 0.0])
 def test_a_wrong_mass_is_covered_where_it_is_allowed_for(common_sd: float) -> None:
     """All masses of the structure are wrong by 8 %, one standard deviation: 4 % of each frequency."""

@@ -75,7 +75,7 @@ def test_the_phase_does_not_jump_where_both_pass_pi():
     assert values[1] == pytest.approx(6.2 - 2 * np.pi)
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @every_form
 @pytest.mark.parametrize("method", METHODS)
 def test_jacobian_by_every_way(form: FrfForm, method: Method):
@@ -87,7 +87,7 @@ def test_jacobian_by_every_way(form: FrfForm, method: Method):
         assert np.abs(found - jacobian[:, i]).max() <= 1e-6 * np.abs(jacobian).max()
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
 def test_logarithms_by_complex_difference(kind: Kind):
     """(f(p + ih) − f(p − ih))/2ih of ln H, by real and imaginary part."""
@@ -250,6 +250,7 @@ def test_a_test_of_another_kind_is_compared_in_its_own():
         assert max(np.abs(b.values).max() for b in residual.compare(truth)) < 1e-8
 
 
+@pytest.mark.slow
 def test_modal_damping_counts():
     model = chain()
     ports, damping = ports_of(model), constant_damping(0.02)

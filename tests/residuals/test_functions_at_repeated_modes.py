@@ -58,7 +58,7 @@ def test_jacobian_of_functions(method: Method, x: tuple[float, ...]) -> None:
     check_residual(problem_of(residual), np.array(x), length=0.001)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @at_and_beside
 def test_jacobian_of_antiresonances(x: tuple[float, ...]) -> None:
     """Zeros of a driving point that is a node of one mode of each pair."""

@@ -70,7 +70,7 @@ RESIDUALS: dict[str, Callable[[type[PoleResidual]], OfPairs]] = {
 KINDS = (ComplexEigenvalueResidual, DampingResidual)
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", RESIDUALS)
 def test_jacobian_and_truth(kind: type[PoleResidual], name: str):
@@ -80,7 +80,7 @@ def test_jacobian_and_truth(kind: type[PoleResidual], name: str):
     assert problem.start(np.zeros(4)).objective > 1e-3
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("damping", [TABLE, as_hysteretic(TABLE), constant_damping(0.01)])
 def test_modal_damping(kind: type[PoleResidual], damping: ModalDamping):
@@ -126,6 +126,7 @@ def test_all_poles_beside_the_companion_matrix():
     np.testing.assert_allclose(found[::2] + 1j * found[1::2], (poles - measured) / abs(measured), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_standard_deviations_of_the_test_are_those_of_the_pole():
     """Many draws of frequency and damping ratio beside the covariance that weights the residual."""
     case = with_spread(chain_case())

@@ -56,6 +56,7 @@ def test_equal_deviations_are_one_number(scaling: Scaling) -> None:
 
 
 @pytest.mark.parametrize("scaling", SCALINGS)
+@pytest.mark.slow
 def test_residuals_of_the_true_model_have_unit_variance(scaling: Scaling) -> None:
     squares, free = [], 0
     for seed in range(40):

@@ -23,7 +23,7 @@ _KINDS = {
 }  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_thousand_runs_of_which_a_twentieth_fails(tmp_path: Path) -> None:
     """Every failure is named, none is used, and those that pass give the closed form, modes in either order."""
     count, rng = 2000, np.random.default_rng(5)

@@ -37,12 +37,13 @@ def _rate(select: Selection, S: Reals, draws: int) -> float:
 
 
 @pytest.mark.parametrize("select", SELECTIONS)
+@pytest.mark.slow
 def test_noise_chooses_one_of_eight_in_five_percent(select: Selection) -> None:
     """Three standard deviations of 300 draws are 3.8 %; the F test of one candidate chooses in 30 %."""
     assert _rate(select, _columns(40, 8, 0.5), 300) == pytest.approx(5.0, abs=3.8)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("select", "correlation", "count"),
     [
@@ -56,14 +57,14 @@ def test_noise_chooses_in_five_percent(select: Selection, correlation: float, co
     assert 3.0 <= _rate(select, _columns(60, count, correlation), 1000) <= 7.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("count", COUNTS)
 def test_noise_of_stated_variance_chooses_in_five_percent(count: int) -> None:
     """As many columns as residuals leave no degree of freedom."""
     assert 3.0 <= _rate(forward_selection, _columns(count, count, 0.5), 1000) <= 7.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("select", SELECTIONS)
 def test_a_real_effect_makes_no_other_significant(select: Selection) -> None:
     """The second step is a test of 19 candidates in what the first leaves."""

@@ -26,7 +26,7 @@ def test_what_the_model_lacks_is_seen_in_every_test():
     assert run_coverage(spring_chain(0.15), range(8)).widened.all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("problem", [spring_chain(), stepped_cantilever()], ids=lambda p: p.name)
 def test_intervals_hold_the_truth_in_95_of_100_tests(problem: CoverageProblem):
     tests = 1000
@@ -35,7 +35,7 @@ def test_intervals_hold_the_truth_in_95_of_100_tests(problem: CoverageProblem):
     assert ((least <= found.coverage * tests) & (found.coverage * tests <= most)).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_right_model_is_seldom_suspected():
     tests = 400
     suspected = run_coverage(spring_chain(), range(2000, 2000 + tests)).widened.sum()

@@ -73,6 +73,7 @@ def by_name(found: CandidatesResult) -> dict[str, object]:
     return {c.name: c for c in found.record.candidates}
 
 
+@pytest.mark.slow
 def test_listed_candidates(two: Bench) -> None:
     found = steps.candidates(study(two, LISTED), report=two.folder / "page.html")
     models = by_name(found)
@@ -118,6 +119,7 @@ def test_predictions_of_configurations_left_out(two: Bench) -> None:
     assert both.prediction_percent < by_name(found)["as one"].prediction_percent
 
 
+@pytest.mark.slow
 def test_all_and_nested_subsets(two: Bench) -> None:
     every = steps.candidates(study(two, '[candidates]\nsubsets = "all"\nleave_one_out = false\n'))
     names = [c.name for c in every.record.candidates]
@@ -235,6 +237,7 @@ def test_candidates_that_pair_other_modes_or_none(two: Bench) -> None:
     assert by_name(found)["other"].bic is None
 
 
+@pytest.mark.slow
 def test_two_equally_good_optima(bench: Bench) -> None:
     """A beam that is clamped at both ends has the same frequencies with its halves exchanged."""
     truth = bench.truth(TRUE)

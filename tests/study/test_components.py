@@ -59,6 +59,7 @@ def run(spans: Path) -> RunResult:
     return steps.update(spans / "study.toml")
 
 
+@pytest.mark.slow
 def test_the_truth_is_found_with_reduced_components(run: RunResult) -> None:
     update = run.results.update
     assert update is not None
@@ -91,6 +92,7 @@ def test_every_stage_that_compares_modes_or_frfs_is_certified(run: RunResult) ->
     assert not [a for a in run.results.alerts if a.code == "update.not-certified"]
 
 
+@pytest.mark.slow
 def test_the_report_shows_the_components_of_each_stage(run: RunResult) -> None:
     text = html_text(build_report(run.results, run.arrays))
     assert "joint, stiffness: components" in text
@@ -182,6 +184,7 @@ def test_components_without_connection_are_named(spans: Path, tmp_path: Path) ->
     assert "configuration whole" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_stage_that_is_not_certified_is_a_problem(spans: Path, tmp_path: Path) -> None:
     path = _changed(spans, tmp_path, ("tolerance = 1e-5", "tolerance = 1e-16\nfull_solutions = 4"))
     found = steps.update(path)

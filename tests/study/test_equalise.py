@@ -169,7 +169,7 @@ def test_a_poor_identification_is_told(bench: Bench) -> None:
     check_shown("residual.equalised-poor", notice)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_bootstrap_of_the_identified_test_has_the_spread_of_repeated_tests(bench: Bench) -> None:
     repeated = []
     for seed in range(10):

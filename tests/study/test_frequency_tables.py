@@ -111,6 +111,7 @@ def told_of_first_table(found: RunResult) -> str:
     return f"[{first.code}] {first.sentence}"
 
 
+@pytest.mark.slow
 def test_poles_find_modulus_and_loss_factor(rubber: Bench):
     measured_modes(rubber)
     tail = f'{PARAMETERS}{TABLES}[[residual]]\nkind = "complex-eigenvalue"\nsd = 0.001\nmodes = ["1", "3"]\n'
@@ -129,6 +130,7 @@ def test_poles_find_modulus_and_loss_factor(rubber: Bench):
     assert "CELAS2 21 GE" in html
 
 
+@pytest.mark.slow
 def test_direct_frfs_find_modulus_and_loss_factor(rubber: Bench):
     """The updated deck, read back, gives the measured FRFs with the same tables; [response] compares them."""
     measured_frfs(rubber)
@@ -197,6 +199,7 @@ def test_bad_input(name: str, rubber: Bench):
 
 
 @pytest.mark.parametrize("method", ["dynamic", "mdre", "serep"])
+@pytest.mark.slow
 def test_shapes_are_expanded_with_the_stiffness_of_their_frequency(rubber: Bench, method: str):
     """The modes of the model with the tables, measured at three grid points, are expanded to the fourth."""
     rubber.write("beam.bdf", DECK.replace(RUBBER, TRUE_RUBBER))

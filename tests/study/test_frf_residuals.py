@@ -98,7 +98,7 @@ def true_deck(bench: Bench) -> Path:
     return bench.truth(TRULY, DAMPED)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["log-complex", "log-magnitude", "linear"])
 def test_stiffness_loss_factor_and_dashpot_are_found(bench: Bench, true_deck: Path, form: str) -> None:
     measured(bench, functions(true_deck))

@@ -133,6 +133,7 @@ def test_without_held_out_frfs_nothing_is_tested_and_the_results_say_so(with_frf
 
 
 @pytest.mark.parametrize(("stated", "outcome"), [(1.5, "pass"), (0.5, "fail")])
+@pytest.mark.slow
 def test_a_modified_structure(with_frfs: Bench, stated: float, outcome: str) -> None:
     """Its curves are predicted if the study states the mass that was added, and not otherwise."""
     heavy = BEAM.replace("SPC1    1", "CONM2   98      12              1.5\nSPC1    1")

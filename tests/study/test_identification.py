@@ -297,6 +297,7 @@ def test_a_record_of_velocities_and_accelerations_gives_the_shapes_of_accelerati
         identify(path)
 
 
+@pytest.mark.slow
 def test_agreement_is_of_the_modes_that_several_methods_found(record, tmp_path, monkeypatch):
     lowest, whole = float(PLANT.truth.freq_hz[0]), METHODS["FDD"]
     monkeypatch.setitem(METHODS, "FDD", lambda piece, asked: whole(piece, replace(asked, band_hz=(1.3 * lowest, 12.0))))
@@ -326,6 +327,7 @@ def test_agreement_is_of_the_modes_that_several_methods_found(record, tmp_path, 
     assert "identify.one-method" not in {n.code for n in both.found.notices}
 
 
+@pytest.mark.slow
 def test_modes_with_negative_modal_mass_are_doubtful(tmp_path):
     frfs = accelerance(PLANT, np.linspace(0.5, 12.0, 300))
     reversed_force = replace(frfs, values=-frfs.values)

@@ -30,6 +30,7 @@ def printed(run: Any) -> str:
     return " ".join(stream.getvalue().split())
 
 
+@pytest.mark.slow
 def test_weak_data_give_positive_intervals_within_the_bounds(beam: Bench) -> None:
     """With frequencies of 30 % the linear interval of a second moment of area would reach below zero."""
     tail = beam.parameters.replace("lower = 0.5", "lower = 0.05").replace("upper = 2.0", "upper = 4.0")
@@ -56,6 +57,7 @@ def test_weak_data_give_positive_intervals_within_the_bounds(beam: Bench) -> Non
     assert "within the bounds: the distribution of the linearised problem, truncated to the bounds" in text
 
 
+@pytest.mark.slow
 def test_factors_are_shown_with_the_values_of_their_fields(beam: Bench) -> None:
     """Report, terminal, results and rows have initial value, unit, updated value and interval of every field."""
     run = steps.update(beam.study(beam.parameters + "[residuals]\nfrequency_sd = 0.01\n"))
@@ -77,6 +79,7 @@ def test_factors_are_shown_with_the_values_of_their_fields(beam: Bench) -> None:
         assert "m⁴" in text
 
 
+@pytest.mark.slow
 def test_values_that_are_no_factors_are_not_shown_twice(beam: Bench) -> None:
     tail = '[[parameter]]\nname = "I"\nfields = ["PBAR 1 I1"]\nabsolute = true\nlower = 1e-7\nupper = 4e-7\n'
     run = steps.update(beam.study(tail))
@@ -95,6 +98,7 @@ def with_deviations(beam: Bench) -> ModalTest:
     return replace(test, modes=known)
 
 
+@pytest.mark.slow
 def test_deviations_of_a_file_weigh_frequencies_and_shapes(beam: Bench) -> None:
     """As the same test given as an object with its deviations does; the report says where they come from."""
     with_deviations(beam)

@@ -114,6 +114,7 @@ def test_a_journal_changes_no_result(beam: Bench) -> None:
     same(first, second)
 
 
+@pytest.mark.slow
 def test_fresh_solves_all_again_and_empties_the_journal(beam: Bench, solved: Solved) -> None:
     study = beam.study()
     steps.update(study)
@@ -181,6 +182,7 @@ def test_another_model_is_solved(beam: Bench, solved: Solved, name: str, old: st
     assert steps.modes(study, fresh=True).records == changed.records
 
 
+@pytest.mark.slow
 def test_another_parameter_shares_the_modes_and_not_their_derivatives(beam: Bench, solved: Solved) -> None:
     study = beam.study()
     steps.select(study)
@@ -196,7 +198,7 @@ def test_another_parameter_shares_the_modes_and_not_their_derivatives(beam: Benc
     assert found != before.results.selection
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("step", ["modes", "correlate", "select"])
 def test_other_steps_look_up_and_write_nothing(beam: Bench, solved: Solved, step: str) -> None:
     study = beam.study()
@@ -275,6 +277,7 @@ def test_what_is_half_written_is_swept_away(beam: Bench, fresh: bool) -> None:
     assert not half.exists()
 
 
+@pytest.mark.slow
 def test_a_damaged_entry_is_solved_again_and_replaced(beam: Bench, solved: Solved) -> None:
     study = beam.study()
     first = steps.update(study)

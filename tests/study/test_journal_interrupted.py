@@ -151,6 +151,7 @@ def test_the_history_of_a_resumed_run_is_whole(beam: Bench, whole: RunResult) ->
     assert len(after) > 3
 
 
+@pytest.mark.slow
 def test_a_journal_may_be_moved_to_another_folder(beam: Bench, whole: RunResult) -> None:
     shutil.copytree(whole.folder / "journal", beam.folder / "moved/journal")
     run = steps.update(beam.study(), output=beam.folder / "moved")

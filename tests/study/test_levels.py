@@ -153,6 +153,7 @@ def _files(folder: Path, factors: tuple[float, ...], tail: str = "", **more: flo
     return path
 
 
+@pytest.mark.slow
 def test_levels_of_a_softening_structure_are_reported(tmp_path: Path) -> None:
     made = identify(_files(tmp_path, (1.0, 0.98), noise=1e-4))
     found = made.record.linearity
@@ -174,6 +175,7 @@ def test_levels_of_a_softening_structure_are_reported(tmp_path: Path) -> None:
     assert "not linear" in page
 
 
+@pytest.mark.slow
 def test_levels_of_a_linear_structure_are_called_linear(tmp_path: Path) -> None:
     path = _files(tmp_path, (1.0, 1.0), noise=1e-3)
     shown = CliRunner().invoke(main, ["identify", str(path)])
@@ -182,6 +184,7 @@ def test_levels_of_a_linear_structure_are_called_linear(tmp_path: Path) -> None:
     assert "frf.not-linear" not in shown.output
 
 
+@pytest.mark.slow
 def test_the_noise_of_functions_without_deviations_is_estimated(tmp_path: Path) -> None:
     """Noise of known size, from the fit and from neighbouring lines; the change between the levels agrees with it."""
     found = identify(_files(tmp_path, (1.0, 1.0), noise=0.5)).record.linearity

@@ -122,6 +122,7 @@ def _area(points: np.ndarray, faces: np.ndarray) -> float:
     return float(np.abs(0.5 * np.cross(at[:, 2] - at[:, 0], at[:, 3] - at[:, 1])[:, 2]).sum())
 
 
+@pytest.mark.slow
 def test_a_coarser_mesh_covers_the_same_area_within_the_limits() -> None:
     points, faces = _sheet(100)
     edges = faces[:, :2]

@@ -43,6 +43,7 @@ def test_info_says_why_the_mesh_is_not_tested(beam: Bench, monkeypatch: pytest.M
     assert (found.verdict, found.sentence) == ("not tested", "the modes could not be computed (eigen.no-mass)")
 
 
+@pytest.mark.slow
 def test_select_and_run_look_at_mass_and_mesh(beam: Bench) -> None:
     study = beam.study(beam.parameters + "[checks]\nrefinement = true\nmesh_error = 0.0001")
     selected = _by_check(steps.select(study).record.model_checks)
@@ -76,6 +77,7 @@ def test_a_study_turns_the_check_of_the_mesh_off(beam: Bench) -> None:
         assert check.sentence == "refinement = false in [checks]"
 
 
+@pytest.mark.slow
 def test_large_models_are_refined_on_request_only(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("femtune.results.checks.USUAL_DOFS", 20)
     for found in (steps.info(beam.study()).record.checks, [steps.modes(beam.study())[0].mesh]):

@@ -31,6 +31,7 @@ def _updated(bench: Bench, tail: str, truth: tuple[tuple[str, str], ...], text: 
     return steps.run(bench.study(tail))
 
 
+@pytest.mark.slow
 def test_the_factor_of_a_region_is_found_and_said_to_be_unwritten(bench: Bench) -> None:
     tip = "PBAR    2       1       "
     truth = ((tip + "1.0-3   2.0-7   5.0-7   4.0-7 ", tip + "7.0-4   1.4-7   3.5-7   2.8-7 "),)

@@ -55,7 +55,7 @@ def test_a_run_that_is_interrupted_keeps_the_results_of_an_earlier_one(beam: Ben
     assert (first.folder / "updated.bdf").read_bytes() == deck
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["gate", "deck", "parameter"])
 def test_a_run_that_fails_early_keeps_everything_of_an_earlier_one(beam: Bench, fault: str) -> None:
     study = beam.study()
@@ -72,7 +72,7 @@ def test_a_run_that_fails_early_keeps_everything_of_an_earlier_one(beam: Bench, 
     assert {p: p.read_bytes() for p in first.folder.iterdir() if p.is_file()} == kept
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), KeyboardInterrupt(), MemoryError()])
 def test_results_are_kept_when_the_write_back_fails(
     beam: Bench, monkeypatch: pytest.MonkeyPatch, fault: BaseException
@@ -116,6 +116,7 @@ def test_inputs_that_vanish_during_the_run_do_not_spoil_it(beam: Bench) -> None:
     assert [f.path for f in found.provenance.input_files] == ["beam.bdf", "beam.uff"]
 
 
+@pytest.mark.slow
 def test_progress_names_the_steps_in_their_order(beam: Bench) -> None:
     told = Told()
     steps.run(beam.study(), progress=told)

@@ -52,6 +52,7 @@ def test_the_covariance_of_a_shape_residual_has_the_slopes_of_the_mode(bench: Be
 
 
 @pytest.mark.parametrize("scaling", ["unit-norm", "largest-entry", "scale-factor"])
+@pytest.mark.slow
 def test_residuals_of_displaced_sensors_have_unit_covariance(bench: Bench, scaling: str) -> None:
     """|r|² of shapes read beside the grid points, with and without the stated deviation of the position."""
     deck, sigma = bench.folder / "beam.bdf", 0.01
@@ -89,6 +90,7 @@ def test_the_jacobian_is_weighted_like_the_residuals(beam: Bench) -> None:
         np.testing.assert_allclose(at.jacobian[:, k], slope, atol=2e-6 * np.abs(slope).max())
 
 
+@pytest.mark.slow
 def test_results_and_report_have_the_effect_of_the_placement(beam: Bench) -> None:
     study = beam.study(
         f"{EI}[sensors]\nposition_sd = {{ 5 = 0.01 }}\nangle_sd_deg = 2.0\n[residuals]\nshape_sd = 0.01\n"
@@ -113,6 +115,7 @@ def test_the_stated_deviation_lowers_the_weight_of_shapes(beam: Bench) -> None:
     assert scale("[sensors]\nposition_sd = 0.05\n") > 0.015
 
 
+@pytest.mark.slow
 def test_sensors_that_are_held_out_and_reduced_models_keep_the_covariance(beam: Bench) -> None:
     tail = '[sensors]\nposition_sd = 0.01\n[residuals]\nshape_sd = 0.01\n[[hold_out]]\nsensors = ["3Z+"]\n[reduction]\n'
     result = steps.update(beam.study(EI + tail))

@@ -370,6 +370,7 @@ def test_frequency_lines_of_the_band(free: Path) -> None:
     assert own.frequency_lines.low_hz == pytest.approx(0.9 * own.modes[0].freq_hz)
 
 
+@pytest.mark.slow
 def test_masses_of_the_sensors_shift_as_masses_of_the_configuration(free: Path) -> None:
     found = steps.plan(free, modes="7 THRU 10", triaxial=1, uniaxial=5, triaxial_mass=0.02, uniaxial_mass=0.01)
     assert found.record.sensor_mass == pytest.approx(0.07)
@@ -385,6 +386,7 @@ def test_masses_of_the_sensors_shift_as_masses_of_the_configuration(free: Path) 
     assert not steps.plan(free, modes="7 THRU 10", uniaxial=5).record.loading
 
 
+@pytest.mark.slow
 def test_a_suspension_beside_springs_in_the_deck(tmp_path: Path, free: Path) -> None:
     corners = [_at(0, 0), _at(_NX, 0), _at(0, _NY), _at(_NX, _NY)]
     found = steps.plan(
@@ -471,6 +473,7 @@ def test_expected_standard_deviations_beside_differences(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
+@pytest.mark.slow
 def test_sensors_for_the_parameters_are_the_best_of_all_sets(tmp_path: Path, criterion: str) -> None:
     found = steps.plan(_chain(tmp_path, aim="parameters", criterion=criterion, uniaxial=4))
 

@@ -144,6 +144,7 @@ def test_the_noise_floor_counts(tmp_path: Path) -> None:
     assert (found.parameters.column("expected_sd") > without.parameters.column("expected_sd")).all()
 
 
+@pytest.mark.slow
 def test_points_within_the_bounds(tmp_path: Path) -> None:
     asked = {"aim": "parameters", "uniaxial": 5, "exciters": 1, "points": 3, "average": "worst", "seed": 3}
     found = steps.plan(_chain(tmp_path, **asked))
@@ -157,6 +158,7 @@ def test_points_within_the_bounds(tmp_path: Path) -> None:
     assert found.parameters.column("worst_sd") == pytest.approx(np.max(each, axis=0), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_reduced_model_gives_the_same_plan(tmp_path: Path) -> None:
     asked = {"aim": "parameters", "uniaxial": 4, "triaxial": 1, "exciters": 1, "points": 2}
     full, reduced = (steps.plan(_chain(tmp_path, r, **asked)) for r in (None, {}))
@@ -175,7 +177,7 @@ def test_what_a_plan_for_frfs_needs(tmp_path: Path) -> None:
         steps.plan(_chain(tmp_path, uniaxial=4, exciters=1, frf_sd=0.0))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("floor", [0.0, 0.001])
 def test_the_scatter_of_1000_simulated_tests_is_the_expected_one(tmp_path: Path, floor: float) -> None:
     found = steps.plan(_chain(tmp_path, aim="parameters", uniaxial=5, exciters=1, frf_sd=_SD, frf_floor=floor))

@@ -97,6 +97,7 @@ def _moved(hz: np.ndarray, rows: slice, share: float) -> np.ndarray:
     return out
 
 
+@pytest.mark.slow
 def test_a_jump_and_an_outlier_are_alerts_of_the_run(repeated):
     bench, _, hz = repeated
     _table(bench, _moved(_moved(hz, slice(6, None), 0.2), slice(10, 11), 0.5))
@@ -116,6 +117,7 @@ def test_a_jump_and_an_outlier_are_alerts_of_the_run(repeated):
     assert "these depend on their order" in page
 
 
+@pytest.mark.slow
 def test_repeats_that_are_held_out_check_the_prediction(repeated):
     bench, factors, hz = repeated
     _table(bench, hz)
@@ -135,6 +137,7 @@ def test_repeats_that_are_held_out_check_the_prediction(repeated):
     assert found.checks[2].verdict == "not tested"
 
 
+@pytest.mark.slow
 def test_shapes_are_outputs_beside_frequencies(repeated):
     bench, factors, _ = repeated
     names = [bench.uff(bench.measure(_truth(bench, f), count=6), f"r{i}.uff").name for i, f in enumerate(factors)]
@@ -156,6 +159,7 @@ def test_shapes_are_outputs_beside_frequencies(repeated):
     assert "Mode shapes in the forward check" in [getattr(b, "title", "") for b in variability_blocks(found)]
 
 
+@pytest.mark.slow
 def test_held_out_repeats_with_shapes_are_compared_by_frequencies(repeated):
     """Entries of shapes that hardly vary in the prediction gave differences of 1e100 predicted standard deviations."""
     bench, factors, _ = repeated
@@ -174,6 +178,7 @@ def test_held_out_repeats_with_shapes_are_compared_by_frequencies(repeated):
     assert abs(size) < 20.0
 
 
+@pytest.mark.slow
 def test_intervals_are_those_of_the_extreme_frequencies(bench: Bench):
     """Beams at both corners of a box and inside it; the two lowest frequencies of the plane determine the box."""
     lower, upper = np.array([1.0, 0.9]), np.array([1.2, 1.0])
@@ -195,6 +200,7 @@ def test_intervals_are_those_of_the_extreme_frequencies(bench: Bench):
     assert titles[-2:] == ["Intervals of the parameters", "Extreme frequencies"]
 
 
+@pytest.mark.slow
 def test_intervals_with_a_frequency_table_are_a_sentence(repeated):
     """They ended the run with table.no-frequency."""
     bench, _, hz = repeated
@@ -205,6 +211,7 @@ def test_intervals_with_a_frequency_table_are_a_sentence(repeated):
     assert "not computed for values that depend on frequency" in box.sentence
 
 
+@pytest.mark.slow
 def test_intervals_that_contradict_are_a_sentence(repeated):
     """The smallest third frequency with the largest first one: no box has both."""
     bench, _, hz = repeated
@@ -215,6 +222,7 @@ def test_intervals_that_contradict_are_a_sentence(repeated):
     assert not box.ok or max(abs(o.model_upper_hz / o.measured_upper_hz - 1.0) for o in box.outputs) > 1e-3
 
 
+@pytest.mark.slow
 def test_measurement_errors_of_a_study_are_subtracted(repeated):
     bench, _, hz = repeated
     noisy = hz * (1.0 + 0.01 * np.random.default_rng(3).standard_normal(hz.shape))
@@ -230,6 +238,7 @@ def test_measurement_errors_of_a_study_are_subtracted(repeated):
     assert plain.noise_percent is None
 
 
+@pytest.mark.slow
 def test_a_robust_covariance_leaves_an_outlier_without_effect(repeated):
     bench, factors, hz = repeated
     _table(bench, _moved(hz, slice(4, 5), 0.3))
@@ -338,6 +347,7 @@ def test_distances_tell_the_parameter_that_does_not_scatter(bench: Bench):
     assert found.parameters[2].sd < 0.02
 
 
+@pytest.mark.slow
 def test_distances_are_known_before_an_update(bench: Bench):
     """At the initial values, which are 10 and 5 % off."""
     found = steps.select(_three_candidates(bench)).record.measures
@@ -348,6 +358,7 @@ def test_distances_are_known_before_an_update(bench: Bench):
     assert any("these parameters explain it: root, tip" in s for s in found.sentences)
 
 
+@pytest.mark.slow
 def test_select_states_why_there_are_no_distances(beam: Bench):
     beam.write("repeats.csv", "1,3\n11,70\n11.5,71\n11.2,72\n")
     found = steps.select(_study(beam, head="")).record.measures
@@ -403,6 +414,7 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
         (_broken("1,2\n1,2\n", 'configuration = "C"\n'), "quantify.configuration", "names configuration C"),
     ],
 )  # fmt: skip
+@pytest.mark.quick(2)
 def test_bad_repeats_are_a_sentence(beam: Bench, write: Callable[[Bench], Path], code: str, words: str):
     beam.write("repeats.csv", "1,2\n10,60\n11,61\n")
     with pytest.raises(FemtuneError, match=words) as error:

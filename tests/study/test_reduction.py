@@ -50,6 +50,7 @@ def test_the_truth_is_found_and_certified(bench: Bench) -> None:
     assert not [a for a in run.results.alerts if a.code == "update.not-certified"]
 
 
+@pytest.mark.slow
 def test_what_is_not_certified_is_a_problem(bench: Bench) -> None:
     run = _run(bench, "[reduction]\ntolerance = 1e-15\nfull_solutions = 4\norder = 12\n")
     assert run.results.update is not None

@@ -90,7 +90,7 @@ upper = 5.0
 """
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "tail"), [("complex-eigenvalue", ""), ("damping", ""), ("complex-eigenvalue", "[reduction]\n")]
 )
@@ -129,7 +129,7 @@ def test_kinds_of_poles(kind: str, tail: str, bench: Bench):
     assert told == ["forced response: no measured FRFs were compared with those of the model"]
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", ['sd = "test"', 'covariance = "test"'])
 def test_poles_weighted_by_the_file_of_the_identification(weights: str, bench: Bench):
     """A mode whose damping ratio is wrong by a tenth, with a standard deviation to match, does not matter."""
@@ -156,6 +156,7 @@ def test_poles_weighted_by_the_file_of_the_identification(weights: str, bench: B
     )
 
 
+@pytest.mark.slow
 def test_a_study_without_any_mode(bench: Bench):
     """Static displacements, forces and a weighed mass: nothing is paired, and the run ends with its deck and report."""
     truth = bench.truth()
@@ -193,6 +194,7 @@ def test_a_study_without_any_mode(bench: Bench):
     assert "Traceback" not in html
 
 
+@pytest.mark.slow
 def test_a_model_without_mass(bench: Bench):
     """It has no modes, and a static test needs none."""
     text = CANTILEVER.replace("7850.", "").replace("CONM2   9       5               2.0\n", "")
@@ -306,6 +308,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
+@pytest.mark.quick(2)
 def test_bad_input_is_a_sentence_at_its_place(name: str, beam: Bench):
     table, test, code, words = BAD[name]
     modes = beam.measure(beam.truth())

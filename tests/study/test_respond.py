@@ -184,6 +184,7 @@ def measured(bench: Bench) -> tuple[Bench, FrfSet]:
     return bench, frfs
 
 
+@pytest.mark.slow
 def test_functions_of_the_test_are_beside_the_model(measured: tuple[Bench, FrfSet]) -> None:
     bench, frfs = measured
     result = steps.respond(bench.study(EI + RESPONSE), kind="mobility")
@@ -213,6 +214,7 @@ def test_grid_points_find_the_sensors_on_them_with_their_sign(measured: tuple[Be
     np.testing.assert_allclose(test[1, 0], frfs.values[1, 1], atol=1e-9 * np.abs(frfs.values[1, 1]).max())
 
 
+@pytest.mark.slow
 def test_the_fdac_of_a_stiffer_deck_shows_its_frequency_shift(bench: Bench) -> None:
     """E of the true beam is 0.81 times that of the deck: the model's frequencies are 1/0.9 of the test's."""
     softer = bench.truth((("2.1+11 ", "1.701+11"),))
@@ -315,6 +317,7 @@ def test_a_universal_file_of_each_configuration(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("method", ["real modes", "complex modes"])
+@pytest.mark.slow
 def test_the_default_is_as_exact_as_the_direct_way(bench: Bench, method: str) -> None:
     """Simulated FRFs are measured FRFs of an update: a systematic error moves its parameters."""
     asked: dict[str, Any] = {
@@ -346,6 +349,7 @@ def test_a_limit_of_the_modes_is_told_with_its_error(bench: Bench, limit: dict[s
     assert 0.0 < found.frfs.truncation_error <= (np.abs(values - exact) / size).max() * 1.001
 
 
+@pytest.mark.slow
 def test_noise_of_a_simulated_test_has_the_stated_deviation(bench: Bench) -> None:
     """Real and imaginary part apart, with a part of the magnitude and of the largest one; 6 × 400 values of each."""
     deck = bench.write("deck.bdf", CANTILEVER)

@@ -133,6 +133,7 @@ def test_what_is_no_lock_file_is_not_touched(tmp_path: Path, kind: str) -> None:
     assert (tmp_path / "other").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_a_second_run_is_refused_and_spoils_nothing(beam: Bench) -> None:
     study = beam.study()
     first = steps.update(study)

@@ -271,7 +271,7 @@ def test_fewer_sensors_than_modes(study: Path) -> None:
     check_shown("runs.few-dofs", str(caught.value).replace(str(study.parent), "FOLDER"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("rules", [None, KrigingRules("quadratic")], ids=["polynomials", "Kriging"])
 def test_intervals_cover_the_truth_of_simulated_specimens(rules: SurrogateRules | None) -> None:
     """Six outputs of 200 runs, 90 % intervals of 100 specimens: within what the binomial of 0.1 % admits."""
@@ -288,6 +288,7 @@ _METHODS = {
 
 
 @pytest.mark.parametrize("keys", _METHODS)
+@pytest.mark.slow
 def test_a_surrogate_is_stated_with_its_error(study: Path, keys: str) -> None:
     write_runs_table(study.parent / "runs.csv", table(20))
     study.write_text(STUDY.replace("degree = 1\ncrossed = false", keys))

@@ -31,6 +31,7 @@ def deck_with(bench: Bench, root: float, tip: float, mass: float) -> Path:
     return bench.write("one.bdf", text.replace("CONM2   9       5               2.0", f"CONM2,9,5,,{2.0 * mass:.9f}"))
 
 
+@pytest.mark.slow
 def test_runs_are_those_of_the_decks_and_effects_those_of_their_means(bench: Bench) -> None:
     found = steps.screen(study(bench, '[screen]\narray = "L18"\n'))
     assert (found.record.design, found.record.runs, found.record.error_freedom) == ("L18", 18, 11)
@@ -73,6 +74,7 @@ def test_modes_that_change_their_order_are_followed_by_their_shape(bench: Bench)
     assert np.ptp(hz[:, 0]) > 10.0
 
 
+@pytest.mark.slow
 def test_designs_and_files(bench: Bench) -> None:
     path, csv, page = study(bench), bench.folder / "runs.csv", bench.folder / "page.html"
     found = steps.screen(path, design="plackett-burman", csv=csv, report=page)
@@ -90,6 +92,7 @@ def test_designs_and_files(bench: Bench) -> None:
     assert [c.key for c in found.results.citations] == ["montgomery2017", "plackett1946"]
 
 
+@pytest.mark.slow
 def test_the_modes_of_all_configurations_or_of_one(bench: Bench) -> None:
     cases = '[[configuration]]\nname = "empty"\nelements_off = [9]\n[[configuration]]\nname = "loaded"\n'
     both = steps.screen(study(bench, cases))
@@ -101,6 +104,7 @@ def test_the_modes_of_all_configurations_or_of_one(bench: Bench) -> None:
     np.testing.assert_allclose(loaded, [row.contribution for row in one.effects], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_runs_that_fail_are_left_out_and_named(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     whole, at = FollowedModes.at, steps.screen(study(bench, '[screen]\narray = "L18"\n'))
 

@@ -108,6 +108,7 @@ def _failing(monkeypatch: pytest.MonkeyPatch, above: float) -> None:
     monkeypatch.setattr(UpdateProblem, "follow", failing)
 
 
+@pytest.mark.slow
 def test_runs_that_fail_are_left_out_and_named(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     _failing(monkeypatch, 0.7)
     found = steps.search(beam.study(EI + RESIDUALS + SMALL))
@@ -257,6 +258,7 @@ def test_keys_of_another_surrogate_are_refused(beam: Bench, keys: str) -> None:
     check_shown(f"search.surrogate, {keys.splitlines()[-1]}", str(caught.value).replace(str(beam.folder), "FOLDER"))
 
 
+@pytest.mark.slow
 def test_the_number_of_runs_that_check_the_surrogate_is_an_argument(beam: Bench) -> None:
     record = steps.search(beam.study(EI + RESIDUALS + SMALL), fresh_runs=0, fresh=True).record
     assert record.surrogate is not None

@@ -72,6 +72,7 @@ def test_a_parameter_is_tested_by_the_independent_residuals_of_shapes(bench: Ben
     assert stats.f.sf(gain * (len(r) - 1) / (r @ r - gain), 1, len(r) - 1) < 0.9 * p
 
 
+@pytest.mark.slow
 def test_relative_weights_mean_the_same_in_any_unit(bench: Bench):
     """With estimated variance only ratios of the standard deviations count: 1 and 5 say what .01 and .05 say."""
     bench.uff(bench.measure(bench.truth()))
@@ -139,6 +140,7 @@ def test_what_contradicts_the_test_gathers_where_the_deck_is_wrong(bench: Bench)
         assert mode.contradiction_percent > 1.0
 
 
+@pytest.mark.slow
 def test_report_and_terminal_show_the_measures(beam: Bench):
     study = beam.study(f'{EI}[select]\nenergies = "properties"\nlocalise = true\n')
     run = steps.update(study)

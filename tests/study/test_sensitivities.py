@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from femtune import steps
 from femtune.dofs import DofSet
@@ -78,6 +79,7 @@ def _study(folder: Path, form: str) -> Path:
     return folder / "study.toml"
 
 
+@pytest.mark.slow
 def test_percent_per_percent_is_the_logarithmic_derivative(tmp_path: Path) -> None:
     h = 1e-4
     up = np.log(np.array([_frequencies(tmp_path, 1000 * (1 + h), 2)[0], _frequencies(tmp_path, 1000, 2 * (1 + h))[0]]))

@@ -88,6 +88,7 @@ def check_merged(made, least, least_points):
     assert found.min() >= least
 
 
+@pytest.mark.slow
 def test_roving_sensors_of_velocity_and_acceleration_become_whole_shapes(tmp_path):
     path = written(tmp_path, np.random.default_rng(0), roving(5, overlap=True), 300.0)
     made = identify(path)
@@ -101,7 +102,7 @@ def test_roving_sensors_of_velocity_and_acceleration_become_whole_shapes(tmp_pat
 @pytest.mark.slow
 def test_setups_side_by_side_are_those_one_after_another(tmp_path):
     path = written(tmp_path, np.random.default_rng(0), roving(3, overlap=True), 120.0)
-    alone, both = (identify(path, tmp_path / str(jobs), jobs=jobs) for jobs in (1, 2))
+    alone, both = (identify(path, output=tmp_path / str(jobs), jobs=jobs) for jobs in (1, 2))
     np.testing.assert_array_equal(both.modes.shapes, alone.modes.shapes)
     np.testing.assert_array_equal(both.modes.freq_hz, alone.modes.freq_hz)
     assert both.record.alerts == alone.record.alerts
@@ -119,12 +120,14 @@ def test_fifteen_setups_have_the_true_shapes(tmp_path):
     check_merged(identify(written(tmp_path, np.random.default_rng(0), roving(15), 1200.0)), 0.999, POINTS)
 
 
+@pytest.mark.slow
 def test_setups_without_a_common_point_are_refused(tmp_path):
     setups = [[(i, 2, "response") for i in part] for part in ((0, 2, 11), (1, 3, 10))]
     with pytest.raises(FemtuneError, match="share no degree of freedom"):
         identify(written(tmp_path, np.random.default_rng(0), setups, 300.0))
 
 
+@pytest.mark.slow
 def test_sensors_of_a_floor_become_its_motions(tmp_path):
     """Four sensors on a rigid plate on springs: translations and the rotation about z, from records and places."""
     rng = np.random.default_rng(0)

@@ -22,6 +22,7 @@ def _numbers(line: str) -> list[float]:
     return [value for value in map(parse_real, texts) if value is not None]
 
 
+@pytest.mark.slow
 def test_g_is_written_with_e(bench: Bench) -> None:
     text = bench.text.replace(MATERIAL, GIVEN)
     bench.write("beam.bdf", text)
@@ -39,6 +40,7 @@ def test_g_is_written_with_e(bench: Bench) -> None:
     )
 
 
+@pytest.mark.slow
 def test_of_a_region_too(bench: Bench) -> None:
     """The copy of the material for two of the bars has both values."""
     text = bench.text.replace(MATERIAL, GIVEN)

@@ -25,6 +25,7 @@ def _written(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     return modes.freq_hz, modes.shapes, list(modes.dofs.labels())
 
 
+@pytest.mark.slow
 def test_an_update_finds_the_values_of_the_deck_that_was_simulated(bench: Bench) -> None:
     options = ["--uff", str(bench.folder / "beam.uff"), "--sensor", "2 THRU 5:23", "--units", "m-kg-s", "--count", "4"]
     found = CliRunner().invoke(main, ["modes", str(bench.truth()), "--quiet", *options])

@@ -41,6 +41,7 @@ def test_modes_tell_who_solved_them(tmp_path: Path) -> None:
     assert small.solver == "dense"
 
 
+@pytest.mark.slow
 def test_sparse_modes_tell_their_sparse_solver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("FEMTUNE_SOLVER", "SuperLU")
     deck = tmp_path / "a.bdf"

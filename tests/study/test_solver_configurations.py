@@ -72,6 +72,7 @@ def study(tmp_path: Path) -> Path:
 _READ = 'k1, k2, bolt = (float(x) for x in open("bolted.txt"))\nk1 += bolt'
 
 
+@pytest.mark.slow
 def test_each_configuration_has_its_own_modes_and_a_foreign_parameter_costs_no_run(study: Path) -> None:
     found = ft.modes(study)
     hz = {name: modes.freq_hz for name, modes in found.mode_sets.items()}
@@ -110,6 +111,7 @@ def test_a_placeholder_that_is_no_parameter_is_said_of_the_templates_of_its_conf
     check_shown("external.placeholder, configuration", str(caught.value).replace(str(study.parent), "FOLDER"))
 
 
+@pytest.mark.slow
 def test_an_update_with_both_configurations(study: Path) -> None:
     result = ft.run(study)
     table = result.parameters

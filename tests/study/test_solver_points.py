@@ -21,6 +21,7 @@ def modes_at(k1: float, k2: float) -> np.ndarray:
     return hz[np.argmax(np.abs(shapes), axis=1)]
 
 
+@pytest.mark.slow
 def test_a_screening_runs_each_point_of_the_design_once_and_follows_modes(study: Path) -> None:
     found = ft.screen(study)
     # nine points; the initial values are none of them

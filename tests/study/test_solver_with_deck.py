@@ -209,6 +209,7 @@ def test_other_mistakes_have_the_errors_of_every_study(tmp_path: Path, old: str,
     assert caught.value.code == code
 
 
+@pytest.mark.slow
 def test_both_models_are_compared_and_nothing_is_differenced(tmp_path: Path) -> None:
     """The nominal run and its repetition; frequencies of the deck are those of its formula."""
     chain = Chain(tmp_path, 0.0)

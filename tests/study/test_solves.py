@@ -15,6 +15,7 @@ from femtune.residuals import direct
 Bench = Any
 
 
+@pytest.mark.slow
 def test_start_and_end_are_solved_once(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     solved: list[tuple[float, ...]] = []
     solve = direct.modes

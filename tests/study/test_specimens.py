@@ -68,6 +68,7 @@ def test_exact_tests_give_the_exact_parameters_of_each_specimen(tmp_path: Path) 
     assert ratios == pytest.approx({f"ratio_{n}": r / TIP for n, r in TRUTH.items()}, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_each_specimen_has_its_own_deck(beams: RunResult) -> None:
     for name in TRUTH:
         values = build_structure(read_deck(beams.folder / name / "updated.bdf")).structure.values
@@ -123,6 +124,7 @@ def test_frequencies_of_test_and_model_stand_beside_each_other(beams: RunResult)
     assert first.model.cov_percent == pytest.approx(first.test.cov_percent, rel=0.1)
 
 
+@pytest.mark.slow
 def test_report_and_summary_show_the_specimens(beams: RunResult) -> None:
     text = html_text(build_report(beams.results, beams.arrays))
     assert "Parameters of the specimens" in text
@@ -216,6 +218,7 @@ def test_what_is_tied_to_an_individual_parameter_is_individual(tmp_path: Path) -
     assert [at[f"joint_{s}"] for s in "ABC"] == pytest.approx([0.9, 1.0, 1.2])
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_the_specimen(tmp_path: Path) -> None:
     """By complex step; by the parameters of other specimens they are zero."""
     write_tests(tmp_path)
@@ -238,7 +241,7 @@ def test_specimens_in_one_state_share_their_matrices(tmp_path: Path) -> None:
     assert loaded[0].configured.projected is not free[0].configured.projected
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_truth_lies_within_the_stated_deviation_at_the_stated_rate(tmp_path: Path) -> None:
     """60 campaigns on three specimens: squared errors in their covariance are χ² (significance 1e-3)."""
     write_tests(tmp_path, seed=None, states=("free", "loaded"))

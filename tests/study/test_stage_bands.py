@@ -142,6 +142,7 @@ def test_keys_that_do_not_fit_are_refused(name: str, old: str, new: str, tmp_pat
     check_shown(f"study.stage, {name}", str(found).replace(str(tmp_path), "."))
 
 
+@pytest.mark.slow
 def test_an_addition_that_leads_outside_the_bounds_is_an_error(tmp_path: Path) -> None:
     write_tests(tmp_path, states=BOTH)
     (tmp_path / "study.toml").write_text(study_text(BOTH, STAGES.replace("add = 0.05", "add = 1.5")))

@@ -69,6 +69,7 @@ def states(bench: Bench) -> Bench:
     return bench
 
 
+@pytest.mark.slow
 def test_several_configurations_with_overlays(states: Bench) -> None:
     run = steps.update(states.study(blocks() + states.parameters, test=None))
     assert is_true(run)
@@ -137,11 +138,13 @@ def test_all_kept_for_validation_is_refused(beam: Bench) -> None:
     assert len(steps.correlate(study)) == 1
 
 
+@pytest.mark.slow
 def test_test_in_millimetres(beam: Bench) -> None:
     beam.uff(convert_units(beam.measure(beam.truth()), unit_system("mm-t-s")))
     assert is_true(steps.update(beam.study()))
 
 
+@pytest.mark.slow
 def test_test_with_turned_axes(beam: Bench) -> None:
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     seen = beam.measure(beam.truth())
@@ -162,6 +165,7 @@ def shifted(test: ModalTest, by: float) -> ModalTest:
     return replace(test, geometry=WireFrame(numbers, frame.coordinates + by), modes=replace(test.modes, dofs=labels))
 
 
+@pytest.mark.slow
 def test_sensors_find_the_nearest_grid_point(beam: Bench) -> None:
     beam.uff(shifted(beam.measure(beam.truth()), 0.01))
     run = steps.update(beam.study("[sensors]\ntolerance = 0.05\n" + beam.parameters))
@@ -191,6 +195,7 @@ def test_sensors_by_hand(beam: Bench) -> None:
     assert "sensor.far-from-node" in {a.code for a in run.results.alerts}
 
 
+@pytest.mark.slow
 def test_generalised_sensor_is_a_combination(beam: Bench) -> None:
     seen = beam.measure(beam.truth())
     shapes = seen.modes.shapes.copy()
@@ -206,6 +211,7 @@ def test_generalised_sensor_is_a_combination(beam: Bench) -> None:
     assert min(p.mac for p in plain[0].pairs) < 0.999
 
 
+@pytest.mark.slow
 def test_modes_left_out_by_label_and_by_frequency(beam: Bench) -> None:
     freq = beam.modes(beam.folder / "truth/true.bdf")
     left = f'leave_out = [{{ mode = "c", reason = "noisy" }}, {{ hz = {freq[1]:.6g}, reason = "<i>shaker</i>" }}]\n'
@@ -267,6 +273,7 @@ def test_scatter_of_the_test_needs_scatter(beam: Bench) -> None:
     assert caught.value.where.file == str(study)
 
 
+@pytest.mark.slow
 def test_a_parameter_at_its_bound_is_an_alert(beam: Bench) -> None:
     run = steps.update(beam.study(beam.parameters.replace("upper = 2.0", "upper = 1.1", 1)))
     assert run.results.update is not None
@@ -275,6 +282,7 @@ def test_a_parameter_at_its_bound_is_an_alert(beam: Bench) -> None:
     assert any(a.code == "update.at-bound" and "root" in a.sentence for a in run.results.alerts)
 
 
+@pytest.mark.slow
 def test_undetermined_parameters_are_an_alert(beam: Bench) -> None:
     tail = beam.parameters.replace("PBAR 2 I1", "PBAR 2 J")
     run = steps.update(beam.study(tail))
@@ -291,6 +299,7 @@ def test_undetermined_parameters_are_an_alert(beam: Bench) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_minimum_itself_can_be_asked_for(beam: Bench) -> None:
     tail = beam.parameters.replace("PBAR 2 I1", "PBAR 2 J") + "\n[update]\nsmallest_change = 0\n"
     run = steps.update(beam.study(tail))
@@ -347,7 +356,7 @@ upper = 2.0
 """
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0.0, 0.4])
 def test_double_modes_in_any_orientation(mast: Bench, angle: float) -> None:
     seen = mast.measure(mast.folder / "truth/true.bdf", "2X+", "2Y+", "3X+", "3Y+", count=4)
@@ -364,6 +373,7 @@ def test_double_modes_in_any_orientation(mast: Bench, angle: float) -> None:
     assert all(p.mac == pytest.approx(1.0, abs=1e-5) for p in last.pairs)
 
 
+@pytest.mark.slow
 def test_double_modes_that_a_parameter_separates(mast: Bench) -> None:
     true = mast.truth((("2.0-7   2.0-7   4.0-7\nPBAR    2", "2.5-7   2.0-7   4.0-7\nPBAR    2"),), SQUARE)
     mast.uff(mast.measure(true, "2X+", "2Y+", "3X+", "3Y+", count=4))
@@ -403,7 +413,7 @@ def test_free_structure_with_six_rigid_body_modes(bench: Bench) -> None:
     assert run.results.model.configurations[0].rigid_body_check.verdict == "pass"
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [False, True])
 def test_modes_of_a_study_with_a_test_heed_a_count_and_a_frequency_of_their_own(beam: Bench, page: bool) -> None:
     study = beam.study()
@@ -419,6 +429,7 @@ def test_modes_of_a_study_with_a_test_heed_a_count_and_a_frequency_of_their_own(
     assert len(found(max_hz=0.5 * (usual[1] + usual[2]))) == 2
 
 
+@pytest.mark.slow
 def test_an_error_that_all_frequencies_share_widens_the_intervals(beam: Bench) -> None:
     text = beam.parameters + "[residuals]\nfrequency_sd = 0.002\n"
     plain, wide = (

@@ -55,7 +55,7 @@ def test_other_searches_end_at_the_same(beam: Bench, search: str) -> None:
     assert "Gauss-Newton" in run.results.update.method
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["l-curve", "gcv"])
 def test_a_weight_that_a_rule_finds_is_told(beam: Bench, rule: str) -> None:
     run = steps.update(beam.study(f'{beam.parameters}[update]\nregularisation = "link"\nweight = "{rule}"\n'))
@@ -125,6 +125,7 @@ def test_samples_are_kept_and_processes_give_the_same(beam: Bench) -> None:
         assert other.results.update.parameters == update.parameters
 
 
+@pytest.mark.slow
 def test_a_side_constraint_on_each_step(beam: Bench) -> None:
     """With enough iterations the end is that of the data, with a few it is not; the report names the constraint."""
     each = f'{beam.parameters}[update]\nregularisation = "link"\nweight = 1.0\nweight_on = "each-step"\n'
@@ -140,6 +141,7 @@ def test_a_side_constraint_on_each_step(beam: Bench) -> None:
     assert few.report is None or "change of each iteration" in few.report.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_correlated_prior(beam: Bench) -> None:
     prior = beam.parameters.replace("upper = 2.0", "upper = 2.0\nmean = 1.1\nsd = 0.0001")
     entry = 'correlations = [{ one = "root", other = "tip", value = 0.9 }]'

@@ -63,6 +63,7 @@ def test_values_where_factors_are_expected(tmp_path: Path, lower: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["results.json", "Report.html", "arrays.npz", "journal"])
+@pytest.mark.slow
 def test_an_include_that_is_called_like_a_file_of_the_run(tmp_path: Path, name: str) -> None:
     lines = example_deck(tmp_path).read_text().splitlines()
     at = next(i for i, line in enumerate(lines) if line.startswith("MAT1"))

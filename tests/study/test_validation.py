@@ -45,6 +45,7 @@ def _noisy(bench: Bench, sd: float, seed: int = 3) -> None:
     bench.uff(test)
 
 
+@pytest.mark.slow
 def test_held_out_modes_have_no_residual_and_are_judged(beam: Bench) -> None:
     run = steps.update(beam.study(beam.parameters + '[[hold_out]]\nmodes = ["2", "4"]\n[validate]\nprofile = "ECSS"'))
     assert _values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)
@@ -85,6 +86,7 @@ def test_own_numbers_decide(beam: Bench) -> None:
         assert one.sentence.startswith(f"as the deck, {one.data}: {verdict}: frequency error {miss:.3g} %")
 
 
+@pytest.mark.slow
 def test_whole_tests_are_judged_by_the_same_profile(beam: Bench) -> None:
     lines = '[validate]\nprofile = "MIL"\nmac = 0.97\nshape_error = 0.1'
     run = steps.update(beam.study(f"{beam.parameters}[[hold_out]]\nmodes = ['4']\n{lines}"))
@@ -98,6 +100,7 @@ def test_whole_tests_are_judged_by_the_same_profile(beam: Bench) -> None:
         assert {c.name: c.limit for c in correlation.criteria} == pytest.approx(expected)
 
 
+@pytest.mark.slow
 def test_held_out_sensors_are_predicted_by_shape(beam: Bench) -> None:
     tail = '[[hold_out]]\nsensors = ["4Y+", "4Z+"]\n[validate]\nprofile = "own"\n'
     tail += "shape_error = 0.02\nmac = 0.99\nshape_sd = 0.01"
@@ -149,7 +152,7 @@ def test_residuals_that_are_noise_pass(bench: Bench) -> None:
     assert not [a for a in run.results.alerts if a.code == "update.misfit"]
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tail", "percent"),
     [
@@ -165,6 +168,7 @@ def test_scatter_of_a_prediction_is_what_the_residuals_state(beam: Bench, tail: 
     assert [p.test_sd_percent for p in found.predictions] == [pytest.approx(percent)]
 
 
+@pytest.mark.slow
 def test_data_that_leave_nothing_over_are_an_alert(bench: Bench) -> None:
     """Frequencies of a beam with a wrong mass are reproduced exactly by as many stiffnesses: nothing shows the mass."""
     wrong = bench.text.replace("7850.", "9800.")
@@ -196,6 +200,7 @@ _SHAPES = '[[residual]]\nkind = "shape"\nsd = 0.05\nscaling = '
         ("[residuals]\nfrequency_sd = 0.01\ncommon_frequency_sd = 0.04\n", False),
     ],
 )
+@pytest.mark.slow
 def test_a_mass_that_was_not_measured_is_told(bench: Bench, tail: str, said: bool) -> None:
     """Frequencies, MAC and shapes of any length are those of a structure with twice the stiffness and mass."""
     bench.uff(bench.measure(bench.truth()))
@@ -206,6 +211,7 @@ def test_a_mass_that_was_not_measured_is_told(bench: Bench, tail: str, said: boo
     assert any(line.startswith("total mass: ") for line in found.not_tested) is said
 
 
+@pytest.mark.slow
 def test_an_unmodelled_spring_is_no_noise(bench: Bench) -> None:
     """The real beam stands on a spring that the deck lacks."""
     sprung = bench.text.replace("CONM2", "CELAS2,77,3.+5,4,3\nCONM2")
@@ -257,6 +263,7 @@ def test_what_cannot_be_held_out_is_refused(beam: Bench, tail: str, code: str, s
     assert "study.toml" in str(caught.value.where)
 
 
+@pytest.mark.slow
 def test_validate_is_a_step_and_the_report_shows_it(beam: Bench) -> None:
     study = beam.study(HALF + '[[hold_out]]\nmodes = ["2", "4"]\nsensors = ["4Y+"]\n[validate]\nprofile = "ECSS"')
     run = steps.validate(study)
@@ -268,6 +275,7 @@ def test_validate_is_a_step_and_the_report_shows_it(beam: Bench) -> None:
     assert "Errors of predicted frequencies" in page
 
 
+@pytest.mark.slow
 def test_residuals_that_tell_their_own_scatter_cannot_be_tested_by_it(beam: Bench) -> None:
     run = steps.update(beam.study(beam.parameters + '[residuals]\nscatter = "estimated"'))
     said = "not tested: frequency residuals: their standard deviations are estimated from the residuals themselves"
@@ -284,6 +292,7 @@ def test_the_page_marks_modes_that_the_update_did_not_see(beam: Bench) -> None:
     assert "as the deck: beyond the frequencies used" in page
 
 
+@pytest.mark.slow
 def test_chi_square_without_an_optimum_is_that_of_the_kept_values(beam: Bench) -> None:
     run = steps.update(
         beam.study(beam.parameters + "[residuals]\nfrequency_sd = 0.001\n[update]\nmax_iterations = 1\n")

@@ -140,6 +140,7 @@ _BAD = {
 
 
 @pytest.mark.parametrize("name", _BAD)
+@pytest.mark.slow
 def test_what_is_missing_is_said_before_the_update(name: str, study: Path) -> None:
     old, new = _BAD[name]
     text = study.read_text()

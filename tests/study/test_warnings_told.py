@@ -35,6 +35,7 @@ def test_the_terminal_says_it_and_quiet_says_it_on_standard_error(bench: Bench) 
     assert "the deck has no ENDDATA and may be incomplete" in " ".join(quiet.stderr.split())
 
 
+@pytest.mark.slow
 def test_validate_shows_the_warnings_on_the_deck(beam: Bench) -> None:
     path = beam.folder / "beam.bdf"
     path.write_text(path.read_text().replace("ENDDATA\n", ""))

@@ -62,6 +62,7 @@ def test_results_are_read_again(done: RunResult) -> None:
         np.testing.assert_array_equal(arrays[key], done.arrays[key])
 
 
+@pytest.mark.slow
 def test_results_obey_the_published_schema(done: RunResult) -> None:
     jsonschema.validate(json.loads((done.folder / "results.json").read_text()), json_schema())
 

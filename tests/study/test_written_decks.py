@@ -63,6 +63,7 @@ def clamp(bench: Bench) -> Bench:
     return bench
 
 
+@pytest.mark.slow
 def test_shared_card_is_not_written_without_split(clamp: Bench) -> None:
     run = steps.update(clamp.study(SHARED))
     assert values(run)["clamp"] == pytest.approx(1.4, rel=1e-4)
@@ -90,6 +91,7 @@ def test_two_regions_of_one_card_are_both_not_written_without_split(clamp: Bench
     assert any("rest: PBAR 1 I1 is shared with elements that another parameter changes" in s for s in told)
 
 
+@pytest.mark.slow
 def test_without_split_the_alert_does_not_blame_rounding(clamp: Bench) -> None:
     found = codes(steps.update(clamp.study(SHARED)))
     assert "write.incomplete" in found
@@ -109,6 +111,7 @@ def test_rounding_that_matters_is_an_alert(beam: Bench) -> None:
     assert "1 %" in found[0].sentence
 
 
+@pytest.mark.slow
 def test_split_gives_the_region_a_card_of_its_own(clamp: Bench) -> None:
     run = steps.update(clamp.study(SHARED + "[write]\nsplit = true\n"))
     deck = run.folder / "updated.bdf"
@@ -223,7 +226,7 @@ def parts(beam: Bench) -> Bench:
     return beam
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["run", "far/away from here", "../elsewhere", "."])
 def test_includes_are_kept(parts: Bench, folder: str) -> None:
     inputs = {p: p.read_bytes() for p in parts.folder.rglob("*") if p.is_file()}
@@ -241,6 +244,7 @@ def test_includes_are_kept(parts: Bench, folder: str) -> None:
     assert (parts.folder / edit.file).read_text().splitlines()[edit.line - 1].startswith("PBAR    1")
 
 
+@pytest.mark.slow
 def test_an_included_file_is_not_overwritten_in_its_own_folder(parts: Bench) -> None:
     original = (parts.folder / "parts/props.inc").read_bytes()
     run = steps.update(parts.study(), output=parts.folder / "parts")
@@ -271,6 +275,7 @@ def test_links_to_inputs_are_refused(beam: Bench, link: str) -> None:
     assert refused(beam, beam.study(), beam.folder / "run").code == "write.overwrites-input"
 
 
+@pytest.mark.slow
 def test_hard_links_and_links_to_other_files_are_replaced(beam: Bench) -> None:
     folder, other = beam.folder / "run", beam.write("notes.txt", "mine")
     folder.mkdir()
@@ -312,6 +317,7 @@ tie = "common"
     assert spread["root"] == pytest.approx(spread["common"] * 1.3 / 0.85)
 
 
+@pytest.mark.slow
 def test_absolute_parameters_hold_the_fields_value(beam: Bench) -> None:
     tail = beam.parameters.replace("lower = 0.5\nupper = 2.0", "lower = 1e-7\nupper = 4e-7\nabsolute = true")
     run = steps.update(beam.study(tail))
@@ -320,6 +326,7 @@ def test_absolute_parameters_hold_the_fields_value(beam: Bench) -> None:
     assert role(run.folder / "updated.bdf", 4, "I1") == pytest.approx(1.7e-7, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_absolute_start_value_must_be_one(beam: Bench) -> None:
     beam.write("beam.bdf", beam.text.replace("2       1       1.0-3   2.0-7", "2       1       1.0-3   2.1-7"))
     both = (
@@ -332,6 +339,7 @@ def test_absolute_start_value_must_be_one(beam: Bench) -> None:
     assert role(run.folder / "updated.bdf", 1, "I1") == role(run.folder / "updated.bdf", 4, "I1")
 
 
+@pytest.mark.slow
 def test_tied_absolute_parameter_needs_no_start_value(beam: Bench) -> None:
     beam.write("beam.bdf", beam.text.replace("2       1       1.0-3   2.0-7", "2       1       1.0-3   2.1-7"))
     tail = beam.parameters.split("[[parameter]]")[1]
@@ -358,6 +366,7 @@ def test_modulus_takes_the_derived_shear_modulus_along(beam: Bench) -> None:
     assert frequencies(run, "after as written") == pytest.approx(beam.modes(deck), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_deck_in_large_field_keeps_its_digits(beam: Bench) -> None:
     line = "PBAR*   1               1               1.000000000-3   2.000000000-7\n*       5.0-7           4.0-7\n"
     old = next(x for x in beam.text.splitlines(keepends=True) if x.startswith("PBAR    1"))

@@ -61,6 +61,7 @@ def test_the_polynomials_are_orthonormal() -> None:
     np.testing.assert_allclose(values.T @ (weight[:, None] * values), np.eye(21), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_sparse_polynomial_is_found_exactly() -> None:
     """Four of 84 products, from fewer runs than there are products."""
     x = latin_hypercube(3, 50, 1).points
@@ -182,6 +183,7 @@ def test_the_indices_of_ishigami_are_those_of_the_closed_form() -> None:
     np.testing.assert_allclose(found.total, sampled.total, atol=0.02)
 
 
+@pytest.mark.slow
 def test_indices_of_several_responses_do_not_depend_on_their_directions() -> None:
     x = latin_hypercube(3, 60, 1).points
     y = np.stack([x[:, 0] + 2.0 * x[:, 1], x[:, 1] * x[:, 2]], axis=1)

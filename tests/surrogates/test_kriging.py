@@ -153,7 +153,7 @@ def test_a_response_that_does_not_vary() -> None:
     np.testing.assert_allclose(surrogate.gradient(_NEW), 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("correlation", ["gaussian", "matern-5/2"])
 def test_intervals_cover_responses_that_are_what_kriging_assumes(correlation: str) -> None:
     """90 % intervals of draws from the process itself; plug-in lengths make them a little short."""
@@ -169,6 +169,7 @@ def test_intervals_cover_responses_that_are_what_kriging_assumes(correlation: st
     assert 0.86 < np.mean(inside) < 0.93
 
 
+@pytest.mark.slow
 def test_runs_of_the_array_alone_predict_the_others_of_the_rack() -> None:
     """Constant trend, Gaussian correlation, estimated noise, logarithms: within 1.2 % (the source: .5 %, 150 runs)."""
     surrogate = fit_surrogate(rack_tables.RUNS, rack_tables.FREQUENCIES, KrigingRules(logarithms=True))

@@ -119,6 +119,7 @@ def test_the_deck_reads_back_as_what_was_made(smallest: Subframe, built: BuiltMo
     assert one @ (assemble(structure, "mass") @ one) == pytest.approx(mesh_quality(smallest).mass, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_six_rigid_modes_and_no_mechanism(smallest: Subframe, built: BuiltModel) -> None:
     assert model_at_nominal(built.structure).stiffness.shape[0] == smallest.n_dofs
     freq_hz = natural_frequencies(built.structure, 12)
@@ -168,7 +169,7 @@ def test_the_parameters_of_the_study_are_fields_of_the_deck(tmp_path: Path, soli
     assert set(parameters) <= set(fields)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_frequencies_converge_with_the_size(tmp_path: Path) -> None:
     found = []
     for n_dofs in (5_000, 10_000, 20_000, 40_000):

@@ -43,6 +43,7 @@ def test_truths_differ_between_components_and_lie_within_the_scatter(parameters:
     assert min(np.abs(truths[0] - truths[1]).max(), np.abs(truths[1] - truths[2]).max()) > 0.01
 
 
+@pytest.mark.slow
 def test_damping_is_uneven_and_that_of_rubber_where_rubber_moves() -> None:
     lab = Laboratory(5_000)
     solved = solve_modes(lab.configured[LOADED.name].at(lab.truth(0)), 24)
@@ -54,6 +55,7 @@ def test_damping_is_uneven_and_that_of_rubber_where_rubber_moves() -> None:
     assert ratios.max() / ratios.min() > 1.5
 
 
+@pytest.mark.slow
 def test_noise_of_a_test_is_as_stated() -> None:
     lab = Laboratory(5_000)
     quiet, loud = (lab.test(FREE, 0, Measured((150.0, 200.0), 0.5, *noise)) for noise in ((0.0, 0.0), (0.02, 0.001)))

@@ -86,6 +86,7 @@ def test_noise_of_logarithms_is_that_of_the_functions() -> None:
 @pytest.mark.parametrize(
     ("method", "form"), [("lines", "log-complex"), ("entries", "log-magnitude"), ("noise", "linear")]
 )
+@pytest.mark.slow
 def test_a_run_is_the_optimum_of_its_data(method: Resampling, form: str) -> None:
     """Against a trust-region optimiser with its own differences, on the same draw."""
     bootstrap = work(method, form)
@@ -126,7 +127,7 @@ def found(bootstrap: Bootstrap, runs: int) -> BootstrapResult:
     return bootstrap_result(bootstrap, [bootstrap(i) for i in range(runs)], [bootstrap.check(i) for i in range(3)])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_spread_of_noise_is_that_of_the_fisher_information() -> None:
     """Independent formulas: (JᵀJ)⁻¹, and its parts by numpy on the Jacobian of the update."""
     bootstrap = work("noise")
@@ -141,7 +142,7 @@ def test_spread_of_noise_is_that_of_the_fisher_information() -> None:
     assert all(abs(p.bias) < 0.25 for p in result.found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["lines", "entries"])
 def test_spread_of_lines_is_that_of_the_first_steps(method: Resampling) -> None:
     """The linearised covariance by an independent sum over the drawn groups; residuals three times the stated ones."""

@@ -57,7 +57,7 @@ def _tests(n, seed, noise=0.0):
     return 10.0 + rng.standard_normal((n, 2)) @ G.T + noise * rng.standard_normal((n, 3))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [0.0, 0.4])
 def test_level(noise):
     held = held_out_repeats(30, 0.3, 1)
@@ -89,6 +89,7 @@ def test_few_held_out_repeats_are_not_tested():
     assert _checked(z, np.arange(12) < 6) is not None
 
 
+@pytest.mark.slow
 def test_outputs_without_predicted_variation_are_not_compared():
     """A parameter that has no effect on an output predicts a standard deviation of rounding size."""
     held, z = np.arange(30) >= 20, _tests(30, 3)
@@ -108,6 +109,7 @@ def test_outputs_without_predicted_variation_are_not_compared():
     assert check_held_out(z[held], replace(fit, covariance=np.zeros((3, 3)))) is None
 
 
+@pytest.mark.slow
 def test_outputs_that_were_not_asked_for_are_not_compared():
     held, z = np.arange(30) >= 20, _tests(30, 3)
     own, shifted = z[~held], z[held] + [0.0, 0.0, 50.0]

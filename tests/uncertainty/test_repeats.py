@@ -30,6 +30,7 @@ def test_whole_repeats_give_the_sample_moments():
     assert not found.notices
 
 
+@pytest.mark.slow
 def test_em_ends_at_the_largest_likelihood():
     """Beside a general optimiser on the same likelihood."""
     table = _table(25, 0.2, 3)[:, :2]
@@ -51,7 +52,7 @@ def test_em_ends_at_the_largest_likelihood():
     np.testing.assert_allclose(found.covariance * (n - 1) / n, L @ L.T, rtol=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("missing", ["em", "pairwise", "complete"])
 def test_every_estimate_tends_to_the_truth(missing):
     found = statistics_of_repeats(_table(4000, 0.1), missing=missing)

@@ -28,6 +28,7 @@ def test_an_error_that_all_share_does_not_explain_a_spread() -> None:
     assert shared.stated_sd == pytest.approx(alone.stated_sd, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_p_values_are_uniform_and_the_rest_of_the_spread_is_unbiased() -> None:
     """At a significance of 1e-3, with a full covariance."""
     rng = np.random.default_rng(5)

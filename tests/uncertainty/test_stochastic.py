@@ -144,6 +144,7 @@ def test_share_of_the_variance_that_parameters_cannot_explain(G, share):
     assert unexplained(np.asarray(G, float), measured) == pytest.approx(share)
 
 
+@pytest.mark.slow
 def test_gaps_are_used_for_what_was_measured_beside_them():
     k, hz = three.simulated(5, 200)
     holes = hz.copy()
@@ -189,6 +190,7 @@ def test_errors_larger_than_the_variability_leave_none():
 
 
 @pytest.mark.parametrize(("outputs", "means", "spreads"), [(2, 2, 2), (9, 1, 1)])
+@pytest.mark.slow
 def test_differences_of_many_outputs_are_one_sentence(outputs, means, spreads):
     """Of more than three outputs the number and the three largest differences are given."""
     own = np.random.default_rng(0).standard_normal((40, outputs))

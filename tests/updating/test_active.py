@@ -70,6 +70,7 @@ def test_every_search_finds_the_truth(problem: UpdateProblem, search: Search):
     np.testing.assert_allclose(result.x, TRUTH, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_the_line_search_descends_where_whole_steps_do_not(problem: UpdateProblem):
     start = problem.start(np.array([-0.45, 0.9, -0.45]))
     whole = update(problem, SensitivityMethod(search=GaussNewton()), start=start)
@@ -80,7 +81,7 @@ def test_the_line_search_descends_where_whole_steps_do_not(problem: UpdateProble
     assert len(whole.history) > 1
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("adapt", [False, True])
 def test_a_weight_is_kept_or_adapted(problem: UpdateProblem, adapt: bool):
     """Noise calls for a constraint; adapted, its weight is that of the rule at the end."""

@@ -85,6 +85,7 @@ def test_iterates_are_those_of_the_textbook(link: bool, mu: float):
         np.testing.assert_allclose(iteration.x, x, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_end_is_that_of_the_data_and_does_not_keep_changes_small():
     """With enough iterations the constraint has no effect; of the whole change it has."""
     search = LevenbergMarquardt()

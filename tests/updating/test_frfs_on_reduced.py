@@ -89,6 +89,7 @@ def test_the_truth_is_found_without_noise(chain: ConfiguredModel) -> None:
     np.testing.assert_allclose(found.result.x, TRUTH, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_end_is_the_optimum_of_the_full_model(problem: UpdateProblem, found: ReducedUpdate) -> None:
     full = update(problem)
     assert found.certified
@@ -109,6 +110,7 @@ def test_the_end_is_the_optimum_of_the_full_model(problem: UpdateProblem, found:
     assert checked.largest < 0.02
 
 
+@pytest.mark.slow
 def test_the_shift_is_the_step_that_the_full_model_makes(problem: UpdateProblem) -> None:
     """Far from the nominal point, of which the basis is: the stated shift is that of Gauss-Newton steps."""
     search = train(problem, replace(RULES, order=10), problem.start(np.zeros(3)), NOBODY)
@@ -169,6 +171,7 @@ def test_what_was_compared_is_said(found: ReducedUpdate) -> None:
     assert found.rounds[-1].endswith("within the tolerance of 0.01")
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_is_not_reached_is_said(problem: UpdateProblem) -> None:
     short = update_reduced(problem, SensitivityMethod(), replace(RULES, full_solutions=2, frf_tolerance=1e-9))
     assert not short.certified
@@ -240,6 +243,7 @@ def test_truncated_functions_stay_on_the_full_model(problem: UpdateProblem, way:
     assert served(state) == ((limited,) if is_served else ())
 
 
+@pytest.mark.slow
 def test_the_full_model_is_not_asked_for_derivatives_where_the_search_begins(
     chain: ConfiguredModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -255,6 +259,7 @@ def test_the_full_model_is_not_asked_for_derivatives_where_the_search_begins(
     assert np.abs(before.jacobian - full.jacobian).max() < 1e-3 * np.abs(full.jacobian).max()
 
 
+@pytest.mark.slow
 def test_modes_that_are_known_where_the_training_begins_are_not_solved_again(problem: UpdateProblem) -> None:
     counted = Counting()
     (case,) = problem.cases

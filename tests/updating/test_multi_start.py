@@ -72,6 +72,7 @@ def test_every_start_is_kept_and_the_best_is_the_truth(found: MultiStart):
         assert missed == (found.outcomes[s.number] is not StartOutcome.BEST)
 
 
+@pytest.mark.slow
 def test_two_answers_that_the_data_cannot_tell_apart(twins: UpdateProblem):
     """The one or the other is the stiffer one: two exact optima, and the report must not call one the answer."""
     found = multi_start(twins, rules=StartRules(10, seed=0))
@@ -82,6 +83,7 @@ def test_two_answers_that_the_data_cannot_tell_apart(twins: UpdateProblem):
 
 
 @pytest.mark.parametrize("unfinished", [False, True])
+@pytest.mark.slow
 def test_one_end_of_each_optimum_is_followed(
     twins: UpdateProblem, unfinished: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,6 +143,7 @@ def test_processes_find_the_same_to_the_last_bit(problem: UpdateProblem, found: 
 
 
 @pytest.mark.parametrize("executor", [Serial(), Processes(2)], ids=["serial", "processes"])
+@pytest.mark.slow
 def test_the_best_samples_are_the_starts(problem: UpdateProblem, executor: Executor):
     rules, told = StartRules(4, seed=5, samples=12), list[Sample]()
     found = multi_start(problem, rules=rules, executor=executor, report_sample=told.append)
@@ -167,6 +170,7 @@ def test_the_best_samples_are_the_starts(problem: UpdateProblem, executor: Execu
     assert [s.end.tobytes() for s in rest.starts] == [s.end.tobytes() for s in found.starts]
 
 
+@pytest.mark.slow
 def test_starts_move_only_the_active_parameters_and_settle_constraints_once(problem: UpdateProblem):
     method = SensitivityMethod(regularisation=Link(0.1))
     found = multi_start(problem, method, StartRules(3, hops=1), active=["b"])
@@ -175,6 +179,7 @@ def test_starts_move_only_the_active_parameters_and_settle_constraints_once(prob
     assert np.ptp(ends) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_start_that_cannot_be_solved_is_kept_with_its_reason(problem: UpdateProblem, monkeypatch: pytest.MonkeyPatch):
     right = UpdateProblem.start
 

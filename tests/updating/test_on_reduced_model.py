@@ -56,6 +56,7 @@ def found(case: ComparedCase, told: list[Iteration]) -> ReducedUpdate:
     return update_reduced(_problem(case), SensitivityMethod(), ReductionRules(1e-5, 20, 200), told.append)
 
 
+@pytest.mark.slow
 def test_the_end_is_that_of_the_full_model(case: ComparedCase, found: ReducedUpdate) -> None:
     full = update(_problem(case))
     assert found.certified

@@ -51,6 +51,7 @@ def test_without_bounds_near_the_interval_is_that_of_the_linear_estimate(scatter
         assert m.kind == ("normal" if scatter == "stated" else "Student's t")
 
 
+@pytest.mark.slow
 def test_beside_an_active_bound_intervals_are_those_of_integration() -> None:
     """Two parameters, correlation −0.9, the first optimum 0.5 standard deviations beyond its bound."""
     C = np.array([[1.0, -0.9], [-0.9, 1.0]]) * 0.04
@@ -75,6 +76,7 @@ def test_beside_an_active_bound_intervals_are_those_of_integration() -> None:
     assert found.sd[1] == pytest.approx(of(found, 1).sd, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_profile_likelihood_confirms_the_interval_beside_a_bound() -> None:
     """The profile interval 2Δ < 3.84 of the bounded problem and the equal-tailed one have about the same far end."""
     C = np.array([[1.0, -0.9], [-0.9, 1.0]]) * 0.04

@@ -130,6 +130,7 @@ def test_modes_whose_pairing_alternates_end_at_a_minimum_as_a_subspace(seed: int
 
 
 @pytest.mark.parametrize("search", [LineSearch(), GaussNewton()])
+@pytest.mark.slow
 def test_the_other_searches_end_there(search: LineSearch | GaussNewton):
     problem = lattice(1)
     result = update(problem, replace(MINIMUM, search=search))
@@ -137,6 +138,7 @@ def test_the_other_searches_end_there(search: LineSearch | GaussNewton):
     assert result.objective == pytest.approx(update(problem, MINIMUM).objective, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_without_an_optimum_the_best_point_is_returned():
     """Full steps go up and down, and the pairing alternates."""
     result = update(lattice(3), replace(MINIMUM, search=GaussNewton()))
@@ -254,6 +256,7 @@ def test_the_result_does_not_depend_on_where_the_update_starts():
     assert one.status in (Status.UNDETERMINED, Status.CONVERGED_AT_BOUNDS, Status.CONVERGED)
 
 
+@pytest.mark.slow
 def test_wide_bounds_do_no_harm():
     """The same frequencies with bounds that span fifteen decades."""
     springs, groups = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0)], {"a": [1], "b": [2], "c": [3]}

@@ -83,6 +83,7 @@ def test_what_rests_makes_what_moves_uncertain():
     assert large <= binom.ppf(0.999, 40, 0.01)
 
 
+@pytest.mark.slow
 def test_the_belief_of_stages_is_that_of_one_linear_estimate():
     """Everything moves in the last stage with the belief as prior: the covariance is that of all data at once."""
     cases = _cases(None)
@@ -96,6 +97,7 @@ def test_the_belief_of_stages_is_that_of_one_linear_estimate():
     np.testing.assert_allclose(results[-1].belief.covariance, np.linalg.inv(at_once.T @ at_once + own), rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_seeds_that_meet_and_the_error_sums():
     cases = _cases(3)
     seeds = ({"left": 0.8}, {"left": 1.5}, {"left": 2.9})
@@ -169,6 +171,7 @@ def test_a_stage_may_have_a_side_constraint_of_its_own():
     assert result.belief.sd["left"] == pytest.approx(result.best.sd["left"], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_values_set_by_hand_are_known_as_well_as_stated():
     """They are the prior of the next stage, and earlier data say no more of them."""
     cases = _cases(None)

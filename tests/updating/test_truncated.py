@@ -54,6 +54,7 @@ def integrated(A: np.ndarray, b: np.ndarray, degrees: float) -> tuple[np.ndarray
         ([[4.0, 4.0]], [0.5]),
     ],
 )
+@pytest.mark.slow
 def test_two_parameters_beside_integration(A: list, b: list, degrees: float) -> None:
     rows, offset = np.array(A), np.array(b)
     found = box_samples(rows, offset, LOW, HIGH, degrees, MANY)[:, 0]
@@ -63,6 +64,7 @@ def test_two_parameters_beside_integration(A: list, b: list, degrees: float) -> 
     assert found.mean() == pytest.approx(mean, abs=0.03 * found.std())
 
 
+@pytest.mark.slow
 def test_five_parameters_beside_rejection() -> None:
     rng = np.random.default_rng(2)
     A = rng.standard_normal((5, 5)) + np.eye(5)
@@ -76,6 +78,7 @@ def test_five_parameters_beside_rejection() -> None:
     np.testing.assert_allclose(found.std(axis=0), kept.std(axis=0), rtol=4.0 / np.sqrt(2 * len(kept)) + 0.03)
 
 
+@pytest.mark.slow
 def test_flat_combinations_are_limited_by_the_box_alone() -> None:
     """One sum of 17 parameters is known; without it all would be uniform. The seed makes samples the same."""
     A, ends = np.full((1, 17), 30.0), (np.full(17, -0.5), np.full(17, 0.5))

@@ -94,6 +94,7 @@ def test_a_symmetric_truth_keeps_its_repeated_modes():
     np.testing.assert_allclose(result.x, (0.4, -0.25), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_two_configurations_determine_what_one_does_not():
     """Stiffness and mass of a single oscillator: only their ratio from one frequency, both with an added mass."""
     structure = spring_structure([(-1, 0, 1000.0)], [2.0])
@@ -128,6 +129,7 @@ def test_converged():
     assert objectives == sorted(objectives, reverse=True)
 
 
+@pytest.mark.slow
 def test_at_bounds():
     """The truth lies outside: the parameter stays at its bound, without deviation, the others move on."""
     result = update(problem_of(simulated_case(chain(bounds=(0.9, 1.1)), TRUTH, range(4), 4)))  # type: ignore[arg-type]
@@ -140,6 +142,7 @@ def test_at_bounds():
         assert result.values[name] in (pytest.approx(0.9), pytest.approx(1.1))
 
 
+@pytest.mark.slow
 def test_undetermined_parameters_do_not_move():
     """Two springs in parallel: the start's difference is kept."""
     springs = [*CHAIN, (0, 1, 300.0)]
@@ -175,6 +178,7 @@ def test_iteration_limit():
     assert len(result.history) == 2
 
 
+@pytest.mark.slow
 def test_stalled(monkeypatch: pytest.MonkeyPatch):
     """A Jacobian of the wrong sign: no short step lowers the objective, and that is not called convergence."""
     problem = problem_of(simulated_case(chain(), TRUTH, range(4), 4))  # type: ignore[arg-type]
@@ -278,7 +282,7 @@ def coverage(model: ConfiguredModel, truth: Sequence[float], residuals: Residual
     return np.abs(np.array(z))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_intervals_cover_what_they_promise():
     """Known scatter of frequencies, 200 tests: ±1σ holds 68 %, ±2σ 95 %, within three binomial deviations."""
     model = chain({"a": [1, 2], "b": [3, 4]}, bounds=(0.3, 3.0))
@@ -291,7 +295,7 @@ def test_intervals_cover_what_they_promise():
     assert ((z < 1.0).mean(axis=0) < 0.683 + 0.15).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("frequency", "shape"), [(0.004, 0.02), (0.02, 0.005)])
 def test_intervals_cover_with_shapes_too(frequency: float, shape: float):
     """Frequencies and shapes that scatter as stated, 150 tests: errors of one standard deviation on average."""
@@ -308,6 +312,7 @@ def test_intervals_cover_with_shapes_too(frequency: float, shape: float):
     assert ((size > 0.8) & (size < 1.0 + 3.0 * np.sqrt(0.5 / 150))).all(), size
 
 
+@pytest.mark.slow
 def test_a_refused_trial_costs_no_derivatives(monkeypatch: pytest.MonkeyPatch):
     """Derivatives belong to accepted points, their number to those of the history."""
     case = simulated_case(chain(), (0.9, -0.7, 0.8, -0.6), range(4), 4)

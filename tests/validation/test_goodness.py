@@ -28,7 +28,7 @@ def _fitted(J: np.ndarray, e: np.ndarray, weight: float) -> np.ndarray:
     return e - J @ np.linalg.solve(J.T @ J + weight * np.diag(np.diag(J.T @ J)), J.T @ e)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("weight", [0.0, 0.5], ids=["plain", "regularised"])
 def test_p_values_of_noise_are_uniform(weight: float) -> None:
     rng, J = np.random.default_rng(1), _jacobian()
@@ -165,6 +165,7 @@ def test_as_many_parameters_as_data_leave_nothing_to_test() -> None:
     assert goodness_of_fit([]).outcome is Outcome.NOT_TESTED
 
 
+@pytest.mark.slow
 def test_shapes_of_unit_norm_have_a_degree_less() -> None:
     """Noise along a shape disappears in its norm: p-values stay uniform only where that is counted."""
     rng, p = np.random.default_rng(6), []
@@ -189,6 +190,7 @@ def test_kinds_that_are_not_normal_are_left_out_with_their_reason() -> None:
     assert none.sentence == "not tested: frequency residuals: they are estimated"
 
 
+@pytest.mark.slow
 def test_values_that_are_correlated_are_whitened() -> None:
     """Values that share an error: their sum of squares alone is too large too often."""
     rng, covariance = np.random.default_rng(8), np.eye(5) + 4.0

@@ -22,7 +22,7 @@ def _chances(problem: CoverageProblem, seeds: Iterable[int]) -> list[float]:
     return out
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_chances_are_uniform_where_the_model_is_right() -> None:
     """Kolmogorov-Smirnov at a level of one in a thousand.
 
@@ -44,6 +44,7 @@ def test_the_sentence_names_what_is_worst() -> None:
     assert np.abs(found.largest or 0.0) > 3.0
 
 
+@pytest.mark.slow
 def test_without_an_optimum_the_residuals_of_the_kept_values_are_tested() -> None:
     """The linear model at the first point promises small residuals, which the kept values do not have."""
     method = SensitivityMethod(max_iterations=0)

@@ -73,7 +73,7 @@ def test_simply_supported_plates_thick_and_thin(cells: str, t: float):
     assert (rates[:4] > (3.5 if cells == "quad8" else 3.2)).all()
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", ["quad8", "right6", "union6"])
 @pytest.mark.parametrize("distort", [0.0, 0.25])
 def test_thin_plates_do_not_lock(cells: str, distort: float):
@@ -260,6 +260,7 @@ def calculix(mesh: ShellMesh, section: Section, element: str, modes: int, folder
     return listed((folder / "shell.dat").read_text())
 
 
+@pytest.mark.slow
 def test_calculix_on_the_same_mesh(tmp_path: Path):
     """A free cylindrical panel, R/t = 100: S8R within .5 %; CTRIA6 on the halves of the cells within 1 % of it.
 

@@ -222,7 +222,7 @@ PLATES: dict[str, Plies] = {
 }
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLATES)
 def test_plates_of_navier(name: str, tmp_path: Path):
     plies = PLATES[name]

@@ -96,7 +96,7 @@ def of_lattice(n: int, t: float, consistent: bool, count: int) -> np.ndarray:
     return np.sort(found)[:count]
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("t", [0.1, 0.01, 1e-4])
 def test_simply_supported_plate_thick_and_thin(t: float, consistent: bool):
@@ -126,7 +126,7 @@ def extrapolated(support, t: float, count: int, consistent: bool, side: float = 
     return np.asarray((4.0 * fine - coarse) / 3.0)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 def test_clamped_plate(consistent: bool):
     """Leissa, Vibration of Plates (1969): 35.985 73.394 73.394 108.22 131.58 132.20."""
@@ -134,7 +134,7 @@ def test_clamped_plate(consistent: bool):
     np.testing.assert_allclose(extrapolated(clamped, 1e-3, 6, consistent), exact, rtol=0.003)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 def test_cantilever_plate(consistent: bool):
     """Square plate clamped on one side, ν = .3: 3.4711 8.5067 21.285 27.199 30.956 (Ritz)."""
@@ -172,6 +172,7 @@ def test_nafems_fv12_free_thin_plate(shared_data: Path, consistent: bool):
     np.testing.assert_allclose(found[3:], published(shared_data, "FV12"), rtol=0.0025)
 
 
+@pytest.mark.slow
 def test_nafems_test_13_simply_supported_plate(shared_data: Path):
     """The published values are those of a finite element model: modes 5 and 6 are 2.1 % above the closed form."""
     found = extrapolated(simply_supported, 0.05, 8, False, side=10.0)
@@ -186,6 +187,7 @@ def tapered(nu: int, nv: int) -> np.ndarray:
     return natural_frequencies(shell_structure(mesh.xyz, [part], held=held), 6)
 
 
+@pytest.mark.slow
 def test_nafems_fv32_tapered_membrane(shared_data: Path):
     target = published(shared_data, "FV32")
     np.testing.assert_allclose(tapered(16, 8), target, rtol=0.015)

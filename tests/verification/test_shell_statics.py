@@ -71,7 +71,7 @@ def straight(shape: str, finer: int = 1) -> ShellMesh:
 STRIP = Section(Isotropic(1e7, 0.3), 0.1)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["rectangle", "trapezoid", "parallelogram"])
 def test_straight_beam(shape: str):
     """Extension and out of plane within 2 %, MacNeal's and Harder's grade A; in plane it converges, whatever the shape.
@@ -149,6 +149,7 @@ def roof(n: int) -> float:
     return float(-u[mesh.rows[-1, -1], 2] / 0.3024)
 
 
+@pytest.mark.slow
 def test_scordelis_lo_roof():
     """The value that fine meshes of shear-flexible shells reach is .3012, .996 of the customary one."""
     errors = np.array([roof(n) / 0.996 - 1.0 for n in (4, 8, 16)])
@@ -203,6 +204,7 @@ def skew(n: int, angle: float, t: float, two: bool, nu: float) -> float:
     return float(u[mesh.rows[n // 2, n // 2], 2] / 1e8)
 
 
+@pytest.mark.slow
 def test_razzaque_skew_plate():
     found = np.array([skew(n, 60.0, 0.1, True, 0.31) for n in (4, 8, 16)]) / 0.7945e-2
     assert (np.diff(np.abs(found - 1)) < 0).all()

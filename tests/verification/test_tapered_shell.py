@@ -66,6 +66,7 @@ def test_the_deck_is_understood(source: Path, calculix: str, tmp_path: Path) -> 
     np.testing.assert_allclose(again, listed, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_frequencies_within_a_percent(source: Path, calculix: str, tmp_path: Path) -> None:
     """Without Poisson's ratio, with which CalculiX's clamped edges converge slowly; ours with the second order."""
     shell = replace(shell8.read_shell8(source / "shellf.inp"), poisson=0.0)
@@ -78,6 +79,7 @@ def test_frequencies_within_a_percent(source: Path, calculix: str, tmp_path: Pat
     assert np.log2(steps_between[:6]).min() > 1.6
 
 
+@pytest.mark.slow
 def test_eight_node_shells_on_the_same_mesh(source: Path, calculix: str, tmp_path: Path) -> None:
     """Thickness varies within the elements of both programs; rotary inertia, in CalculiX's alone, is in the .25 %."""
     shell = shell8.refined(replace(shell8.read_shell8(source / "shellf.inp"), poisson=0.0), 8)

@@ -248,7 +248,7 @@ def sliding_box(kind: str, n: int, squeeze: float = 0.06) -> float:
     return float((natural_frequencies(structure, 1)[0] / exact) ** 2 - 1.0)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "counts"), [("hexa8", (4, 8)), ("pyram5", (4, 8)), ("penta6", (6, 9)), ("tetra4", (4, 8))]
 )

@@ -183,7 +183,7 @@ def test_lumped_mass_is_on_the_translations_and_in_row_sums():
     assert np.count_nonzero(lumped) == 12
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("material", [ISO, ANISO, Anisotropic({"11": 5.0, "12": 1.0}, {"11": 1.0})])
 @pytest.mark.parametrize("z0", [None, 0.12])
 def test_contributions_keep_their_contract(material, z0):

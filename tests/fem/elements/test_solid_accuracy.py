@@ -105,7 +105,7 @@ def sliding_box(kind: str, n: int, nu: float, squeeze: float = 0.06) -> float:
     return float((natural_frequencies(structure, 1)[0] / exact) ** 2 - 1.0)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "counts"), [("hexa20", (3, 5)), ("penta15", (4, 6)), ("tetra10", (4, 6)), ("pyram13", (2, 3))]
 )

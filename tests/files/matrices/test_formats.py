@@ -38,6 +38,7 @@ def test_calculix_matrices_have_the_modes_that_calculix_lists(calculix_job: Path
     assert 0.9 * 374.4 < x @ full(M) @ x < 374.4
 
 
+@pytest.mark.slow
 def test_ansys_full_file(shared_data: Path) -> None:
     pytest.importorskip("ansys.mapdl.reader", reason="ansys-mapdl-reader is not installed")
     path = shared_data / "ansys_full" / "file.full"
@@ -85,6 +86,7 @@ def test_op2_matrix_beside_another_library(shared_data: Path) -> None:
     assert (np.abs(np.linalg.eigvalsh(K[np.ix_(used, used)])) < 1e-8 * np.abs(K).max()).sum() >= 6
 
 
+@pytest.mark.slow
 def test_reading_op2_leaves_how_numpy_prints(tmp_path: Path) -> None:
     """The library sets numpy's print options where it is imported first, and messages would have fewer digits."""
     _pyyeti("op2")

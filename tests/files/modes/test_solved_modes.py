@@ -223,6 +223,7 @@ def test_what_is_wrong_is_said(format: ModesFormat, text: str, name: str, tmp_pa
 
 
 @pytest.mark.parametrize("format", READERS)
+@pytest.mark.slow
 def test_absent_files_and_bytes_of_another_kind(format: ModesFormat, tmp_path: Path) -> None:
     extras = {"nastran-op2": ("pyyeti", "op2"), "ansys-rst": ("ansys.mapdl.reader", "ansys")}
     if format in extras:
@@ -276,6 +277,7 @@ def test_the_last_step_of_abaqus_counts(tmp_path: Path) -> None:
     assert read_modes(tmp_path / "a.dat", "abaqus-dat").freq_hz.tolist() == [3.0, 4.0]
 
 
+@pytest.mark.slow
 def test_a_result_file_of_ansys_solves_the_equations_of_its_matrices(tmp_path: Path) -> None:
     """The beam of the reading library: free in the .rst file, held at one end in the .full file.
 

@@ -115,6 +115,7 @@ def test_circle_through_a_grid_point_is_an_error(deck_of: DeckOf) -> None:
     assert code(deck_of(text)) == "deck.circular-coordinates"
 
 
+@pytest.mark.slow
 def test_endless_chain_is_an_error_and_no_crash(deck_of: DeckOf) -> None:
     lines = [f"CORD2R,{i},{i + 1},0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n" for i in range(1, 3000)]
     assert code(deck_of("".join(lines))) == "deck.circular-coordinates"

@@ -95,6 +95,7 @@ def test_includes_that_double_end(tmp_path: Path) -> None:
     assert caught.value.code == "deck.too-many-includes"
 
 
+@pytest.mark.slow
 def test_deep_includes_are_told(tmp_path: Path) -> None:
     for level in range(3000):
         (tmp_path / f"{level}.inc").write_text(f"INCLUDE '{level + 1}.inc'\n")

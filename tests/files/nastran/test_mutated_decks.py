@@ -81,7 +81,7 @@ def test_mutants_of_our_own_decks(count: int, kinds: int, understood: float) -> 
     assert len(codes) > kinds
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ten_thousand_mutants(shared_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sources = {**OWN, **reference_sources(shared_data / "nastran_decks")}
     codes: Counter[str] = Counter()

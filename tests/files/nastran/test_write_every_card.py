@@ -229,7 +229,7 @@ def fifth(number: int) -> list[Variant]:
     return [Variant(*row) for row in itertools.islice(rows, number % 5, None, 5)]  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_in_every_combination(sample: Sample, tmp_path: Path) -> None:
     """Eight samples, or more, in each."""

@@ -187,8 +187,8 @@ def line_starts(large: Sequence[bool]) -> list[int]:
 # CardEntry: a card read by the names of its fields, with the defaults that another card gives.
 
 
-# squares and products of coordinates stay numbers
-_LARGEST = 1e30
+LARGEST_COORDINATE = 1e30
+"""Up to here squares and products of coordinates stay numbers."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,7 @@ class CardEntry:
         """Components of a point or vector, 0 where blank (error ``deck.field-value`` beyond all sizes)."""
         found = [self.real(name, 0.0) for name in names]
         for name, x in zip(names, found):
-            if abs(x) > _LARGEST:
+            if abs(x) > LARGEST_COORDINATE:
                 raise self.error("deck.field-value/coordinate", at=name)
         return found
 

@@ -24,7 +24,7 @@ from femtune.fem.patches import (
 )
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran.building import BatchRows, Building
-from femtune.files.nastran.card import CardEntry
+from femtune.files.nastran.card import LARGEST_COORDINATE, CardEntry
 from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials, Properties, read_properties
@@ -227,6 +227,8 @@ class _Reading:
                     raise record.error("deck.connector/auxiliary", number=number)
                 own = neighbour[1]
             around.append(own)
+        if all(np.array_equal(p.xyz, point.xyz) for p in around):
+            raise record.error("deck.connector/point-like", number=number)
         return on_auxiliary_points(point, around)
 
     def _points(self, record: CardEntry) -> tuple[Reals, Reals]:
@@ -244,8 +246,24 @@ class _Reading:
         start = 16 if record.name == "CWELD" else 8
         has_place = record.name == "CFAST" or record.text("TYPE") in _PATCHES
         if has_place and not all(record.card.blank(start + i) for i in range(3)):
-            return np.array([record.card.real(start + i, 0.0) for i in range(3)])
+            return self._place(record, start)
         raise record.error("deck.connector/no-place", at="GS")
+
+    def _place(self, record: CardEntry, start: int) -> Reals:
+        """The point whose coordinates stand in three fields."""
+        xyz = np.array([record.card.real(start + i, 0.0) for i in range(3)])
+        far = np.flatnonzero(np.abs(xyz) > LARGEST_COORDINATE)
+        if len(far):
+            raise record.card.error("deck.field-value/coordinate", index=start + int(far[0]))
+        return xyz
+
+
+def _diameter(section: CardEntry) -> float:
+    """D of a property, above zero and no larger than a coordinate may be."""
+    diameter = float(section.real("D"))
+    if not 0.0 < diameter <= LARGEST_COORDINATE:
+        raise section.error("deck.connector/diameter", at="D")
+    return diameter
 
 
 def _axes(record: CardEntry, ends: _Ends, direction: Reals | None = None) -> tuple[float, Reals]:
@@ -333,9 +351,7 @@ class _Welds:
     def _add(self, record: CardEntry) -> None:
         pid = record.integer("PID", record.integer("EID"))
         section = self.properties.find(pid, record)
-        diameter = section.real("D")
-        if diameter <= 0.0:
-            raise section.error("deck.connector/diameter", at="D")
+        diameter = _diameter(section)
         ends = self._ends(record, section, diameter)
         distance, axes = _axes(record, ends)
         roles = self._roles(section, pid)
@@ -419,10 +435,9 @@ class _Fasteners:
         section = self.properties.find(pid, record)
         if record.text("TYPE") not in ("PROP", "ELEM"):
             raise record.error("deck.connector/format", at="TYPE", card=record.name, known="PROP ELEM")
-        if section.real("D") <= 0.0:
-            raise section.error("deck.connector/diameter", at="D")
+        diameter = _diameter(section)
         names = (record.integer("IDA"), record.integer("IDB"))
-        ends = self.reading.of_patches(record, names, section.real("D"), record.text("TYPE") == "PROP")
+        ends = self.reading.of_patches(record, names, diameter, record.text("TYPE") == "PROP")
         nodes, facts = _facts(self.reading.grids, ends, self._frame(record, section, ends))
         values = {f"K{i + 1}": name for i, name in enumerate(_STIFFNESSES)} | {"M": "MASS", "GE": "GE"}
         roles = {role: self.building.value(section, pid, name) for role, name in values.items()}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError, Notice
 from femtune.fem.structure import NodeTable
 from femtune.files.nastran.building import Building, Library, duplicate, listed_numbers
-from femtune.files.nastran.card import Card, CardEntry
+from femtune.files.nastran.card import LARGEST_COORDINATE, Card, CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.columns import Columns, columns_of
 from femtune.files.nastran.coordinates import CoordinateSystem, CoordinateSystems
@@ -77,7 +77,7 @@ def plain_grids(cards: tuple[Card, ...]) -> PlainGrids | None:
     xyz = np.empty((len(cards), 3))
     for i in range(3):
         xyz[:, i], given = columns.reals(_X + i)
-        simple &= given
+        simple &= given & (np.abs(xyz[:, i]) <= LARGEST_COORDINATE)
     records = CardRecords(dict(zip(ascending.tolist(), (cards[i] for i in order.tolist()))))
     return PlainGrids(records, xyz[order], simple[order], ~columns.blank(_PS)[order])
 

@@ -81,7 +81,8 @@ _DEGREES = {"polynomial": (1, 6), "kriging": (0, 2), "chaos": (1, 20)}
 
 def _method(runs: Data, source: StudyLines) -> Iterator[FemtuneError]:
     """Keys of one method only, and the degree."""
-    method, degree = runs.get("method", "polynomial"), number(runs, "degree")
+    # a value of another type is told where types are checked
+    method, degree = str(runs.get("method", "polynomial")), number(runs, "degree")
     wrong = [key for key, of in _ONLY_OF.items() if key in runs and method != of]
     if degree is not None and method not in _DEGREES:
         wrong.append("degree")
