@@ -61,7 +61,7 @@ class _Skipped:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of a family marked ``quick(count)``, mark all cases slow (or `rest`) except `count`; what is long is slow as well."""
+    """Of a family marked ``quick(count)``, mark all cases slow, or `rest`, except `count`; long tests are slow ones."""
     families: dict[tuple[str, int, str], list[Any]] = defaultdict(list)
     for item in items:
         mark = item.get_closest_marker("quick")

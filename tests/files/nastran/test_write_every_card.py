@@ -280,7 +280,7 @@ def test_fields_that_are_not_filled(sample: Sample, state: str, tmp_path: Path) 
     check_not_filled(sample, state, 1, tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("state", ["blank", "absent"])
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_fields_that_are_not_filled_in_every_format(sample: Sample, state: str, tmp_path: Path) -> None:
