@@ -90,8 +90,8 @@ def _method(runs: Data, source: StudyLines) -> Iterator[FemtuneError]:
         yield source.error(("runs", key), "runs.method", {}, key=key, method=method)
     low, high = _DEGREES.get(method, (0, 20))
     if degree is not None and not low <= degree <= high:
-        facts = {"method": method, "degree": int(degree), "low": low, "high": high}
-        yield source.error(("runs", "degree"), "runs.method/degree", {}, **facts)
+        place = ("runs", "degree")
+        yield source.error(place, "runs.method/degree", {}, method=method, degree=int(degree), low=low, high=high)
 
 
 def _parameters(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
