@@ -36,8 +36,8 @@ demo: $(VENV)/.stamp-test  ## update the model of the benchmark building; prints
 test: $(VENV)/.stamp-test  ## the quick tests: a selection of the cases of each family; requires only Python and make
 	@HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-quick} $(PYTEST) -m "not slow" --maxprocesses 4 $(PYTEST_ARGS)
 
-test-slow: $(VENV)/.stamp-test  ## the tests that make test omits: the other cases, long updates, statistics
-	@$(PYTEST) -m slow $(PYTEST_ARGS)
+test-slow: $(VENV)/.stamp-test  ## the tests that make test omits: the other cases, long updates, statistics; more random examples
+	@$(PYTEST) -m "slow or hypothesis" $(PYTEST_ARGS)
 
 check-all: $(VENV)/.stamp-test  ## all tests with all cases
 	@$(PYTEST) $(PYTEST_ARGS)

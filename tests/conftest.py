@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter, defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ settings.register_profile(
     "repeatable",
     derandomize=True,
     deadline=None,
-    max_examples=300,
+    max_examples=100,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 settings.register_profile("quick", settings.get_profile("repeatable"), max_examples=25)
@@ -32,6 +33,30 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the shared measurements are not here: {folder} (set FEMTUNE_SHARED_DATA)")
     return folder
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The option that lists the tests which this machine cannot run."""
+    parser.addoption("--skipped-to", type=Path, help="file to which the ids of skipped tests are added, one a line")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Note skipped tests in the process that reports, which is no worker."""
+    path = config.getoption("--skipped-to")
+    if path is not None and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(_Skipped(path))
+
+
+@dataclass(frozen=True)
+class _Skipped:
+    """Writes the ids of skipped tests, so that another run may repeat them where what they require is installed."""
+
+    path: Path
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.skipped and not hasattr(report, "wasxfail"):
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(f"{report.nodeid}\n")
 
 
 @pytest.hookimpl(tryfirst=True)

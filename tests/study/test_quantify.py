@@ -10,12 +10,16 @@ import numpy as np
 import pytest
 
 from femtune import steps
+from femtune.assembly.progress import silent
+from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
+from femtune.executor import Serial
+from femtune.executor.interface import nothing
 from femtune.files.study_file import QuantifyTable
 from femtune.reporting import build_report
 from femtune.reporting.sections.quantify import variability_blocks
 from femtune.results.quantify import QuantifyResults
-from femtune.study.quantify import in_words_of_the_study
+from femtune.study.quantify import SAMPLES_FILE, forget_samples, in_words_of_the_study, quantify_at, repeats_of
 
 from .conftest import EI, Bench
 
@@ -89,6 +93,57 @@ def test_samples_side_by_side_are_those_one_after_another(repeated):
     alone, both = (steps.quantify(_study(bench), jobs=jobs) for jobs in (1, 2))
     assert both.record == alone.record
     np.testing.assert_array_equal(both.arrays[both.record.cloud_key], alone.arrays[alone.record.cloud_key])
+
+
+class _Elsewhere:
+    """Makes runs as other processes do, and is killed when some of them have ended."""
+
+    words = "elsewhere"
+
+    def __init__(self, most: int) -> None:
+        self.most, self.made = most, 0
+
+    def run(self, work, tasks, *, name="run", finished=nothing, remark=nothing):
+        def tell(position, result):
+            finished(position, result)
+            self.made += 1
+            if self.made == self.most:
+                raise KeyboardInterrupt
+
+        return Serial().run(work, tasks, name=name, finished=tell, remark=remark)
+
+
+@pytest.mark.slow
+def test_samples_of_other_processes_that_have_ended_survive_a_kill(repeated, monkeypatch):
+    bench, _, hz = repeated
+    _table(bench, hz)
+    study = load_study(_study(bench), silent)
+    repeats, x = repeats_of(study), np.zeros(2)
+
+    def cloud(most: int, folder: Path | None) -> tuple[int, np.ndarray]:
+        executor = _Elsewhere(most)
+        monkeypatch.setattr("femtune.study.quantify.executor_of", lambda *_, **__: executor)
+        arrays = {}
+        try:
+            record = quantify_at(study, repeats, x, arrays, silent, folder)
+        except KeyboardInterrupt:
+            return executor.made, np.zeros(0)
+        return executor.made, arrays[record.cloud_key]
+
+    whole = cloud(31, None)
+    assert whole[0] == 30
+    assert cloud(11, bench.folder)[0] == 11
+    file = bench.folder / SAMPLES_FILE
+    # the line that was being written when the run was killed
+    file.write_text(file.read_text() + '{"sample": 11, "outp')
+    made, again = cloud(31, bench.folder)
+    assert made == 19
+    np.testing.assert_array_equal(again, whole[1])
+    # another model: nothing of it is used
+    x = np.array([0.01, 0.0])
+    assert cloud(31, bench.folder)[0] == 30
+    forget_samples(bench.folder)
+    assert not file.exists()
 
 
 def _moved(hz: np.ndarray, rows: slice, share: float) -> np.ndarray:

@@ -80,7 +80,6 @@ def test_an_update_ends_at_the_minimum_and_names_the_combination(study: Path) ->
     check_shown("external.undetermined", without_digits(f"[external.undetermined] {codes['external.undetermined']}"))
 
 
-@pytest.mark.xfail(reason="a step that is cut short along the chord of a curved valley leaves it, so that the search stalls")
 @pytest.mark.slow
 def test_a_search_says_that_many_sets_have_the_same_objective(study: Path) -> None:
     found = ft.search(study, runs=12, seeds=2).record

@@ -21,6 +21,7 @@ from femtune.results.step_results import CandidatesResult, RunResult
 from femtune.steps.pages import checked_page, report, with_page
 from femtune.study.bootstrap import forget_bootstrap
 from femtune.study.executor import check_executor, with_jobs
+from femtune.study.quantify import forget_samples
 from femtune.study.run import Run
 from femtune.study.run_lock import locked
 from femtune.study.select import check_parameters
@@ -303,6 +304,7 @@ def _run(
         if fresh:
             forget_starts(folder)
             forget_bootstrap(folder)
+            forget_samples(folder)
         wide = study.file.write.wide if wide is None else wide
         return Run(study, folder, wide, watch, progress, inputs, journal).go()
 

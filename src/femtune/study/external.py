@@ -109,7 +109,9 @@ def find_on_solver(
 ) -> SolverUpdate:
     """Update on the model around a point, run the solver around the result, and so on until it stays.
 
-    A step after which the misfit at the point itself has not become smaller, or whose runs fail, is halved.
+    The update ends at most a radius away from the point. Where the misfit at its end, by the solver, is not smaller or
+    the runs fail, it is repeated within half of that. A part of the same step would not do: the way to points that
+    explain the data as well is curved, and a straight step leaves it.
 
     Parameters
     ----------
@@ -123,54 +125,119 @@ def find_on_solver(
     assert study.file.solver is not None
     first = nominal_point(runs.file)
     runs.measure_noise(first, runs.run([first])[0])
-    rejected = 0
     runs.follow_deck(first)
+    walk = _Walk(runs, method, tell, active, study, at)
+    settled = walk.go(study.file.solver.moves)
+    if not settled or walk.place.result.status is Status.UNDETERMINED:
+        walk.open_ = walk.open_ or _open_combinations(walk.place, active)
+    result, told = walk.result(settled), [*walk.told, *walk.ended(settled), *runs.replaced, *runs.journal.notices]
+    return SolverUpdate(replace(result, before=at), walk.place.study, tuple(map(alert_of, dict.fromkeys(told))))
 
-    def updated(there: Study, start: Evaluation) -> UpdateResult:
-        return update(there.problem(), method, tell, start, active=active)
 
-    place = _Place(at.x, study, at, updated(study, at))
-    history = list(place.result.history)
-    told: list[Notice] = []
-    radius, moves, step, predicted, open_ = _FIRST_RADIUS, 0, np.inf, None, list[str]()
-    half = 0.5 * np.subtract(*reversed(study.parameters.bounds))
-    while moves < study.file.solver.moves:
-        change = place.result.x - place.x
-        step = float((np.abs(change) / half).max())
-        if runs.by_deck and (step <= runs.relative_step or rejected == _MOST_REJECTED or radius < _LEAST_RADIUS):
-            # what the deck lacks of the solver's derivatives decides over the rest of the way
-            told.append(_led(runs, moves, rejected))
-            runs.by_deck = False
-            there = _tried(runs, place, updated, place.x, told)
-            if there is None:
-                step = np.inf
+class _Walk:
+    """The update from point to point; `radius` and `step` are in half ranges of the parameters."""
+
+    def __init__(
+        self,
+        runs: SolverRuns,
+        method: SensitivityMethod,
+        tell: Callable[[Iteration], None],
+        active: Sequence[str] | None,
+        study: Study,
+        at: Evaluation,
+    ) -> None:
+        self.runs, self.method, self.tell, self.active = runs, method, tell, active
+        self.half = 0.5 * np.subtract(*reversed(study.parameters.bounds))
+        self.radius, self.step, self.moves, self.rejected = _FIRST_RADIUS, np.inf, 0, 0
+        self.history: list[Iteration] = []
+        self.told: list[Notice] = []
+        self.open_: list[str] = []
+        self.predicted: float | None = None
+        self.place = _Place(at.x, study, at, self._updated(study, at, self.radius))
+
+    def go(self, most: int) -> bool:
+        """Move until the update stays at its point, or ends without; whether it stays."""
+        while self.moves < most:
+            self.step = float((np.abs(self.place.result.x - self.place.x) / self.half).max())
+            if self._deck_ends():
+                if not self._by_differences():
+                    return False
+            elif self.step <= _SETTLED or self.radius < _LEAST_RADIUS or not self._move():
                 break
-            place, radius = there, _FIRST_RADIUS
-            history += _numbered(place.result.history, len(history))
-            continue
-        if step <= _SETTLED or radius < _LEAST_RADIUS:
-            break
-        moves += 1
-        short = min(1.0, radius / step)
-        there = _tried(runs, place, updated, place.x + short * change, told)
+        return self.step <= _SETTLED
+
+    def _updated(self, study: Study, start: Evaluation, radius: float) -> UpdateResult:
+        """The update on the model around a point, at most a radius away from it."""
+        lower, upper = study.parameters.bounds
+        within = np.maximum(lower, start.x - radius * self.half), np.minimum(upper, start.x + radius * self.half)
+        return update(study.problem(), self.method, self.tell, start, self.active, within)
+
+    def _deck_ends(self) -> bool:
+        """Whether what the deck lacks of the solver's derivatives decides over the rest of the way."""
+        small = self.step <= self.runs.relative_step or self.radius < _LEAST_RADIUS
+        return self.runs.by_deck and (small or self.rejected == _MOST_REJECTED)
+
+    def _by_differences(self) -> bool:
+        """Derivatives by runs of the solver from here on; False where these fail."""
+        self.told.append(_led(self.runs, self.moves, self.rejected))
+        self.runs.by_deck = False
+        there = self._tried(self.place.x, _FIRST_RADIUS)
         if there is None:
-            open_ = [] if runs.by_deck else _open_combinations(place, active)
-            if open_:
-                break
-            radius, rejected = 0.5 * short * step, rejected + 1
-            continue
-        predicted = _difference(place, there)
-        place, radius = there, max(radius, 2.0 * short * step)
-        history += _numbered(place.result.history, len(history))
-    settled = step <= _SETTLED
-    open_ = [] if settled else open_ or _open_combinations(place, active)
-    told.append(_told(moves, runs.started, predicted) if settled else _stopped(moves, step, open_))
-    told += [*runs.replaced, *runs.journal.notices]
-    first_number = len(history) - len(place.result.history)
-    result = replace(place.result, before=at, history=tuple(history), number=first_number + place.result.number)
-    if not settled:
-        result = _at_place(result, place, first_number, _status(radius, open_))
-    return SolverUpdate(result, place.study, tuple(map(alert_of, dict.fromkeys(told))))
+            self.step = np.inf
+            return False
+        self._take(there, _FIRST_RADIUS)
+        return True
+
+    def _move(self) -> bool:
+        """To where the update ended, or the update again within half of that; False where the data say no more."""
+        self.moves += 1
+        wider = max(self.radius, 2.0 * self.step)
+        there = self._tried(self.place.result.x, wider)
+        if there is not None:
+            self.predicted = _difference(self.place, there)
+            self._take(there, wider)
+            return True
+        self.open_ = [] if self.runs.by_deck else _open_combinations(self.place, self.active)
+        if self.open_:
+            return False
+        self.radius, self.rejected = 0.5 * self.step, self.rejected + 1
+        if self.radius >= _LEAST_RADIUS:
+            again = self._updated(self.place.study, self.place.start, self.radius)
+            self.place = replace(self.place, result=again)
+        return True
+
+    def _take(self, there: _Place, radius: float) -> None:
+        self.history += _numbered(self.place.result.history, len(self.history))
+        self.place, self.radius = there, radius
+
+    def _tried(self, x: Reals, radius: float) -> _Place | None:
+        """The model around a point and the update from there; None where it is no better, or its runs fail."""
+        try:
+            study = moved_to(self.place.study, self.runs, point_of(self.place.study.parameters, self.runs, x))
+            start = study.problem().start(x)
+            there = _Place(x, study, start, self._updated(study, start, radius))
+        except FemtuneError as error:
+            if not error.code.startswith(_PASSED) or error.code in ("external.folder", "external.no-program"):
+                raise
+            self.told.append(Notice("external.step-halved", reason=error.what))
+            return None
+        return there if there.objective <= self.place.highest else None
+
+    def result(self, settled: bool) -> UpdateResult:
+        """Of the whole way."""
+        first, found = len(self.history), self.place.result
+        history = (*self.history, *_numbered(found.history, first))
+        whole = replace(found, history=history, number=first + found.number)
+        return whole if settled else _at_place(whole, self.place, first, _status(self.radius, self.open_))
+
+    def ended(self, settled: bool) -> Iterator[Notice]:
+        """What is said of the end."""
+        if settled:
+            yield _told(self.moves, self.runs.started, self.predicted)
+        elif not self.open_:
+            yield Notice("external.not-settled", moves=self.moves, step=self.step)
+        if self.open_:
+            yield Notice("external.undetermined", moves=self.moves, combinations=" ".join(self.open_))
 
 
 def _status(radius: float, open_: Sequence[str]) -> Status:
@@ -187,20 +254,23 @@ def _open_combinations(place: _Place, active: Sequence[str] | None) -> list[str]
     determined would reduce the objective by more than the smallest change may cost.
     """
     problem, at = place.study.problem(), place.start
-    parameters = problem.parameters
-    lower, upper = parameters.bounds
+    if len(place.result.side.matrix):
+        return []
+    lower, upper = problem.parameters.bounds
     slope = at.jacobian.T @ at.residuals
     blocked = ((at.x <= lower + _NEAR) & (slope > 0.0)) | ((at.x >= upper - _NEAR) & (slope < 0.0))
-    moving = np.flatnonzero(moving_parameters(problem, active) & ~blocked)
-    names = tuple(parameters.free[i].name for i in moving)
-    known = identifiability(at.jacobian[:, moving], np.asarray(parameters.prior[1])[moving], names)
-    if not known.undetermined or len(place.result.side.matrix):
-        return []
-    left, _, _ = np.linalg.svd(known.scaled_jacobian, full_matrices=False)
-    decrease = 0.5 * float(np.sum((left[:, : known.rank].T @ at.residuals) ** 2))
-    shown = 2.0 * at.objective / max(len(at.residuals) - known.rank, 1)
-    variance = shown if problem.scatter == "estimated" else min(shown, 1.0)
-    return [undetermined_sentence(known, c) for c in known.undetermined] if decrease <= _NEGLIGIBLE * variance else []
+    moving = moving_parameters(problem, active)
+    # at a minimum of all parameters a bound blocks none of them: the slopes are rounding
+    for which in (np.flatnonzero(moving), np.flatnonzero(moving & ~blocked)):
+        names = tuple(problem.parameters.free[i].name for i in which)
+        known = identifiability(at.jacobian[:, which], np.asarray(problem.parameters.prior[1])[which], names)
+        left, _, _ = np.linalg.svd(known.scaled_jacobian, full_matrices=False)
+        decrease = 0.5 * float(np.sum((left[:, : known.rank].T @ at.residuals) ** 2))
+        shown = 2.0 * at.objective / max(len(at.residuals) - known.rank, 1)
+        variance = shown if problem.scatter == "estimated" else min(shown, 1.0)
+        if decrease <= _NEGLIGIBLE * variance:
+            return [undetermined_sentence(known, c) for c in known.undetermined]
+    return []
 
 
 def _at_place(result: UpdateResult, place: _Place, number: int, status: Status) -> UpdateResult:
@@ -209,22 +279,6 @@ def _at_place(result: UpdateResult, place: _Place, number: int, status: Status) 
         result, x=place.x, after=place.start, status=status, history=result.history[: number + 1], number=number,
         certificate=None, smallest_change=None,
     )  # fmt: skip
-
-
-def _tried(
-    runs: SolverRuns, place: _Place, updated: Callable[[Study, Evaluation], UpdateResult], x: Reals, told: list[Notice]
-) -> _Place | None:
-    """The model around a point and the update from there; None where it is no better, or its runs fail."""
-    try:
-        study = moved_to(place.study, runs, point_of(place.study.parameters, runs, x))
-        start = study.problem().start(x)
-        there = _Place(x, study, start, updated(study, start))
-    except FemtuneError as error:
-        if not error.code.startswith(_PASSED) or error.code in ("external.folder", "external.no-program"):
-            raise
-        told.append(Notice("external.step-halved", reason=error.what))
-        return None
-    return there if there.objective <= place.highest else None
 
 
 def moved_to(study: Study, runs: SolverRuns, point: Reals) -> Study:
@@ -287,12 +341,6 @@ def _led(runs: SolverRuns, moves: int, rejected: int) -> Notice:
     if rejected == _MOST_REJECTED:
         return Notice("external.by-deck/misled", moves=moves)
     return Notice("external.by-deck", level="info", moves=moves, percent=100.0 * runs.relative_step)
-
-
-def _stopped(moves: int, step: float, open_: Sequence[str]) -> Notice:
-    if open_:
-        return Notice("external.undetermined", moves=moves, combinations=" ".join(open_))
-    return Notice("external.not-settled", moves=moves, step=step)
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.repeats import read_repeats
 from femtune.errors import FemtuneError
+from femtune.executor import Serial
+from femtune.journal.finished import FinishedRuns
+from femtune.model import digest
 from femtune.residuals import UpdateProblem
+from femtune.results.folder import unwritable
 from femtune.results.quantify import (
     HELD_OUT,
     ORDER,
@@ -46,11 +50,14 @@ from femtune.uncertainty import (
 from femtune.uncertainty.robust import LEVEL
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from femtune.arrays import Reals
     from femtune.assembly.progress import Progress
     from femtune.assembly.repeats import Repeats
     from femtune.assembly.study import Study
     from femtune.files.study_file import QuantifyTable
+    from femtune.residuals import Evaluation
     from femtune.selection import CosineDistances
     from femtune.uncertainty import (
         ForwardCheck,
@@ -60,8 +67,11 @@ if TYPE_CHECKING:
         RepeatChecks,
         StochasticResult,
     )
+    from femtune.uncertainty.outputs import Counted
 
 Arrays = dict[str, NDArray]
+
+SAMPLES_FILE = "samples.jsonl"
 
 _CLOUDS = ("cross-covariance", "output-difference")
 _FEWEST, _NOTHING, _STILL = 4, 1e-6, 1e-6
@@ -120,12 +130,18 @@ def _prepared(study: Study, table: QuantifyTable, repeats: Repeats, start: Reals
     return _Prepared(outputs, used, rows, held, _with_noise(_statistics(rows[~held], used, table), outputs, table))
 
 
-def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progress: Progress) -> QuantifyResults:
+def quantify_at(
+    study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progress: Progress, folder: Path | None = None
+) -> QuantifyResults:
     """Mean and covariance of the free parameters from a normalised start x, with a forward check.
+
+    Parameters
+    ----------
+    folder : run folder, which keeps the samples that other processes solve; None where nothing is written
 
     Raises
     ------
-    FemtuneError : ``quantify.*``, ``correlate.no-pairs``, and what an eigen-solution raises
+    FemtuneError : ``quantify.*``, ``run.unwritable``, ``correlate.no-pairs``, and what an eigen-solution raises
     """
     table = study.file.quantify
     assert table is not None
@@ -136,12 +152,68 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
         outputs, used, rows, held = data.frequencies, data.outputs, data.rows, data.held
         found = _updated(study, table, used, data.measured, start)
         progress.step(f"forward check with {table.samples} samples", 0, None)
-        executor = executor_of(study, reduced=True)
-        check = forward_check(used, found, table.samples, table.seed, executor)
+        samples = _Samples(study, found, data.frequencies.paired, folder)
+        check = forward_check(used, found, table.samples, table.seed, samples.solve)
         intervals = parameter_intervals(outputs, found, rows[~held, : len(outputs.modes)]) if table.intervals else None
         tested = _tested(rows, len(outputs.modes), held, check, found)
     record = _record(study, table, repeats, check, tested, arrays)
     return record.model_copy(update={"intervals": intervals})
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """The samples of the forward check; those of other processes are on disk as soon as they have ended.
+
+    The journal has the solutions of this process only.
+    """
+
+    study: Study
+    found: StochasticResult
+    paired: Evaluation
+    folder: Path | None
+
+    def solve(self, outputs: Counted, theta: Reals) -> Reals:
+        """(n, m) outputs of samples (n, k) (errors ``executor.*``, ``quantify.not-finite``, ``run.unwritable``)."""
+        executor = executor_of(self.study, reduced=True)
+        if self.folder is None or isinstance(executor, Serial):
+            return outputs.at_points(theta, executor)
+        folder, at, measured = self.folder, self.paired, self.found.measured
+        key = digest(theta, *measured.labels, self.found.G, at.x, at.residuals, at.jacobian)
+        file = FinishedRuns(folder / SAMPLES_FILE, key)
+
+        def keep(number: int, z: Reals) -> None:
+            if np.isfinite(z).all():
+                try:
+                    file.add({"sample": number, "outputs": z.tolist()})
+                except OSError as error:
+                    raise unwritable(folder, error) from error
+
+        try:
+            known = _known(file.begin(self.study.file.study.journal), len(theta), len(measured.mean))
+        except OSError as error:
+            raise unwritable(folder, error) from error
+        return outputs.at_points(theta, executor, known, keep)
+
+
+def _known(lines: Sequence[Mapping[str, Any]], count: int, size: int) -> dict[int, Reals]:
+    """Outputs by the number of the sample; what cannot be read is solved again."""
+    found = {}
+    for line in lines:
+        try:
+            z, number = np.array(line["outputs"], float), int(line["sample"])
+        except (ValueError, KeyError, TypeError):
+            continue
+        if z.shape == (size,) and np.isfinite(z).all() and 0 <= number < count:
+            found[number] = z
+    return found
+
+
+def forget_samples(folder: Path) -> None:
+    """Remove the samples that an earlier run left (error ``run.unwritable``)."""
+    try:
+        (folder / SAMPLES_FILE).unlink(missing_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
 
 
 def _shapes_of(repeats: Repeats, outputs: ShapeOutputs) -> Reals:

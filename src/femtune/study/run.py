@@ -333,7 +333,7 @@ def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
     if known.repeats is None:
         return {}
     study, x = known.parameters.study or run.study, known.parameters.result.x
-    return {"quantify": quantify_at(study, known.repeats, x, arrays, run.progress)}
+    return {"quantify": quantify_at(study, known.repeats, x, arrays, run.progress, run.folder)}
 
 
 def _bootstrap(run: Run, known: Known, arrays: Arrays) -> Outcome:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtri
 
 from femtune.arrays import Reals
-from femtune.executor import Executor
 from femtune.uncertainty.outputs import Counted, Outputs
 from femtune.uncertainty.repeats import OutputStatistics, covariance_distance, factor
 from femtune.uncertainty.stochastic import StochasticResult, latin_hypercube, propagate
@@ -147,13 +147,17 @@ class ForwardCheck:
 
 
 def forward_check(
-    outputs: Outputs, found: StochasticResult, samples: int = 1000, seed: int = 1, executor: Executor | None = None
+    outputs: Outputs,
+    found: StochasticResult,
+    samples: int = 1000,
+    seed: int = 1,
+    solve: Callable[[Counted, Reals], Reals] = propagate,
 ) -> ForwardCheck:
     """Propagate a Latin hypercube of the updated distribution; its moments are exactly the updated ones.
 
     Parameters
     ----------
-    executor : solves the model at the samples; one after another where it is None
+    solve : gives the outputs (n, m) of the samples (n, k); one after another by itself
 
     Raises
     ------
@@ -161,8 +165,7 @@ def forward_check(
     """
     counted = Counted(outputs)
     theta = latin_hypercube(found.mean, found.covariance, samples, seed)
-    z = propagate(counted, theta) if executor is None else counted.at_points(theta, executor)
-    return ForwardCheck(found.names, theta, z, found.measured, counted.solutions)
+    return ForwardCheck(found.names, theta, solve(counted, theta), found.measured, counted.solutions)
 
 
 def ellipse(mean: Reals, covariance: Reals, probability: float = 0.95, points: int = 121) -> Reals:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.executor import Executor
+from femtune.executor import Executor, finish
+from femtune.executor.interface import nothing
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.modal.subspace import clusters
 from femtune.model import ConfiguredModel, EigenSolution, eigenvalue_derivatives, solve_modes, subspace_derivative
@@ -58,10 +60,22 @@ class Counted:
             self._last = (theta.copy(), _finite(self.outputs.values(theta), theta), None)
         return self._last[1]
 
-    def at_points(self, theta: Reals, executor: Executor) -> Reals:
-        """(n, m) of points (n, k); ``quantify.not-finite`` if they are not finite."""
+    def at_points(
+        self,
+        theta: Reals,
+        executor: Executor,
+        known: Mapping[int, Reals] = MappingProxyType({}),
+        finished: Callable[[int, Reals], None] = nothing,
+    ) -> Reals:
+        """(n, m) of points (n, k); ``quantify.not-finite`` if they are not finite.
+
+        Parameters
+        ----------
+        known : outputs (m,) of points that are not solved again, by their position
+        finished : is called with the position and the outputs of each other point when they are there
+        """
         self.solutions += len(theta)
-        found = executor.run(self.outputs.values, list(theta), name="sample")
+        found = finish(executor, self.outputs.values, list(theta), known, name="sample", finished=finished)
         return np.array([_finite(z, row) for z, row in zip(found, theta)])
 
     def linearised(self, theta: Reals) -> tuple[Reals, Reals]:

@@ -63,7 +63,8 @@ class Point:
 class Walk:
     """A problem, the parameters that move, the side constraint, and the rows of the smallest change where it is sought.
 
-    `first` is the objective of the problem where the update starts.
+    `first` is the objective of the problem where the update starts. `within` are lower and upper limits (k,) of the
+    steps, closer than the bounds where the model holds in a part of them only; the bounds where it is None.
 
     The sum of squares of residuals and side constraint is χ²; the objective is half of it, with the rows of the
     smallest change added.
@@ -74,6 +75,12 @@ class Walk:
     side: SideConstraint
     change: SideConstraint | None = None
     first: float = 0.0
+    within: tuple[Reals, Reals] | None = None
+
+    @property
+    def limits(self) -> tuple[Reals, Reals]:
+        """(k,) each, between which steps end."""
+        return self.within or self.problem.parameters.bounds
 
     def point(self, evaluation: Evaluation) -> Point:
         """The evaluation with the side constraints."""
@@ -92,8 +99,8 @@ class Walk:
         return 2.0 * (evaluation.objective + whole)
 
     def local(self, point: Point) -> LocalModel:
-        """The linear model there, with the distances to the bounds; zero for fixed parameters."""
-        lower, upper = self.problem.parameters.bounds
+        """The linear model there, with the distances to the limits; zero for fixed parameters."""
+        lower, upper = self.limits
         room = np.where(self.moving, lower - point.x, 0.0), np.where(self.moving, upper - point.x, 0.0)
         return LocalModel(point.residuals, point.jacobian, *room, self.scale(point.x), self.side.held)
 
@@ -108,8 +115,8 @@ class Walk:
         return np.asarray(np.where(size > 0.0, np.minimum(size, sd), sd))
 
     def moved(self, x: Reals, d: Reals) -> Reals:
-        """x + d, limited to the bounds against rounding."""
-        lower, upper = self.problem.parameters.bounds
+        """x + d, kept inside the limits against rounding."""
+        lower, upper = self.limits
         return np.where(self.moving, np.clip(x + d, lower, upper), x)
 
     def bounds_touched(self, x: Reals) -> tuple[Flags, Flags]:
@@ -266,6 +273,7 @@ def update(
     report: Report = lambda i: None,
     start: Evaluation | None = None,
     active: Sequence[str] | None = None,
+    within: tuple[Reals, Reals] | None = None,
 ) -> UpdateResult:
     """Move the parameters inside their bounds until model and test agree as well as they can.
 
@@ -274,6 +282,8 @@ def update(
     report : is called with every iteration
     start : the problem where the update starts, with derivatives; at x = 0 where it is None
     active : names of the parameters that move, all where it is None; the others stay where `start` has them
+    within : (k,) each, lower and upper limits of the normalised parameters inside the bounds, with the start between
+        them. Bounds, priors and uncertainty stay those of the problem
 
     Raises
     ------
@@ -283,7 +293,7 @@ def update(
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
     moving = moving_parameters(problem, active)
     side = method.regularisation.settle(linear_model(problem, before, moving))
-    return _Update(Walk(problem, moving, side, first=before.objective), method, report).go(before)
+    return _Update(Walk(problem, moving, side, first=before.objective, within=within), method, report).go(before)
 
 
 @dataclass(frozen=True)
