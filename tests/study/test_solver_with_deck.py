@@ -14,9 +14,11 @@ from tests.messages.shown import check_shown
 import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
+from femtune.journal.runs import open_run_journal
 from femtune.modal import ModeSet
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
+from structures import two_solvers
 
 # a chain of eight masses on springs in five groups; the solver has springs to the second neighbour that the deck lacks,
 # and masses that are 2 % larger
@@ -163,6 +165,38 @@ def test_the_optimum_is_that_of_the_solver_with_fewer_runs(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
+def test_templates_of_calculix_with_the_derivatives_of_a_deck(tmp_path: Path) -> None:
+    """Beams of CalculiX that yield in shear, and bars that do not with a section that is 3 % too high."""
+    program = two_solvers.calculix()
+    if program is None:
+        pytest.skip("CalculiX is not here: put ccx on the path or its place in $FEMTUNE_CALCULIX")
+    two_solvers.measure(tmp_path, program)
+    (tmp_path / "frame.bdf").write_text(two_solvers.deck(two_solvers.DeckErrors(height=1.03)))
+    (tmp_path / "study.toml").write_text(two_solvers.study(program, with_deck=True))
+    result = ft.run(tmp_path / "study.toml")
+    assert result.results.update is not None
+    assert result.results.update.ok
+    assert "external.by-deck" in {a.code for a in result.results.alerts}
+    # one run at the initial values, one for the noise, one at each of two or three points and 11 around each end
+    journal = open_run_journal(tmp_path / "run")
+    assert sum(journal.states().values()) < 30
+    journal.close()
+    names, found, sd = (result.parameters.column(c) for c in ("name", "value", "sd"))
+    for name, value, deviation in zip(names, found, sd):
+        assert abs(value - two_solvers.TRUE[name]) < 3.0 * deviation, (name, value, deviation)
+    # both models at the initial values: of a higher section the bars are stiffer, of the same shapes
+    assert result.results.model is not None
+    (beside,) = result.results.model.beside_deck
+    assert beside.derivatives
+    assert len(beside.modes) == two_solvers.MODES
+    for mode in beside.modes:
+        assert mode.alike
+        assert mode.mac is not None
+        assert mode.mac > 0.99
+        assert mode.difference_percent == pytest.approx(100.0 * (mode.deck_hz / mode.freq_hz - 1.0))
+
+
+@pytest.mark.slow
 def test_a_deck_that_is_too_different_is_not_used(tmp_path: Path) -> None:
     """Springs that are three times those of the deck: differences are taken, and the result is the same."""
     chain = Chain(tmp_path, 3000.0)
@@ -213,11 +247,17 @@ def test_other_mistakes_have_the_errors_of_every_study(tmp_path: Path, old: str,
 def test_both_models_are_compared_and_nothing_is_differenced(tmp_path: Path) -> None:
     """The nominal run and its repetition; frequencies of the deck are those of its formula."""
     chain = Chain(tmp_path, 0.0)
-    notices = {n.code: n for n in ft.info(chain.study()).notices}
+    info = ft.info(chain.study())
+    notices = {n.code: n for n in info.notices}
     assert chain.started == 2
     said = notices["external.deck"].sentence
     # the same springs, and masses of 1/1.02
     assert said.count(f"{100 * (1.02**0.5 - 1):+.2g} % (MAC 1.000)") == N
+    # the record says the same
+    (beside,) = info.record.beside_deck
+    assert beside.derivatives
+    assert [m.mac for m in beside.modes] == pytest.approx([1.0] * N)
+    assert [m.difference_percent for m in beside.modes] == pytest.approx([100 * (1.02**0.5 - 1)] * N)
     check_shown("external.deck", f"[external.deck] {re.sub(r'mode 2 at.*', 'mode 2 …', said)}")
     runs = notices["external.runs"].sentence
     check_shown("external.runs, deck", f"[external.runs] {runs}")

@@ -22,63 +22,41 @@ import scipy.sparse as sp
 
 from femtune.files.runs_table import RunsTable
 from femtune.modal.assignment import linear_sum_assignment
+from femtune.modal.beside import RIGID, ModesBeside
 from femtune.model.full_model import direct
 from femtune.model.imported.from_runs import seen_modes
 
 if TYPE_CHECKING:
-    from femtune.arrays import Flags, Integers, Reals
+    from femtune.arrays import Integers, Reals
     from femtune.dofs import DofSet
     from femtune.model import ConfiguredModel, EigenSolution
 
 _SPARE = 6
 """Own modes beyond those of the solver: partners of the last ones may have a higher number."""
-_RIGID = 1e-3
-"""Frequency over the highest one of the run, below which a mode is a rigid-body mode."""
-LEAST_MAC, LARGEST_DIFFERENCE = 0.7, 0.3
-"""MAC and relative difference of frequencies, beyond which derivatives of one mode say nothing of the other."""
 
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """The modes of a run of the solver beside those of the own model.
+    """The modes of a run of the solver beside those of the own model, for derivatives.
 
     Parameters
     ----------
-    freq_hz : (m,) of the solver, without modes that do not move at its DOFs
+    modes : m modes of the solver, without those that do not move at its DOFs; MAC at the DOFs that both models have
     shapes : (s, m) of the solver at `dofs`, of unit modal mass
-    own_hz : (m,) of the partners
-    mac : (m,) with the partners, at the DOFs that both models have
     members : (m,) positions of the partners in `solution`
     common : (c,) rows of `dofs` that the own model has, and `rows` (c, n_free) of these
     """
 
-    freq_hz: Reals
+    modes: ModesBeside
     shapes: Reals
     dofs: DofSet
-    own_hz: Reals
-    mac: Reals
     members: Integers
     solution: EigenSolution
     common: Integers
     rows: sp.csr_array
 
-    @property
-    def elastic(self) -> Flags:
-        """(m,) modes that are none of a rigid body."""
-        return np.asarray(self.freq_hz > _RIGID * self.freq_hz.max(initial=0.0))
 
-    @property
-    def difference(self) -> Reals:
-        """(m,) relative difference of the own frequencies; zero for rigid-body modes."""
-        return np.where(self.elastic, self.own_hz / np.where(self.elastic, self.freq_hz, 1.0) - 1.0, 0.0)
-
-    @property
-    def paired(self) -> Flags:
-        """(m,) elastic modes that are alike enough for derivatives of one to serve the other."""
-        return self.elastic & (self.mac >= LEAST_MAC) & (np.abs(self.difference) <= LARGEST_DIFFERENCE)
-
-
-def modes_beside(configured: ConfiguredModel, x: Reals, table: RunsTable) -> Beside | None:
+def modes_beside(configuration: str, configured: ConfiguredModel, x: Reals, table: RunsTable) -> Beside | None:
     """The first run of a table beside the own model at x; None where they have fewer DOFs in common than modes.
 
     Raises
@@ -99,10 +77,8 @@ def modes_beside(configured: ConfiguredModel, x: Reals, table: RunsTable) -> Bes
         return None
     mac = _mac(phi[common], own)
     members = linear_sum_assignment(-mac)[1]
-    own_hz = solution.freq_hz[members]
-    return Beside(
-        hz[0], phi, table.dofs, own_hz, mac[np.arange(len(members)), members], members, solution, common, rows
-    )
+    modes = ModesBeside(configuration, hz[0], solution.freq_hz[members], mac[np.arange(len(members)), members])
+    return Beside(modes, phi, table.dofs, members, solution, common, rows)
 
 
 def _mac(one: Reals, other: Reals) -> Reals:
@@ -148,10 +124,10 @@ class DeckDerivatives:
         phi = beside.shapes
         u, _, vt = la.svd(np.linalg.pinv(found.shapes) @ phi[beside.common])
         Q = u @ vt
-        kept = beside.paired
+        kept, freq_hz = beside.modes.paired, beside.modes.freq_hz
         own = np.sqrt(np.maximum(found.eigenvalues, 0.0))
-        rigid = own <= 0.5 * _RIGID * own.max(initial=0.0)
-        root = np.where(kept, 2.0 * np.pi * beside.freq_hz, 0.0)
+        rigid = own <= 0.5 * RIGID * own.max(initial=0.0)
+        root = np.where(kept, 2.0 * np.pi * freq_hz, 0.0)
         C = np.where(rigid, 0.0, 1.0 / np.where(rigid, 1.0, own))[:, None] * Q * root
         k, m = len(names), phi.shape[1]
         stiffness, mass, outside = np.zeros((k, m, m)), np.zeros((k, m, m)), np.zeros((k, *phi.shape))
@@ -168,7 +144,7 @@ class DeckDerivatives:
 
     def at(self, change: Reals) -> tuple[Reals, Reals]:
         """Frequencies (m,) in Hz and shapes (s, m) after a small change of the parameters (k,)."""
-        first = (2.0 * np.pi * self.beside.freq_hz) ** 2
+        first = (2.0 * np.pi * self.beside.modes.freq_hz) ** 2
         K = np.diag(first) + np.tensordot(change, self.stiffness, 1)
         M = np.eye(len(first)) + np.tensordot(change, self.mass, 1)
         values, vectors = la.eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
@@ -178,7 +154,7 @@ class DeckDerivatives:
     def table(self, names: Sequence[str], points: Sequence[Reals]) -> RunsTable:
         """The run of the solver, of which the point is the first one, and modes at the others."""
         found = [self.at(point - points[0]) for point in points[1:]]
-        hz = np.array([self.beside.freq_hz, *(f for f, _ in found)])
+        hz = np.array([self.beside.modes.freq_hz, *(f for f, _ in found)])
         shapes = np.array([self.beside.shapes, *(s for _, s in found)])
         columns = {name: np.array([p[i] for p in points]) for i, name in enumerate(names)}
         return RunsTable(columns, hz, shapes, self.beside.dofs)

@@ -32,6 +32,7 @@ from femtune.files.runs_table import RunsTable
 from femtune.files.study_file import ConfigurationSolver, RunsModelTable
 from femtune.files.whole_file import write_whole
 from femtune.journal.runs import RunJournal, open_run_journal
+from femtune.modal.beside import ModesBeside
 from femtune.model import configure, parametric_model, solve_modes
 from femtune.runs import ExternalSolver, Failure, ResultFile, RunOutcome, Templates, evaluate, read_template
 from femtune.runs.external import Checks
@@ -40,7 +41,6 @@ from femtune.runs.template import InputFiles, check_names
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
-    from femtune.assembly.beside_deck import Beside
     from femtune.assembly.progress import Progress
     from femtune.executor import Executor
     from femtune.files.nastran.build import BuiltModel
@@ -163,6 +163,7 @@ class SolverRuns:
     decks : femtune's own model of each of the inputs, where derivatives come from it, in its configuration
     by_deck : whether they do at the next point
     compared : what was said of both models, at the first point where they were compared
+    beside : the modes of both there, by input
     """
 
     file: StudyFile
@@ -176,6 +177,7 @@ class SolverRuns:
     decks: tuple[tuple[DeckFiles, ConfiguredModel], ...] = ()
     by_deck: bool = False
     compared: list[Notice] = field(default_factory=list)
+    beside: list[ModesBeside] = field(default_factory=list)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -260,12 +262,14 @@ class SolverRuns:
         values = dict(zip(self.names, map(float, point)))
         beside = [o for i in range(len(point)) for o in _within(i, point, self.steps, self.bounds)[:2]]
         points = [point, *(point + o for o in beside)]
-        found, told = [], []
+        found, told, seen = [], [], []
         for i, ((deck, configured), table) in enumerate(zip(self.decks, self.tables([(point, centre)]))):
             try:
-                modes = modes_beside(configured, deck.x_of(values), table)
-                told.append(_compared(self, i, modes))
-                if modes is None or not _alike(modes):
+                name = next(e.name for e in self.file.configurations if part_of(self.file, e) == i)
+                modes = modes_beside(name, configured, deck.x_of(values), table)
+                told.append(_compared(self.file, None if modes is None else modes.modes))
+                seen += [] if modes is None else [modes.modes]
+                if modes is None or not _alike(modes.modes):
                     self.by_deck = False
                     break
                 scales = {p.name: p.scale for p in deck.model.parameters.free}
@@ -276,6 +280,7 @@ class SolverRuns:
                 break
         if not self.compared:
             self.compared = told
+            self.beside = [replace(each, derivatives=self.by_deck) for each in seen]
         elif not self.by_deck:
             self.compared.append(told[-1])
         return tuple(found) if self.by_deck else None
@@ -334,18 +339,18 @@ _UNLIKE = 0.25
 """Part of the elastic modes without a partner from which the derivatives of the deck are not used."""
 
 
-def _alike(beside: Beside) -> bool:
+def _alike(beside: ModesBeside) -> bool:
     """True where nearly all elastic modes have partners in the own model."""
     elastic = beside.elastic
     return bool(elastic.any()) and bool((elastic & ~beside.paired).sum() <= _UNLIKE * elastic.sum())
 
 
-def _compared(runs: SolverRuns, part: int, beside: Beside | None) -> Notice:
+def _compared(file: StudyFile, beside: ModesBeside | None) -> Notice:
     """Both models mode by mode; a warning where they differ so much that derivatives mislead."""
-    where = runs.file.where("solver", "derivatives")
+    where = file.where("solver", "derivatives")
     if beside is None:
         return Notice("external.deck/no-shapes", where=where)
-    name = next(e.name for e in runs.file.configurations if part_of(runs.file, e) == part)
+    assert beside.mac is not None
     rows = zip(beside.freq_hz, 100.0 * beside.difference, beside.mac, beside.elastic)
     lines = [
         f"mode {j} at {hz:.4g} Hz {percent:+.2g} % (MAC {mac:.3f})"
@@ -353,7 +358,7 @@ def _compared(runs: SolverRuns, part: int, beside: Beside | None) -> Notice:
         if elastic
     ]
     more = f" and {len(lines) - _MOST_LISTED} more" if len(lines) > _MOST_LISTED else ""
-    facts = {"configuration": name, "modes": ", ".join(lines[:_MOST_LISTED]) + more}
+    facts = {"configuration": beside.configuration, "modes": ", ".join(lines[:_MOST_LISTED]) + more}
     alone = int((beside.elastic & ~beside.paired).sum())
     if not alone:
         return Notice("external.deck", where=where, level="info", **facts)
@@ -526,10 +531,11 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bo
             built = built_of_tables(file, tables, 0)
     finally:
         runs.journal.close()
-    own = tuple(runs.compared)
+    own, beside = tuple(runs.compared), tuple(runs.beside)
     if not runs.decks and isinstance(runs.solvers[0].inputs, DeckFiles):
-        own = _beside_own(file, runs, known)
-    return replace(built, notices=(*_facts(runs, tables), *_hidden(built), *own, *runs.journal.notices))
+        own, beside = _beside_own(file, runs, known)
+    notices = (*_facts(runs, tables), *_hidden(built), *own, *runs.journal.notices)
+    return replace(built, notices=notices, beside=beside)
 
 
 def _of_one_run(file: StudyFile, runs: SolverRuns, tables: tuple[RunsTable, ...]) -> BuiltModel:
@@ -543,7 +549,9 @@ def _hidden(built: BuiltModel) -> tuple[Notice, ...]:
     return tuple(notice for notice in built.notices if notice.code == "runs.hidden-modes")
 
 
-def _beside_own(file: StudyFile, runs: SolverRuns, known: PointRuns) -> tuple[Notice, ...]:
+def _beside_own(
+    file: StudyFile, runs: SolverRuns, known: PointRuns
+) -> tuple[tuple[Notice, ...], tuple[ModesBeside, ...]]:
     """How far femtune's own elements are from the solver, mode by mode in their order, where they can be solved."""
     inputs, modes = runs.solvers[0].inputs, known.parts[0].modes
     assert isinstance(inputs, DeckFiles)
@@ -553,18 +561,17 @@ def _beside_own(file: StudyFile, runs: SolverRuns, known: PointRuns) -> tuple[No
         configured = configure(inputs.model, overlay(file.configurations[0]))
         own = solve_modes(configured.at(np.zeros(len(runs.names))), len(hz)).freq_hz[: len(hz)]
     except FemtuneError as error:
-        return (Notice("external.own-elements/not-solved", where=where, level="info", reason=error.what),)
-    elastic = hz[: len(own)] > 1e-3 * hz.max()
-    if not elastic.any():
-        return ()
-    difference = 100.0 * (own[elastic] / hz[: len(own)][elastic] - 1.0)
+        return (Notice("external.own-elements/not-solved", where=where, level="info", reason=error.what),), ()
+    beside = ModesBeside(file.configurations[0].name, hz[: len(own)], own, None)
+    if not beside.elastic.any():
+        return (), ()
+    difference = 100.0 * beside.difference
     worst = int(np.abs(difference).argmax())
-    return (
-        Notice(
-            "external.own-elements", where=where, level="info", percent=float(difference[worst]),
-            mode=int(np.flatnonzero(elastic)[worst]) + 1, count=len(difference),
-        ),
+    said = Notice(
+        "external.own-elements", where=where, level="info", percent=float(difference[worst]), mode=worst + 1,
+        count=int(beside.elastic.sum()),
     )  # fmt: skip
+    return (said,), (beside,)
 
 
 def point_of(parameters: ParameterSet, runs: SolverRuns, x: Reals) -> Reals:

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     )
     from femtune.fem.element_shapes import ShapeFound
     from femtune.files.nastran.build import BuiltModel
+    from femtune.modal.beside import ModesBeside
     from femtune.model import Configuration, EigenSolution
     from femtune.results.base import Level
 
@@ -259,6 +260,34 @@ class ElementShapes(Record):
     """Result in words, or the reason why it was not tested."""
 
 
+class ModeBesideDeck(Record):
+    """A mode of the external solver and its partner in femtune's own model of the deck."""
+
+    number: int
+    """Number of the mode of the solver, from 1."""
+    freq_hz: float
+    """Its frequency in Hz."""
+    deck_hz: float
+    """Frequency of the partner in Hz."""
+    difference_percent: float | None
+    """That of the deck relative to that of the solver, minus 1, in %; None for rigid-body modes."""
+    mac: float | None
+    """MAC of both shapes at the DOFs that both models have; None where modes are compared in their order."""
+    alike: bool
+    """True if both are alike enough for a derivative of one to serve the other; False for rigid-body modes."""
+
+
+class BesideDeck(Record):
+    """The external solver beside femtune's own model of the deck, at the initial values."""
+
+    configuration: str
+    """The first configuration with this input of the solver."""
+    derivatives: bool
+    """True if the update begins with the derivatives of the deck."""
+    modes: tuple[ModeBesideDeck, ...]
+    """The modes of the solver that move at its DOFs."""
+
+
 class ModelFacts(Record):
     """Content of the deck, and the model built from it."""
 
@@ -280,6 +309,8 @@ class ModelFacts(Record):
     """Damping; None in older results without this field."""
     element_shapes: ElementShapes | None = None
     """Shapes of the elements; None in older results without this field."""
+    beside_deck: tuple[BesideDeck, ...] = ()
+    """The external solver beside the deck, by input; empty where they were not compared."""
 
 
 class MatchedSensor(Record):
@@ -513,7 +544,23 @@ def model_facts(study: Study) -> ModelFacts:
         damping=damping_facts(built),
         checks=mass_checks(study),
         element_shapes=_element_shapes(built),
+        beside_deck=tuple(map(_beside_deck, built.beside)),
     )
+
+
+def _beside_deck(found: ModesBeside) -> BesideDeck:
+    modes = tuple(
+        ModeBesideDeck(
+            number=i + 1,
+            freq_hz=float(found.freq_hz[i]),
+            deck_hz=float(found.deck_hz[i]),
+            difference_percent=100.0 * float(found.difference[i]) if found.elastic[i] else None,
+            mac=None if found.mac is None else float(found.mac[i]),
+            alike=bool(found.paired[i]),
+        )
+        for i in range(len(found.freq_hz))
+    )
+    return BesideDeck(configuration=found.configuration, derivatives=found.derivatives, modes=modes)
 
 
 def shapes_remark(built: BuiltModel) -> tuple[str, ...]:

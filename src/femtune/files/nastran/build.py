@@ -53,6 +53,7 @@ from femtune.files.nastran.shells import read_shells
 from femtune.files.nastran.solids import read_solids
 from femtune.files.nastran.superelements import check_superelements
 from femtune.files.nastran.surplus import surplus_fields
+from femtune.modal.beside import ModesBeside
 from femtune.model.damping import ModalDamping
 
 _MOST_SHOWN = 20
@@ -74,6 +75,7 @@ class BuiltModel:
     mass_reference : grid point of PARAM GRDPNT (0: origin of the basic frame), None without it
     modal_damping : the table that SDAMPING selects, None without one
     damping_tables : all tables of modal damping (TABDMP1) by number
+    beside : modes of the external solver of a study beside those of its deck, by input, where they were compared
     """
 
     deck: Deck
@@ -86,6 +88,7 @@ class BuiltModel:
     mass_reference: int | None
     modal_damping: ModalDamping | None = None
     damping_tables: Mapping[int, ModalDamping] = field(default_factory=dict)
+    beside: tuple[ModesBeside, ...] = ()
 
 
 def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = True) -> BuiltModel:

@@ -19,7 +19,7 @@ from femtune.reporting.document import (
     row,
     table_or_none,
 )
-from femtune.reporting.numbers import NONE, counted, short, signed_percent, value
+from femtune.reporting.numbers import NONE, counted, freq, short, signed_percent, value
 from femtune.reporting.sections.modes import mesh_table, sturm
 from femtune.reporting.sections.validation import verdict_cell
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
     from femtune.results.checks import ModelCheck
-    from femtune.results.model import ElementShapeTest, ModelConfiguration, ModelFacts
+    from femtune.results.model import BesideDeck, ElementShapeTest, ModelConfiguration, ModelFacts
 
 # ----------------------------------------------------------------------------------------------------
 # Errors that updating cannot correct: mass, lumping, mesh.
@@ -136,6 +136,26 @@ def _ranges(nodes: Sequence[int]) -> list[tuple[int, int]]:
     return found
 
 
+def beside_deck_tables(found: Sequence[BesideDeck]) -> list[Block]:
+    """The elastic modes of the external solver beside those of the deck, for page and terminal; a table each input."""
+    heads = columns("Mode", ">Solver Hz", ">Deck Hz", ">Difference %", ">MAC", "Alike")
+    used = "The update begins with derivatives of the deck."
+    unused = "Derivatives are those of the solver alone."
+    tables = []
+    for each in found:
+        rows = tuple(
+            row(
+                str(m.number), freq(m.freq_hz), freq(m.deck_hz), signed_percent(m.difference_percent),
+                NONE if m.mac is None else f"{m.mac:.3f}", "yes" if m.alike else Cell("no", tone="poor"),
+            )
+            for m in each.modes
+            if m.difference_percent is not None
+        )  # fmt: skip
+        title = f"{each.configuration}: the solver beside femtune's own model of the deck"
+        tables.append(Table(title, heads, rows, used if each.derivatives else unused))
+    return [table for table in tables if table.rows]
+
+
 _MOTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
 _ROUNDING = 1e-12
 
@@ -150,6 +170,7 @@ def checks(source: ReportSource) -> list[Block]:
         *model_check_table(source.results.model_checks),
         *mesh_tables(source.results.model_checks),
         *shape_blocks(model),
+        *beside_deck_tables(model.beside_deck),
         *_inertia(model),
         rigid_body_table(model.configurations),
         *grounding_elements(model.configurations),

@@ -26,6 +26,7 @@ from femtune.reporting.document import (
 )
 from femtune.reporting.numbers import NOT_TESTED, counted, listed, signed_percent, value, with_unit
 from femtune.reporting.sections.checks import (
+    beside_deck_tables,
     cards,
     grounding_dofs,
     grounding_elements,
@@ -156,6 +157,7 @@ def _deck(subject: Subject, facts: ModelFacts) -> list[Block]:
         *damping_blocks(facts),
         *model_check_table(facts.checks),
         *shape_blocks(facts),
+        *beside_deck_tables(facts.beside_deck),
         *_notices(facts.notices),
     ]
 
