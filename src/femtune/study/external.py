@@ -16,6 +16,7 @@ from femtune.assembly.runs_model import built_of_tables, part_of
 from femtune.errors import FemtuneError, Notice
 from femtune.executor.interface import nothing
 from femtune.modal.assignment import linear_sum_assignment
+from femtune.modal.beside import RIGID
 from femtune.model import parametric_model
 from femtune.model.imported.from_runs import seen_modes
 from femtune.results.model import alert_of
@@ -45,8 +46,6 @@ _MOST_REJECTED = 2
 """Steps by the derivatives of the deck after which the misfit is not smaller, from which they count as misleading."""
 _SAME = 1e-6
 _NEAR = 1e-9
-_RIGID = 1e-3
-"""Frequency over the highest one of the run, below which a mode is a rigid-body mode."""
 _NEGLIGIBLE = 0.5 * ALLOWED
 """Decrease of the objective that the smallest change may cost where the data leave combinations of the parameters
 open."""
@@ -371,7 +370,7 @@ class SolverFrequencies:
         tables, found = runs.tables([(first, known)]), []
         for case in study.cases:
             hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
-            elastic = np.flatnonzero(hz > _RIGID * hz.max(initial=0.0))
+            elastic = np.flatnonzero(hz > RIGID * hz.max(initial=0.0))
             if not len(elastic):
                 raise FemtuneError("screen.no-modes", configuration=case.name)
             found.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))

@@ -246,10 +246,13 @@ def test_quadratic_patches_and_triangles(deck_of: DeckOf) -> None:
         ("CWELD,9,6,30,ELEMID\n,1,3\n", "deck.connector", "diameter"),
         ("CWELD,9,5,,ELEMID,30\n,1,3\n", "deck.connector", "MSET"),
         ("CWELD,9,4,30,ELEMID\n,1,3\n", "deck.connector", "LDMIN"),
+        ("CWELD,9,8,,PARTPAT\n,1,2\n,.4,-1.+200,0.\n", "deck.field-value", "field = 3 of continuation 2"),
+        ("CWELD,9,3,,PARTPAT\n,1,2\n,.4,.3,0.\n", "deck.connector", "coincide"),
+        ("PFAST,6,1.+40\nCFAST,10,6,ELEM,1,3,,,,\n,.4,.3,0.\n", "deck.connector", "diameter"),
     ],
 )
 def test_what_cannot_be_tied_is_an_error(deck_of: DeckOf, cards: str, code: str, words: str) -> None:
-    sections = "PWELD,8,2,.2\nPFAST,7,.2\nPWELD,6,2,0.\nPWELD,5,2,.2,,,ON\nPWELD,4,2,.2,,,,,\n,6.,5.\n"
+    sections = "PWELD,8,2,.2\nPFAST,7,.2\nPWELD,6,2,0.\nPWELD,5,2,.2,,,ON\nPWELD,4,2,.2,,,,,\n,6.,5.\nPWELD,3,2,1.-30\n"
     with pytest.raises(FemtuneError) as caught:
         build_structure(deck_of(PLATES + cards + sections))
     assert caught.value.code == code
