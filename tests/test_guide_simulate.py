@@ -79,6 +79,7 @@ def test_the_commands_of_the_page_run(folder: Path) -> None:
         assert (folder / name).stat().st_size > 3000
 
 
+@pytest.mark.slow
 def test_the_true_value_is_found_with_the_test_of_the_command(folder: Path) -> None:
     command = re.findall(r"```\nfemtune (.*?)```", _PAGE, re.S)[0]
     with pytest.raises(SystemExit):

@@ -246,6 +246,7 @@ def test_modes_on_a_page_that_cannot_be_written(invoke: Invoke, study: Path) -> 
     assert "Traceback" not in result.output
 
 
+@pytest.mark.slow
 def test_solvers_as_data(invoke: Invoke) -> None:
     result = invoke("info", "--solvers", "--json")
     assert result.exit_code == 0

@@ -34,6 +34,7 @@ def _modes(folder: Path, *options: str) -> tuple[int, str, str]:
     return result.exit_code, result.stdout, result.stderr
 
 
+@pytest.mark.slow
 def test_a_count_and_a_frequency_in_place_of_the_decks(tmp_path: Path) -> None:
     def found(*options: str) -> list[float]:
         return json.loads(_modes(tmp_path, *options)[1])[0]["freq_hz"]

@@ -54,6 +54,7 @@ def test_tables_page_and_universal_file(deck: Path) -> None:
     assert page.count("<img ") == 1
 
 
+@pytest.mark.slow
 def test_json(deck: Path) -> None:
     (direct,) = json.loads(_run(str(deck), *_ASKED, "--json").stdout)
     assert direct["poles"] == []

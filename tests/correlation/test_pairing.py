@@ -67,6 +67,7 @@ def _is_partition(found: object, t: int, m: int) -> None:
 
 @settings(max_examples=30)
 @given(st.permutations(range(4)), st.permutations(range(5)))
+@pytest.mark.slow
 def test_the_order_of_modes_does_not_matter(rows: list[int], columns: list[int]) -> None:
     rng = np.random.default_rng(3)
     test = _modes(TEST_HZ, rng.normal(size=(8, 4)))

@@ -80,6 +80,7 @@ def _same(a: Any, b: Any) -> None:
     assert a == b
 
 
+@pytest.mark.slow
 def test_objects_and_file_give_the_same_to_the_last_digit(folder: Path) -> None:
     of_file = ft.update("study.toml", output="one")
     model, test = ft.read_deck("cantilever.bdf", units="m-kg-s"), ft.read_test("cantilever.uff")
@@ -91,6 +92,7 @@ def test_objects_and_file_give_the_same_to_the_last_digit(folder: Path) -> None:
     assert (folder / "one" / "updated.bdf").read_text() == (folder / "two" / "updated.bdf").read_text()
 
 
+@pytest.mark.slow
 def test_true_values_are_found(folder: Path) -> None:
     test = ft.simulate(ft.write_deck("cantilever.bdf", TRUTH, "true.bdf", wide=True), ["2 THRU 5:23"], units="m-kg-s")
     result = ft.update("cantilever.bdf", test, units="m-kg-s", **_words())
@@ -98,6 +100,7 @@ def test_true_values_are_found(folder: Path) -> None:
     assert result.values == pytest.approx(truth, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_what_was_read_is_not_read_again(folder: Path) -> None:
     model, test = ft.read_deck("cantilever.bdf", units="m-kg-s"), ft.read_test("cantilever.uff")
     with_files = ft.update(model, test, output="with", **_words())
@@ -147,6 +150,7 @@ def test_a_file_and_words_of_python_together(folder: Path) -> None:
     assert len(ft.correlate("study.toml", modes={"count": 5})[0].mac_model_numbers) == 5
 
 
+@pytest.mark.slow
 def test_a_study_that_is_only_read_is_the_file_itself(folder: Path) -> None:
     assert ft.Study("study.toml").file.model_dump() == ft.Study(ft.Study("study.toml")).file.model_dump()
     run = ft.update(ft.Study("study.toml"), output="one")
@@ -154,6 +158,7 @@ def test_a_study_that_is_only_read_is_the_file_itself(folder: Path) -> None:
     assert run.results.provenance.command == "femtune.update(Study('cantilever.bdf'))"
 
 
+@pytest.mark.slow
 def test_what_is_in_memory_is_told_by_its_content(folder: Path) -> None:
     model, test = ft.read_deck("cantilever.bdf", units="m-kg-s"), ft.read_test("cantilever.uff")
     runs = [ft.update(model, test, output=name, **_words(), title=title) for name, title in (("a", "x"), ("b", "y"))]
@@ -251,6 +256,7 @@ def test_numbers_of_numpy_are_numbers(folder: Path) -> None:
     assert (given.lower, given.upper) == (0.5, 2.0)
 
 
+@pytest.mark.slow
 def test_a_residual_of_ones_own_is_compared(folder: Path) -> None:
     """Here that of the house, as an object that no word of the file stands for."""
     from femtune.residuals.frequency import FrequencyResidual  # noqa: PLC0415
@@ -262,6 +268,7 @@ def test_a_residual_of_ones_own_is_compared(folder: Path) -> None:
     assert own.values == pytest.approx(usual.values, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_results_are_short_and_escaped(folder: Path) -> None:
     run = ft.run("study.toml", title="<b>bold</b> & more")
     assert len(repr(run).splitlines()) < 10

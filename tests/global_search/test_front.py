@@ -22,6 +22,7 @@ def _zdt2(x: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("objectives", "power"), [(_zdt1, 0.5), (_zdt2, 2.0)], ids=["convex", "concave"])
+@pytest.mark.slow
 def test_fronts_of_closed_form(objectives: object, power: float) -> None:
     found = front_of(objectives, np.zeros(6), np.ones(6), SearchRules(population=60, generations=200))  # type: ignore[arg-type]
     f1, f2 = found.values.T

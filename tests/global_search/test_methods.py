@@ -67,6 +67,7 @@ def _rack() -> Surrogate:
     return fit_surrogate(rack_tables.RUNS, rack_tables.FREQUENCIES, KrigingRules(logarithms=True))
 
 
+@pytest.mark.slow
 def test_the_rack_has_a_lower_minimum_than_the_published_one() -> None:
     """On a surrogate of the array's runs: below .0053, and at most half of the value at the published parameters."""
     objective, surrogate = SumOfSquares(rack_tables.MEASURED, rack_tables.MEASURED), _rack()

@@ -137,7 +137,7 @@ def test_every_kernel_has_a_case():
     assert kinds | set(CARDS) | elsewhere == set(KINDS)
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SHELLS if name.startswith("tri")])
 def test_terms_of_triangles_with_rotations(name: str) -> None:
     structure = _shell(name, False)
@@ -148,7 +148,7 @@ def test_terms_of_triangles_with_rotations(name: str) -> None:
         check_contribution(term, values)
 
 
-@pytest.mark.quick(8)
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("name", CASES)
 def test_terms(name: str, consistent: bool):
@@ -170,7 +170,7 @@ def test_terms_of_shells(name: str, consistent: bool):
     assert ("z0" in {role for term, _ in terms for role in term.roles}) == (SECTIONS[SHELLS[name][2]].z0 is not None)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("material", [STEEL, ANISO], ids=["isotropic", "anisotropic"])
 @pytest.mark.parametrize("kind", CARDS)
 def test_terms_of_solids(kind: str, material):

@@ -102,7 +102,7 @@ def test_derivatives_of_every_field(card: str, relative: bool, built: dict[str, 
                 assert max(sizes) > 0.0, f"nothing depends on {ref}"
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("card", CARDS)
 def test_a_deck_written_at_other_values_has_the_matrices_of_the_parameters(
     card: str, built: dict[str, BuiltModel], tmp_path: Path

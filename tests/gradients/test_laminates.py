@@ -45,7 +45,7 @@ def built(folder: Path, section: str) -> BuiltModel:
     return build_structure(read_deck(path))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_matrices(name: str, tmp_path: Path):
     section, fields = CASES[name]

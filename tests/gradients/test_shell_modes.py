@@ -86,6 +86,7 @@ def at(model: ConfiguredModel) -> np.ndarray:
     return np.linspace(-0.05, 0.07, len(model.model.parameters.free))
 
 
+@pytest.mark.slow
 def test_simple_modes_of_a_small_stiffened_plate(tmp_path: Path):
     """By complex steps through the dense standard form; turning about the normal has no mass."""
     model, _ = plate_model(tmp_path / "small.bdf", 3, 2)

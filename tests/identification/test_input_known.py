@@ -16,6 +16,7 @@ from femtune.modal import ModeSet, mac
 _LINES = np.linspace(5.0, 62.0, 1200)
 
 
+@pytest.mark.slow
 def test_modes_and_system_come_out(eight_modes: Any) -> None:
     frfs = eight_modes.frfs(_LINES, noise=0.01)
     sd = np.full(frfs.values.shape, 0.01 * np.sqrt(np.mean(np.abs(frfs.values) ** 2)))

@@ -46,6 +46,7 @@ def test_without_noise_the_modes_inside_are_exact(three_modes: Any, outside: tup
 
 
 @pytest.mark.parametrize("stated", [False, True])
+@pytest.mark.slow
 def test_noise_is_no_mode(three_modes: Any, stated: bool) -> None:
     for seed in range(10):
         frfs = three_modes.frfs(_LINES, 0.02, seed)

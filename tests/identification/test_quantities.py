@@ -77,6 +77,7 @@ def record(measured: dict[str, np.ndarray], quantities: Sequence[str], units: Se
 
 @pytest.mark.parametrize("quantities", [VELOCITIES, THREE], ids=["two", "three"])
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.quick(2)
 def test_shapes_of_mixed_records_are_those_of_accelerations(measured, method, quantities):
     truth = plant().truth
     mixed, plain = (METHODS[method](record(measured, q), ASKED) for q in (quantities, ALL))

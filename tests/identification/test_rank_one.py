@@ -125,6 +125,7 @@ def _check_optimum(made: _Made, starts: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.slow
 def test_the_sum_of_squares_is_that_of_a_joint_solution(seed: int) -> None:
     _check_optimum(_random_system(seed, largest=False), 2)
 
@@ -183,6 +184,7 @@ def test_the_certificate_is_the_gradient_of_the_whole_problem() -> None:
     assert np.linalg.norm(along) / np.linalg.norm(errors) == pytest.approx(fit.gradient, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_reciprocal_system_is_as_near_as_a_free_one(eight_modes: Any) -> None:
     """The structure is reciprocal, and what is tied takes only a small part of the noise."""
     frfs = eight_modes.frfs(np.linspace(5.0, 62.0, 300), noise=0.01)
@@ -226,6 +228,7 @@ def test_a_failure_of_the_singular_values_does_not_end_the_fit(monkeypatch: pyte
     assert squares[1] == pytest.approx(squares[0], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_an_iteration_that_does_not_converge_is_reported(eight_modes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     frfs = eight_modes.frfs(np.linspace(5.0, 62.0, 400), noise=0.01)
     monkeypatch.setattr(rank_one, "MOST_STEPS", 1)

@@ -44,6 +44,7 @@ def test_one_function_by_differences_of_converged_fits() -> None:
 
 
 @pytest.mark.parametrize("inputs", [(0,), (0, 3)])
+@pytest.mark.slow
 def test_small_noise_by_converged_fits(inputs: tuple[int, ...]) -> None:
     test = redrawn(inputs, 1e-3)
     change = 0.1 * test.draw("noise", np.random.default_rng(5))
@@ -55,6 +56,7 @@ def test_small_noise_by_converged_fits(inputs: tuple[int, ...]) -> None:
 
 
 @pytest.mark.parametrize("inputs", [(0,), (0, 3)])
+@pytest.mark.slow
 def test_leverage_is_the_number_of_unknowns(inputs: tuple[int, ...]) -> None:
     test = redrawn(inputs, 1e-3)
     n, u, _ = test.measured.values.shape

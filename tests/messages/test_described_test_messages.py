@@ -78,6 +78,7 @@ def test_a_table_that_is_too_wide(tmp_path: Path) -> None:
     check_shown("record.too-wide", str(caught.value).replace(f"{tmp_path}/", ""))
 
 
+@pytest.mark.slow
 def test_an_archive_that_expands(tmp_path: Path) -> None:
     np.savez_compressed(tmp_path / "a.npz", a=np.zeros((1, 1 << 26), dtype=np.int8), b=np.zeros(1 << 28, dtype=np.int8))
     with pytest.raises(FemtuneError) as caught:

@@ -73,6 +73,7 @@ def _configured(code: str) -> None:
 
 
 @pytest.mark.parametrize("problem", ["not-held", "offsets", "tables", "components"])
+@pytest.mark.quick(2)
 def test_page_shows_the_error(problem: str) -> None:
     code = f"configuration.preload-{problem}"
     with pytest.raises(FemtuneError) as caught:

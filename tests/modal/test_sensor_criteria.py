@@ -82,6 +82,7 @@ def _frfs(hz: np.ndarray, factor: float = 1.0) -> np.ndarray:
     return np.stack([np.linalg.solve(K - (2.0 * np.pi * f) ** 2 * np.eye(n), force) for f in hz], axis=1)
 
 
+@pytest.mark.slow
 def test_the_fdac_of_a_stiffer_model_is_one_along_the_frequency_ratio() -> None:
     """Stiffness times s² is the same deflection shape at s times the frequency."""
     test_hz, model_hz = np.linspace(4.0, 30.0, 201), np.linspace(3.0, 34.0, 311)

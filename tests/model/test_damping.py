@@ -102,7 +102,7 @@ MOVED = {
 }  # fmt: skip
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("x", [0.0, 0.03])
 def test_derivatives_of_every_kind(x: float):
     """Loss factors times stiffness, in materials, springs, bushes and overall; values that start at zero too."""

@@ -171,6 +171,7 @@ def test_whole_fields_one_parameter_at_a_time(frame: tuple[EigenSolution, sp.csr
     assert i == len(PARAMETERS) - 1
 
 
+@pytest.mark.slow
 def test_a_stream_computes_only_what_is_taken(
     frame: tuple[EigenSolution, sp.csr_array], monkeypatch: pytest.MonkeyPatch
 ) -> None:

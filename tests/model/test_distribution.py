@@ -54,6 +54,7 @@ def _model(structure: Structure, n: int, with_e: bool = False):  # type: ignore[
     return configure(parametric_model(made, ParameterSet(tuple(parameters)), fields), Configuration())
 
 
+@pytest.mark.slow
 def test_matrices_are_those_of_a_model_whose_elements_have_these_values(frame: Structure) -> None:
     """Against the same structure with the thickness of each element written into its own entry."""
     d = _distribution(frame, 3)
@@ -90,6 +91,7 @@ def test_there_are_as_few_functions_as_monomials(power: int, n: int) -> None:
     assert found.factors.T @ few.grad == pytest.approx(every.grad, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_terms_of_a_region_are_few(frame: Structure) -> None:
     """The mass needs as many functions as there are amplitudes, with the function 1 among them."""
     configured = _model(frame, 3)
@@ -98,6 +100,7 @@ def test_the_terms_of_a_region_are_few(frame: Structure) -> None:
 
 
 @pytest.mark.parametrize("with_e", [False, True])
+@pytest.mark.slow
 def test_derivatives_are_exact(frame: Structure, with_e: bool) -> None:
     """By complex step, also with Young's modulus of the same elements as a parameter."""
     configured = _model(frame, 2, with_e)
@@ -105,6 +108,7 @@ def test_derivatives_are_exact(frame: Structure, with_e: bool) -> None:
     check_model(configured.at(x), modes=(7,), count=10)
 
 
+@pytest.mark.slow
 def test_a_uniform_amplitude_is_a_factor(frame: Structure) -> None:
     """With the function 1 the frequencies are those of a model with another thickness."""
     configured = _model(frame, 1)

@@ -87,6 +87,7 @@ def test_the_share_is_how_the_frequency_follows_k6rot(tmp_path: Path) -> None:
         assert mode.grids[0] == 26
 
 
+@pytest.mark.slow
 def test_modes_tell_what_depends_on_k6rot(tmp_path: Path) -> None:
     result = steps.modes(sheet_with_bar(tmp_path))
     (told,) = result[0].alerts

@@ -199,7 +199,7 @@ def test_nothing_free_and_no_mass():
     assert caught.value.code == "eigen.no-mass"
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [-1.0, -1e-3, -50.0])
 @pytest.mark.parametrize("n", [4, 450])
 def test_negative_stiffness_is_refused(k: float, n: int):

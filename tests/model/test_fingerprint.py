@@ -124,7 +124,7 @@ CHANGES: dict[str, Callable[[Structure], ModelPoint]] = {
 }
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES)
 def test_settings_and_configurations_count(structures: dict[str, Structure], change: str) -> None:
     structure = structures["shells"]

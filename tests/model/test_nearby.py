@@ -47,6 +47,7 @@ def test_nearly_equal_columns_of_a_block_are_both_kept():
         np.testing.assert_allclose(MQ, mass @ Q, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_memory_in_use_is_not_handed_out():
     rows, columns = 1 << 15, 8
     with recycled():

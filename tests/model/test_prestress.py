@@ -275,7 +275,7 @@ CRITICAL = 4 * np.pi**2 * RIGIDITY / SIDE**2
     ("kind", "n", "tolerance"), [("CQUAD4", 16, 5e-3), ("CTRIA3", 16, 1.5e-2), ("CQUAD8", 4, 2e-3), ("CTRIA6", 4, 5e-3)]
 )
 @pytest.mark.parametrize("forces", [(2.0, -0.3, 0.0), (-0.8, 0.0, 0.0)])
-@pytest.mark.quick(2)
+@pytest.mark.slow
 def test_a_plate_under_forces_in_its_plane(
     kind: str, n: int, tolerance: float, forces: tuple[float, float, float]
 ) -> None:

@@ -102,7 +102,7 @@ ENDINGS = {
 }  # fmt: skip
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the stand-in is a script with a first line for Unix")
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_every_bad_ending_is_told_and_the_files_are_removed(
@@ -168,6 +168,7 @@ def test_what_is_no_python_is_called_so(tool: str, monkeypatch: pytest.MonkeyPat
 
 
 @posix
+@pytest.mark.slow
 def test_a_python_that_fails_is_not_called_another_thing() -> None:
     launch.probe.cache_clear()
     found, text = launch.probe(sys.executable)

@@ -232,6 +232,7 @@ def test_cholmod_gives_indefinite_and_complex_matrices_to_another(monkeypatch: p
     assert factorise(net(9).full() * (1 + 0.1j), "CHOLMOD").name == "SuperLU"
 
 
+@pytest.mark.slow
 def test_the_list_tells_of_each_solver() -> None:
     found = {facts.name: facts for facts in solver_list.solver_list()}
     assert list(found) == ["PARDISO", "MUMPS", "CHOLMOD", "SuperLU", "SLEPc"]

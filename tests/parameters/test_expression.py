@@ -134,6 +134,7 @@ def test_an_infinite_derivative_is_an_error_too(text: str) -> None:
 
 
 @given(text=st.text(max_size=60))
+@pytest.mark.slow
 def test_any_text_is_read_or_refused(text: str) -> None:
     _read_or_refuse(text)
 

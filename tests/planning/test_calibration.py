@@ -80,7 +80,7 @@ def test_scores_are_those_of_the_sets(criterion: Criterion, average: Average) ->
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.quick(2)
+@pytest.mark.slow
 def test_sets_beside_the_best_of_all_sets(criterion: Criterion, seed: int) -> None:
     point, count = _point(12, 1, seed), 6
     candidates = Candidates(np.random.default_rng(9).standard_normal((12, 1, 3)))

@@ -221,6 +221,7 @@ def test_the_file_is_small_and_loads_nothing(document: Document, tmp_path: Path)
     assert "url(" not in text
 
 
+@pytest.mark.slow
 def test_the_page_forbids_other_scripts_and_links_reach_their_sections(document: Document) -> None:
     text = html_text(document)
     page = _Page(without_own_scripts(text))

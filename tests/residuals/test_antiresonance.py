@@ -114,6 +114,7 @@ def test_jacobian() -> None:
     check_residual(UpdateProblem((case,), case.configured.model.parameters), FREE, 1e-6)
 
 
+@pytest.mark.slow
 def test_stiffness_and_mass_follow_from_antiresonances_alone() -> None:
     case = case_without_modes(chain(LOSS), (residual_of(functions(), sd=1e-3),), count=5)
     found = update(UpdateProblem((case,), case.configured.model.parameters), SensitivityMethod(), active=["k", "m"])

@@ -122,7 +122,7 @@ def test_values_with_and_without_derivatives_are_the_same_numbers(form: FrfForm)
         assert plain.jacobian.shape == (len(plain.values), 0)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["linear", "log-complex"])
 def test_weighted_residuals_of_a_noisy_test_have_unit_variance_and_no_mean(form: FrfForm):
     """Noise of a floor: weights must not follow the noise of what they weigh."""
@@ -157,7 +157,7 @@ def test_parameters_are_recovered(form: FrfForm, seed: int):
     np.testing.assert_allclose(found.x, TRUTH, atol=1e-8)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["log-complex", "log-magnitude"])
 def test_an_update_of_a_case_without_modes_finds_the_parameters(form: FrfForm):
     case = case_without_modes(chain(), (residual_of(form),), count=5)
@@ -167,6 +167,7 @@ def test_an_update_of_a_case_without_modes_finds_the_parameters(form: FrfForm):
     np.testing.assert_allclose(found.x, TRUTH, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_motions_that_do_not_couple_are_left_out_with_a_sentence():
     model = chain()
     ports = ports_of(model, ("1X+", "2Y+"))
@@ -204,6 +205,7 @@ def test_nothing_left_is_an_error_that_says_why():
     assert error.value.code == "residual.no-frf-channels"
 
 
+@pytest.mark.slow
 def test_what_was_not_measured_is_not_compared():
     model = chain()
     ports = ports_of(model)

@@ -169,6 +169,7 @@ def spoilt(case: ComparedCase, **changes: object) -> ComparedCase:
         (OfModes(ShapeResidual(0.1), ("9",)), {}, "residual.nothing-compared"),
     ],
 )
+@pytest.mark.quick(2)
 def test_what_cannot_be_compared_is_said(residual: OfPairs, changes: dict, code: str):
     with pytest.raises(FemtuneError) as error:
         problem_of(spoilt(chain_case(), **changes), residual).start(np.zeros(3))

@@ -70,7 +70,7 @@ RESIDUALS: dict[str, Callable[[type[PoleResidual]], OfPairs]] = {
 KINDS = (ComplexEigenvalueResidual, DampingResidual)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", RESIDUALS)
 def test_jacobian_and_truth(kind: type[PoleResidual], name: str):
@@ -141,7 +141,7 @@ def test_standard_deviations_of_the_test_are_those_of_the_pole():
         np.testing.assert_allclose(np.cov(np.array(values).T), np.eye(len(values[0])), atol=0.25)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("x", [(0.0, 0.0, 0.0), (0.05, -0.02, 0.1)])
 def test_clusters_are_compared_by_their_mean(kind: type[PoleResidual], x: tuple[float, ...]):
@@ -155,6 +155,7 @@ def test_clusters_are_compared_by_their_mean(kind: type[PoleResidual], x: tuple[
     assert problem.start(np.array([0.2, 0.1, 0.1])).objective < 1e-14
 
 
+@pytest.mark.slow
 def test_one_mode_of_a_cluster_is_compared_by_its_shape():
     case = ring_case()
     problem = problem_of(case, OfModes(DampingResidual(sd=0.01), ("3",)))

@@ -50,6 +50,7 @@ def test_the_error_is_that_beside_the_inverse(form: FrfForm, scatter: FrfScatter
     assert "mode" in found.lacks
 
 
+@pytest.mark.slow
 def test_without_a_number_the_modes_reach_twice_the_highest_line() -> None:
     model = chain()
     start = solve_modes(model.at(AT), 5)
@@ -72,6 +73,7 @@ def test_without_a_number_the_modes_reach_twice_the_highest_line() -> None:
         assert truncation(without, state).lacks.endswith("and residual vectors (residual_vectors = false)")
 
 
+@pytest.mark.slow
 def test_the_number_of_modes_stays_that_of_the_start() -> None:
     """A mode that leaves the range up to twice the highest line must not leave the functions: they would jump."""
     model, test = chain(), measured(chain(), ports_of(chain()))

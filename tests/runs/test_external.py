@@ -91,6 +91,7 @@ def test_a_folder_tells_its_run_and_how_it_failed(tmp_path: Path) -> None:
     assert facts["failure"] == "exit code: the solver ended with exit code 139"
 
 
+@pytest.mark.slow
 def test_of_failed_runs_the_newest_folders_are_kept(tmp_path: Path) -> None:
     solver = fake_solver(tmp_path, retries=0, keep_most=3)
     points = [{**POINT, "point": i} for i in range(8)]
@@ -128,6 +129,7 @@ def test_folders_of_interrupted_runs_are_removed_and_nothing_else(tmp_path: Path
     assert names == {failed.name[17:], "alive", "far", "notes", "mine", "0123456789abcdef-other"}
 
 
+@pytest.mark.slow
 def test_a_refused_licence_waits_and_costs_no_retry(tmp_path: Path) -> None:
     solver = replace(fake_solver(tmp_path), retries=0, licence_tries=4)
     fail(tmp_path, 1, "licence", 3)

@@ -76,6 +76,7 @@ def test_a_damaged_row_is_run_again(tmp_path: Path, change: str) -> None:
     assert {n.code for n in journal.notices} == {"journal.damaged"}
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_journal_and_not_the_runs(tmp_path: Path) -> None:
     journal = open_run_journal(tmp_path)
     assert journal._database is not None

@@ -99,6 +99,7 @@ def identified(residuals: np.ndarray, jacobian: np.ndarray, sd: float) -> Evalua
     return Evaluation(np.zeros(jacobian.shape[1]), (), (block,))
 
 
+@pytest.mark.slow
 def test_residuals_of_an_identified_test_larger_than_its_noise_increase_the_deviations() -> None:
     rng = np.random.default_rng(4)
     J = 50.0 * rng.standard_normal((4000, 3))
@@ -130,6 +131,7 @@ def test_residuals_of_an_identified_test_larger_than_its_noise_increase_the_devi
         np.testing.assert_allclose(np.sqrt(np.diag(within.covariance)), found.together, rtol=0.03)
 
 
+@pytest.mark.slow
 def test_residuals_as_large_as_the_noise_are_no_misfit() -> None:
     rng = np.random.default_rng(5)
     J = rng.standard_normal((500, 3))

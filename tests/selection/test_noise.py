@@ -76,6 +76,7 @@ def test_a_real_effect_makes_no_other_significant(select: Selection) -> None:
 
 
 @pytest.mark.parametrize("select", SELECTIONS)
+@pytest.mark.slow
 def test_an_effect_of_six_standard_deviations_is_chosen_among_twenty(select: Selection) -> None:
     """The limit of F is 10.2, that of the effect 3.2 standard deviations: 99.7 % of draws exceed it."""
     S, rng = _columns(60, 20), np.random.default_rng(2)
@@ -115,6 +116,7 @@ def _of_unit_norm(shapes: int, count: int) -> tuple[Reals, Reals]:
 
 
 @pytest.mark.parametrize("select", SELECTIONS)
+@pytest.mark.slow
 def test_shapes_of_unit_norm_count_their_independent_residuals(select: Selection) -> None:
     """Six shapes at three sensors, eight candidates: 4 degrees of freedom, not 10, with which noise chooses in 40 %."""
     P, S = _of_unit_norm(6, 8)

@@ -72,6 +72,7 @@ def test_modes_that_cross_single_lines_are_found(i: int) -> None:
     assert found.holds < 0.02
 
 
+@pytest.mark.slow
 def test_functions_that_vanish_by_symmetry_are_found() -> None:
     """Where bottom and top are alike, a force along x at the middle of the cross bar does not move it along y."""
     frame, hz, middle = DenseFrame.made(), np.geomspace(20.0, 200.0, 120), 30
@@ -90,6 +91,7 @@ def _confined(ratio: float) -> float:
 
 
 @pytest.mark.parametrize(("upper", "verdict"), [(0.45, "smooth"), (0.4999, "rough")])
+@pytest.mark.slow
 def test_a_rubber_layer_whose_poisson_ratio_comes_near_one_half(tmp_path: Path, upper: float, verdict: str) -> None:
     """A mass on confined rubber: the frequency is that of the confined modulus."""
     lines = ["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", "EIGRL,1,,,3", "SPC1,1,3,1,2,3,4"]

@@ -25,6 +25,7 @@ def _cases(tested: bool) -> list[object]:
 
 @pytest.mark.parametrize(("seed", "trial"), _cases(tested=True))
 @pytest.mark.quick(2, rest="long")
+@pytest.mark.slow
 def test_a_right_model_is_rejected_as_often_as_the_level_says(seed: int, trial: Trial) -> None:
     found = rejections(trial, DRAWS, seed)
     lower, upper = (binom.ppf(p, DRAWS, LEVEL) for p in (_ONCE_IN_A_THOUSAND, 1.0 - _ONCE_IN_A_THOUSAND))
@@ -32,6 +33,7 @@ def test_a_right_model_is_rejected_as_often_as_the_level_says(seed: int, trial: 
 
 
 @pytest.mark.parametrize(("seed", "trial"), _cases(tested=False))
+@pytest.mark.slow
 def test_kinds_that_are_not_tested_could_not_be(seed: int, trial: Trial) -> None:
     found = rejections(trial, DRAWS, seed)
     assert found.rate > 2.0 * LEVEL

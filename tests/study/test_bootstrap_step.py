@@ -193,6 +193,7 @@ def test_modes_have_no_lines(beam: Bench) -> None:
         assert q.sd == pytest.approx(p.sd, rel=0.25)
 
 
+@pytest.mark.slow
 def test_no_optimum(bench: Bench) -> None:
     run = steps.bootstrap(bootstrapped(bench, more="[update]\nmax_iterations = 1\n"))
     (told,) = [a for a in run.results.alerts if a.code == "bootstrap.not-converged"]

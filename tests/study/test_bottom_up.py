@@ -171,6 +171,7 @@ def run(folder: Path) -> RunResult:
     return steps.update(folder / "study.toml")
 
 
+@pytest.mark.slow
 def test_every_stage_finds_its_part_of_the_truth(run: RunResult):
     update = run.results.update
     assert update.ok
@@ -243,6 +244,7 @@ def test_a_stage_without_functions_is_refused(folder: Path):
     assert "its test lacks FRFs" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_stage_without_anything_to_compare_is_refused_at_its_line(folder: Path):
     text = (folder / "study.toml").read_text().replace('residuals = ["mass"]', 'residuals = ["shape"]', 1)
     (folder / "silent.toml").write_text(text.replace("shape_sd = 1e-3", ""))

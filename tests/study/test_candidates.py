@@ -190,6 +190,7 @@ def test_several_starts_and_processes_give_the_same(two: Bench) -> None:
     assert many.record == one.record
 
 
+@pytest.mark.slow
 def test_combinations_that_the_data_leave_open(two: Bench) -> None:
     """Modulus and density of the bare beam have the same effect; of one configuration none is left out."""
     fields = {"E": "MAT1 1 E", "rho": "MAT1 1 RHO"}
@@ -215,6 +216,7 @@ def told(found: CandidatesResult, code: str) -> None:
 ONE = '[[candidate]]\nname = "both"\nparameters = ["root", "tip"]\n[candidates]\nleave_one_out = false\n'
 
 
+@pytest.mark.slow
 def test_candidates_at_bounds_and_not_converged(two: Bench) -> None:
     narrow = EI.replace("upper = 2.0", "upper = 1.1")
     found = steps.candidates(study(two, ONE + "[reduction]\n", narrow))
@@ -224,6 +226,7 @@ def test_candidates_at_bounds_and_not_converged(two: Bench) -> None:
     told(steps.candidates(study(two, ONE + "[update]\nmax_iterations = 1\n", EI)), "candidates.not-converged")
 
 
+@pytest.mark.slow
 def test_candidates_that_pair_other_modes_or_none(two: Bench) -> None:
     """Their ties make the model wrong or too soft from the beginning."""
     wrong = '[[candidate]]\nname = "wrong"\nparameters = ["mass"]\nties = { root = "-1*mass" }\n'
@@ -302,6 +305,7 @@ def test_starts_from_random_populations(two: Bench) -> None:
         assert (model.starts, model.starts_at_best, model.starts_unpaired) == (3, 3, 0)
 
 
+@pytest.mark.slow
 def test_a_population_is_judged_by_the_residuals_of_the_update(two: Bench) -> None:
     """χ² with the other parameters at their initial values, and infinite where the model cannot be solved."""
     loaded = read_study(study(two, LISTED))

@@ -69,6 +69,7 @@ def test_the_truth_is_found_with_reduced_components(run: RunResult) -> None:
         assert found[name].value == pytest.approx(truth, rel=2e-3), name
 
 
+@pytest.mark.slow
 def test_every_stage_that_compares_modes_or_frfs_is_certified(run: RunResult) -> None:
     assert run.results.update is not None
     stages = {s.name: s for s in run.results.update.stages}
@@ -112,6 +113,7 @@ def test_a_configuration_has_the_elements_of_its_components(spans: Path, tmp_pat
     assert held.n_free == study.cases[0].configured.n_free - 2
 
 
+@pytest.mark.slow
 def test_an_update_without_stages_uses_the_components_too(spans: Path, tmp_path: Path) -> None:
     text = (spans / "study.toml").read_text()
     stages = text[text.index("[[stage]]") :]
@@ -176,6 +178,7 @@ def test_an_interface_of_nothing_cannot_be_fixed(spans: Path, tmp_path: Path) ->
     assert "have no interface to absent elements" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_components_without_connection_are_named(spans: Path, tmp_path: Path) -> None:
     path = _changed(spans, tmp_path, ('name = "whole"', 'name = "whole"\nelements_off = [9]'))
     with pytest.raises(FemtuneError) as caught:

@@ -165,6 +165,7 @@ def test_bounds_within_which_a_thickness_is_negative_or_huge_are_refused(
         check_shown("distribution.range", str(caught.value).replace(str(tmp_path), "."))
 
 
+@pytest.mark.slow
 def test_the_bound_that_makes_a_thickness_positive_does(tmp_path: Path) -> None:
     (tmp_path / "plate.bdf").write_text(plate(varied=False))
     text = STUDY.replace('[test]\nfile = "plate.uff"\n', "").replace("lower = -0.3", "lower = -0.5", 1)

@@ -244,6 +244,7 @@ def test_bands_have_a_lower_and_an_upper_end(bench: Bench, key: str, line: str) 
     assert f"equalise.{line}" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_keys_that_do_not_go_with_it(bench: Bench) -> None:
     _measured(bench, 0.0)
     with pytest.raises(FemtuneError) as caught:

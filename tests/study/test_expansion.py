@@ -69,6 +69,7 @@ def test_the_file_has_the_shapes_on_the_mesh_of_the_model(few: Bench) -> None:
     np.testing.assert_allclose(one.shapes, wanted.select_dofs(one.dofs).shapes, atol=2e-6 * np.abs(wanted.shapes).max())
 
 
+@pytest.mark.slow
 def test_a_run_keeps_shapes_of_both_versions_and_writes_the_last(beam: Bench) -> None:
     study = beam.study(f'{EI}[correlate]\nexpand = "dynamic"\n')
     result = steps.run(study)

@@ -66,6 +66,7 @@ def test_a_free_plate_has_all_elastic_modes_paired_on_defaults(small: tuple[Path
     assert found[0].rigid_body_modes == 6
 
 
+@pytest.mark.slow
 def test_points_without_a_place_are_assigned_by_their_numbers(small: tuple[Path, Path], tmp_path: Path) -> None:
     """All points at 0, 0, 0: they do not lie at one grid point, and all modes are paired by the numbers."""
     deck, _ = small
@@ -84,6 +85,7 @@ def test_modes_that_a_study_asks_for_are_those_that_are_solved(small: tuple[Path
     assert f"solved to {solved:.4g} Hz, the test reaches {reached:.4g} Hz" in reasons[-1]
 
 
+@pytest.mark.slow
 def test_newcomers_run(small: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """init, check and correlate in an empty folder."""
     deck, test = small
@@ -227,6 +229,7 @@ def test_points_between_grid_points_get_a_tolerance(tmp_path: Path) -> None:
     assert ft.check(made.path).ok
 
 
+@pytest.mark.slow
 def test_points_without_place_are_told(tmp_path: Path) -> None:
     """The study is written, and check says what is missing."""
     deck = plate(tmp_path, 6, 4)
@@ -310,6 +313,7 @@ def test_functions_are_identified_first(tmp_path: Path, scatter: float) -> None:
     assert ft.check(made.path).ok
 
 
+@pytest.mark.slow
 def test_nothing_is_overwritten(small: tuple[Path, Path]) -> None:
     folder = small[0].parent / "new"
     made = ft.init(*small, folder)
@@ -339,6 +343,7 @@ def test_json_of_init_and_check(small: tuple[Path, Path], monkeypatch: pytest.Mo
 # All mistakes at once.
 
 
+@pytest.mark.slow
 def test_mistakes_of_study_deck_and_test_at_once(small: tuple[Path, Path]) -> None:
     deck, test = small
     made = ft.init(deck, test, deck.parent / "new")
@@ -386,6 +391,7 @@ def test_a_study_that_cannot_be_read(tmp_path: Path, what: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["study", "identify"])
+@pytest.mark.slow
 def test_the_published_schema_is_that_of_the_code(kind: str) -> None:
     assert (_DOCS / "_static" / f"{kind}.schema.json").read_text("utf-8") == schema_text(kind)
     Draft202012Validator.check_schema(file_schema(kind))
@@ -395,6 +401,7 @@ def _problems(text: str) -> list[Any]:
     return list(Draft202012Validator(file_schema("study")).iter_errors(tomllib.loads(text)))
 
 
+@pytest.mark.slow
 def test_the_schema_accepts_studies_and_refuses_mistakes(small: tuple[Path, Path]) -> None:
     page = (_DOCS / "study-file.md").read_text("utf-8")
     for text in (

@@ -146,6 +146,7 @@ def test_direct_frfs_find_modulus_and_loss_factor(rubber: Bench):
     assert last.configuration == "as the deck"
 
 
+@pytest.mark.slow
 def test_modes_of_a_study_are_those_of_their_own_frequency(rubber: Bench):
     rubber.write("beam.bdf", DECK.replace(RUBBER, TRUE_RUBBER))
     found = steps.modes(rubber.study(f"{PARAMETERS}{TABLES}", test=None))
@@ -153,6 +154,7 @@ def test_modes_of_a_study_are_those_of_their_own_frequency(rubber: Bench):
     assert list(found.freq_hz) == pytest.approx(expected, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_modulus_of_the_whole_beam(bench: Bench):
     """All stiffness follows E, and G with it: f = f₀√t(f) with the frequencies f₀ of the deck."""
     deck = bench.folder / "beam.bdf"
@@ -166,6 +168,7 @@ def test_a_modulus_of_the_whole_beam(bench: Bench):
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_table_holds_for_all_regions_of_a_field(bench: Bench):
     region = '[[parameter]]\nname = "a"\nfields = ["PBAR 1 I1"]\nelements = "1"\nlower = 0.5\nupper = 2.0\n'
     table = '[[frequency_table]]\nfields = ["PBAR 1 I1"]\nfreq_hz = [0.0, 100.0]\nfactor = [1.0, 2.0]\n'

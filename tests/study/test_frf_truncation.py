@@ -88,7 +88,7 @@ def alerts(run: RunResult, code: str) -> list[str]:
     return [a.sentence for a in run.results.alerts if a.code == code]
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", ["", "[modes]\ncount = 4\n"])
 def test_a_study_that_states_the_band_only_ends_at_the_truth(with_frfs: Bench, modes: str) -> None:
     run = run_with(with_frfs, f"to_hz = {HIGHEST}", modes)
@@ -116,6 +116,7 @@ def test_a_study_that_states_the_band_only_ends_at_the_truth(with_frfs: Bench, m
     assert "superposition of modes beside direct solutions" in Path(run.report).read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_precise_measurements_take_more_modes(with_frfs: Bench) -> None:
     """Modes up to twice the highest line would leave .2 σ: further ones are taken until the error is small."""
     run = run_with(with_frfs, f"to_hz = {HIGHEST}\nsd = 0.0005", "[modes]\ncount = 4\n")
@@ -129,6 +130,7 @@ def test_precise_measurements_take_more_modes(with_frfs: Bench) -> None:
     assert "those up to 4 times their highest line" in told
 
 
+@pytest.mark.slow
 def test_too_few_modes_are_named_in_a_warning(with_frfs: Bench) -> None:
     run = run_with(with_frfs, f"to_hz = {HIGHEST}\ncount = 2\nresidual_vectors = false")
     told = alerts(run, "residual.frf-truncated")
@@ -139,6 +141,7 @@ def test_too_few_modes_are_named_in_a_warning(with_frfs: Bench) -> None:
     check_shown("residual.frf-truncated", f"[residual.frf-truncated] {told[0]}")
 
 
+@pytest.mark.slow
 def test_the_direct_method_has_no_truncation(with_frfs: Bench) -> None:
     run = run_with(with_frfs, 'to_hz = 60.0\nmethod = "direct"')
     within_a_tenth_of_sigma(run)

@@ -58,6 +58,7 @@ def with_frfs(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return made
 
 
+@pytest.mark.slow
 def test_deviations_of_both_sets_before_and_after(with_frfs: Bench) -> None:
     """δ of the validation set by the FRFs in the results; sums weighted by the lines."""
     hold = '\n[[hold_out]]\noutputs = ["12Y+"]\n'
@@ -85,6 +86,7 @@ def test_deviations_of_both_sets_before_and_after(with_frfs: Bench) -> None:
     assert found.sentences[1].startswith("δ of the validation set, 1 FRFs: ")
 
 
+@pytest.mark.slow
 def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
     hold = '\n[[hold_out]]\noutputs = ["12Y+"]\n'
     limits = LIMITS.replace("fdac = 0.95\n", "")
@@ -119,6 +121,7 @@ def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
     assert run.arrays[curves.values_key].shape == test.shape == (3, 1, len(LINES))
 
 
+@pytest.mark.slow
 def test_without_held_out_frfs_nothing_is_tested_and_the_results_say_so(with_frfs: Bench) -> None:
     run = steps.run(with_frfs.study(with_frfs.parameters + RESIDUAL + LIMITS, test="frfs.uff"))
     verdicts = by_criterion(run)

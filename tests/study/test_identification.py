@@ -55,6 +55,7 @@ def described(record, folder, text):
     return path
 
 
+@pytest.mark.slow
 def test_a_record_becomes_modes_that_a_study_can_read(record, tmp_path):
     made = identify(described(record, tmp_path, "sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 20"))
     assert made.folder == tmp_path / "identified"
@@ -72,6 +73,7 @@ def test_a_record_becomes_modes_that_a_study_can_read(record, tmp_path):
     assert "<script" not in without_own_scripts(page)
 
 
+@pytest.mark.slow
 def test_fragments_give_means_and_their_scatter(record, tmp_path):
     text = 'sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 16\nfragments = 3\nmethods = ["ERA", "FDD"]'
     made = identify(described(record, tmp_path, text))
@@ -177,6 +179,7 @@ def test_a_period_between_samples_is_refused(tmp_path):
     assert caught.value.where.line
 
 
+@pytest.mark.slow
 def test_a_dead_channel_is_named(record, tmp_path):
     values = np.loadtxt(record, delimiter=",")
     values[:, 1] = 0.0
@@ -198,6 +201,7 @@ def test_what_was_found_before_an_error_is_shown_with_it(record, tmp_path):
     assert "2S+ (1, the first at 14 s)" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_channel_in_another_unit_costs_no_mode(record, tmp_path):
     """The values of the channel are in mm/s²: same modes and deviations, entries 1000 times larger."""
     values = np.loadtxt(record, delimiter=",")
@@ -273,6 +277,7 @@ def test_output_only_methods_are_refused_for_functions(tmp_path):
         identify(tmp_path / "a.toml")
 
 
+@pytest.mark.slow
 def test_a_record_of_velocities_and_accelerations_gives_the_shapes_of_accelerations(record, tmp_path):
     values = np.loadtxt(record, delimiter=",").T
     lines = np.fft.rfftfreq(values.shape[1], 1.0 / 50.0)

@@ -157,7 +157,7 @@ def test_bounds_do_not_matter_to_solutions_and_the_start_does(beam: Bench, solve
     assert (0.0, 0.0) in solved.points
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -258,6 +258,7 @@ def test_the_journal_stops_at_its_size(beam: Bench) -> None:
     same(run, again)
 
 
+@pytest.mark.slow
 def test_a_journal_that_leads_elsewhere_is_not_written(beam: Bench) -> None:
     (beam.folder / "elsewhere").mkdir()
     (beam.folder / "run").mkdir()
@@ -267,6 +268,7 @@ def test_a_journal_that_leads_elsewhere_is_not_written(beam: Bench) -> None:
 
 
 @pytest.mark.parametrize("fresh", [False, True])
+@pytest.mark.slow
 def test_what_is_half_written_is_swept_away(beam: Bench, fresh: bool) -> None:
     folder = beam.folder / "run/journal"
     folder.mkdir(parents=True)

@@ -79,6 +79,7 @@ def test_motion_is_in_basic_axes_whatever_the_displacement_frames(tmp_path: Path
     np.testing.assert_allclose(skew * signs, plain, atol=1e-9 * np.abs(plain).max())
 
 
+@pytest.mark.slow
 def test_a_run_keeps_the_shapes_before_and_as_written(finished: tuple[Any, RunResult]) -> None:
     results = finished[1].results
     assert [m.stage for m in results.mode_shapes] == ["before", "after as written"]

@@ -45,6 +45,7 @@ def test_interrupted_update_leaves_its_history(beam: Bench, last: int) -> None:
     assert set(lines[-1]["parameters"]) == {"root", "tip"}
 
 
+@pytest.mark.slow
 def test_a_run_that_is_interrupted_keeps_the_results_of_an_earlier_one(beam: Bench) -> None:
     study = beam.study()
     first = steps.update(study)

@@ -11,6 +11,7 @@ from femtune import steps
 Bench = Any
 
 
+@pytest.mark.slow
 def test_mass_that_autospc_holds_is_an_alert(beam: Bench) -> None:
     point = "GRID    6               2.0     0.0     0.0\n"
     beam.write("beam.bdf", beam.text.replace("CONM2   9       5 ", f"{point}CONM2   9       6 "))
@@ -20,12 +21,13 @@ def test_mass_that_autospc_holds_is_an_alert(beam: Bench) -> None:
     assert any(a.code == "model.held-mass" and "6X, 6Y, 6Z" in a.sentence for a in alerts)
 
 
+@pytest.mark.slow
 def test_missing_enddata_is_an_alert(beam: Bench) -> None:
     beam.write("beam.bdf", beam.text.replace("ENDDATA\n", ""))
     assert any(a.code == "deck.no-enddata" for a in steps.update(beam.study()).results.alerts)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bläu & co", "two words", "it's", 'say "x"', "<b>", "a;b$(c)", "ß=1"])
 def test_strange_names_of_files_and_folders(beam: Bench, name: str) -> None:
     head, grids, tail = beam.text.partition("GRID    3               0.5     0.0     0.0\n")

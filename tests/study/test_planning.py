@@ -111,6 +111,7 @@ def test_all_modes_and_all_points(free: Path) -> None:
         steps.plan(free, uniaxial=8, suspension=[{"nodes": "500 THRU 600", "stiffness": (1.0, 1.0, 1.0)}])
 
 
+@pytest.mark.slow
 def test_targets_of_a_band_are_solved_for(free: Path) -> None:
     hz = steps.modes(free, count=24).freq_hz
     found = steps.plan(free, band_hz=(hz[8] - 0.01, hz[20] + 0.01), uniaxial=20)
@@ -119,6 +120,7 @@ def test_targets_of_a_band_are_solved_for(free: Path) -> None:
 
 @pytest.mark.parametrize("method", ["expansion", "elimination"])
 @pytest.mark.parametrize("weighting", ["none", "kinetic-energy"])
+@pytest.mark.quick(2)
 def test_placed_sets_are_better_than_random_ones(free: Path, method: str, weighting: str) -> None:
     found = steps.plan(free, uniaxial=9, method=method, weighting=weighting, uniaxial_threshold=0.0)
     shapes = steps.modes(free).mode_sets["as the deck"]
@@ -323,6 +325,7 @@ def test_only_the_configuration_that_is_asked_for_is_planned(tmp_path: Path) -> 
         steps.plan(study, configuration="light")
 
 
+@pytest.mark.slow
 def test_exciters_excite_every_target_mode(free: Path) -> None:
     found = steps.plan(free, modes="7 THRU 12", uniaxial=12, exciters=2)
     assert [e.name for e in found.record.exciters] == ["E1", "E2"]
@@ -338,6 +341,7 @@ def test_exciters_excite_every_target_mode(free: Path) -> None:
     assert found.exciters[0].dof == found.record.exciters[0].dof
 
 
+@pytest.mark.slow
 def test_a_given_exciter_and_the_sensor_at_its_driving_point(free: Path) -> None:
     # on the axis of symmetry: antisymmetric modes are not excited
     middle = f"{_at(4, 3)}Z+"

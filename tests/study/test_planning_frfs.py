@@ -101,6 +101,7 @@ def test_sensors_for_a_given_exciter_are_the_best_of_all_sets(tmp_path: Path, cr
     assert all(p.candidates_sd is not None and p.candidates_sd <= p.expected_sd for p in found.record.parameters)
 
 
+@pytest.mark.slow
 def test_sensors_and_exciter_together_beside_all_pairs_of_sets(tmp_path: Path) -> None:
     found = steps.plan(_chain(tmp_path, aim="parameters", modes="1 THRU 3", uniaxial=3, exciters=1))
     assert found.calibration_lines is not None

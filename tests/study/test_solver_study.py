@@ -229,6 +229,7 @@ def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, na
 
 
 @pytest.mark.parametrize("step", ["info", "modes", "correlate"])
+@pytest.mark.slow
 def test_other_steps_use_the_same_runs(study: Path, step: str) -> None:
     assert repr(getattr(ft, step)(study))
     before = started(study)

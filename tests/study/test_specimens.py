@@ -82,6 +82,7 @@ def test_each_specimen_has_its_own_deck(beams: RunResult) -> None:
         assert hz[0] == pytest.approx(hz[1], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_spread_of_the_parameters_is_found_and_that_of_a_common_one_is_noise(beams: RunResult) -> None:
     root, tip = _found(beams).parameters
     assert (root.name, root.individual, tip.name, tip.individual) == ("root", True, "tip", False)

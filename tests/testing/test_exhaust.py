@@ -23,6 +23,7 @@ def deck(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_parts_and_the_whole_hang_free(deck: Path):
     exhaust = exhaust_deck()
     built = build_structure(read_deck(deck))

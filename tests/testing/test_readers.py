@@ -131,6 +131,7 @@ def _changing(path: Path) -> Table:
         (_forgetful, "dropped without a notice that has its line"),
     ],
 )
+@pytest.mark.quick(2)
 def test_a_reader_that_breaks_a_rule_is_found(read: Callable[[Path], Any], words: str, file: Path) -> None:
     with pytest.raises((AssertionError, FemtuneError), match=words):
         check_reader(read, file, unknown="four\n", mutants=40, seconds=0.2, megabytes=50.0)

@@ -71,7 +71,7 @@ def test_the_size_is_met_and_the_mass_stays(fine: Subframe) -> None:
         assert mesh_quality(made).mass == pytest.approx(mass, rel=0.01)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("n_dofs", [*SIZES, FINE])
 def test_elements_are_not_badly_distorted(n_dofs: int) -> None:
     quality = mesh_quality(subframe(n_dofs))
@@ -81,7 +81,7 @@ def test_elements_are_not_badly_distorted(n_dofs: int) -> None:
     assert quality.jacobian > 0.3
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("n_dofs", SIZES)
 def test_it_is_one_piece_without_free_or_double_nodes(n_dofs: int) -> None:
     made = subframe(n_dofs)
@@ -92,6 +92,7 @@ def test_it_is_one_piece_without_free_or_double_nodes(n_dofs: int) -> None:
     assert len(np.unique(made.node_ids)) == len(made.node_ids)
 
 
+@pytest.mark.slow
 def test_without_its_bolts_the_brackets_come_off(smallest: Subframe) -> None:
     kept = tuple(tie for tie in smallest.rigid if tie.name != "bolt")
     loose = MeshedStructure("loose", smallest.node_ids, smallest.xyz, smallest.elements, (), (), kept)
@@ -127,7 +128,7 @@ def test_six_rigid_modes_and_no_mechanism(smallest: Subframe, built: BuiltModel)
     assert np.all(freq_hz[6:] > 60.0)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("boundary", ["held", "loaded"])
 def test_held_or_loaded_at_its_mounts(smallest: Subframe, tmp_path: Path, boundary: str) -> None:
     deck = read_deck(write_subframe(smallest, tmp_path / "deck.bdf", boundary))
@@ -159,7 +160,7 @@ def test_another_seed_puts_the_sensors_elsewhere(smallest: Subframe) -> None:
     assert not np.array_equal(*places)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("solids", [True, False])
 def test_the_parameters_of_the_study_are_fields_of_the_deck(tmp_path: Path, solids: bool) -> None:
     deck = write_subframe(subframe(5_000, solids), tmp_path / "deck.bdf")

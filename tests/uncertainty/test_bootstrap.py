@@ -115,6 +115,7 @@ def test_serial_and_processes_agree_to_the_last_bit() -> None:
     assert [r.steps for r in one] == [r.steps for r in other]
 
 
+@pytest.mark.slow
 def test_a_pickle_of_the_work_has_no_solutions() -> None:
     bootstrap = work()
     first = bootstrap(3)

@@ -65,6 +65,7 @@ def test_level(noise):
     assert wrong <= binom.ppf(1 - 1e-3, 60, 0.05) / 60
 
 
+@pytest.mark.slow
 def test_a_change_between_the_repeats_is_found():
     held = np.arange(30) >= 20
     z = _tests(30, 3)
@@ -75,6 +76,7 @@ def test_a_change_between_the_repeats_is_found():
     assert found.mean_difference[0] > 1.0
 
 
+@pytest.mark.slow
 def test_noise_that_is_not_stated_is_found():
     """Two parameters for three outputs predict a singular covariance."""
     held = held_out_repeats(60, 0.3, 1)

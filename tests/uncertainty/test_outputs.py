@@ -148,6 +148,7 @@ def test_shapes_are_those_of_the_dense_problem():
     assert (np.sum(start * shapes, axis=0) > 0.5).all()
 
 
+@pytest.mark.slow
 def test_frequencies_and_shapes_give_mean_and_covariance_of_parameters():
     """Repeats of four factors, eigenvalues and shapes of two modes: the second-order update returns the factors."""
     outputs = ModeOutputs(EigenvalueOutputs(_chain(), 2, np.ones(4)))

@@ -66,6 +66,7 @@ def test_a_known_distribution_is_found_from_its_moments_alone():
 
 
 @pytest.mark.parametrize("method", ["cross-covariance", "output-difference"])
+@pytest.mark.slow
 def test_a_propagated_cloud_has_the_measured_moments(method):
     _, found = _updated(3, method)
     assert found.status is StochasticStatus.CONVERGED

@@ -117,6 +117,7 @@ def test_steps_below_the_tolerance_are_no_optimum(search: object):
     assert not result.status.ok
 
 
+@pytest.mark.slow
 def test_a_weight_by_a_rule_is_kept_or_adapted():
     kept = updated(EachStep(Link("gcv")), max_iterations=3)
     assert kept.side.choice is not None

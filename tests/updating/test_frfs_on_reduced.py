@@ -126,6 +126,7 @@ def test_the_shift_is_the_step_that_the_full_model_makes(problem: UpdateProblem)
     assert there.largest == pytest.approx(np.abs(full.residuals - near.residuals).max(), rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_start_of_a_large_model_is_on_the_basis_of_its_training(
     problem: UpdateProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,6 +164,7 @@ def test_a_training_of_a_large_model_by_inverse_iteration_ends_at_the_same_optim
     assert np.abs((ranked.result.x - found.result.x) / sd).max() < 0.02
 
 
+@pytest.mark.slow
 def test_what_was_compared_is_said(found: ReducedUpdate) -> None:
     (facts,) = found.cases
     assert facts.functions == 1

@@ -67,6 +67,7 @@ def test_the_end_is_that_of_the_full_model(case: ComparedCase, found: ReducedUpd
     assert isinstance(found.result.after.states[0].solution, EigenSolution)
 
 
+@pytest.mark.slow
 def test_what_it_cost_and_how_right_it_is_is_said(case: ComparedCase, found: ReducedUpdate) -> None:
     (facts,) = found.cases
     assert facts.configuration == case.name

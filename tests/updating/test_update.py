@@ -118,6 +118,7 @@ def test_ties_are_updated_and_propagated():
     assert result.sd["half"] == pytest.approx(0.5 * result.sd["a"])
 
 
+@pytest.mark.slow
 def test_converged():
     result = update(problem_of(noisy(simulated_case(chain(), TRUTH, range(4), 4), 0.005, 0.02, 3)))  # type: ignore
     assert result.status is Status.CONVERGED

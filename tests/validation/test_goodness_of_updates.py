@@ -37,6 +37,7 @@ def test_a_spring_that_the_model_lacks_is_never_missed(seeds: range) -> None:
     assert max(_chances(spring_chain(0.15), seeds)) < 0.01
 
 
+@pytest.mark.slow
 def test_the_sentence_names_what_is_worst() -> None:
     found = goodness_of_fit(update(spring_chain(0.15).problem(0)).after.blocks)
     assert found.outcome is Outcome.FAIL

@@ -86,6 +86,7 @@ def test_decimal_commas_are_told(deck_of: DeckOf, text: str, shown: str) -> None
     assert shown in str(caught.value)
 
 
+@pytest.mark.slow
 def test_includes_that_double_end(tmp_path: Path) -> None:
     for level in range(30):
         (tmp_path / f"{level}.inc").write_text(f"INCLUDE '{level + 1}.inc'\n" * 2)

@@ -59,6 +59,7 @@ def test_the_decks_hold_every_card() -> None:
 
 
 @pytest.mark.parametrize("name", OWN)
+@pytest.mark.quick(2)
 def test_the_decks_are_sound(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(trial.__globals__, "mutant", lambda files, number: dict(files))
     assert trial(OWN[name], 1) == ("result", "")

@@ -272,7 +272,7 @@ def buildable(deck: WrittenDeck, ref: FieldRef) -> BuiltModel | None:
     return built if ref in built.fields else None
 
 
-@pytest.mark.quick(10)
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("state", ["blank", "absent"])
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_fields_that_are_not_filled(sample: Sample, state: str, tmp_path: Path) -> None:
@@ -307,7 +307,7 @@ def check_not_filled(sample: Sample, state: str, formats: int, tmp_path: Path) -
     assert left_out == (needed | first_line | set(sample.beside.split()) if state == "absent" else needed)
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("sample", [s for s in SAMPLES if not s.alone], ids=lambda s: s.name)
 def test_a_copy_for_one_of_two_elements(sample: Sample, tmp_path: Path) -> None:
     """A card more behind the one that is shared, and the number of the copy on the element: nothing else changes."""

@@ -165,6 +165,7 @@ def test_python_objects_are_not_unpickled(tmp_path):
 # Files that inflate to gigabytes, and tables that are too wide.
 
 
+@pytest.mark.slow
 def test_an_archive_that_inflates_to_gigabytes_is_not_read(tmp_path):
     head = io.BytesIO()
     np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (1, 1 << 26)})
@@ -177,6 +178,7 @@ def test_an_archive_that_inflates_to_gigabytes_is_not_read(tmp_path):
         read_record(tmp_path / "bomb.npz", sampling_hz=1.0)
 
 
+@pytest.mark.slow
 def test_a_matlab_file_that_inflates_to_gigabytes_is_not_read(tmp_path):
     shrink = zlib.compressobj(1)
     content = b"".join(shrink.compress(bytes(1 << 20)) for _ in range(300)) + shrink.flush()

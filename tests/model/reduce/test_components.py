@@ -116,6 +116,7 @@ def test_the_assembly_is_that_of_components_reduced_one_by_one() -> None:
 
 
 @pytest.mark.parametrize("parts", [2, 3])
+@pytest.mark.slow
 def test_with_all_modes_the_model_is_the_full_one_and_converges_to_it(parts: int) -> None:
     plate, components = _plate(parts)
     x = np.array([0.2, -0.15, 0.1])
@@ -130,6 +131,7 @@ def test_with_all_modes_the_model_is_the_full_one_and_converges_to_it(parts: int
     assert certified_error(everything.model, x, values).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_the_reduced_matrices() -> None:
     plate, components = _plate(3)
     model, x, h = component_model(plate, components, 400.0).model, np.array([0.1, -0.1, 0.05]), 1e-20
@@ -156,6 +158,7 @@ def _up_to(components: Components, hz: float) -> Components:
     return replace(components, max_hz=dict.fromkeys(components.elements, hz))
 
 
+@pytest.mark.slow
 def test_only_the_components_that_a_parameter_changes_are_rebuilt() -> None:
     plate, components = _plate(2, ("t2",))
     trainer = _trainer(plate, _up_to(components, 3000.0))
@@ -174,6 +177,7 @@ def test_only_the_components_that_a_parameter_changes_are_rebuilt() -> None:
         assert certified_error(trained.model, x, truth).max() < 3e-4
 
 
+@pytest.mark.slow
 def test_full_modes_make_the_model_right_where_they_are_solved() -> None:
     plate, components = _plate(2)
     trainer = _trainer(plate, components)
@@ -191,6 +195,7 @@ def test_full_modes_make_the_model_right_where_they_are_solved() -> None:
         assert not after.basis[np.ix_(outside, own.columns)].any()
 
 
+@pytest.mark.slow
 def test_too_few_modes_are_made_up_for_by_full_solutions() -> None:
     plate, components = _plate(2, ("t2",))
     trainer = _trainer(plate, _up_to(components, 1.0))

@@ -67,6 +67,7 @@ def _points(plate: ConfiguredModel, count: int) -> np.ndarray:
     return np.random.default_rng(5).uniform(*plate.model.parameters.bounds, (count, 3))
 
 
+@pytest.mark.slow
 def test_training_reaches_the_tolerance_everywhere(plate: ConfiguredModel, trained: Trained) -> None:
     assert trained.status is TrainingStatus.CONVERGED
     assert len(trained.certified) < RULES.full_solutions
@@ -75,6 +76,7 @@ def test_training_reaches_the_tolerance_everywhere(plate: ConfiguredModel, train
         assert error.max() < 1e-3
 
 
+@pytest.mark.slow
 def test_ranked_candidates_need_no_estimates(plate: ConfiguredModel, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tolerance holds at random points; what is stated is the larger of the true errors at the last two points."""
     asked: list[int] = []

@@ -128,6 +128,7 @@ def test_derivatives_by_frequency():
         assert np.abs(found).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_frfs_of_each_line_are_those_of_its_values():
     configured = model((MODULUS, LOSSES, DAMPER), ALL)
     lines = np.linspace(0.0, 9.0, 19)
@@ -194,7 +195,7 @@ def test_one_mass_by_hand():
     assert static_response(configured.at(np.zeros(3)), ports).values[0, 0] == pytest.approx(1 / k)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("solve", [modes_at_own_frequency, complex_modes_at_own_frequency])
 def test_modes_satisfy_their_own_matrices_and_derivatives_are_differences(solve):
     configured, h = model((MODULUS, LOSSES, DAMPER), ALL), 1e-5
@@ -212,6 +213,7 @@ def test_modes_satisfy_their_own_matrices_and_derivatives_are_differences(solve)
         assert mode.iterations < 12
 
 
+@pytest.mark.slow
 def test_a_residual_of_frfs_finds_the_factors_of_the_tables():
     configured = model((MODULUS, LOSSES), {"k": ("K", 2), "eta": ("GE", 2)})
     truth = np.array([0.2, -0.3])
@@ -302,6 +304,7 @@ def test_bad_tables(fields: list[FieldRef], freq: list[float], factor: list[floa
     assert word in caught.value.what
 
 
+@pytest.mark.slow
 def test_a_modulus_that_rises_too_steeply_has_no_mode_of_its_own():
     """k(f) = k₀ f²/f₀² between the frequencies of the table: every frequency there is a natural one of its own."""
     f0 = np.sqrt(800.0 / 2.0) / (2 * np.pi)

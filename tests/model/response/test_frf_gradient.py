@@ -24,7 +24,7 @@ def _model(n: int = 4) -> tuple[ConfiguredModel, Ports]:
     return model, make_ports(model, ["1X+", "3X+"], ["1X+", "2X-", "4X+"])
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @every_way
 def test_by_complex_difference(method: Method) -> None:
     model, ports = _model()
@@ -41,7 +41,7 @@ def test_by_complex_difference(method: Method) -> None:
     )
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @every_way
 @pytest.mark.parametrize("damping", [constant_damping(0.03), rising(0.03, 5.0), as_hysteretic(rising(0.03, 5.0))])
 def test_with_modal_damping(method: Method, damping: DampingRatios) -> None:
@@ -58,7 +58,7 @@ def test_with_modal_damping(method: Method, damping: DampingRatios) -> None:
         assert np.abs(found.gradient[..., i] - exact).max() <= 1e-7 * np.abs(exact).max()
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [constant_damping(0.03), rising(0.03, 5.0), as_hysteretic(rising(0.03, 5.0))])
 def test_with_modal_damping_of_some_modes_repeated_ones_among_them(damping: DampingRatios) -> None:
     """Three equal oscillators side by side and a chain: a cluster is split by the parameter, P′ still exists."""
@@ -96,7 +96,7 @@ TRUNCATED: list[tuple[Method, int, bool]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("damping", [None, rising(0.03, 5.0), as_hysteretic(rising(0.03, 5.0))])
 @pytest.mark.parametrize(("method", "count", "residual_vectors"), TRUNCATED)

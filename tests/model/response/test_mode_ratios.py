@@ -41,7 +41,7 @@ ZETA = Parameter("z", 1.0, 0.1, 5.0)
 RATIOS = {2: 0.03, ALL_MODES: 0.01}
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @every_way
 @pytest.mark.parametrize("damping", [None, constant_damping(0.5), as_hysteretic(constant_damping(0.2))])
 def test_derivatives_by_four_point_differences(method: Method, damping: object) -> None:
