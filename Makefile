@@ -76,8 +76,10 @@ evidence: $(VENV)/.stamp-test  ## run the full examples, which write the tables 
 notebooks: $(VENV)/.stamp-notebooks  ## execute the notebooks as Jupyter does
 	@$(ONE_THREAD) $(BIN)/python examples/notebooks/execute.py
 
+# Two at a time: an example has one thread. What it prints stays together.
 examples-quick: $(VENV)/.stamp-test  ## run the quick form of every example
-	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --quick; done
+	@printf '%s\n' $(EXAMPLES) | $(ONE_THREAD) xargs -P 2 -I '{}' bash -c \
+	  'printed="$$($(BIN)/python "$$1" --quick 2>&1)"; code=$$?; printf "== %s\n%s\n" "$$1" "$$printed"; exit $$code' run '{}'
 
 web/node_modules/.stamp: web/package-lock.json web/package.json
 	@cd web && npm ci --silent --no-audit --no-fund
