@@ -95,7 +95,7 @@ web-check: web/node_modules/.stamp  ## types and tests of the scripts, and wheth
 
 browser: $(VENV)/.stamp-test  ## check the newest report (or REPORT=path) in headless Chromium
 	@$(BIN)/python .ci/check_page.py $(REPORT)
-	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory web/node_modules/.stamp && \
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory web/node_modules/.stamp && mkdir -p build && \
 	  $(BIN)/femtune respond examples/01_building/building.bdf --quiet --input 301X+ --output 301X+ --output 202Y+ \
 	  --from 1 --to 20 --step 0.05 --ratio 0.01 --report build/responses.html && cd web && \
 	  FEMTUNE_PAGES="$(or $(REPORT),../examples/01_building/run/report.html:../build/responses.html)" npm run --silent browser; \
