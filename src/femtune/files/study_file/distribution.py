@@ -41,7 +41,7 @@ def distribution_rules(data: Data, source: StudyLines) -> Problems:
     for place, parameter, words in named:
         yield from _amplitude(place, words, counts, source)
         if "tie" not in parameter and parameter.get("absolute") is not True:
-            shown = {key: parameter[key] for key in ("lower", "upper") if key in parameter}
+            shown: dict[str, Any] = {key: parameter[key] for key in ("lower", "upper") if key in parameter}
             yield source.error(place, "distribution.factor", shown, parameter=parameter.get("name", ""))
     used = {words[1] for _, _, words in named}
     for place, entry in entries:
