@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune.dofs import DofSet
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.modal import FrfSet, as_kind
 from femtune.model import solve_modes
 from femtune.model.response import frf, make_ports, zero_finder
@@ -199,3 +200,5 @@ def test_minima_of_noise_are_no_antiresonances() -> None:
     assert len(measured_antiresonances(only, ZeroSearch(above_noise=0.0))) > 3
     with pytest.raises(FemtuneError, match="minima in the noise"):
         measured_antiresonances(only)
+    left_out = Notice("residual.antiresonances-in-noise", configuration="beam", count=found.in_noise, level=8.0)
+    check_shown("residual.antiresonances-in-noise", left_out)

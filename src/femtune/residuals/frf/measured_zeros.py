@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from femtune.arrays import Complexes, Reals
 from femtune.dofs import Dof
@@ -264,8 +265,8 @@ class _Fit:
         self.root = complex(at + scale * root)
         self.sd = float(scale * np.sqrt(variance * float((terms @ own).real)) / abs(slope))
 
-    def _terms(self, z: Complexes | Reals) -> Complexes:
-        p, q = self.poles
+    def _terms(self, at: ArrayLike) -> Complexes:
+        (p, q), z = self.poles, np.asarray(at)
         return np.stack([np.ones_like(z), z, 1 / (z - p), 1 / (z - p) ** 2, 1 / (z - q), 1 / (z - q) ** 2], axis=-1)
 
 
