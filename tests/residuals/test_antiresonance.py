@@ -200,5 +200,5 @@ def test_minima_of_noise_are_no_antiresonances() -> None:
     assert len(measured_antiresonances(only, ZeroSearch(above_noise=0.0))) > 3
     with pytest.raises(FemtuneError, match="minima in the noise"):
         measured_antiresonances(only)
-    left_out = Notice("residual.antiresonances-in-noise", configuration="beam", count=found.in_noise, level=8.0)
+    left_out = Notice("residual.antiresonances-in-noise", configuration="beam", count=found.in_noise, ratio=8.0)
     check_shown("residual.antiresonances-in-noise", left_out)

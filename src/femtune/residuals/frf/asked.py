@@ -82,7 +82,7 @@ class AskedAntiresonances(AtFirstState):
             level = entry.above_noise
             notices = (
                 *notices,
-                Notice("residual.antiresonances-in-noise", configuration=asked.name, count=count, level=level),
+                Notice("residual.antiresonances-in-noise", configuration=asked.name, count=count, ratio=level),
             )
         gates = ZeroGates(entry.frequency_gate, entry.mac_gate)
 
