@@ -1,11 +1,14 @@
 // Both sides of a configuration: the model on its mesh, the test on its wire frame.
 
-import { BufferAttribute, Color, DirectionalLight, AmbientLight, Scene } from "three";
+import { AmbientLight, BufferAttribute, Color, DirectionalLight, Scene, type Object3D } from "three";
 import { column, unpack, unpackRows, type Packed, type SceneData, type Stage } from "./data.ts";
 import { Arrows, colours, Dots, Faces, thinLines, WideLines } from "./drawing.ts";
-import { combined, diagonal, largest, minus, moved, shownFactor, sizes, times, triangles, type Motion } from "./motion.ts";
+import { combined, diagonal, energyOf, largest, minus, moved, shownFactor, sizes, times, triangles, type Motion } from "./motion.ts";
 
-export type Colouring = "displacement" | "difference";
+export type Colouring = "displacement" | "energy" | "difference";
+
+/** The colour bar: name, unit, the value of its end, and whether values beyond have the colour of the end. */
+export interface ColourBar { name: string; end: number; hot: boolean; open: boolean }
 export interface Theme { dark: boolean; ink: string; rest: string; model: string; test: string }
 
 /** What is shown: a row of the test's modes (null without a test) and a column of the model's. */
@@ -25,6 +28,7 @@ export class SceneOf {
   private modelMotion: Motion | null = null;
   private testMotion: Motion | null = null;
   private expandedMotion: Motion | null = null;
+  private energy: Float32Array | null = null;
   private scale = 0;
   private readonly modelSide: ModelSide;
   private readonly testSide: TestSide | null;
@@ -53,9 +57,13 @@ export class SceneOf {
     const [modes, weights] = pair ? [pair.modes.map((n) => n - 1), pair.weights] : [[chosen.column], [1]];
     const stored = modes.map((j) => stage.stored.indexOf(j));
     if (stored.some((k) => k < 0)) throw new Error("the shape is not stored");
-    this.modelMotion = combined(stored.map((k) => this.column(stage.motion, k)), weights);
+    const part = (packed: Packed | null, at: number[]) => packed && at.map((k) => this.column(packed, k));
+    this.modelMotion = combined(part(stage.motion, stored)!, weights, part(stage.motion_imaginary, stored));
+    const energy = part(stage.energy, stored);
+    this.energy = energy && energyOf(energy, weights);
     this.testMotion = this.expandedMotion = null;
-    if (chosen.test !== null && this.hasTest && stage.seen && stage.factors && stage.mac) this.chooseTest(stage, chosen.test, chosen.column, pair?.factor, combined(modes.map((j) => this.column(stage.seen!, j)), weights));
+    if (chosen.test !== null && this.hasTest && stage.seen && stage.factors && stage.mac) this.chooseTest(stage, chosen.test, chosen.column, pair?.factor, combined(part(stage.seen, modes)!, weights, part(stage.seen_imaginary, modes)));
+    this.expandedSide?.show(this.expandedMotion !== null);
     const most = largest(sizes(this.modelMotion)) || 1;
     this.scale = (0.13 * this.size) / most;
   }
@@ -75,17 +83,30 @@ export class SceneOf {
     }
   }
 
+  /** What can be shown as colour of the shape that is chosen. */
+  can(colouring: Colouring): boolean {
+    return colouring === "displacement" || (colouring === "energy" ? this.energy !== null : this.testMotion !== null);
+  }
+
   /** Colour of the model, and of the test where it is expanded or compared at the sensors. */
-  paint(colouring: Colouring): void {
-    if (!this.modelMotion) return;
-    const { dark } = this.theme;
-    const amount = sizes(this.modelMotion), most = largest(amount) || 1;
-    const part = amount.map((v) => v / most);
-    let values: Float32Array = part;
-    if (colouring === "difference" && this.expandedMotion) values = sizes(minus(this.modelMotion, this.expandedMotion)).map((v) => v / most);
-    this.modelSide.paint(colours(values, dark));
-    if (this.expandedMotion) this.expandedSide!.paint(colours(colouring === "difference" ? values : sizes(this.expandedMotion).map((v) => v / most), dark));
+  paint(colouring: Colouring): ColourBar {
+    const { dark } = this.theme, model = this.modelMotion!;
+    const amount = sizes(model), most = largest(amount) || 1;
+    const relative = (values: Float32Array) => values.map((v) => v / most);
     this.testSide?.paint(colouring === "difference" ? most : null);
+    if (colouring === "energy" && this.energy) {
+      const end = largest(this.energy) || 1;
+      this.modelSide.paint(colours(this.energy.map((v) => v / end), dark, true));
+      // the strain energy of a test is not known
+      if (this.expandedMotion) this.expandedSide!.paint(colours(new Float32Array(amount.length), dark, true));
+      return { name: "Strain energy of an element, % of the mode", end, hot: true, open: false };
+    }
+    const different = colouring === "difference", expanded = this.expandedMotion;
+    const values = relative(different && expanded ? sizes(minus(model, expanded)) : amount);
+    this.modelSide.paint(colours(values, dark));
+    if (expanded) this.expandedSide!.paint(colours(different ? values : relative(sizes(expanded)), dark));
+    if (!different) return { name: "Displacement, % of the largest", end: 100, hot: false, open: false };
+    return { name: `Difference to the test${expanded ? "" : " at the sensors (dots)"}, % of the largest displacement`, end: 100, hot: false, open: true };
   }
 
   /** Move all to a phase in radians. */
@@ -122,6 +143,7 @@ class ModelSide {
   private readonly faces: Faces | null;
   private readonly lines: WideLines;
   private readonly rigid: WideLines;
+  private readonly objects: Object3D[];
 
   constructor(private readonly points: Float32Array, data: SceneData, theme: Theme, scene: Scene) {
     this.now = points.slice();
@@ -133,7 +155,9 @@ class ModelSide {
     if (this.faces) scene.add(this.faces.object, thinLines(this.attribute, unpackRows(data.edges), theme.ink, data.faces.shape[0] > 3000 ? 0.5 : 0.3));
     if (data.lines.shape[0]) scene.add(this.lines.object);
     if (data.rigid.shape[0]) scene.add(this.rigid.object);
+    this.objects = scene.children.slice();
   }
+  show(on: boolean): void { for (const o of this.objects) o.visible = on; }
   paint(values: Float32Array): void {
     this.faces?.paint(values);
     if (!this.faces) this.lines.paint(values);
