@@ -5,7 +5,7 @@ export interface Pair { test: number; column: number; modes: number[]; weights: 
 export interface Stage {
   title: string; numbers: number[]; freq_hz: number[]; stored: number[]; motion: Packed; mac: Packed | null;
   seen: Packed | null; factors: Packed | null; expanded: Packed | null; pairs: Pair[];
-  energy: Packed | null; damping_ratio: (number | null)[]; motion_imaginary: Packed | null; seen_imaginary: Packed | null;
+  energy: Packed | null; line_energy: Packed | null; damping_ratio: (number | null)[]; motion_imaginary: Packed | null; seen_imaginary: Packed | null;
 }
 export interface SceneData {
   configuration: string; note: string; points: Packed; faces: Packed; edges: Packed; lines: Packed; rigid: Packed;

@@ -13,7 +13,7 @@ const STOPS = ["#eaf2f8", "#c3d8ea", "#8db6d8", "#4f8cc0", "#1f5a92", "#0b2d52"]
 const DARK_STOPS = ["#26384a", "#2f5275", "#3c78ab", "#66a5d8", "#a5d0f2", "#e6f4ff"];
 
 /** From no strain energy to the most. */
-const HOT_STOPS = ["#f5f1ea", "#fbd9a0", "#f7a85a", "#e06a2c", "#b0301f", "#6b1020"];
+const HOT_STOPS = ["#e2d8c6", "#f5c47e", "#f2a055", "#dc672a", "#b0301f", "#6b1020"];
 const DARK_HOT_STOPS = ["#2c2a2a", "#5a3320", "#9a4a1c", "#d9752b", "#f6ad55", "#fff0c9"];
 
 /** (n, 3) linear colours of values from 0 to 1. */
@@ -74,6 +74,12 @@ export class WideLines {
   }
   follow(points: Float32Array): void { this.fill("instanceStart", points); }
   paint(values: Float32Array): void { this.fill("instanceColorStart", values); }
+  /** A colour at each end of each line, (l, 2, 3). */
+  paintEnds(colours: Float32Array): void {
+    const buffer = (this.object.geometry.getAttribute("instanceColorStart") as any).data;
+    (buffer.array as Float32Array).set(colours);
+    buffer.needsUpdate = true;
+  }
   private fill(name: string, values: Float32Array): void {
     const buffer = (this.object.geometry.getAttribute(name) as any).data;
     const to = buffer.array as Float32Array;

@@ -14,6 +14,8 @@ export interface Theme { dark: boolean; ink: string; rest: string; model: string
 /** What is shown: a row of the test's modes (null without a test) and a column of the model's. */
 export interface Chosen { test: number | null; column: number }
 
+/** Strain energy at points and of lines, in %. */
+interface Energy { points: Float32Array; lines: Float32Array | null }
 
 export class SceneOf {
   readonly model = new Scene();
@@ -28,7 +30,7 @@ export class SceneOf {
   private modelMotion: Motion | null = null;
   private testMotion: Motion | null = null;
   private expandedMotion: Motion | null = null;
-  private energy: Float32Array | null = null;
+  private energy: Energy | null = null;
   private scale = 0;
   private readonly modelSide: ModelSide;
   private readonly testSide: TestSide | null;
@@ -59,8 +61,8 @@ export class SceneOf {
     if (stored.some((k) => k < 0)) throw new Error("the shape is not stored");
     const part = (packed: Packed | null, at: number[]) => packed && at.map((k) => this.column(packed, k));
     this.modelMotion = combined(part(stage.motion, stored)!, weights, part(stage.motion_imaginary, stored));
-    const energy = part(stage.energy, stored);
-    this.energy = energy && energyOf(energy, weights);
+    const points = part(stage.energy, stored), lines = part(stage.line_energy, stored);
+    this.energy = points && { points: energyOf(points, weights), lines: lines && energyOf(lines, weights) };
     this.testMotion = this.expandedMotion = null;
     if (chosen.test !== null && this.hasTest && stage.seen && stage.factors && stage.mac) this.chooseTest(stage, chosen.test, chosen.column, pair?.factor, combined(part(stage.seen, modes)!, weights, part(stage.seen_imaginary, modes)));
     this.expandedSide?.show(this.expandedMotion !== null);
@@ -95,10 +97,10 @@ export class SceneOf {
     const relative = (values: Float32Array) => values.map((v) => v / most);
     this.testSide?.paint(colouring === "difference" ? most : null);
     if (colouring === "energy" && this.energy) {
-      const end = largest(this.energy) || 1;
-      this.modelSide.paint(colours(this.energy.map((v) => v / end), dark, true));
+      const { points, lines } = this.energy, end = Math.max(largest(points), lines ? largest(lines) : 0) || 1;
+      this.modelSide.paintEnergy(points.map((v) => v / end), lines && lines.map((v) => v / end));
       // the strain energy of a test is not known
-      if (this.expandedMotion) this.expandedSide!.paint(colours(new Float32Array(amount.length), dark, true));
+      this.expandedSide?.paintPlain();
       return { name: "Strain energy of an element, % of the mode", end, hot: true, open: false };
     }
     const different = colouring === "difference", expanded = this.expandedMotion;
@@ -145,12 +147,14 @@ class ModelSide {
   private readonly rigid: WideLines;
   private readonly objects: Object3D[];
 
-  constructor(private readonly points: Float32Array, data: SceneData, theme: Theme, scene: Scene) {
+  private readonly rows: Uint32Array;
+
+  constructor(private readonly points: Float32Array, data: SceneData, private readonly theme: Theme, scene: Scene) {
     this.now = points.slice();
     this.attribute = new BufferAttribute(this.now, 3);
     this.faces = data.faces.shape[0] ? new Faces(this.attribute, triangles(unpackRows(data.faces))) : null;
-    // lines take the colours of the motion where there are no faces, on which they would drown
-    this.lines = new WideLines(unpackRows(data.lines), this.faces ? 1.6 : 3, this.faces ? theme.ink : null);
+    this.rows = unpackRows(data.lines);
+    this.lines = new WideLines(this.rows, this.faces ? 1.6 : 3, null);
     this.rigid = new WideLines(unpackRows(data.rigid), 1, theme.rest);
     if (this.faces) scene.add(this.faces.object, thinLines(this.attribute, unpackRows(data.edges), theme.ink, data.faces.shape[0] > 3000 ? 0.5 : 0.3));
     if (data.lines.shape[0]) scene.add(this.lines.object);
@@ -158,9 +162,21 @@ class ModelSide {
     this.objects = scene.children.slice();
   }
   show(on: boolean): void { for (const o of this.objects) o.visible = on; }
+  /** Lines take the colours of the motion where there are no faces, on which they would drown. */
   paint(values: Float32Array): void {
     this.faces?.paint(values);
-    if (!this.faces) this.lines.paint(values);
+    this.lines.paint(this.faces ? this.plain(this.theme.ink) : values);
+  }
+  /** Lines in the colour of their own energy, or of that at their ends, for springs that have no length to be seen. */
+  paintEnergy(points: Float32Array, lines: Float32Array | null): void {
+    this.faces?.paint(colours(points, this.theme.dark, true));
+    const ends = Float32Array.from(this.rows, (row, i) => Math.max(lines ? lines[i >> 1] : 0, points[row]));
+    this.lines.paintEnds(colours(ends, this.theme.dark, true));
+  }
+  paintPlain(): void { this.paint(this.plain(this.theme.rest)); }
+  private plain(colour: string): Float32Array {
+    const [r, g, b] = new Color(colour).toArray();
+    return Float32Array.from(this.points, (_, i) => [r, g, b][i % 3]);
   }
   follow(motion: Motion, scale: number, phase: number): void {
     moved(this.points, motion, scale, phase, this.now);

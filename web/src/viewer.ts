@@ -21,7 +21,7 @@ export class Viewer {
   private readonly title = h("p", { class: "shown", "aria-live": "polite" });
   private readonly remark = h("p", { class: "note" });
   private readonly list = h("div", { class: "choices" });
-  private readonly legend = h("p", { class: "legend" });
+  private readonly legend = h("p", { class: "legend", "aria-live": "polite" });
   private readonly names = [h("span", { class: "name" }, "Test"), h("span", { class: "name" }, "Model")];
   private readonly play: HTMLButtonElement;
   private readonly phase: HTMLInputElement;
@@ -176,7 +176,6 @@ export class Viewer {
       this.grid?.mark(chosen.test, this.cells[chosen.test].findIndex((c) => c.column === chosen.column));
     }
     this.element.dataset.shown = `${chosen.test ?? ""}|${chosen.column}`;
-    this.canvas.setAttribute("aria-label", `Moving mode shape. ${this.title.textContent}`);
     this.repaint();
   }
 
@@ -191,10 +190,11 @@ export class Viewer {
 
   private showBar(bar: ColourBar): void {
     const tick = (part: number, text: string) => { const mark = h("span", {}, text); mark.style.left = `${part}%`; return mark; };
-    const strip = h("i");
+    const strip = h("i"), from = `from 0 to ${shown(bar.end, 3)}${bar.open ? " and more" : ""}`;
+    this.canvas.setAttribute("aria-label", `Moving mode shape. ${this.title.textContent}. Colour: ${bar.name}, ${from}`);
     strip.style.backgroundImage = `linear-gradient(to right, ${scaleStops(this.theme().dark, bar.hot).join(", ")})`;
     const ticks = h("span", { class: "ticks" }, tick(0, "0"), tick(50, shown(bar.end / 2, 3)), tick(100, (bar.open ? "≥ " : "") + shown(bar.end, 3)));
-    this.legend.replaceChildren(h("span", {}, bar.name), h("span", { class: "bar" }, strip, ticks));
+    this.legend.replaceChildren(h("span", {}, bar.name), h("span", { class: "bar", role: "img", "aria-label": `Colours ${from}` }, strip, ticks));
   }
 
   private run(on: boolean): void {
@@ -267,21 +267,22 @@ export class Viewer {
 /** Put the viewer before the still pictures, which are then folded; leave the page as it is without WebGL. */
 function install(): void {
   const view = readView();
-  const section = ["mode_shapes", "pictures", "shapes", "complex_modes", "responses"].map((id) => document.getElementById(id)).find((s) => s !== null);
+  const found = (ids: string[]) => ids.map((id) => document.getElementById(id)).find((s) => s !== null);
+  const own = found(["mode_shapes", "pictures", "shapes"]);
+  const section = own ?? found(["modes", "complex_modes", "responses"]);
   if (!view?.scenes.length || !section) return;
   let viewer: Viewer;
   try {
     viewer = new Viewer(view);
   } catch {
-    section.querySelector("h2")?.after(h("p", { class: "muted" }, "This browser has no WebGL: the shapes are shown in still pictures."));
+    section.querySelector("h2")?.after(h("p", { class: "muted" }, `This browser has no WebGL: ${own ? "the shapes are shown in still pictures" : "the mode shapes are not shown"}.`));
     return;
   }
   const stills = h("details", { class: "stills" }, h("summary", {}, "Still pictures"));
-  const own = section.id !== "responses" && section.id !== "complex_modes";
   if (own) {
     stills.append(...Array.from(section.children).filter((c) => c.tagName !== "H2"));
     section.append(viewer.element, stills);
-  } else section.append(h("h3", {}, "Complex mode shapes"), viewer.element);
+  } else section.append(h("h3", { class: "live" }, "Mode shapes"), viewer.element);
   viewer.start();
   document.addEventListener("femtune:pair", (e) => {
     const { configuration, label } = (e as CustomEvent<{ configuration: string; label: string }>).detail;

@@ -54,7 +54,10 @@ class StageView:
     """(points, 3, test modes) the test's shapes expanded to the points; None where this was not requested."""
     pairs: tuple[PairView, ...] = ()
     energy: Packed | None = None
-    """(points, modes) as `motion`: the largest share of an element at the point in the strain energy, %."""
+    """(points, modes) as `motion`: the largest share of an element at the point in the strain energy, %, but for
+    elements that are lines."""
+    line_energy: Packed | None = None
+    """(lines, modes): shares of the lines of the scene, %."""
     damping_ratio: tuple[float | None, ...] = ()
     motion_imaginary: Packed | None = None
     seen_imaginary: Packed | None = None

@@ -158,6 +158,17 @@ class _Geometry:
     mesh: DrawnMesh
     rows: NDArray[np.int64]
 
+    @property
+    def lines(self) -> NDArray[np.int64]:
+        """The line of the results that each line of elements is: where it was moved, the one nearest to it."""
+        ends, of = self.rows[self.mesh.lines[self.mesh.kinds == 0]], self.frame
+        found = DrawnMesh(of.lines, of.rigid.astype(np.int64), of.faces).line_of(ends)
+        moved, elements = np.flatnonzero(found < 0), np.flatnonzero(~of.rigid)
+        if len(moved):
+            middles = cKDTree(of.points[of.lines[elements]].mean(axis=1))
+            found[moved] = elements[middles.query(of.points[ends[moved]].mean(axis=1))[1]]
+        return found
+
 
 def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneView | None:
     shapes = [m.shapes for m in kept]
@@ -218,7 +229,8 @@ def _edges(faces: NDArray[np.int64], points: Reals) -> NDArray[np.int64]:
 def _stage(source: ReportSource, modes: _Modes, measured: ModeShapes, geometry: _Geometry, room: int) -> StageView:
     kept = modes.shapes
     comparison = source.at(kept.configuration, kept.stage)
-    motion, energy = source.array(kept.translations_key), source.array(kept.energy_key)
+    motion = source.array(kept.translations_key)
+    energy, of_lines = source.array(kept.energy_key), source.array(kept.line_energy_key)
     assert motion is not None
     count = motion.shape[2]
     columns = _wanted(comparison, modes.columns[:count], room)
@@ -231,6 +243,7 @@ def _stage(source: ReportSource, modes: _Modes, measured: ModeShapes, geometry: 
         stored=tuple(columns),
         motion=quantised((stored * turn).real),
         energy=None if energy is None else _coarse(energy[np.ix_(geometry.rows, np.array(columns))]),
+        line_energy=None if of_lines is None else _coarse(of_lines[np.ix_(geometry.lines, np.array(columns))]),
         damping_ratio=modes.damping_ratio[:count],
         motion_imaginary=quantised((stored * turn).imag) if modes.is_complex else None,
     )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from femtune.assembly.drawn_mesh import thinned, whole_mesh
+from femtune.fem.elements import KINDS
 from femtune.results.base import ModelVersion, Record
 from femtune.selection import strain_shares
 
@@ -45,7 +46,10 @@ class ModeShapes(Record):
     modes."""
     energy_key: str | None = None
     """Key of the strain energy at the points, shape (points, modes): the largest share that an element at the point has
-    in the strain energy of the mode, in %; 0 for rigid-body modes; None without elements that have a stiffness."""
+    in the strain energy of the mode, in %, without elements that are lines; 0 for rigid-body modes; None without
+    elements that have a stiffness."""
+    line_energy_key: str | None = None
+    """Key of the shares of the elements that are drawn as a line, shape (lines, modes), in %."""
     sensor_positions_key: str | None = None
     """Key of the positions of the sensors on the model, shape (sensors, 3); NaN where unknown; None without a test."""
     sensor_directions_key: str | None = None
@@ -87,7 +91,7 @@ def mode_shapes(
     found: Arrays = {
         **_geometry(case.configured, mesh),
         "translations": grid_translations(case.configured, solution, rows),
-        **_energies(case.configured, solution, rows),
+        **_energies(case.configured, solution, mesh),
         **_measured(case, solution),
     }
     return _stored(case, version, mesh, found, f"{prefix}/shapes", arrays)
@@ -192,32 +196,38 @@ def _in_basic_axes(
     return np.einsum("nij,njm->nim", configured.model.structure.nodes.frames[rows], own.reshape(len(rows), 3, -1))
 
 
-def _energies(configured: ConfiguredModel, solution: EigenSolution, rows: NDArray[np.int64]) -> dict[str, NDArray]:
-    """The strain energy at the points of these rows; what is not drawn is seen at the nearest point that is."""
+def _energies(configured: ConfiguredModel, solution: EigenSolution, mesh: DrawnMesh) -> dict[str, NDArray]:
+    """Shares of the elements in the strain energy, %, of the lines that are drawn, and of all else at the points."""
     numbers, shares = strain_shares(solution, range(solution.wanted))
     if not len(numbers):
         return {}
-    percent, nodes = 100.0 * np.nan_to_num(np.maximum(shares, 0.0)), configured.model.structure.nodes
-    element, row = _corners(configured, numbers)
-    seen_at = np.arange(len(nodes.ids))
-    hidden = np.setdiff1d(row, rows)
-    seen_at[hidden] = rows[cKDTree(nodes.xyz[rows]).query(nodes.xyz[hidden])[1]]
-    at = np.searchsorted(rows, seen_at[row])
-    out = np.zeros((solution.wanted, len(rows)))
-    for mode, of in zip(out, percent.T):
-        np.maximum.at(mode, at, of[element])
-    return {"energy": out.T}
-
-
-def _corners(configured: ConfiguredModel, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Positions in `numbers` and rows of the grid points, of every corner of these elements."""
-    found = []
+    percent, rows = 100.0 * np.nan_to_num(np.maximum(shares, 0.0)), mesh.used
+    of_lines = np.zeros((len(mesh.lines), solution.wanted))
+    element, row = [], []
     for batch in configured.model.structure.batches:
         at = np.minimum(np.searchsorted(numbers, batch.ids), len(numbers) - 1)
-        known = (batch.nodes >= 0) & (numbers[at] == batch.ids)[:, None]
-        element = np.broadcast_to(at[:, None], known.shape)
-        found.append((element[known], batch.nodes[known]))
-    return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+        known = numbers[at] == batch.ids
+        is_line = KINDS[batch.kind].line and batch.nodes.shape[1] > 1
+        line = mesh.line_of(batch.nodes[:, :2]) if is_line else np.full(len(at), -1)
+        drawn = known & (line >= 0)
+        np.add.at(of_lines, line[drawn], percent[at[drawn]])
+        corner = (batch.nodes >= 0) & (known & ~drawn)[:, None]
+        element.append(np.broadcast_to(at[:, None], corner.shape)[corner])
+        row.append(batch.nodes[corner])
+    at_points = _at_points(configured, rows, np.concatenate(row))
+    of_points = np.zeros((solution.wanted, len(rows)))
+    for mode, of in zip(of_points, percent.T):
+        np.maximum.at(mode, at_points, of[np.concatenate(element)])
+    return {"energy": of_points.T, "line_energy": of_lines}
+
+
+def _at_points(configured: ConfiguredModel, rows: NDArray[np.int64], of: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The position in `rows` of each grid point `of`; of one that is not drawn, that of the nearest one that is."""
+    xyz = configured.model.structure.nodes.xyz
+    seen_at = np.arange(len(xyz))
+    hidden = np.setdiff1d(of, rows)
+    seen_at[hidden] = rows[cKDTree(xyz[rows]).query(xyz[hidden])[1]]
+    return np.searchsorted(rows, seen_at[of])
 
 
 def drawn_rows(case: StudyCase, solution: EigenSolution) -> NDArray[np.int32] | None:
