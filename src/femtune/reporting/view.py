@@ -89,7 +89,7 @@ def _real_modes(source: ReportSource) -> Iterable[_Modes]:
     for kept in source.results.mode_shapes:
         if not kept.reason:
             freq_hz = _frequencies(source, kept)
-            yield _Modes(kept, VERSION_HEADS[kept.stage], freq_hz, tuple(range(len(freq_hz))))
+            yield _Modes(kept, VERSION_HEADS[kept.stage], freq_hz, tuple(range(_mode_count(source, kept))))
 
 
 def _complex_modes(source: ReportSource) -> Iterable[_Modes]:
