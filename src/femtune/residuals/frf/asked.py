@@ -103,7 +103,7 @@ def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | N
         most=100.0 * zeta.max(initial=0.0), lines=len(found.frfs.freq_hz), misfit=100.0 * found.misfit,
         left_out=_bands(found.left_out_hz),
     )  # fmt: skip
-    told = [notice]
+    told = [notice, *(r.notice for r in found.identified.remarks if r.notice.code == "identify.damping")]
     if found.misfit > _POOR:
         told.append(
             Notice(
