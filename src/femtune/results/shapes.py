@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from femtune.testdata import WireFrame
 
 
+_MOST_MOTIONS = 30_000_000
+"""Entries of the shapes (240 MB) of which the strain energies are computed at once."""
+
+
 class ModeShapes(Record):
     """Shapes of the solved modes of one configuration at one model version, for drawing (single precision)."""
 
@@ -198,9 +202,16 @@ def _in_basic_axes(
 
 def _energies(configured: ConfiguredModel, solution: EigenSolution, mesh: DrawnMesh) -> dict[str, NDArray]:
     """Shares of the elements in the strain energy, %, of the lines that are drawn, and of all else at the points."""
-    numbers, shares = strain_shares(solution, range(solution.wanted))
+    most = max(1, _MOST_MOTIONS // solution.shapes.shape[0])
+    parts = [
+        strain_shares(solution, range(first, min(first + most, solution.wanted)))
+        for first in range(0, solution.wanted, most)
+    ]
+    numbers = parts[0][0] if parts else np.zeros(0, np.int64)
     if not len(numbers):
         return {}
+    # as many digits as are kept
+    shares = np.hstack([part.astype(np.float32) for _, part in parts])
     percent, rows = 100.0 * np.nan_to_num(np.maximum(shares, 0.0)), mesh.used
     of_lines = np.zeros((len(mesh.lines), solution.wanted))
     element, row = [], []
