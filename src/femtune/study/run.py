@@ -18,6 +18,7 @@ from femtune.results.fisher import FisherResults, fisher_results
 from femtune.results.folder import RESULTS_FILE, write_results
 from femtune.results.frf_deviation import frf_deviations
 from femtune.results.frf_validation import check_frf_band, unused_frfs
+from femtune.results.iterations import iteration_frfs
 from femtune.results.left_out import left_out_mode_records
 from femtune.results.mapped_damping import MappedDamping, mapped_damping
 from femtune.results.model import alert_of, model_facts, sensor_results
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from femtune.results.bootstrap import BootstrapResults
     from femtune.results.frf_deviation import FrfDeviations
     from femtune.results.frf_validation import UnusedFrfs
+    from femtune.results.iterations import IterationFrfs
     from femtune.results.left_out import ModeLeftOutOfFrfs
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
@@ -91,6 +93,7 @@ class Known:
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
     left_out_modes : modes of the model that FRFs are compared without
+    iteration_frfs : compared FRFs at each iteration of the update
     deviations : those of the FRFs at the start and the end of the update
     vibration_tests, vibrations : sweeps and random vibration tests as measured, and beside the model
     quantify : covariance of the parameters from the repeats
@@ -114,6 +117,7 @@ class Known:
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
     left_out_modes: tuple[ModeLeftOutOfFrfs, ...] = ()
+    iteration_frfs: tuple[IterationFrfs, ...] = ()
     unused_frfs: tuple[UnusedFrfs, ...] = ()
     deviations: FrfDeviations | None = None
     vibration_tests: VibrationTests = _LATER
@@ -213,6 +217,7 @@ class Run:
             update={
                 "stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation,
                 "fisher": known.fisher, "left_out_modes": known.left_out_modes,
+                "frfs": known.iteration_frfs,
             }
         )  # fmt: skip
         predicted = predictions(self.study, found.result, known.sensitivities)
@@ -292,7 +297,9 @@ def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     found = find_parameters(run.study, run.folder, known.start, run.progress)
     study = found.study or run.study
     known_after = fisher_results(study, found.result.after, "after", found.known, found.result.active)
-    return {"parameters": found, "fisher": known_after, "alerts": (*known.alerts, *found.alerts)}
+    frfs = iteration_frfs(found.result.history, arrays)
+    alerts = (*known.alerts, *found.alerts)
+    return {"parameters": found, "fisher": known_after, "iteration_frfs": frfs, "alerts": alerts}
 
 
 def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
