@@ -113,7 +113,7 @@ class Card:
         return value
 
     def component(self, index: int, default: str = "") -> str:
-        """Components (digits 1 to 6, each at most once, or a single 0) in field `index`; blanks between them are allowed.
+        """Components (digits 1 to 6, each at most once, also with blanks between, or a single 0) in field `index`.
 
         Raises
         ------
