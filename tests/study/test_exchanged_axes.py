@@ -44,7 +44,7 @@ def test_the_rotation_that_fits_is_proposed(bench: Bench, turn: tuple) -> None:
 
 
 def test_an_update_without_pairs_states_the_rotation(bench: Bench) -> None:
-    """Directions across the beam are exchanged, and no mode of the other one has a similar frequency; both turns by 90° fit."""
+    """Directions across the beam are exchanged; turns by 90° to either side fit."""
     bench.uff(exchanged(bench.measure(bench.truth()), np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)))
     with pytest.raises(FemtuneError) as error:
         steps.update(bench.study(f"{BY_ID}[correlate]\nfrequency_gate = 0.2\n{EI}"))

@@ -42,7 +42,8 @@ def fitting_axes(file: StudyFile, case: StudyCase, solution: EigenSolution) -> s
     # rotations first: a study can state them
     changes = sorted(axis_changes(), key=lambda change: np.linalg.det(change[1]) < 0.0)
     for words, matrix in changes:
-        for shift in (np.zeros(3), middle - matrix @ middle):
+        # about the origin, and about the middle of the model where coordinates decide
+        for shift in (np.zeros(3), middle - matrix @ middle)[: 1 if file.sensors.by_id else 2]:
             value = alike.with_axes(file, case.test, matrix, shift)
             if value > best + _BETTER:
                 best, found = value, _words(file, case, words, matrix, shift)
@@ -56,7 +57,6 @@ class _Likeness:
         assert case.modal is not None
         self.case, self.test, self.gate = case, case.modal.test, case.modal.rules.frequency_gate
         self.free = solution.shapes[:, : solution.wanted]
-        self.motion = case.configured.transformation @ self.free
         self.off = np.abs(solution.freq_hz[None, : solution.wanted] / self.test.freq_hz[:, None] - 1.0)
 
     def mean(self, shapes: Reals) -> float:
@@ -77,7 +77,10 @@ class _Likeness:
             at, sign = self.test.dofs.align(found.dofs)
         except FemtuneError:
             return 0.0
-        return self.mean(sign[:, None] * np.asarray(found.matrix[at] @ self.motion)) if not found.unmatched else 0.0
+        if found.unmatched:
+            return 0.0
+        rows = found.matrix[at] @ self.case.configured.transformation
+        return self.mean(sign[:, None] * np.asarray(rows @ self.free))
 
 
 def _words(file: StudyFile, case: StudyCase, words: str, matrix: Reals, shift: Reals) -> str:
