@@ -143,7 +143,7 @@ mutants: $(VENV)/.stamp-test  ## mutation test of the numerical code; takes half
 	@$(PIP) coverage
 	@HYPOTHESIS_PROFILE=quick $(ONE_THREAD) $(BIN)/python benchmarks/mutation/run.py --marked "not slow" $(or $(BENCH_ARGS),--evidence docs/evidence)
 
-readers: $(VENV)/.stamp-readers  ## install the libraries that read OP2, Ansys, HDF5 and Parquet files
+readers: $(VENV)/.stamp-readers  ## install the libraries for OP2, Ansys, HDF5, Parquet and VTU files, and CMA-ES
 
 release-check:  ## the check-list of a release: build, metadata, empty environments of every Python, tutorial, licences
 	@python="$$($(FIND_PYTHON))"; "$$python" .ci/release.py
@@ -172,8 +172,8 @@ $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 	@touch $@
 
 $(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
-	@echo "installing the libraries that read OP2, Ansys, HDF5 and Parquet files into $(VENV)"
-	@$(PIP) -e '.[op2,ansys,hdf5,parquet]'
+	@echo "installing the libraries for OP2, Ansys, HDF5, Parquet and VTU files, and CMA-ES into $(VENV)"
+	@$(PIP) -e '.[op2,ansys,hdf5,parquet,vtu,search]'
 	@touch $@
 
 $(VENV)/.stamp-notebooks: pyproject.toml $(VENV)/.stamp-test

@@ -24,7 +24,7 @@ from femtune.results.mapped_damping import MappedDamping, mapped_damping
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
 from femtune.results.results import Results
-from femtune.results.solved import solutions_of
+from femtune.results.solved import solutions_of, solved_if_any
 from femtune.results.specimens import Compared, specimen_results
 from femtune.results.stages import stage_results
 from femtune.results.step_results import RunResult
@@ -42,6 +42,7 @@ from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_
 from femtune.study.select import select_at
 from femtune.study.solutions import journal_results
 from femtune.study.specimens import calibrate_each
+from femtune.study.vtu_files import VTU_FILE, write_vtu_files
 from femtune.study.write_back import check_writable_fields, check_written, write_back
 
 if TYPE_CHECKING:
@@ -393,6 +394,19 @@ def _write_expanded(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {}
 
 
+def _write_vtu(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    """Mesh, modes and parameters after the update."""
+    if run.study.file.output.vtu:
+        result = known.parameters.result
+        study = known.parameters.study or run.study
+        solved = solutions_of(result.after)
+        for case in study.cases:
+            if case.name not in solved and (solution := solved_if_any(study, case, result.x)) is not None:
+                solved[case.name] = solution
+        write_vtu_files(study, result.x, solved, run.folder / VTU_FILE)
+    return {}
+
+
 WRITE_EXPANDED = Step("expanded shapes", _write_expanded, optional="file of the expanded test shapes")
 UNTIL_UPDATED = (
     Step("model", _model),
@@ -404,6 +418,7 @@ UNTIL_UPDATED = (
     Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
     Step("left-out modes", _left_out_modes),
     Step("correlate after", _correlate_after),
+    Step("file for ParaView", _write_vtu, optional="file for ParaView"),
     Step("measured damping", _mapped_damping, optional="measured damping on the modes of the updated model"),
     Step("unused FRFs", _unused_frfs),
     Step("vibration tests", _vibrations),
