@@ -110,8 +110,8 @@ def page(found: Sequence[Measured]) -> str:
 
 
 _HOW = """The page of `femtune modes` for a square plate of shells with {modes} modes, in headless Chromium at
-1280 × 900 pixels without a graphics card: SwiftShader on {processors} processors. With a graphics card, frames are drawn
-faster. Other work ran on the machine: load average {load:.1f} at the end. Made by `benchmarks/page/run.py`.
+1280 × 900 pixels without a graphics card: SwiftShader on {processors} processors. With one, frames are drawn faster.
+Other work ran on the machine: load average {load:.1f} at the end. Made by `benchmarks/page/run.py`.
 
 - Made: processor time from the results to the file, with the still pictures.
 - Load: from the request until the shapes have been drawn once.
