@@ -41,9 +41,9 @@ export class SceneOf {
     this.size = diagonal(this.points);
     this.rest = new BufferAttribute(this.points.slice(), 3);
     this.places = data.places ? unpack(data.places) : null;
-    this.modelSide = new ModelSide(this.points, data, theme, this.model);
+    this.modelSide = new ModelSide(this.points, data, theme, this.model, this.size);
     const expandable = data.stages.some((s) => s.expanded);
-    this.expandedSide = expandable ? new ModelSide(this.points, data, theme, this.test) : null;
+    this.expandedSide = expandable ? new ModelSide(this.points, data, theme, this.test, this.size) : null;
     this.testSide = this.places ? new TestSide(this.places, unpackRows(data.wire!), this.size, theme, this.test) : null;
     for (const scene of [this.model, this.test]) this.light(scene);
     this.model.add(this.ghost());
@@ -114,8 +114,8 @@ export class SceneOf {
   /** Move all to a phase in radians. */
   move(phase: number, factor: number, arrows: boolean): void {
     const s = factor * this.scale;
-    if (this.modelMotion) this.modelSide.follow(this.modelMotion, s, phase);
-    if (this.expandedMotion) this.expandedSide!.follow(this.expandedMotion, s, phase);
+    if (this.modelMotion) this.modelSide.follow(this.modelMotion, s, phase, arrows);
+    if (this.expandedMotion) this.expandedSide!.follow(this.expandedMotion, s, phase, false);
     if (this.testMotion) this.testSide!.follow(this.testMotion, s, phase, arrows);
   }
 
@@ -148,8 +148,10 @@ class ModelSide {
   private readonly objects: Object3D[];
 
   private readonly rows: Uint32Array;
+  private readonly dots: Dots | null;
+  private readonly arrows: Arrows | null;
 
-  constructor(private readonly points: Float32Array, data: SceneData, private readonly theme: Theme, scene: Scene) {
+  constructor(private readonly points: Float32Array, data: SceneData, private readonly theme: Theme, scene: Scene, size: number) {
     this.now = points.slice();
     this.attribute = new BufferAttribute(this.now, 3);
     this.faces = data.faces.shape[0] ? new Faces(this.attribute, triangles(unpackRows(data.faces))) : null;
@@ -159,6 +161,10 @@ class ModelSide {
     if (this.faces) scene.add(this.faces.object, thinLines(this.attribute, unpackRows(data.edges), theme.ink, data.faces.shape[0] > 3000 ? 0.5 : 0.3));
     if (data.lines.shape[0]) scene.add(this.lines.object);
     if (data.rigid.shape[0]) scene.add(this.rigid.object);
+    // the geometry of a test may have no lines
+    this.dots = data.test_only ? new Dots(this.attribute, 7) : null;
+    this.arrows = data.test_only ? new Arrows(points, 0.025 * size, theme.test) : null;
+    if (this.dots && this.arrows) scene.add(this.dots.object, this.arrows.object);
     this.objects = scene.children.slice();
   }
   show(on: boolean): void { for (const o of this.objects) o.visible = on; }
@@ -166,6 +172,7 @@ class ModelSide {
   paint(values: Float32Array): void {
     this.faces?.paint(values);
     this.lines.paint(this.faces ? this.plain(this.theme.ink) : values);
+    this.dots?.paint(values);
   }
   /** Lines in the colour of their own energy, or of that at their ends, for springs that have no length to be seen. */
   paintEnergy(points: Float32Array, lines: Float32Array | null): void {
@@ -178,11 +185,13 @@ class ModelSide {
     const [r, g, b] = new Color(colour).toArray();
     return Float32Array.from(this.points, (_, i) => [r, g, b][i % 3]);
   }
-  follow(motion: Motion, scale: number, phase: number): void {
+  follow(motion: Motion, scale: number, phase: number, arrows: boolean): void {
     moved(this.points, motion, scale, phase, this.now);
     this.attribute.needsUpdate = true;
     this.lines.follow(this.now);
     this.rigid.follow(this.now);
+    if (this.arrows) this.arrows.object.visible = arrows;
+    if (arrows) this.arrows?.follow(this.now);
   }
 }
 

@@ -119,7 +119,7 @@ export class Viewer {
     this.version.label.hidden = data.stages.length < 2;
     this.colouring.select.selectedIndex = 0;
     this.layout.label.hidden = !this.scene.hasTest;
-    this.arrows.parentElement!.hidden = !this.scene.hasTest;
+    this.arrows.parentElement!.hidden = !this.scene.hasTest && !data.test_only;
     this.remark.textContent = data.note;
     this.remark.hidden = !data.note;
     const first = this.stage.pairs[0];
