@@ -163,7 +163,8 @@ def identify(
     source = InputFile(path=file.measured_path.name, sha256=_digest(file.measured_path))
     title = file.identify.title or file.measured_path.name
     record = identification(found, title, source, file.identify.units, linearity)
-    names = write_found(folder, found, record)
+    tables = (file.channel, file.function, file.functions, *(one.channel for one in file.setup))
+    names = write_found(folder, found, record, named=any(map(bool, tables)))
     return IdentifyResult(folder, record, found, tuple(names))
 
 

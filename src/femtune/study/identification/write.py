@@ -31,8 +31,10 @@ RECORD_FILE, MODES_FILE, TABLE_FILE, POLES_FILE, SYSTEM_FILE, DEVIATIONS_FILE = 
 )  # fmt: skip
 
 
-def write_found(folder: Path, found: Found, record: Identification) -> list[str]:
+def write_found(folder: Path, found: Found, record: Identification, *, named: bool = True) -> list[str]:
     """Write all files; returns their names.
+
+    Columns that are not `named` are numbered: they are no scalar points of a model, so that no study can read them.
 
     Raises
     ------
@@ -48,7 +50,8 @@ def write_found(folder: Path, found: Found, record: Identification) -> list[str]
             write_whole(folder / name, content)
     except OSError as error:
         raise unwritable(folder, error) from error
-    return [*files, *_uff(folder, found, record)]
+    numbered = not named and not found.modes.dofs.components.any()
+    return [*files, *([] if numbered else _uff(folder, found, record))]
 
 
 def _json(record: Identification) -> bytes:
@@ -56,7 +59,7 @@ def _json(record: Identification) -> bytes:
 
 
 def _uff(folder: Path, found: Found, record: Identification) -> list[str]:
-    """Modes for a study, without the excitation's; none where the format cannot hold them (scalar points)."""
+    """Modes for a study, without the excitation's; none where the format cannot hold them."""
     name = record.title if record.title.isprintable() and len(record.title) <= 80 else "identified"
     of_structure = [i for i, mode in enumerate(record.modes) if not mode.of_input]
     modes = found.modes.select_modes(of_structure)
