@@ -235,6 +235,26 @@ def modes(
     out.name_page(page, as_json)
 
 
+@main.command()
+@click.argument("path", type=_FILE)
+@click.option("--mode", type=int, metavar="N", help="Mode that is shown first; default: the first elastic mode.")
+@click.option("--configuration", metavar="NAME", help="Configuration of a study; default: the first.")
+@click.option("--count", type=int, help="Number of modes, instead of that of the study or deck.")
+@click.option("--max-hz", type=float, metavar="HZ", help="All modes up to this frequency, instead of --count.")
+@click.option("--picture", type=_FILE, metavar="FILE", help="Write a picture (.png) and open no window.")
+@_eigensolver
+@_fresh
+@_quiet
+def view(path: Path, fresh: bool, quiet: bool, **asked: Any) -> None:
+    """Show a moving mode in a window, or write a picture of it.
+
+    PATH is a study file (.toml) or a Nastran deck.
+    """
+    picture = run_step("of_view:view", path, quiet, fresh=fresh, **asked)
+    if picture is not None:
+        click.echo(f"picture: {picture}")
+
+
 def _given(options: dict[str, Any]) -> dict[str, Any]:
     """Options that are keys of a table; one that may be repeated and was not given is None."""
     return {key: (value or None) if isinstance(value, tuple) else value for key, value in options.items()}
