@@ -241,8 +241,8 @@ def _published(lab: Laboratory, read: Sequence[Reading]) -> Iterator[str]:
     if kept:
         yield f"It does not hold for {' and '.join(kept)}, which the free test alone determines in every case."
     yield (
-        "It is a matter of weights and of the errors of the model, not of the noise: the logarithm without weights is "
-        "ruled by the antiresonances, where noise and errors are largest.\n"
+        "It is a matter of the weights: without them the antiresonances, where the noise and the errors of a model are "
+        "largest, rule the estimate.\n"
     )
 
 
