@@ -173,6 +173,16 @@ _register(
     year="1999",
 )
 _register(
+    "liu2017",
+    "article",
+    author="Liu, H. and Cai, J. and Ong, Y.-S.",
+    title="An adaptive sampling approach for Kriging metamodeling by maximizing expected prediction error",
+    journal="Computers and Chemical Engineering",
+    volume="106",
+    pages="171--182",
+    year="2017",
+)
+_register(
     "morris1991",
     "article",
     author="Morris, M. D.",

@@ -451,6 +451,9 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @_study
 @click.option("--on", metavar="WORD", help="surrogate, or model.")
 @click.option("--runs", type=int, help="Runs of the model for the surrogate; ten per parameter by default.")
+@click.option("--infill", type=int, help="Further runs for the surrogate.")
+@click.option("--infill-by", metavar="WORD", help="Where further runs are made: improvement, or error.")
+@click.option("--infill-until", type=float, help="Of error: error of the surrogate at which further runs end.")
 @click.option("--surrogate", metavar="NAME", help="kriging, radial-basis or chaos.")
 @click.option("--method", metavar="NAME", help="differential-evolution, genetic or cma-es.")
 @click.option("--population", type=int, help="Points of a generation.")

@@ -35,6 +35,8 @@ class SearchTable(TomlTable):
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
     fresh_runs: Annotated[int, Field(ge=0, le=10_000)] = 5
     infill: Annotated[int, Field(ge=0, le=10_000)] = 5
+    infill_by: Literal["improvement", "error"] = "improvement"
+    infill_until: Annotated[float, Field(gt=0.0)] | None = None
     surrogate: Literal["kriging", "radial-basis", "chaos"] = "kriging"
     trend: Literal["constant", "linear", "quadratic"] = "linear"
     correlation: Literal["gaussian", "matern-5/2", "matern-3/2", "none"] = "gaussian"
@@ -84,6 +86,8 @@ def experiment_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtu
     if "runs" in screen and screen.get("on") == "model":
         yield source.error(("screen", "runs"), "screen.design/runs", {"runs": screen["runs"]})
     search = table(data, "search")
+    if "infill_until" in search and search.get("infill_by") != "error":
+        yield source.error(("search", "infill_until"), "search.infill", {"infill_until": search["infill_until"]})
     surrogate = search.get("surrogate", "kriging")
     for key, methods in _ONLY_OF.items():
         if key in search and surrogate not in methods:
