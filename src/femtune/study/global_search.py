@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -255,7 +255,9 @@ class _Search:
             x, r = np.vstack([x, new_x]), np.vstack([r, new_r])
             surrogate = self._fit(x, responses.of_residuals(r))
         before, first = _left_out_rms(surrogate, responses) if table.infill else None, len(x)
-        for points in self._infill(lambda: surrogate, responses):
+        made = 0
+        while len(points := self._further(surrogate, responses, made)):
+            made += len(points)
             new_x, new_r = self._good(points, self.run(points, _INFILL[table.infill_by]), 0)
             x, r = np.vstack([x, new_x]), np.vstack([r, new_r])
             surrogate = self._fit(x, responses.of_residuals(r))
@@ -285,20 +287,18 @@ class _Search:
         chi2 = 2.0 * found.values + responses.rest
         return _Ended(found.searches, found.ends, chi2, facts, responses.rest, front, shares)
 
-    def _infill(self, surrogate: Callable[[], Surrogate], responses: _Responses) -> Iterator[Reals]:
-        """Points of further runs, a set at a time; `surrogate` is that of all runs so far.
+    def _further(self, surrogate: Surrogate, responses: _Responses, made: int) -> Reals:
+        """(n, k) points of the next further runs, after those that were made; none at the end.
 
         Runs by improvement are one set. Runs by error end where the stated error is small enough.
         """
         table = self.table
+        left, small = table.infill - made, table.infill_until
+        if left == 0 or (small is not None and _left_out_rms(surrogate, responses) <= small):
+            return np.empty((0, surrogate.x.shape[1]))
         if table.infill_by == "improvement":
-            if table.infill:
-                yield where_better(surrogate(), responses.objective, table.infill, table.seed)
-            return
-        for made in range(0, table.infill, _AT_A_TIME):
-            if table.infill_until is not None and _left_out_rms(surrogate(), responses) <= table.infill_until:
-                return
-            yield where_wrong(surrogate(), min(_AT_A_TIME, table.infill - made), table.seed + made)
+            return where_better(surrogate, responses.objective, left, table.seed)
+        return where_wrong(surrogate, min(_AT_A_TIME, left), table.seed + made)
 
     def _designed(self, wanted: int) -> tuple[Reals, Reals]:
         """Points of a Latin hypercube and their residuals; as many further ones as runs failed."""

@@ -166,7 +166,8 @@ def surrogate_blocks(found: GlobalSearchResults) -> list[Block]:
         _or_none(s.left_out_rms_before), short(s.left_out_rms), _or_none(s.fresh_rms), short(s.left_out_ratio),
     )  # fmt: skip
     note = (
-        "Root mean square errors of the residuals, in standard deviations σ of the data, before and after the further runs. The last column compares the "
-        "errors of leaving out a run with their predicted standard deviation; it is near 1 if the intervals are right."
+        "Root mean square errors of the residuals, in standard deviations σ of the data, before and after the further "
+        "runs. The last column compares the errors of leaving out a run with their predicted standard deviation; it is "
+        "near 1 if the intervals are right."
     )
     return [Table("", heads, (line,), note)]
