@@ -23,7 +23,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise mutants readers release-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise bench-page mutants readers release-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -93,12 +93,22 @@ web-check: web/node_modules/.stamp  ## types and tests of the scripts, and wheth
 	@built="$$(mktemp -d)"; trap 'rm -rf "$$built"' EXIT; (cd web && node build.mjs "$$built") && \
 	  diff -rq "$$built" src/femtune/reporting/bundle || { echo "the bundle is not that of its source: run 'make web'" >&2; exit 1; }
 
+# Beside the report of the building: responses with real and with complex modes, modes identified from the latter, and
+# what the examples have left.
+PAGES := ../examples/01_building/run/report.html:../build/responses.html:../build/damped.html:../build/identified/report.html
+LEFT_PAGES = $(shell for page in examples/cases/subframe/run/component_1/run/report.html \
+	examples/cases/aeroplane_frfs/run/run/report.html; do [ -f "$$page" ] && printf ':../%s' "$$page"; done)
+RESPOND := $(BIN)/femtune respond --quiet --input 301X+ --from 1 --to 20 --step 0.05
+
 browser: $(VENV)/.stamp-test  ## check the newest report (or REPORT=path) in headless Chromium
 	@$(BIN)/python .ci/check_page.py $(REPORT)
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory web/node_modules/.stamp && mkdir -p build && \
-	  $(BIN)/femtune respond examples/01_building/building.bdf --quiet --input 301X+ --output 301X+ --output 202Y+ \
-	  --from 1 --to 20 --step 0.05 --ratio 0.01 --report build/responses.html && cd web && \
-	  FEMTUNE_PAGES="$(or $(REPORT),../examples/01_building/run/report.html:../build/responses.html)" npm run --silent browser; \
+	  $(RESPOND) examples/01_building/building.bdf --output 301X+ --output 202Y+ --ratio 0.01 --report build/responses.html && \
+	  sed 's/^ENDDATA/CDAMP2,9001,4000.,301,1\nCDAMP2,9002,6000.,303,2\nENDDATA/' examples/01_building/building.bdf > build/damped.bdf && \
+	  $(RESPOND) build/damped.bdf $(addprefix --output ,201X+ 201Y+ 203X+ 203Y+ 301X+ 301Y+ 303X+ 303Y+) --units m-kg-s \
+	    --uff build/damped.uff --report build/damped.html && \
+	  $(BIN)/femtune identify build/damped.uff --order 20 --output build/identified --quiet && cd web && \
+	  FEMTUNE_PAGES="$(or $(REPORT),$(PAGES)$(LEFT_PAGES))" npm run --silent browser; \
 	else echo "SKIPPED: no npm on this machine, the page was not used in a browser"; fi
 
 bench: $(VENV)/.stamp-test  ## time and memory against model size; takes hours and can be interrupted (BENCH_ARGS=--quick: a minute)
@@ -126,11 +136,14 @@ bench-search: $(VENV)/.stamp-test  ## runs of the model that a search needs with
 bench-optimise: $(VENV)/.stamp-test  ## the search compared with general solvers; takes an hour and can be interrupted (BENCH_ARGS=--quick: minutes)
 	@$(ONE_THREAD) $(BIN)/python benchmarks/optimise/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
+bench-page: $(VENV)/.stamp-test web/node_modules/.stamp  ## size, load time and frames a second of the page against model size; takes minutes
+	@$(ONE_THREAD) $(BIN)/python benchmarks/page/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
 mutants: $(VENV)/.stamp-test  ## mutation test of the numerical code; takes half an hour and can be interrupted
 	@$(PIP) coverage
 	@HYPOTHESIS_PROFILE=quick $(ONE_THREAD) $(BIN)/python benchmarks/mutation/run.py --marked "not slow" $(or $(BENCH_ARGS),--evidence docs/evidence)
 
-readers: $(VENV)/.stamp-readers  ## install the libraries that read OP2, Ansys, HDF5 and Parquet files
+readers: $(VENV)/.stamp-readers  ## install the libraries for OP2, Ansys, HDF5, Parquet and VTU files, and CMA-ES
 
 release-check:  ## the check-list of a release: build, metadata, empty environments of every Python, tutorial, licences
 	@python="$$($(FIND_PYTHON))"; "$$python" .ci/release.py
@@ -159,8 +172,8 @@ $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 	@touch $@
 
 $(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
-	@echo "installing the libraries that read OP2, Ansys, HDF5 and Parquet files into $(VENV)"
-	@$(PIP) -e '.[op2,ansys,hdf5,parquet]'
+	@echo "installing the libraries for OP2, Ansys, HDF5, Parquet and VTU files, and CMA-ES into $(VENV)"
+	@$(PIP) -e '.[op2,ansys,hdf5,parquet,vtu,search]'
 	@touch $@
 
 $(VENV)/.stamp-notebooks: pyproject.toml $(VENV)/.stamp-test

@@ -65,8 +65,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     families: dict[tuple[str, int, str], list[Any]] = defaultdict(list)
     for item in items:
         mark = item.get_closest_marker("quick")
-        if mark is not None and item.get_closest_marker("slow") is None:
-            families[item.nodeid.partition("[")[0], mark.args[0], mark.kwargs.get("rest", "slow")].append(item)
+        rest = mark.kwargs.get("rest", "slow") if mark is not None else ""
+        if mark is not None and (rest == "long" or item.get_closest_marker("slow") is None):
+            families[item.nodeid.partition("[")[0], mark.args[0], rest].append(item)
     for (_, count, rest), cases in families.items():
         chosen = spread([case.callspec.indices for case in cases], count)
         for number, case in enumerate(cases):

@@ -329,3 +329,10 @@ def test_factors_between_units_of_length() -> None:
     assert len(named) == 16
     for factor, (test, model) in named.items():
         assert factor == pytest.approx(_METRES[test] / _METRES[model], rel=1e-12)
+
+
+def test_scalar_points_have_no_place_and_are_found_by_their_numbers() -> None:
+    found = map_sensors(_test(_sensor("1Z+", (0, 0, 0), Z), modes=_shapes("900S+")), _structure(SQUARE), tolerance=0.1)
+    assert found.matches[1].node == 900
+    with pytest.raises(FemtuneError, match=r"901S.*no scalar points with these numbers"):
+        map_sensors(_test(modes=_shapes("901S+")), _structure(SQUARE), tolerance=0.1)

@@ -10,7 +10,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.dofs import DofSet
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Where
 from femtune.files.deviations import deviations_text, with_deviations
 from femtune.modal import ModeSet
 
@@ -84,3 +84,56 @@ def test_no_json_and_no_file_are_refused(tmp_path: Path) -> None:
         with pytest.raises(FemtuneError) as error:
             with_deviations(bare(), path)
         assert error.value.code == "test.deviations"
+
+
+TABLE = """mode;sigma;dof
+1;0,02;frequency
+2;0.002;damping
+1;0.1;2X-
+1;0.2;1X+
+1;0.3;3Z+
+2;0.4;2X+
+"""
+
+
+def test_a_table_states_standard_deviations_of_modes_and_entries(tmp_path: Path) -> None:
+    path = tmp_path / "sd.csv"
+    path.write_text(TABLE)
+    found = with_deviations(bare(), path)
+    np.testing.assert_array_equal(found.freq_sd_hz, [0.02, np.nan])
+    np.testing.assert_array_equal(found.damping_sd, [np.nan, 0.002])
+    # relative to the largest entries, 2 and 1; the order of the sensors is 3Z, 1X, 2X
+    np.testing.assert_allclose(found.shapes_sd, [[0.6, np.nan], [0.4, np.nan], [0.2, 0.4]])
+    path.write_text("mode,dof,sigma\nb,frequency,0.01\na,frequency,0.02\n")
+    found = with_deviations(bare(), path, ("a", "b"))
+    np.testing.assert_allclose(found.freq_sd_hz, [0.02, 0.01])
+    assert found.shapes_sd is None
+
+
+_ONE = "mode,dof,sigma\n1,frequency,0.1\n"
+BAD_TABLES = {
+    "lines": ("mode,dof,sigma", None),
+    "heading": ("mode,dof\n1,frequency\n", 1),
+    "fields": (_ONE + "1,2,3,4\n", 3),
+    "mode": (_ONE + "3,frequency,0.1\n", 3),
+    "sensor": (_ONE + "\n1,4X+,0.1\n", 4),
+    "not-measured": (_ONE + "2,3Z+,0.1\n", 3),
+    "twice": (_ONE + "1,1X+,0.1\n1,1X-,0.1\n", 4),
+    "number": (_ONE + "2,frequency,0\n", 3),
+    "negative": (_ONE + "2,frequency,-1\n", 3),
+    "nan": (_ONE + "2,frequency,nan\n", 3),
+}
+
+
+@pytest.mark.parametrize("name", BAD_TABLES)
+def test_what_is_wrong_in_a_table_is_told_with_its_line(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "sd.csv"
+    text, line = BAD_TABLES[name]
+    path.write_text(text)
+    with pytest.raises(FemtuneError) as error:
+        with_deviations(bare(), path)
+    assert error.value.code == "test.deviations-table"
+    assert error.value.where == Where(str(path), line)
+    if name in ("heading", "sensor", "mode", "twice", "number"):
+        shown = f"test.deviations-table, {name}"
+        check_shown(shown, str(error.value).replace(str(path), "/home/anna/sd.csv"))

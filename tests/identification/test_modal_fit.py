@@ -240,7 +240,7 @@ def _z_scores(known: Any, seeds: range, told: bool) -> np.ndarray:
     return np.array(rows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("told", [False, True], ids=["noise from the fit", "noise told"])
 def test_intervals_cover(three_modes: Any, told: bool) -> None:
     """200 seeds: a coverage of 95 % scatters by 1.5 % in each quantity, by about .6 % in the mean of all."""

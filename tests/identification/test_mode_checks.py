@@ -47,6 +47,26 @@ def test_damping_up_to_the_limit_or_unknown_is_not_reported() -> None:
     assert damping_remarks([1.0], None) == ()
 
 
+@pytest.mark.parametrize("spacing", [0.05, 0.5])
+def test_damping_that_is_not_above_zero_is_reported_and_little_damping_is_not(three_modes: Any, spacing: float) -> None:
+    """Half bandwidths of .1 % are .02 to .06 Hz; a pole that is not there lies between two lines of 1 % noise."""
+    light = dataclasses.replace(three_modes, damping_ratio=np.full(3, 1e-3))
+    exact = light.frfs(np.arange(4.0, 32.0, spacing) + 0.3 * spacing)
+    error = np.random.default_rng(5).standard_normal((2, *exact.values.shape))
+    frfs = dataclasses.replace(exact, values=exact.values * (1.0 + 0.01 * (error[0] + 1j * error[1])))
+    poles = pole_of(np.append(light.freq_hz, 10.3), np.append(light.damping_ratio, 1e-6))
+    fit = fit_modes(frfs, poles, most_steps=0)
+    found = fit_remarks(fit, scaled_shapes(fit, driving_points(frfs)))
+    assert [r.mode for r in found if r.notice.code == "identify.damping"] == [1]
+    assert {r.mode for r in found if r.doubtful} == {1}
+
+
+def test_how_damping_that_is_not_above_zero_is_reported() -> None:
+    ratio, sd = np.array([6.5e-7, 2.1e-3]), np.array([4.1e-4, 1e-3])
+    (remark,) = damping_remarks([142.34, 200.0], ratio, sd)
+    check_shown("identify.damping, not above zero", remark.notice)
+
+
 def test_negative_modal_mass_makes_one_mode_doubtful(three_modes: Any) -> None:
     fit = _fit(three_modes)
     residues = fit.residues.copy()

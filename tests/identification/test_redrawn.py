@@ -7,6 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
+from femtune.errors import FemtuneError
 from femtune.identification import InputKnown, equalised_test
 from femtune.identification.redrawn import RedrawnTest
 
@@ -109,3 +110,9 @@ def test_a_pickle_gives_the_same_draws() -> None:
     np.testing.assert_array_equal(
         again.functions(again.draw("lines", np.random.default_rng(9))), test.functions(change)
     )
+
+
+def test_bands_that_leave_out_all_lines_are_named() -> None:
+    options = InputKnown(largest_order=16)
+    with pytest.raises(FemtuneError, match="leave_out_hz leaves out all frequency lines"):
+        equalised_test(known((0,), 6).frfs(LINES, 1e-3, 1), 0.01, options, left_out_hz=((0.0, 1e4),))

@@ -94,3 +94,21 @@ def test_coherence_without_its_function(tmp_path: Path) -> None:
     notices = content_of(tmp_path, {(3, 1): np.full(20, 0.8)}).notices
     notice = next(n for n in notices if n.code == "uff.unused-coherence")
     check_shown("uff.unused-coherence", str(notice).replace(f"{tmp_path}/", ""))
+
+
+def test_a_column_that_is_given_twice(tmp_path: Path) -> None:
+    (tmp_path / "h.csv").write_text("f,re,im\n1,2,3\n2,3,4\n")
+    entry = '[[function]]\ncolumn = 2\nimaginary = 3\nresponse = "{}Z+"\nreference = "1Z+"\n'
+    text = '[functions]\nkind = "accelerance"\nfrequency = 1\n' + entry.format(1) + entry.format(2)
+    check_shown("frf.layout, column twice", message(tmp_path, described(tmp_path, text, '"h.csv"')))
+
+
+def test_functions_with_the_same_values(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    h = rng.standard_normal((9, 3)) + 1j * rng.standard_normal((9, 3))
+    path = described(tmp_path, STATED.replace('"2Z+"]', '"2Z+", "3Z+"]'))
+    for rows, codes in ((h, []), (h[:, [0, 1, 1]], ["frf.same-values"])):
+        np.save(tmp_path / "frf.npy", rows)
+        notices = read_described(read_identify_file(path)).notices
+        assert [n.code for n in notices] == codes
+    check_shown("frf.same-values", str(notices[0]))

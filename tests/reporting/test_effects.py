@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
+
 from femtune.reporting.figures.effects import beside_svg, main_effects_svg, search_svg
+from femtune.reporting.figures.histograms import histograms_svg
 
 
 def test_main_effects_have_a_panel_for_every_parameter_and_a_line_for_every_response() -> None:
@@ -30,3 +33,22 @@ def test_two_values_of_each_parameter_and_response() -> None:
     svg = beside_svg(["stiffness <1>", "density"], ["mode 1"], values, ("first", "total"), "part of the variance")
     for text in ("stiffness &lt;1&gt;", "density", "mode 1", "first", "total", "part of the variance"):
         assert text in svg
+
+
+def test_powers_of_ten_are_plain_numbers() -> None:
+    svg = search_svg([("genetic", [10, 20, 30], [3000.0, 20.0, 4.0])], [4.0])
+    shown = re.findall(r">([^<>]*)</text>", svg)
+    assert not [text for text in shown if "$" in text]
+    assert {"10", "100", "1000"} <= set(shown)
+
+
+def test_less_than_a_decade_has_numbers_too() -> None:
+    svg = search_svg([("genetic", [10, 20, 30], [3.2, 2.2, 1.4])], [1.4])
+    assert "2" in re.findall(r">([^<>]*)</text>", svg)
+
+
+def test_numbers_below_a_histogram_differ_where_the_samples_hardly_do() -> None:
+    samples = 0.97999 + 6.5e-5 * np.linspace(-3.0, 3.0, 200)[:, None]
+    shown = re.findall(r">([^<>]*)</text>", histograms_svg(["t"], samples, [0.97999], [(0.9798, 0.9801)]))
+    numbers = [text for text in shown if text.startswith("0.9")]
+    assert len(numbers) == len(set(numbers)) >= 2

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune.dofs import DofSet
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.modal import FrfSet, as_kind
 from femtune.model import solve_modes
 from femtune.model.response import frf, make_ports, zero_finder
@@ -21,6 +22,7 @@ from femtune.residuals import (
     case_without_modes,
     measured_antiresonances,
 )
+from femtune.residuals.frf.measured_zeros import found_antiresonances
 from femtune.testing import check_residual
 from femtune.updating import SensitivityMethod, update
 
@@ -164,3 +166,39 @@ def test_gaps_and_bands() -> None:
     assert {round(z.freq_hz, 6) for z in band} == {
         round(z.freq_hz, 6) for z in measured_antiresonances(frfs) if 3.0 <= z.freq_hz <= 5.0
     }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [2e-5, 2e-4])
+def test_stated_standard_deviations_are_those_of_repeats(noise: float) -> None:
+    """Pulls of 40 repeats of four zeros whose FRFs show the poles beside them; some are lost in the larger noise."""
+    exact = [z for z in measured_antiresonances(functions()) if not 3.6 < z.freq_hz < 3.9 and z.freq_hz < 7.2]
+    pulls = []
+    for seed in range(40):
+        found = measured_antiresonances(functions(noise, seed=100 + seed))
+        for z in exact:
+            own = [f for f in found if (f.response, f.reference) == (z.response, z.reference)]
+            near = [f for f in own if abs(f.freq_hz / z.freq_hz - 1.0) < 0.05]
+            pulls += [(f.freq_hz - z.freq_hz) / f.sd_hz for f in near]
+    assert 155 <= len(pulls) <= 160
+    assert 0.9 < np.std(pulls) < 1.1
+    assert abs(np.mean(pulls)) < 0.3
+
+
+def test_minima_of_noise_are_no_antiresonances() -> None:
+    """Two modes with equal residues have one zero, at the mean of the poles; noise of 1e-3 of the largest magnitude."""
+    freq = np.arange(1.0, 60.0, 0.1)
+    w2 = (2.0 * np.pi * freq) ** 2
+    poles = (2.0 * np.pi * np.array([12.0, 33.0])) ** 2
+    clean = -w2 * sum(1.0 / (p * (1.0 + 0.01j) - w2) for p in poles)
+    noise = 1e-3 * np.abs(clean).max() * circular(freq.shape, 2)
+    dof = DofSet.parse(["1X+"])
+    found = found_antiresonances(FrfSet(freq, (clean + noise)[None, None], dof, dof, "accelerance"))
+    (zero,) = found.zeros
+    assert abs(zero.freq_hz - np.sqrt(poles.mean()) / (2.0 * np.pi)) < 3.0 * zero.sd_hz < 1.0
+    only = FrfSet(freq, noise[None, None], dof, dof, "accelerance")
+    assert len(measured_antiresonances(only, ZeroSearch(above_noise=0.0))) > 3
+    with pytest.raises(FemtuneError, match="minima in the noise"):
+        measured_antiresonances(only)
+    left_out = Notice("residual.antiresonances-in-noise", configuration="beam", count=found.in_noise, ratio=8.0)
+    check_shown("residual.antiresonances-in-noise", left_out)

@@ -122,6 +122,19 @@ def test_values_with_and_without_derivatives_are_the_same_numbers(form: FrfForm)
         assert plain.jacobian.shape == (len(plain.values), 0)
 
 
+@every_form
+def test_functions_of_the_model_follow_from_the_blocks(form: FrfForm):
+    """The inverse of a form, beside the functions that the residual was made of."""
+    residual, model = residual_of(form), solve_modes(chain().at(AT), 5)
+    found = residual.values_of(residual.compare(model, False))
+    exact = residual.functions(model)[0]
+    compared = np.isfinite(found)
+    assert compared.sum() > 100
+    np.testing.assert_allclose(
+        found[compared], (np.abs(exact) if form == "log-magnitude" else exact)[compared], rtol=1e-9
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["linear", "log-complex"])
 def test_weighted_residuals_of_a_noisy_test_have_unit_variance_and_no_mean(form: FrfForm):

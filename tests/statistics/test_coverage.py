@@ -11,7 +11,7 @@ from structures.coverage import CoverageProblem, run_coverage, spring_chain, ste
 _ONCE_IN_A_THOUSAND = 5e-4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_student_intervals_hold_where_the_scatter_is_estimated():
     found = run_coverage(stepped_cantilever(), range(40))
     assert (found.coverage * 40 >= binom.ppf(_ONCE_IN_A_THOUSAND, 40, 0.95)).all()

@@ -107,6 +107,7 @@ def test_with_noise_and_reduced_models_the_truth_lies_within_the_stated_deviatio
         ("distribution.field", "[residuals]", 'elements = "1 THRU 3"\n[residuals]'),
         ("distribution.function", '"1 - v**2"', '"1 - s**2"'),
         ("distribution.unknown", "DISTRIBUTION THIN F3", "DISTRIBUTION THICK F3"),
+        ("distribution.factor", 'F3"]\nabsolute = true', 'F3"]'),
         ("distribution.unused", "[residuals]", '[[distribution]]\nname = "OTHER"\nfields = ["PSHELL 1 T"]\n'
          'functions = ["1"]\n[residuals]'),
     ],

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 from tests.messages.shown import check_shown
 from tests.reporting.page_scripts import without_own_scripts
+from tests.reporting.test_view import unpacked
 
 from femtune.cli import main
 from femtune.dofs import Dof, DofSet
@@ -21,7 +22,7 @@ from femtune.modal import StateSpace
 from femtune.modal.shape_criteria import mac
 from femtune.reporting.identification import build_identification_page
 from femtune.steps import identify
-from femtune.testdata import ModalTest
+from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 from structures.laboratory import (
     Clock,
@@ -119,8 +120,20 @@ def test_a_choice_that_the_first_method_cannot_make_is_refused(record, tmp_path,
 @pytest.mark.slow
 def test_functions_become_modes_and_a_model(tmp_path):
     frfs = accelerance(PLANT, np.linspace(0.5, 12.0, 800))
-    write_uff_frfs(tmp_path / "frf.unv", ModalTest("t", SI, frfs=frfs))
+    frame = WireFrame(np.array([1, 2, 3, 4]), np.eye(4)[:, :3], lines=((1, 2, 3, 4),))
+    write_uff_frfs(tmp_path / "frf.unv", ModalTest("t", SI, frame, frfs=frfs))
     made = identify(tmp_path / "frf.unv", largest_order=12)
+    view = build_identification_page(made).view
+    assert view is not None
+    (scene,), (functions,) = view.scenes, view.functions
+    stage = scene.stages[0]
+    assert unpacked(scene.points) == pytest.approx(frame.coordinates, abs=1e-4)
+    assert unpacked(scene.lines).tolist() == [[0, 1], [1, 2], [2, 3]]
+    moved, shapes = unpacked(stage.motion), made.found.modes.shapes
+    assert np.diag(mac(moved[:3, 0], shapes)) == pytest.approx(1.0, abs=1e-4)
+    assert not moved[3].any()
+    assert [c.look for c in functions.curves] == ["test", "identified"]
+    assert len(functions.titles) == frfs.values[..., 0].size
     assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz, rel=1e-4)
     assert [m.damping_ratio for m in made.record.modes] == pytest.approx([0.01] * 3, rel=1e-2)
     with np.load(made.folder / "system.npz") as stored:

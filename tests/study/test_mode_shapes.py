@@ -20,6 +20,7 @@ from femtune.parameters import ParameterSet
 from femtune.results import shapes as record_shapes
 from femtune.results.shapes import grid_translations
 from femtune.results.step_results import RunResult
+from femtune.selection import energy_map
 from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 # a portal: two columns, a rigid floor from grid 5 to their tops, a spring of no length, a mass without lines
@@ -77,6 +78,23 @@ def test_motion_is_in_basic_axes_whatever_the_displacement_frames(tmp_path: Path
     plain, skew = found
     signs = np.sign(np.einsum("nim,nim->m", plain, skew))
     np.testing.assert_allclose(skew * signs, plain, atol=1e-9 * np.abs(plain).max())
+
+
+def test_strain_energy_is_that_of_each_line_and_of_the_spring_that_is_no_line(tmp_path: Path) -> None:
+    configured = _portal(tmp_path)
+    solution, mesh = solve_modes(configured.at(np.zeros(0)), 3), record_shapes.drawn_mesh(configured)
+    found = record_shapes._energies(configured, solution, mesh)
+    shares = energy_map(solution)
+    strain = {name: 100.0 * row for name, row in zip(shares.groups, shares.strain)}
+    for element, ends in (("1", (0, 2)), ("2", (1, 3))):
+        (line,) = mesh.line_of(np.array([ends[::-1]]))
+        np.testing.assert_allclose(found["line_energy"][line], strain[element], rtol=1e-6)
+    np.testing.assert_array_equal(found["line_energy"][mesh.kinds == RIGID], 0.0)
+    # grid points 5 and 6 are at one place, and 6 has no line
+    at = mesh.used.tolist().index(4)
+    np.testing.assert_allclose(found["energy"][at], strain["31"], rtol=1e-6)
+    np.testing.assert_array_equal(np.delete(found["energy"], at, axis=0), 0.0)
+    assert found["line_energy"].sum() + found["energy"].sum() == pytest.approx(300.0)
 
 
 @pytest.mark.slow

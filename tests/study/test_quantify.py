@@ -294,6 +294,19 @@ def test_measurement_errors_of_a_study_are_subtracted(repeated):
 
 
 @pytest.mark.slow
+def test_measurement_errors_of_the_test_are_subtracted(repeated):
+    bench, _, hz = repeated
+    _table(bench, hz * (1.0 + 0.01 * np.random.default_rng(3).standard_normal(hz.shape)))
+    bench.write("sd.csv", "mode,dof,sigma\n1,frequency,0.05\n3,frequency,0.2\n")
+    study = _study(bench, 'noise_sd = "test"\n', head=f'deviations = "sd.csv"\n{LEFT_OUT}')
+    with pytest.raises(FemtuneError, match="no standard deviation of the frequency of mode 5"):
+        steps.quantify(study)
+    bench.write("sd.csv", "mode,dof,sigma\n1,frequency,0.05\n3,frequency,0.2\n5,frequency,0.7\n")
+    found = steps.quantify(study).record
+    assert [o.noise_sd_hz for o in found.outputs] == pytest.approx([0.05, 0.2, 0.7])
+
+
+@pytest.mark.slow
 def test_a_robust_covariance_leaves_an_outlier_without_effect(repeated):
     bench, factors, hz = repeated
     _table(bench, _moved(hz, slice(4, 5), 0.3))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.reporting.test_view import unpacked
 
 from femtune import steps
 from femtune.dofs import DofSet
@@ -21,6 +22,8 @@ from femtune.modal import FrfSet, as_kind
 from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
 from femtune.model.response import ACCURACY, frf, make_ports
 from femtune.parameters import ParameterSet
+from femtune.reporting.source import ReportSource
+from femtune.reporting.view import view_of
 from femtune.results.response import ResponseResults
 from femtune.testdata import ModalTest
 from femtune.units import SI
@@ -109,6 +112,23 @@ def test_complex_modes_where_damping_couples_the_real_ones(
     assert ("proportional" in found.poles_reason) is not coupled
     assert not _respond(deck, method="direct", **asked)[0].poles
     assert len(_respond(deck, method="complex modes", **asked)[0].poles) == 2
+
+
+def test_shapes_of_complex_modes_travel_on_the_page(bench: Bench) -> None:
+    """(λ²M + λC + K)φ = 0 of what the page holds: 16 bits of each part."""
+    deck = bench.write("pair.bdf", _PAIR + "CDAMP2,5,8.0,2,1\nENDDATA\n")
+    made = steps.respond(deck, inputs=("2X+",), from_hz=1.0, to_hz=9.0, lines=9)
+    (scene,) = view_of(ReportSource(made.results, made.arrays)).scenes
+    stage = scene.stages[-1]
+    assert stage.motion_imaginary is not None
+    shapes = (unpacked(stage.motion) + 1j * unpacked(stage.motion_imaginary))[:, 0]
+    K, C, M = np.array([[1300.0, -500.0], [-500.0, 500.0]]), np.diag([8.0, 0.0]), np.diag([2.0, 3.0])
+    for pole, shape in zip(made.results.responses[0].poles, shapes.T):
+        at = 2 * np.pi * pole.freq_hz * (-pole.damping_ratio + 1j * np.sqrt(1 - pole.damping_ratio**2))
+        assert np.linalg.norm((at**2 * M + at * C + K) @ shape) < 1e-4 * np.linalg.norm(K @ shape)
+        # the real part is as large as it can be
+        assert abs(np.imag(np.sum(shape**2))) < 1e-4 * np.sum(np.abs(shape) ** 2)
+        assert np.abs(shape.imag).max() > 1e-3 * np.abs(shape).max()
 
 
 class _Told:

@@ -44,7 +44,7 @@ def test_statistics_are_those_of_least_squares():
     assert _drift(y, shuffled)[0] == pytest.approx(_drift(y[shuffled[0]], order)[0])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("n", [8, 30])
 def test_level(n):
     rate = np.mean([order_dependence(_table(n, seed)).kind is not None for seed in range(500)])

@@ -5,20 +5,25 @@ export interface Pair { test: number; column: number; modes: number[]; weights: 
 export interface Stage {
   title: string; numbers: number[]; freq_hz: number[]; stored: number[]; motion: Packed; mac: Packed | null;
   seen: Packed | null; factors: Packed | null; expanded: Packed | null; pairs: Pair[];
+  energy: Packed | null; line_energy: Packed | null; damping_ratio: (number | null)[]; motion_imaginary: Packed | null; seen_imaginary: Packed | null;
 }
 export interface SceneData {
   configuration: string; note: string; points: Packed; faces: Packed; edges: Packed; lines: Packed; rigid: Packed;
   stages: Stage[]; places: Packed | null; wire: Packed | null; test: Packed | null; test_imaginary: Packed | null;
-  test_labels: string[]; test_freq_hz: number[];
+  test_labels: string[]; test_freq_hz: number[]; test_only: boolean;
 }
 export interface Curve { look: string; freq_hz: Packed; real: Packed; imaginary: Packed }
 export interface Functions { configuration: string; ordinate: string; titles: string[]; curves: Curve[]; note: string }
 export interface IterationMode {
   configuration: string; test_label: string; test_freq_hz: number; freq_hz: (number | null)[]; mac: (number | null)[];
 }
+export interface IterationFunctions {
+  configuration: string; ordinate: string; titles: string[]; phase: boolean; freq_hz: Packed; real: Packed; imaginary: Packed;
+  test_real: Packed; test_imaginary: Packed; note: string;
+}
 export interface History {
   iterations: number[]; objective_percent: number[]; parameters: string[]; units: string[]; nominal: number[];
-  values: number[][]; modes: IterationMode[];
+  values: number[][]; modes: IterationMode[]; functions: IterationFunctions[];
 }
 export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null }
 

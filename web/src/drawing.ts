@@ -12,9 +12,13 @@ import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js
 const STOPS = ["#eaf2f8", "#c3d8ea", "#8db6d8", "#4f8cc0", "#1f5a92", "#0b2d52"];
 const DARK_STOPS = ["#26384a", "#2f5275", "#3c78ab", "#66a5d8", "#a5d0f2", "#e6f4ff"];
 
+/** From no strain energy to the most. */
+const HOT_STOPS = ["#e2d8c6", "#f5c47e", "#f2a055", "#dc672a", "#b0301f", "#6b1020"];
+const DARK_HOT_STOPS = ["#2c2a2a", "#5a3320", "#9a4a1c", "#d9752b", "#f6ad55", "#fff0c9"];
+
 /** (n, 3) linear colours of values from 0 to 1. */
-export function colours(values: Float32Array, dark: boolean): Float32Array {
-  const table = (dark ? DARK_STOPS : STOPS).map((c) => new Color(c));
+export function colours(values: Float32Array, dark: boolean, hot = false): Float32Array {
+  const table = scaleStops(dark, hot).map((c) => new Color(c));
   const out = new Float32Array(3 * values.length), one = new Color();
   for (let i = 0; i < values.length; i++) {
     const at = Math.min(1, Math.max(0, values[i])) * (table.length - 1), k = Math.min(Math.floor(at), table.length - 2);
@@ -23,7 +27,7 @@ export function colours(values: Float32Array, dark: boolean): Float32Array {
   return out;
 }
 
-export const scaleStops = (dark: boolean): string[] => (dark ? DARK_STOPS : STOPS);
+export const scaleStops = (dark: boolean, hot = false): string[] => (hot ? (dark ? DARK_HOT_STOPS : HOT_STOPS) : dark ? DARK_STOPS : STOPS);
 
 /** Faces (triangles of points) with a colour at each point. */
 export class Faces {
@@ -70,6 +74,12 @@ export class WideLines {
   }
   follow(points: Float32Array): void { this.fill("instanceStart", points); }
   paint(values: Float32Array): void { this.fill("instanceColorStart", values); }
+  /** A colour at each end of each line, (l, 2, 3). */
+  paintEnds(colours: Float32Array): void {
+    const buffer = (this.object.geometry.getAttribute("instanceColorStart") as any).data;
+    (buffer.array as Float32Array).set(colours);
+    buffer.needsUpdate = true;
+  }
   private fill(name: string, values: Float32Array): void {
     const buffer = (this.object.geometry.getAttribute(name) as any).data;
     const to = buffer.array as Float32Array;

@@ -42,6 +42,12 @@ export function magnitudes(lines: Line[], low: number, high: number): [number, n
   return most === 0 ? [0.1, 1] : [0.7 * Math.max(least, 1e-6 * most), 1.5 * most];
 }
 
+/** Where a plot takes its curves from. */
+export interface Source { configuration: string; ordinate: string; titles: string[]; note: string; phase: boolean; lines(k: number): Line[] }
+
+/** Curves that do not change. */
+export const fixed = (data: Functions): Source => ({ ...data, phase: true, lines: (k) => linesOf(data, k) });
+
 export class FunctionPlot {
   readonly element: HTMLElement;
   private readonly drawing = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", tabindex: 0, class: "plot", "font-family": "sans-serif" }) as SVGSVGElement;
@@ -52,7 +58,7 @@ export class FunctionPlot {
   private whole: [number, number] = [0, 1];
   private range: [number, number] = [0, 1];
 
-  constructor(private readonly data: Functions) {
+  constructor(private readonly data: Source) {
     this.which = choice("Function", data.titles, (k) => this.open(k));
     const button = (text: string, words: string, act: () => void) => h("button", { type: "button", "aria-label": words, click: act }, text);
     const name = () => `${data.configuration} ${data.titles[this.which.select.selectedIndex]}`;
@@ -77,8 +83,14 @@ export class FunctionPlot {
     return [["curve", "frequency Hz", "real", "imaginary"], ...rows];
   }
 
+  /** Take the curves again, the range of frequencies stays. */
+  refresh(): void {
+    this.lines = this.data.lines(this.which.select.selectedIndex);
+    this.draw();
+  }
+
   private open(k: number): void {
-    this.lines = linesOf(this.data, k);
+    this.lines = this.data.lines(k);
     this.whole = [Math.min(...this.lines.map((l) => l.freq[0])), Math.max(...this.lines.map((l) => l.freq[l.freq.length - 1]))];
     if (!(this.whole[1] > this.whole[0])) this.whole = [0, 1];
     this.shownLooks.replaceChildren(...this.lines.map(({ look }) => {
@@ -167,7 +179,7 @@ export class FunctionPlot {
       const [, colour, width, dashes] = LOOKS[line.look];
       const style = { fill: "none", stroke: colour, "stroke-width": width, "stroke-dasharray": dashes || undefined, "stroke-linejoin": "round", "clip-path": "url(#frf-clip)" };
       const [upper, lower] = paths(line, low, high, (f) => x(f), (v) => y(v), (d) => p(d));
-      parts.push(svg("path", { d: upper, ...style, "data-look": line.look }), svg("path", { d: lower, ...style, "stroke-width": Math.min(width, 2) }));
+      parts.push(svg("path", { d: upper, ...style, "data-look": line.look }), ...(this.data.phase ? [svg("path", { d: lower, ...style, "stroke-width": Math.min(width, 2) })] : []));
     }
     this.drawing.replaceChildren(...parts);
     this.drawing.dataset.range = `${low} ${high}`;

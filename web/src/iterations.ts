@@ -1,8 +1,24 @@
 // The update step by step: parameters, frequencies and MAC at the iteration that a slider chooses.
 
-import type { History } from "./data.ts";
+import { unpack, type History, type IterationFunctions } from "./data.ts";
 import { h, labelled, shown } from "./dom.ts";
+import { FunctionPlot, type Line, type Source } from "./functions.ts";
 import { enhance } from "./tables.ts";
+
+/** Curves of the test, of the model at first, and of the model at the iteration `now()`. */
+export function curvesAt(data: IterationFunctions, now: () => number): Source {
+  const [freq, real, imaginary, testReal, testImaginary] = [data.freq_hz, data.real, data.imaginary, data.test_real, data.test_imaginary].map(unpack);
+  const count = data.real.shape[1], n = freq.length;
+  const model = (look: string, k: number, at: number): Line => {
+    const from = (k * count + at) * n;
+    return { look, freq, real: real.subarray(from, from + n), imaginary: imaginary.subarray(from, from + n) };
+  };
+  const lines = (k: number) => [
+    { look: "test", freq, real: testReal.subarray(k * n, (k + 1) * n), imaginary: testImaginary.subarray(k * n, (k + 1) * n) },
+    model("before", k, 0), model("model", k, now()),
+  ];
+  return { configuration: data.configuration, ordinate: data.ordinate, titles: data.titles, note: data.note, phase: data.phase, lines };
+}
 
 export class Iterations {
   readonly element: HTMLElement;
@@ -10,6 +26,7 @@ export class Iterations {
   private readonly said = h("p", { class: "shown", "aria-live": "polite" });
   private readonly values: HTMLTableCellElement[][] = [];
   private readonly modes: HTMLTableCellElement[][] = [];
+  private readonly plots: FunctionPlot[];
 
   constructor(private readonly data: History) {
     const last = data.iterations.length - 1;
@@ -19,6 +36,9 @@ export class Iterations {
       this.table("Modes", ["Test mode", "Test Hz", "Model Hz", "Error %", "MAC"], data.modes.map((m) => [`${m.configuration} ${m.test_label}`, shown(m.test_freq_hz)]), this.modes, 3),
     ];
     this.element = h("div", { class: "iterations" }, labelled("Iteration", this.slider), this.said, h("div", { class: "row" }, ...tables.filter((t) => t !== null)));
+    const several = data.functions.length > 1;
+    this.plots = data.functions.map((f) => new FunctionPlot(curvesAt(f, () => Number(this.slider.value))));
+    this.element.append(...this.plots.flatMap((plot, i) => [h("h3", {}, `Compared FRFs at the iteration${several ? `: ${data.functions[i].configuration}` : ""}`), plot.element]));
     this.show(last);
   }
 
@@ -41,6 +61,7 @@ export class Iterations {
     const { data } = this;
     this.said.textContent = `Iteration ${data.iterations[k]} of ${data.iterations[data.iterations.length - 1]}: weighted mean error ${shown(data.objective_percent[k], 3)} %`;
     this.slider.setAttribute("aria-valuetext", this.said.textContent);
+    for (const plot of this.plots) plot.refresh();
     this.values.forEach(([value, change], i) => {
       value.textContent = shown(data.values[k][i], 5);
       change.textContent = data.nominal[i] ? signed(100 * (data.values[k][i] / data.nominal[i] - 1) * Math.sign(data.nominal[i])) : "–";

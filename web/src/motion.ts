@@ -2,11 +2,20 @@
 
 export interface Motion { real: Float32Array; imaginary: Float32Array | null }
 
-/** Σ weight · column of real motions. */
-export function combined(columns: Float32Array[], weights: number[]): Motion {
-  const real = new Float32Array(columns[0].length);
-  columns.forEach((values, k) => { for (let i = 0; i < real.length; i++) real[i] += weights[k] * values[i]; });
-  return { real, imaginary: null };
+/** Σ weight · column of motions, whose imaginary parts may be absent. */
+export function combined(columns: Float32Array[], weights: number[], imaginary: Float32Array[] | null = null): Motion {
+  const sum = (parts: Float32Array[]) => {
+    const out = new Float32Array(parts[0].length);
+    parts.forEach((values, k) => { for (let i = 0; i < out.length; i++) out[i] += weights[k] * values[i]; });
+    return out;
+  };
+  return { real: sum(columns), imaginary: imaginary && sum(imaginary) };
+}
+
+/** Strain energy of Σ weight · mode by point: modes have no energy in common, so that theirs are weighted by squares. */
+export function energyOf(columns: Float32Array[], weights: number[]): Float32Array {
+  const whole = weights.reduce((total, w) => total + w * w, 0) || 1;
+  return combined(columns, weights.map((w) => (w * w) / whole)).real;
 }
 
 /** A motion times a complex number. */

@@ -2,7 +2,7 @@
 
 import { readView } from "./data.ts";
 import { h } from "./dom.ts";
-import { FunctionPlot } from "./functions.ts";
+import { fixed, FunctionPlot } from "./functions.ts";
 import { Iterations } from "./iterations.ts";
 import { enhancePicture } from "./pictures.ts";
 import { enhance } from "./tables.ts";
@@ -34,7 +34,7 @@ for (const figure of document.querySelectorAll<HTMLElement>("figure")) enhancePi
 if (view?.scenes.length) linkPairs(view.scenes.filter((s) => s.test).map((s) => s.configuration));
 if (view?.functions.length) {
   const several = view.functions.length > 1;
-  const plots = view.functions.flatMap((f) => [...(several ? [h("h3", {}, f.configuration)] : []), new FunctionPlot(f).element]);
+  const plots = view.functions.flatMap((f) => [...(several ? [h("h3", {}, f.configuration)] : []), new FunctionPlot(fixed(f)).element]);
   atHead(["responses", "frequency_responses", "fit"], h("h3", {}, "Look closer"), ...plots);
 }
 if (view?.history) atHead(["convergence"], new Iterations(view.history).element);

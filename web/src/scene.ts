@@ -1,16 +1,21 @@
 // Both sides of a configuration: the model on its mesh, the test on its wire frame.
 
-import { BufferAttribute, Color, DirectionalLight, AmbientLight, Scene } from "three";
+import { AmbientLight, BufferAttribute, Color, DirectionalLight, Scene, type Object3D } from "three";
 import { column, unpack, unpackRows, type Packed, type SceneData, type Stage } from "./data.ts";
 import { Arrows, colours, Dots, Faces, thinLines, WideLines } from "./drawing.ts";
-import { combined, diagonal, largest, minus, moved, shownFactor, sizes, times, triangles, type Motion } from "./motion.ts";
+import { combined, diagonal, energyOf, largest, minus, moved, shownFactor, sizes, times, triangles, type Motion } from "./motion.ts";
 
-export type Colouring = "displacement" | "difference";
+export type Colouring = "displacement" | "energy" | "difference";
+
+/** The colour bar: name, unit, the value of its end, and whether values beyond have the colour of the end. */
+export interface ColourBar { name: string; end: number; hot: boolean; open: boolean }
 export interface Theme { dark: boolean; ink: string; rest: string; model: string; test: string }
 
 /** What is shown: a row of the test's modes (null without a test) and a column of the model's. */
 export interface Chosen { test: number | null; column: number }
 
+/** Strain energy at points and of lines, in %. */
+interface Energy { points: Float32Array; lines: Float32Array | null }
 
 export class SceneOf {
   readonly model = new Scene();
@@ -25,6 +30,7 @@ export class SceneOf {
   private modelMotion: Motion | null = null;
   private testMotion: Motion | null = null;
   private expandedMotion: Motion | null = null;
+  private energy: Energy | null = null;
   private scale = 0;
   private readonly modelSide: ModelSide;
   private readonly testSide: TestSide | null;
@@ -35,9 +41,9 @@ export class SceneOf {
     this.size = diagonal(this.points);
     this.rest = new BufferAttribute(this.points.slice(), 3);
     this.places = data.places ? unpack(data.places) : null;
-    this.modelSide = new ModelSide(this.points, data, theme, this.model);
+    this.modelSide = new ModelSide(this.points, data, theme, this.model, this.size);
     const expandable = data.stages.some((s) => s.expanded);
-    this.expandedSide = expandable ? new ModelSide(this.points, data, theme, this.test) : null;
+    this.expandedSide = expandable ? new ModelSide(this.points, data, theme, this.test, this.size) : null;
     this.testSide = this.places ? new TestSide(this.places, unpackRows(data.wire!), this.size, theme, this.test) : null;
     for (const scene of [this.model, this.test]) this.light(scene);
     this.model.add(this.ghost());
@@ -53,9 +59,13 @@ export class SceneOf {
     const [modes, weights] = pair ? [pair.modes.map((n) => n - 1), pair.weights] : [[chosen.column], [1]];
     const stored = modes.map((j) => stage.stored.indexOf(j));
     if (stored.some((k) => k < 0)) throw new Error("the shape is not stored");
-    this.modelMotion = combined(stored.map((k) => this.column(stage.motion, k)), weights);
+    const part = (packed: Packed | null, at: number[]) => packed && at.map((k) => this.column(packed, k));
+    this.modelMotion = combined(part(stage.motion, stored)!, weights, part(stage.motion_imaginary, stored));
+    const points = part(stage.energy, stored), lines = part(stage.line_energy, stored);
+    this.energy = points && { points: energyOf(points, weights), lines: lines && energyOf(lines, weights) };
     this.testMotion = this.expandedMotion = null;
-    if (chosen.test !== null && this.hasTest && stage.seen && stage.factors && stage.mac) this.chooseTest(stage, chosen.test, chosen.column, pair?.factor, combined(modes.map((j) => this.column(stage.seen!, j)), weights));
+    if (chosen.test !== null && this.hasTest && stage.seen && stage.factors && stage.mac) this.chooseTest(stage, chosen.test, chosen.column, pair?.factor, combined(part(stage.seen, modes)!, weights, part(stage.seen_imaginary, modes)));
+    this.expandedSide?.show(this.expandedMotion !== null);
     const most = largest(sizes(this.modelMotion)) || 1;
     this.scale = (0.13 * this.size) / most;
   }
@@ -75,24 +85,37 @@ export class SceneOf {
     }
   }
 
+  /** What can be shown as colour of the shape that is chosen. */
+  can(colouring: Colouring): boolean {
+    return colouring === "displacement" || (colouring === "energy" ? this.energy !== null : this.testMotion !== null);
+  }
+
   /** Colour of the model, and of the test where it is expanded or compared at the sensors. */
-  paint(colouring: Colouring): void {
-    if (!this.modelMotion) return;
-    const { dark } = this.theme;
-    const amount = sizes(this.modelMotion), most = largest(amount) || 1;
-    const part = amount.map((v) => v / most);
-    let values: Float32Array = part;
-    if (colouring === "difference" && this.expandedMotion) values = sizes(minus(this.modelMotion, this.expandedMotion)).map((v) => v / most);
-    this.modelSide.paint(colours(values, dark));
-    if (this.expandedMotion) this.expandedSide!.paint(colours(colouring === "difference" ? values : sizes(this.expandedMotion).map((v) => v / most), dark));
+  paint(colouring: Colouring): ColourBar {
+    const { dark } = this.theme, model = this.modelMotion!;
+    const amount = sizes(model), most = largest(amount) || 1;
+    const relative = (values: Float32Array) => values.map((v) => v / most);
     this.testSide?.paint(colouring === "difference" ? most : null);
+    if (colouring === "energy" && this.energy) {
+      const { points, lines } = this.energy, end = Math.max(largest(points), lines ? largest(lines) : 0) || 1;
+      this.modelSide.paintEnergy(points.map((v) => v / end), lines && lines.map((v) => v / end));
+      // the strain energy of a test is not known
+      this.expandedSide?.paintPlain();
+      return { name: "Strain energy of an element, % of the mode", end, hot: true, open: false };
+    }
+    const different = colouring === "difference", expanded = this.expandedMotion;
+    const values = relative(different && expanded ? sizes(minus(model, expanded)) : amount);
+    this.modelSide.paint(colours(values, dark));
+    if (expanded) this.expandedSide!.paint(colours(different ? values : relative(sizes(expanded)), dark));
+    if (!different) return { name: "Displacement, % of the largest", end: 100, hot: false, open: false };
+    return { name: `Difference to the test${expanded ? "" : " at the sensors (dots)"}, % of the largest displacement`, end: 100, hot: false, open: true };
   }
 
   /** Move all to a phase in radians. */
   move(phase: number, factor: number, arrows: boolean): void {
     const s = factor * this.scale;
-    if (this.modelMotion) this.modelSide.follow(this.modelMotion, s, phase);
-    if (this.expandedMotion) this.expandedSide!.follow(this.expandedMotion, s, phase);
+    if (this.modelMotion) this.modelSide.follow(this.modelMotion, s, phase, arrows);
+    if (this.expandedMotion) this.expandedSide!.follow(this.expandedMotion, s, phase, false);
     if (this.testMotion) this.testSide!.follow(this.testMotion, s, phase, arrows);
   }
 
@@ -122,27 +145,53 @@ class ModelSide {
   private readonly faces: Faces | null;
   private readonly lines: WideLines;
   private readonly rigid: WideLines;
+  private readonly objects: Object3D[];
 
-  constructor(private readonly points: Float32Array, data: SceneData, theme: Theme, scene: Scene) {
+  private readonly rows: Uint32Array;
+  private readonly dots: Dots | null;
+  private readonly arrows: Arrows | null;
+
+  constructor(private readonly points: Float32Array, data: SceneData, private readonly theme: Theme, scene: Scene, size: number) {
     this.now = points.slice();
     this.attribute = new BufferAttribute(this.now, 3);
     this.faces = data.faces.shape[0] ? new Faces(this.attribute, triangles(unpackRows(data.faces))) : null;
-    // lines take the colours of the motion where there are no faces, on which they would drown
-    this.lines = new WideLines(unpackRows(data.lines), this.faces ? 1.6 : 3, this.faces ? theme.ink : null);
+    this.rows = unpackRows(data.lines);
+    this.lines = new WideLines(this.rows, this.faces ? 1.6 : 3, null);
     this.rigid = new WideLines(unpackRows(data.rigid), 1, theme.rest);
     if (this.faces) scene.add(this.faces.object, thinLines(this.attribute, unpackRows(data.edges), theme.ink, data.faces.shape[0] > 3000 ? 0.5 : 0.3));
     if (data.lines.shape[0]) scene.add(this.lines.object);
     if (data.rigid.shape[0]) scene.add(this.rigid.object);
+    // the geometry of a test may have no lines
+    this.dots = data.test_only ? new Dots(this.attribute, 7) : null;
+    this.arrows = data.test_only ? new Arrows(points, 0.025 * size, theme.test) : null;
+    if (this.dots && this.arrows) scene.add(this.dots.object, this.arrows.object);
+    this.objects = scene.children.slice();
   }
+  show(on: boolean): void { for (const o of this.objects) o.visible = on; }
+  /** Lines take the colours of the motion where there are no faces, on which they would drown. */
   paint(values: Float32Array): void {
     this.faces?.paint(values);
-    if (!this.faces) this.lines.paint(values);
+    this.lines.paint(this.faces ? this.plain(this.theme.ink) : values);
+    this.dots?.paint(values);
   }
-  follow(motion: Motion, scale: number, phase: number): void {
+  /** Lines in the colour of their own energy, or of that at their ends, for springs that have no length to be seen. */
+  paintEnergy(points: Float32Array, lines: Float32Array | null): void {
+    this.faces?.paint(colours(points, this.theme.dark, true));
+    const ends = Float32Array.from(this.rows, (row, i) => Math.max(lines ? lines[i >> 1] : 0, points[row]));
+    this.lines.paintEnds(colours(ends, this.theme.dark, true));
+  }
+  paintPlain(): void { this.paint(this.plain(this.theme.rest)); }
+  private plain(colour: string): Float32Array {
+    const [r, g, b] = new Color(colour).toArray();
+    return Float32Array.from(this.points, (_, i) => [r, g, b][i % 3]);
+  }
+  follow(motion: Motion, scale: number, phase: number, arrows: boolean): void {
     moved(this.points, motion, scale, phase, this.now);
     this.attribute.needsUpdate = true;
     this.lines.follow(this.now);
     this.rigid.follow(this.now);
+    if (this.arrows) this.arrows.object.visible = arrows;
+    if (arrows) this.arrows?.follow(this.now);
   }
 }
 

@@ -7,9 +7,9 @@ import { choice, fileName, h, labelled, save, shown } from "./dom.ts";
 import { MatrixGrid, type MatrixCell } from "./matrix.ts";
 import { box } from "./motion.ts";
 import { control, homeOf, Orbit } from "./orbit.ts";
-import { SceneOf, type Chosen, type Colouring, type Theme } from "./scene.ts";
+import { SceneOf, type Chosen, type ColourBar, type Colouring, type Theme } from "./scene.ts";
 
-const COLOURINGS: [Colouring, string][] = [["displacement", "displacement"], ["difference", "difference to the test"]];
+const COLOURINGS: [Colouring, string][] = [["displacement", "displacement"], ["energy", "strain energy"], ["difference", "difference to the test"]];
 const KEYS = "Drag to turn, shift and drag to move, wheel to zoom once the picture has the focus. Keys: arrows turn, + and − zoom, 0 resets the view, space starts and stops the motion.";
 
 export class Viewer {
@@ -21,7 +21,7 @@ export class Viewer {
   private readonly title = h("p", { class: "shown", "aria-live": "polite" });
   private readonly remark = h("p", { class: "note" });
   private readonly list = h("div", { class: "choices" });
-  private readonly legend = h("p", { class: "legend" });
+  private readonly legend = h("p", { class: "legend", "aria-live": "polite" });
   private readonly names = [h("span", { class: "name" }, "Test"), h("span", { class: "name" }, "Model")];
   private readonly play: HTMLButtonElement;
   private readonly phase: HTMLInputElement;
@@ -117,12 +117,9 @@ export class Viewer {
     stages.replaceChildren(...data.stages.map((s) => h("option", {}, s.title)));
     stages.selectedIndex = data.stages.length - 1;
     this.version.label.hidden = data.stages.length < 2;
-    const usable: Record<Colouring, boolean> = { displacement: true, difference: this.scene.hasTest };
-    COLOURINGS.forEach(([name], i) => { this.colouring.select.options[i].disabled = !usable[name]; });
     this.colouring.select.selectedIndex = 0;
     this.layout.label.hidden = !this.scene.hasTest;
-    this.arrows.parentElement!.hidden = !this.scene.hasTest;
-    this.legend.replaceChildren("no motion ", ...scaleStops(theme.dark).map(swatch), " largest");
+    this.arrows.parentElement!.hidden = !this.scene.hasTest && !data.test_only;
     this.remark.textContent = data.note;
     this.remark.hidden = !data.note;
     const first = this.stage.pairs[0];
@@ -136,7 +133,7 @@ export class Viewer {
     this.grid = null;
     if (this.scene.hasTest && stage.mac) this.fillMatrix(unpack(stage.mac));
     else this.list.replaceChildren(h("div", { class: "modes", role: "group", "aria-label": "Modes" }, ...stage.stored.map((j) =>
-      h("button", { type: "button", "aria-pressed": "false", click: () => this.choose({ test: null, column: j }) }, `${stage.numbers[j]}: ${shown(stage.freq_hz[j])} Hz`))));
+      h("button", { type: "button", "aria-pressed": "false", click: () => this.choose({ test: null, column: j }) }, `${data.test_only ? data.test_labels[j] : stage.numbers[j]}: ${shown(stage.freq_hz[j])} Hz`))));
     // the same test mode at another model version may have another partner
     const pair = stage.pairs.find((p) => p.test === this.chosen.test);
     const column = pair ? pair.column : stage.stored.includes(this.chosen.column) ? this.chosen.column : stage.stored[0];
@@ -164,7 +161,9 @@ export class Viewer {
     this.chosen = chosen;
     this.scene.choose(this.stage, chosen);
     const { stage } = this, { data } = this.scene;
-    const model = `model mode ${stage.numbers[chosen.column]}, ${shown(stage.freq_hz[chosen.column])} Hz`;
+    const ratio = stage.damping_ratio[chosen.column], damped = ratio == null ? "" : `, damping ${shown(100 * ratio, 3)} %`;
+    const what = data.test_only ? "mode" : stage.damping_ratio.length ? "complex model mode" : "model mode";
+    const model = `${what} ${stage.numbers[chosen.column]}, ${shown(stage.freq_hz[chosen.column])} Hz${damped}`;
     if (chosen.test === null) {
       this.title.textContent = model[0].toUpperCase() + model.slice(1);
       for (const [k, b] of Array.from(this.list.querySelectorAll("button")).entries()) b.setAttribute("aria-pressed", String(stage.stored[k] === chosen.column));
@@ -177,13 +176,25 @@ export class Viewer {
       this.grid?.mark(chosen.test, this.cells[chosen.test].findIndex((c) => c.column === chosen.column));
     }
     this.element.dataset.shown = `${chosen.test ?? ""}|${chosen.column}`;
-    this.canvas.setAttribute("aria-label", `Moving mode shape. ${this.title.textContent}`);
     this.repaint();
   }
 
   private repaint(): void {
-    this.scene.paint(COLOURINGS[this.colouring.select.selectedIndex][0]);
+    const { select } = this.colouring;
+    COLOURINGS.forEach(([name], i) => { select.options[i].disabled = select.options[i].hidden = !this.scene.can(name); });
+    if (select.selectedOptions[0].disabled) select.selectedIndex = 0;
+    this.colouring.label.hidden = COLOURINGS.filter(([name]) => this.scene.can(name)).length < 2;
+    this.showBar(this.scene.paint(COLOURINGS[select.selectedIndex][0]));
     this.redraw();
+  }
+
+  private showBar(bar: ColourBar): void {
+    const tick = (part: number, text: string) => { const mark = h("span", {}, text); mark.style.left = `${part}%`; return mark; };
+    const strip = h("i"), from = `from 0 to ${shown(bar.end, 3)}${bar.open ? " and more" : ""}`;
+    this.canvas.setAttribute("aria-label", `Moving mode shape. ${this.title.textContent}. Colour: ${bar.name}, ${from}`);
+    strip.style.backgroundImage = `linear-gradient(to right, ${scaleStops(this.theme().dark, bar.hot).join(", ")})`;
+    const ticks = h("span", { class: "ticks" }, tick(0, "0"), tick(50, shown(bar.end / 2, 3)), tick(100, (bar.open ? "≥ " : "") + shown(bar.end, 3)));
+    this.legend.replaceChildren(h("span", {}, bar.name), h("span", { class: "bar", role: "img", "aria-label": `Colours ${from}` }, strip, ticks));
   }
 
   private run(on: boolean): void {
@@ -253,27 +264,25 @@ export class Viewer {
   }
 }
 
-function swatch(colour: string): HTMLElement {
-  const one = h("i");
-  one.style.backgroundColor = colour;
-  return one;
-}
-
 /** Put the viewer before the still pictures, which are then folded; leave the page as it is without WebGL. */
 function install(): void {
   const view = readView();
-  const section = document.getElementById("mode_shapes") ?? document.getElementById("pictures");
+  const found = (ids: string[]) => ids.map((id) => document.getElementById(id)).find((s) => s !== null);
+  const own = found(["mode_shapes", "pictures", "shapes"]);
+  const section = own ?? found(["modes", "complex_modes", "responses"]);
   if (!view?.scenes.length || !section) return;
   let viewer: Viewer;
   try {
     viewer = new Viewer(view);
   } catch {
-    section.querySelector("h2")?.after(h("p", { class: "muted" }, "This browser has no WebGL: the shapes are shown in still pictures."));
+    section.querySelector("h2")?.after(h("p", { class: "muted" }, `This browser has no WebGL: ${own ? "the shapes are shown in still pictures" : "the mode shapes are not shown"}.`));
     return;
   }
   const stills = h("details", { class: "stills" }, h("summary", {}, "Still pictures"));
-  stills.append(...Array.from(section.children).filter((c) => c.tagName !== "H2"));
-  section.append(viewer.element, stills);
+  if (own) {
+    stills.append(...Array.from(section.children).filter((c) => c.tagName !== "H2"));
+    section.append(viewer.element, stills);
+  } else section.append(h("h3", { class: "live" }, "Mode shapes"), viewer.element);
   viewer.start();
   document.addEventListener("femtune:pair", (e) => {
     const { configuration, label } = (e as CustomEvent<{ configuration: string; label: string }>).detail;

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { unpack, column, type Packed } from "../src/data.ts";
-import { combined, minus, moved, shownFactor, sizes, times, triangles } from "../src/motion.ts";
+import { combined, energyOf, minus, moved, shownFactor, sizes, times, triangles } from "../src/motion.ts";
 import { homeOf, Orbit } from "../src/orbit.ts";
 
 const pack = (type: Packed["type"], shape: number[], numbers: ArrayBufferView, scale: number[] = [], offset: number[] = []): Packed =>
@@ -75,3 +75,11 @@ test("the axes of the view are at right angles, and keys turn it", () => {
   orbit.key("0");
   assert.equal(orbit.zoom, 1);
 });
+
+test("parts of a complex shape are combined with the same weights", () => {
+  const found = combined([Float32Array.of(1, 2), Float32Array.of(3, 4)], [2, -1], [Float32Array.of(5, 6), Float32Array.of(7, 9)]);
+  near(found.real, [-1, 0]);
+  near(found.imaginary!, [3, 3]);
+});
+
+test("the strain energy of a sum of modes is theirs, weighted by squares", () => near(energyOf([Float32Array.of(10, 0), Float32Array.of(0, 50)], [3, -4]), [3.6, 32]));

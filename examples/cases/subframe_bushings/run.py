@@ -31,8 +31,6 @@ from structures.subframe_campaign import FREE, LOADED, Laboratory, Measured, dev
 HERE = Path(__file__).resolve().parent
 MAC, WITHIN, LIMIT = 0.95, 2.0, 3.0
 SHARE, NOT_MET = 0.9, " The second target is not met: the errors of the identified tests are larger than stated."
-SPURIOUS = 0.01
-"""Identified damping ratio in % below which a mode is one of the noise."""
 BELOW_HZ = 300.0
 """What the free test alone can tell is stated up to here, as in the published study."""
 FREE_TEST = Compared(FREE, Measured((60.0, 450.0), 1.0), (100.0, 390.0))
@@ -150,11 +148,6 @@ def calibrated(plan: Plan, component: int, folder: Path) -> Calibrated:
     return Calibrated(plan, component, tests, run, alone)
 
 
-def spurious(mode: MappedMode) -> bool:
-    """Whether an identified mode is one of the noise: nothing is damped so little."""
-    return (mode.measured_percent or 0.0) < SPURIOUS
-
-
 def check(found: Sequence[Calibrated]) -> None:
     """What the calibration shows; the page states which part of the errors is within two standard deviations."""
     errors = np.abs([e.z for one in found for e in one.estimates])
@@ -164,7 +157,7 @@ def check(found: Sequence[Calibrated]) -> None:
         before, after = one.sums()["validation"]
         assert after < 0.5 * before, (before, after)
         assert not one.risen(), one.risen()
-        macs = [m.mac or 0.0 for _, m in one.modes if not spurious(m)]
+        macs = [m.mac or 0.0 for _, m in one.modes]
         assert macs
         assert min(macs) > MAC, macs
         both, alone = ({p.parameter: p for p in fisher.parameters} for fisher in (one.both, one.alone))
@@ -288,13 +281,8 @@ def _modes(found: Sequence[Calibrated]) -> Iterator[str]:
     yield "| --- " * 6 + "|"
     for one in found:
         for name, m in one.modes:
-            model = (
-                "spurious | "
-                if spurious(m)
-                else "not paired | "
-                if m.mac is None or m.model_hz is None
-                else f"{m.model_hz:.2f} | {m.mac:.3f}"
-            )
+            paired = m.mac is not None and m.model_hz is not None
+            model = f"{m.model_hz:.2f} | {m.mac:.3f}" if paired else "not paired | "
             yield f"| {1 + one.component} | {name} | {m.test_hz:.2f} | {model} | {m.measured_percent:.2f} |"
     yield "\n## Modes that are left out\n"
     yield "| component | before, Hz | after, Hz | correlation |\n| --- | --- | --- | --- |"

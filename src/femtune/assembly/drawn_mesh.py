@@ -46,6 +46,17 @@ class DrawnMesh:
         faces = np.where(self.faces < 0, -1, np.searchsorted(rows, self.faces))
         return DrawnMesh(np.searchsorted(rows, self.lines), self.kinds, faces, self.sentence)
 
+    def line_of(self, ends: Rows) -> Rows:
+        """The line (l,) of elements between both `ends` (l, 2), in any order; −1 where none is drawn."""
+        of_elements = np.flatnonzero(self.kinds == ELEMENT)
+        if not len(of_elements):
+            return np.full(len(ends), -1)
+        count = 1 + max(int(self.lines.max()), int(ends.max(initial=0)))
+        drawn, wanted = (np.sort(part, axis=1) @ (count, 1) for part in (self.lines[of_elements], ends))
+        order = np.argsort(drawn)
+        at = order[np.minimum(np.searchsorted(drawn, wanted, sorter=order), len(order) - 1)]
+        return np.where((drawn[at] == wanted) & (ends >= 0).all(axis=1), of_elements[at], -1)
+
 
 def whole_mesh(structure: Structure, off: Collection[int] = ()) -> DrawnMesh:
     """All that can be drawn of a structure, but for elements that are switched off."""

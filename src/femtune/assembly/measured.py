@@ -273,7 +273,7 @@ def _with_deviations(file: StudyFile, entry: ConfigurationEntry, test: ModalTest
     """The test with the standard deviations of the file that the study names."""
     if entry.deviations is None or test.modes is None:
         return test
-    return replace(test, modes=with_deviations(test.modes, file.path_of(entry.deviations)))
+    return replace(test, modes=with_deviations(test.modes, file.path_of(entry.deviations), entry.mode_labels))
 
 
 def _given(test: ModalTest, units: UnitSystem) -> ModalTest:

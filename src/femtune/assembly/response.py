@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune import __version__
@@ -231,7 +232,8 @@ _POLES = {"freq_hz": np.float64, "damping_ratio": np.float64, "phase_collinearit
 @dataclass(frozen=True, eq=False)
 class ComplexModeTable:
     """Complex modes and the real modes that they resemble most, all (m,); `kind` is a position in "rigid",
-    "oscillating", "real"; damping ratios of rigid-body modes are NaN."""
+    "oscillating", "real"; damping ratios of rigid-body modes are NaN. `motion` (r, m) are their shapes as rows see them
+    that the caller chose."""
 
     freq_hz: NDArray[np.float64]
     damping_ratio: NDArray[np.float64]
@@ -239,6 +241,7 @@ class ComplexModeTable:
     kind: NDArray[np.int64]
     real_mode: NDArray[np.int64]
     real_freq_hz: NDArray[np.float64]
+    motion: NDArray[np.complex128]
 
     def kind_words(self) -> list[str]:
         """The kinds in words."""
@@ -274,15 +277,18 @@ def solved_frfs(
     return _obtained(study, form, (_matrices(point), *_chosen(request, point), request.limit, *parts), solve)
 
 
-def solved_poles(study: Study, request: ResponseRequest, point: ModelPoint, modes: Solve) -> ComplexModeTable:
-    """Complex modes, as many as there are real modes up to the highest line."""
+def solved_poles(
+    study: Study, request: ResponseRequest, point: ModelPoint, modes: Solve, rows: sp.csr_array
+) -> ComplexModeTable:
+    """Complex modes, as many as there are real modes up to the highest line; their shapes as `rows` (r, n_free) see
+    them."""
     top = float(request.freq_hz[-1])
-    form = Form("poles", _of_poles, _poles)
+    form = Form("poles", _of_poles, partial(_poles, rows.shape[0]))
     return _obtained(
         study,
         form,
-        (_matrices(point), *_chosen(request, point), top),
-        lambda: pole_table(modes(), request.damping, top),
+        (_matrices(point), *_chosen(request, point), top, rows),
+        lambda: pole_table(modes(), request.damping, top, rows),
     )
 
 
@@ -299,7 +305,9 @@ def solved_static(study: Study, point: ModelPoint, ports: Ports) -> tuple[NDArra
     return _obtained(study, form, (matrices_digest(point, "stiffness", "mass"), *_of_ports(ports)), solve)
 
 
-def pole_table(modes: EigenSolution, damping: ModalDamping | None, top_hz: float) -> ComplexModeTable:
+def pole_table(
+    modes: EigenSolution, damping: ModalDamping | None, top_hz: float, rows: sp.csr_array
+) -> ComplexModeTable:
     """The complex modes of a model beside its real modes."""
     natural = np.where(is_rigid(modes)[: modes.wanted], 0.0, modes.freq_hz)
     found = complex_modes(modes, max(1, int((natural <= top_hz).sum())), damping)
@@ -308,6 +316,7 @@ def pole_table(modes: EigenSolution, damping: ModalDamping | None, top_hz: float
     return ComplexModeTable(
         found.freq_hz, found.damping_ratio, found.phase_collinearity,
         np.array([_KINDS.index(k) for k in found.kinds], np.int64), like.astype(np.int64), natural[like],
+        np.asarray(rows @ found.shapes),
     )  # fmt: skip
 
 
@@ -360,13 +369,13 @@ def _static(shape: tuple[int, ...], entry: Entry) -> tuple[NDArray[np.float64], 
 
 
 def _of_poles(table: ComplexModeTable) -> Entry:
-    return Entry({name: getattr(table, name) for name in _POLES}, {})
+    return Entry({name: getattr(table, name) for name in (*_POLES, "motion")}, {})
 
 
-def _poles(entry: Entry) -> ComplexModeTable:
+def _poles(rows: int, entry: Entry) -> ComplexModeTable:
     shape = entry.arrays["kind"].shape[:1]
-    table = ComplexModeTable(**{name: _array(entry, name, kind, shape, name == "damping_ratio")
-                         for name, kind in _POLES.items()})  # fmt: skip
+    found = {name: _array(entry, name, kind, shape, name == "damping_ratio") for name, kind in _POLES.items()}
+    table = ComplexModeTable(**found, motion=_array(entry, "motion", np.complex128, (rows, *shape)))
     if not np.isin(table.kind, (0, 1, 2)).all() or (table.real_mode < 0).any():
         raise ValueError("its kinds or modes are out of their range")
     return table

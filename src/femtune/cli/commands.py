@@ -181,6 +181,7 @@ def _show_solvers(as_json: bool) -> None:
 @click.option("--count", type=int, help="Number of modes, instead of that of the study or deck.")
 @click.option("--max-hz", type=float, metavar="HZ", help="All modes up to this frequency, instead of --count.")
 @click.option("--uff", type=_FILE, metavar="FILE", help="Write the modes as a simulated test (Universal File, 55).")
+@click.option("--vtu", type=_FILE, metavar="FILE", help="Write mesh, shapes and parameters for ParaView (.vtu).")
 @click.option("--sensor", "sensors", multiple=True, metavar="12Z+", help='For --uff; or "101 THRU 160:123".')
 @click.option("--units", metavar="m-kg-s", help="Units, if a deck is given instead of a study; for --uff.")
 @click.option(
@@ -213,6 +214,7 @@ def modes(
     count: int | None,
     max_hz: float | None,
     uff: Path | None,
+    vtu: Path | None,
     sensors: tuple[str, ...],
     **scatter: Any,
 ) -> None:
@@ -226,7 +228,7 @@ def modes(
     if uff is not None:
         study_of(path)
         simulate = load("femtune.study.simulated_test:SimulatedTest")(uff, sensors, **scatter)
-    asked: dict[str, Any] = {"count": count, "max_hz": max_hz, "report": page, "simulate": simulate}
+    asked: dict[str, Any] = {"count": count, "max_hz": max_hz, "report": page, "simulate": simulate, "vtu": vtu}
     result = run_step("of_model:modes", path, quiet, fresh=fresh, **asked)
     out.say(result, quiet)
     out.show("modes:modes_document", path, result.records, as_json=as_json, quiet=quiet)

@@ -186,7 +186,8 @@ def map_sensors(
 ) -> SensorMap:
     """Put every sensor of a test on the model.
 
-    A combination comes first, then a node given by hand, then equal numbers if `by_id`, else the nearest node. DOFs
+    A combination comes first, then a node given by hand, then equal numbers if `by_id` and for scalar points of the
+    model, else the nearest node. DOFs
     of the test's modes without geometry need one of the first three; their directions are taken in the basic frame.
 
     Parameters
@@ -282,8 +283,14 @@ def _sensors(test: ModalTest, request: _Request) -> tuple[Sensor, ...]:
 
 
 def _needs_no_place(dof: Dof, request: _Request) -> bool:
-    by_number = request.by_id and (request.nodes.has_grid(dof.node) or dof.direction == "S")
-    return by_number or dof.node in request.given or (dof.node, dof.direction) in request.combinations
+    return _by_number(dof, request) or dof.node in request.given or (dof.node, dof.direction) in request.combinations
+
+
+def _by_number(dof: Dof, request: _Request) -> bool:
+    """Whether equal numbers decide: for scalar points of the model always, since they have no place."""
+    if dof.direction == "S":
+        return request.by_id or request.nodes.has_scalar(dof.node)
+    return request.by_id and request.nodes.has_grid(dof.node)
 
 
 def _basic_direction(dof: Dof) -> Reals:
@@ -326,7 +333,7 @@ def _place(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched |
         return Match(label, None, np.nan, "combination"), _combined(label, combination, nodes)
     if label.node in request.given:
         return _at_node(sensor, request.given[label.node], "given", nodes)
-    if request.by_id and (nodes.has_grid(label.node) or label.direction == "S"):
+    if _by_number(label, request):
         return _at_node(sensor, label.node, "by id", nodes)
     return _nearest(sensor, request)
 
@@ -350,7 +357,9 @@ def _no_position(nowhere: Sequence[Sensor], same_place: Reals | None, request: _
     if same_place is not None:
         place = _coordinates(same_place)
         return FemtuneError("sensor.no-position/same-place", hint=hint, sensor_labels=names, place=place)
-    tail = ", and the model has no grid points with these numbers" if request.by_id else ""
+    scalar = all(s.label.direction == "S" for s in nowhere)
+    kind = "scalar points" if scalar else "grid points"
+    tail = f", and the model has no {kind} with these numbers" if request.by_id or scalar else ""
     return FemtuneError("sensor.no-position", hint=hint, sensor_labels=names, also=tail)
 
 

@@ -62,6 +62,10 @@ class NodeTable:
         """True for a grid point of the model."""
         return node in self._grid_at
 
+    def has_scalar(self, node: int) -> bool:
+        """True for a scalar point of the model."""
+        return node in self._scalar_at
+
     def dof(self, node: int, component: int, where: Where | None = None) -> int:
         """g-set DOF of a node's component: 1 to 6 of a grid point, 0 or 1 of a scalar point.
 

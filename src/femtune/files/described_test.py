@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from femtune.dofs import parse_dof
+import numpy as np
+
+from femtune.dofs import Dof, parse_dof
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.points_table import read_points
 from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs
@@ -49,7 +52,24 @@ def read_described(file: IdentifyFile) -> DescribedFunctions:
         frfs = _only(content.frf_sets, ", ".join(map(str, paths)))
         found = DescribedFunctions(frfs, content.test.geometry, content.notices)
     stated = read_described_geometry(file)
-    return found if stated is None else DescribedFunctions(found.frfs, stated, found.notices)
+    notices = (*found.notices, *_same_values(found.frfs))
+    return DescribedFunctions(found.frfs, found.geometry if stated is None else stated, notices)
+
+
+def _same_values(frfs: FrfSet) -> Iterator[Notice]:
+    """Functions that are copies of others; reciprocal ones may be, since programs fill them in."""
+    seen: dict[bytes, tuple[Dof, Dof]] = {}
+    same = []
+    for i, response in enumerate(frfs.responses):
+        for j, reference in enumerate(frfs.references):
+            values = np.ascontiguousarray(frfs.values[i, j])
+            if np.isnan(values).any() or not values.any():
+                continue
+            first = seen.setdefault(values.tobytes(), (response, reference))
+            if first not in ((response, reference), (reference, response)):
+                same.append(f"{response}/{reference} and {first[0]}/{first[1]}")
+    if same:
+        yield Notice("frf.same-values", pairs=", ".join(same[:5]) + (" …" if len(same) > 5 else ""))
 
 
 def read_universal(file: UffFile, units: UnitSystem):  # type: ignore[no-untyped-def]

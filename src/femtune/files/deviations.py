@@ -1,11 +1,14 @@
-"""Standard deviations of identified modes in a file of their own, because Universal Files hold none."""
+"""Standard deviations of measured modes in a file of their own, because Universal Files hold none."""
 
 from __future__ import annotations
 
+import csv
 import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -13,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from femtune.arrays import Reals
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, Where
+from femtune.files.repeats_table import separator_of
 from femtune.modal import ModeSet
 
 _SAME_FREQUENCY = 1e-4
@@ -57,13 +61,20 @@ def _listed(values: Reals) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in values]
 
 
-def with_deviations(modes: ModeSet, path: Path) -> ModeSet:
-    """The modes of a test with the standard deviations of a file.
+def with_deviations(modes: ModeSet, path: Path, labels: Sequence[str] | None = None) -> ModeSet:
+    """The modes of a test with the standard deviations of a file: JSON as `deviations_text` writes it, or a table.
+
+    Parameters
+    ----------
+    labels : of the modes, by which a table names them; their own without
 
     Raises
     ------
-    FemtuneError : ``test.deviations`` for a file that cannot be read, has another form, or is of other modes
+    FemtuneError : ``test.deviations`` for a file that cannot be read, has another form, or is of other modes;
+        ``test.deviations-table``, with the line
     """
+    if path.suffix.lower() != ".json":
+        return _with_table(modes, path, modes.labels if labels is None else labels)
     found = _read(path)
     m, n = len(found.freq_hz), len(found.dofs)
     if m != len(modes) or not np.allclose(found.freq_hz, modes.freq_hz, rtol=_SAME_FREQUENCY, atol=0.0):
@@ -139,3 +150,91 @@ def _shown(values: object) -> str:
     found = list(values)  # type: ignore[call-overload]
     text = ", ".join(v if isinstance(v, str) else f"{v:.5g}" for v in found[:8])
     return text + (" …" if len(found) > 8 else "")
+
+
+# ----------------------------------------------------------------------------------------------------
+# A table: a line for each standard deviation.
+
+
+_COLUMNS = ("mode", "dof", "sigma")
+_FREQUENCY, _DAMPING = "frequency", "damping"
+_MOST_LINES = 1_000_000
+
+
+def _with_table(modes: ModeSet, path: Path, labels: Sequence[str]) -> ModeSet:
+    """The modes with the standard deviations of a table; what the table does not state is not known (NaN)."""
+    rows = {(dof.node, dof.direction): i for i, dof in enumerate(modes.dofs)}
+    measured = ~np.isnan(modes.shapes)
+    found: dict[str | tuple[int, str], Reals] = {}
+    lines: dict[tuple[str, str | tuple[int, str]], int] = {}
+    for line, mode, dof, text in _entries(path):
+        if mode not in labels:
+            raise _of_line(path, line, "test.deviations-table/mode", {"test modes": _shown(labels)}, mode=mode[:40])
+        at = dof if dof in (_FREQUENCY, _DAMPING) else _place(path, line, dof, modes.dofs)
+        column = labels.index(mode)
+        if isinstance(at, tuple) and not measured[rows[at], column]:
+            raise _of_line(path, line, "test.deviations-table/not-measured", mode=mode, dof=dof)
+        if (mode, at) in lines:
+            raise _of_line(path, line, "test.deviations-table/twice", mode=mode, dof=dof, first=lines[mode, at])
+        lines[mode, at] = line
+        found.setdefault(at, np.full(len(modes), np.nan))[column] = _sigma(path, line, text)
+    shapes = np.array([found.get(at, np.full(len(modes), np.nan)) for at in rows])
+    of_shapes = any(at in rows for at in found)
+    return replace(
+        modes,
+        freq_sd_hz=found.get(_FREQUENCY, modes.freq_sd_hz),
+        damping_sd=found.get(_DAMPING, modes.damping_sd),
+        shapes_sd=shapes * np.nanmax(np.abs(modes.shapes), axis=0) if of_shapes else modes.shapes_sd,
+    )
+
+
+def _entries(path: Path) -> Iterator[tuple[int, str, str, str]]:
+    """Line number, mode, DOF and standard deviation of each line."""
+    try:
+        text = path.read_text(encoding="utf-8-sig") if path.stat().st_size <= _LARGEST else ""
+        numbered = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
+        separator = separator_of(numbered[0][1]) if numbered else ","
+        rows = [[cell.strip() for cell in row] for row in csv.reader((x for _, x in numbered), delimiter=separator)]
+    except OSError as error:
+        raise FemtuneError("test.deviations/unreadable", where=Where(str(path)), reason=error.strerror or "") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FemtuneError("test.deviations/unreadable", where=Where(str(path)), reason=str(error)) from error
+    if not 2 <= len(rows) <= _MOST_LINES or len(rows) != len(numbered):
+        raise _of_line(path, None, "test.deviations-table", lines=len(rows))
+    heads = rows[0]
+    if sorted(heads) != sorted(_COLUMNS):
+        raise _of_line(path, numbered[0][0], "test.deviations-table/heading", heads=", ".join(heads)[:80])
+    order = [heads.index(name) for name in _COLUMNS]
+    for (line, _), row in zip(numbered[1:], rows[1:]):
+        if len(row) != len(heads):
+            raise _of_line(path, line, "test.deviations-table/fields", fields=len(row))
+        mode, dof, sigma = (row[i] for i in order)
+        yield line, mode, dof, sigma if separator == "," else sigma.replace(",", ".")
+
+
+def _place(path: Path, line: int, text: str, dofs: DofSet) -> tuple[int, str]:
+    """Node and direction of a sensor of the test; the sign does not matter to a standard deviation."""
+    try:
+        (dof,) = DofSet.parse([text])
+    except FemtuneError:
+        dof = None
+    if dof is None or (dof.node, dof.direction) not in {(d.node, d.direction) for d in dofs}:
+        values = {"sensors of the test": _shown([str(d) for d in dofs])}
+        raise _of_line(path, line, "test.deviations-table/sensor", values, dof=text[:40])
+    return dof.node, dof.direction
+
+
+def _sigma(path: Path, line: int, text: str) -> float:
+    try:
+        value = float(text) if "_" not in text else math.nan
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise _of_line(path, line, "test.deviations-table/number", text=text[:40])
+    return value
+
+
+def _of_line(
+    path: Path, line: int | None, code: str, values: Mapping[str, object] | None = None, **facts: Any
+) -> FemtuneError:
+    return FemtuneError(code, where=Where(str(path), line), values=dict(values or {}), **facts)

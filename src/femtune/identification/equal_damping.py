@@ -78,6 +78,9 @@ def equalised_test(
     band = (float(used[0]), float(used[-1]))
     moved = equalise_damping(identified.system, damping_ratio, band, left_out_hz)
     lines = half_band_lines(band, damping_ratio, per_half_band, left_out_hz)
+    if not len(lines):
+        shown = {"leave_out_hz": [list(one) for one in left_out_hz]}
+        raise FemtuneError("system.equalise/no-lines", values=shown, low_hz=band[0], high_hz=band[1])
     again = _Again(damping_ratio, asked, per_half_band, tuple(left_out_hz))
     redrawn = None if asked.rigid is not None else _redrawn(identified, again, lines, band)
     return EqualisedTest(

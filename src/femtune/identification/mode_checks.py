@@ -14,6 +14,9 @@ from femtune.testdata.checks import LOW_COLLINEARITY
 
 LARGE_DAMPING = 0.1
 """Damping ratio above which a mode is reported: structures have less, computational poles and filters have more."""
+KNOWN_DAMPING = 2.0
+"""Standard deviations above zero that the damping ratio of a mode has at least; a pole with less is reported. A pole of
+the noise is fitted to single lines, with hardly any damping."""
 NEGATIVE_MASS = 0.0
 """Share of the driving-point residues that has the sign of a modal mass; a mode with less is reported."""
 QUADRATURE_DEG, QUADRATURE_MODES = 70.0, 2
@@ -35,16 +38,27 @@ class ModeRemark:
         return self.notice.code in _DOUBTFUL
 
 
-def damping_remarks(freq_hz: Sequence[float] | Reals, damping_ratio: Reals | None) -> tuple[ModeRemark, ...]:
-    """``identify.damping`` of modes that do not decay or are damped above `LARGE_DAMPING`; unknown damping has none."""
+def damping_remarks(
+    freq_hz: Sequence[float] | Reals, damping_ratio: Reals | None, sd: Reals | None = None
+) -> tuple[ModeRemark, ...]:
+    """``identify.damping`` of modes that do not decay, or are damped above `LARGE_DAMPING`; unknown damping has none.
+
+    With standard deviations also of modes whose damping ratio is less than `KNOWN_DAMPING` of them above zero.
+    """
     if damping_ratio is None:
         return ()
     found = []
     for i, (hz, ratio) in enumerate(zip(freq_hz, damping_ratio)):
-        code = "identify.damping" if ratio > LARGE_DAMPING else "identify.damping/negative" if ratio <= 0.0 else ""
-        if code:
-            notice = Notice(code, frequency_hz=float(hz), ratio=float(ratio), largest=LARGE_DAMPING)
-            found.append(ModeRemark(i, notice))
+        error = 0.0 if sd is None else float(sd[i])
+        if ratio > LARGE_DAMPING:
+            notice = Notice("identify.damping", frequency_hz=float(hz), ratio=float(ratio), largest=LARGE_DAMPING)
+        elif ratio <= 0.0:
+            notice = Notice("identify.damping/negative", frequency_hz=float(hz), ratio=float(ratio))
+        elif ratio < KNOWN_DAMPING * error:
+            notice = Notice("identify.damping/not-above-zero", frequency_hz=float(hz), ratio=float(ratio), sd=error)
+        else:
+            continue
+        found.append(ModeRemark(i, notice))
     return tuple(found)
 
 

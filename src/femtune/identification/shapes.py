@@ -249,10 +249,11 @@ def fit_remarks(fit: ModalFit, made: ScaledShapes) -> tuple[ModeRemark, ...]:
     """Remarks on the modes inside the band: damping, complex shapes, wrong signs, functions that disagree."""
     inside = ~fit.outside
     freq, damping = freq_and_damping(fit.poles[inside])
+    damping_sd = np.sqrt(np.diag(freq_damping_covariance(fit)))[len(inside) :][inside]
     shapes = leading_shapes(fit).T
     collinearity, deviation = ([f(s) for s in shapes] for f in (phase_collinearity, mean_phase_deviation_deg))
     found = [
-        *damping_remarks(freq, damping),
+        *damping_remarks(freq, damping, damping_sd),
         *collinearity_remarks(freq, collinearity, deviation),
         *mass_remarks(freq, made.mass_sign[inside]),
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -37,6 +38,8 @@ from femtune.reporting.numbers import (
     typeset,
     unit_fraction,
 )
+from femtune.reporting.page_view import FunctionsView, PageView, SceneView, StageView
+from femtune.reporting.view import FUNCTION_BYTES, coordinates, curve_view, phases, quantised, whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,9 +69,10 @@ def build_identification_page(made: IdentifyResult) -> Document:
         Section("checks", "Remarks", tuple(_remarks(made))),
         Section("files", "Files", (Paragraph(f"{made.folder}: {', '.join(made.files)}"),)),
     )
-    whole = tuple(s for s in sections if s.blocks)
-    short_form = tuple(s for s in whole if s.id in ("modes", "linearity", "checks", "files"))
-    return Document(made.record.title, sentence, level, _facts(made), whole, short_form, "Identification")
+    kept = tuple(s for s in sections if s.blocks)
+    short_form = tuple(s for s in kept if s.id in ("modes", "linearity", "checks", "files"))
+    facts, collect = _facts(made), partial(_view, made)
+    return Document(made.record.title, sentence, level, facts, kept, short_form, "Identification", collect)
 
 
 def _verdict(made: IdentifyResult) -> tuple[str, Level]:
@@ -194,6 +198,60 @@ def motion_at_points(geometry: WireFrame, modes: ModeSet, mode: int, placed: lis
         directions = np.array([geometry.direction(modes.dofs[i]) for i in at])
         motion[geometry.nodes == node] = np.linalg.lstsq(directions, values[at], rcond=None)[0]
     return motion
+
+
+def _view(made: IdentifyResult) -> PageView:
+    """What moves on the page: the shapes on the wire frame, measured and synthesised functions."""
+    return PageView(tuple(_scenes(made)), tuple(_functions(made)))
+
+
+def _scenes(made: IdentifyResult) -> Iterator[SceneView]:
+    geometry, modes = made.found.geometry, made.found.modes
+    placed = [i for i, dof in enumerate(modes.dofs) if dof.node in geometry and 1 <= dof.component <= 3]
+    if not placed or not len(modes):
+        return
+    frame = _wire_frame(geometry)
+    turned = modes.shapes * phases(np.nan_to_num(modes.shapes))
+    real, imaginary = (
+        np.stack([motion_at_points(geometry, part, i, placed) for i in range(len(modes))], axis=-1)
+        for part in (replace(modes, shapes=turned.real), replace(modes, shapes=turned.imag))
+    )
+    ratios = modes.damping_ratio
+    none = np.zeros((0, 4), np.int64)
+    stage = StageView(
+        title="identified",
+        numbers=tuple(range(1, len(modes) + 1)),
+        freq_hz=tuple(map(float, modes.freq_hz)),
+        stored=tuple(range(len(modes))),
+        motion=quantised(real),
+        damping_ratio=() if ratios is None else tuple(float(z) if np.isfinite(z) else None for z in ratios),
+        motion_imaginary=quantised(imaginary) if imaginary.any() else None,
+    )
+    yield SceneView(
+        configuration="test", note="", points=coordinates(frame.points), faces=whole(none), edges=whole(none[:, :2]),
+        lines=whole(frame.lines), rigid=whole(none[:, :2]), stages=(stage,), test_labels=tuple(modes.labels),
+        test_only=True,
+    )  # fmt: skip
+
+
+def _functions(made: IdentifyResult) -> Iterator[FunctionsView]:
+    """Those with the poorest fits where there is no room for all."""
+    found = made.found
+    if found.measured is None or found.synthesised is None or found.misfit_percent is None:
+        return
+    sides = (("test", found.measured), ("identified", found.synthesised))
+    order = np.argsort(-found.misfit_percent, axis=None)
+    shown = order[: max(1, FUNCTION_BYTES // (8 * sum(len(side.freq_hz) for _, side in sides)))]
+    i, j = np.unravel_index(shown, found.misfit_percent.shape)
+    titles = [
+        f"{found.measured.responses[a]} / {found.measured.references[b]}, "
+        f"error {percent(float(found.misfit_percent[a, b]))} %"
+        for a, b in zip(i.tolist(), j.tolist())
+    ]
+    left = len(order) - len(shown)
+    curves = tuple(curve_view(look, side.freq_hz, side.values[i, j]) for look, side in sides)
+    note = f"The {len(shown)} functions with the poorest fits, of {len(order)}." if left else ""
+    yield FunctionsView("test", found.measured.kind.capitalize(), tuple(titles), curves, note)
 
 
 def _poles(made: IdentifyResult) -> Iterator[Block]:

@@ -37,7 +37,8 @@ class StageView:
     """The model at one version: `freq_hz` of its modes in the order of `numbers`; `motion` (points, 3, modes).
 
     `mac` (test modes, modes) and `seen` (places, 3, modes), the motion at the places of the sensors, are None without a
-    test. `stored` has the column of each mode of `motion` in `numbers`.
+    test. `stored` has the column of each mode of `motion` in `numbers`. Complex modes have damping ratios, None where
+    there is none, and imaginary parts of `motion` and `seen`.
     """
 
     title: str
@@ -52,6 +53,14 @@ class StageView:
     expanded: Packed | None = None
     """(points, 3, test modes) the test's shapes expanded to the points; None where this was not requested."""
     pairs: tuple[PairView, ...] = ()
+    energy: Packed | None = None
+    """(points, modes) as `motion`: the largest share of an element at the point in the strain energy, %, but for
+    elements that are lines."""
+    line_energy: Packed | None = None
+    """(lines, modes): shares of the lines of the scene, %."""
+    damping_ratio: tuple[float | None, ...] = ()
+    motion_imaginary: Packed | None = None
+    seen_imaginary: Packed | None = None
 
 
 @dataclass(frozen=True)
@@ -77,6 +86,8 @@ class SceneView:
     test_imaginary: Packed | None = None
     test_labels: tuple[str, ...] = ()
     test_freq_hz: tuple[float, ...] = ()
+    test_only: bool = False
+    """Whether the modes are those of a test, `test_labels` their names, and no model is shown."""
 
 
 @dataclass(frozen=True)
@@ -112,8 +123,26 @@ class IterationModeView:
 
 
 @dataclass(frozen=True)
+class IterationFunctionsView:
+    """Compared functions at each iteration: `real` and `imaginary` (functions, iterations, lines), those of the test
+    (functions, lines); 0 where nothing is compared. `phase` is False where these are magnitudes.
+    """
+
+    configuration: str
+    ordinate: str
+    titles: tuple[str, ...]
+    phase: bool
+    freq_hz: Packed
+    real: Packed
+    imaginary: Packed
+    test_real: Packed
+    test_imaginary: Packed
+    note: str = ""
+
+
+@dataclass(frozen=True)
 class HistoryView:
-    """The update by iterations: weighted mean error in %, values of the parameters, compared modes."""
+    """The update by iterations: weighted mean error in %, values of the parameters, compared modes and functions."""
 
     iterations: tuple[int, ...]
     objective_percent: tuple[float, ...]
@@ -122,6 +151,7 @@ class HistoryView:
     nominal: tuple[float, ...]
     values: tuple[tuple[float, ...], ...]
     modes: tuple[IterationModeView, ...] = ()
+    functions: tuple[IterationFunctionsView, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from femtune.reporting.sections.parameters import (
 )
 from femtune.reporting.sections.specimens import specimen_blocks
 from femtune.reporting.sections.summary import summary
-from femtune.reporting.sections.validation import untested_reasons, validation_verdicts
+from femtune.reporting.sections.validation import deviation_table, untested_reasons, validation_verdicts
 from femtune.reporting.source import versions
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def _validation(source: ReportSource) -> list[Block]:
     """Verdicts on data that the update did not use, and which outputs those are; the sentence is in the summary."""
     found = source.results.validation
     held = [Paragraph(f"{a.sentence}.") for a in source.results.alerts if a.code == "study.worst-held"]
-    return [*held, *([] if found is None else validation_verdicts(found)[1:])]
+    return [*held, *([] if found is None else [*validation_verdicts(found)[1:], *deviation_table(found)])]
 
 
 def _modes(source: ReportSource) -> list[Block]:

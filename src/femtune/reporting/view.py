@@ -22,6 +22,7 @@ from femtune.reporting.page_view import (
     CurveView,
     FunctionsView,
     HistoryView,
+    IterationFunctionsView,
     IterationModeView,
     Packed,
     PageView,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from femtune.reporting.figures.shapes import Wireframe
     from femtune.reporting.source import ReportSource
     from femtune.results.correlation import CorrelationResults, ModePairRecord
+    from femtune.results.iterations import IterationFrfs
     from femtune.results.response import FrfResults, ResponseResults
     from femtune.results.shapes import ModeShapes
     from femtune.results.update import IterationRecord
@@ -47,18 +49,58 @@ MOTION_BYTES = 2_800_000
 """Bytes of all motions of the model; base64 makes them a third larger."""
 FUNCTION_BYTES = 1_500_000
 """Bytes of all frequency response functions."""
+ITERATION_BYTES = 800_000
+"""Bytes of the functions at all iterations."""
 _FEWEST_FACES = 6_000
+_MODE_BYTES = 7
+"""Of a point in a mode: three components of its motion, and its strain energy."""
 _WHOLE_EDGES = 3_000
 """Up to so many faces all of their edges are drawn, above it those that show the form."""
 
 
 def view_of(source: ReportSource) -> PageView:
     """The view of results: shapes of the solved modes, frequency responses, history of the update."""
-    kept = [m for m in source.results.mode_shapes if not m.reason]
-    names = list(dict.fromkeys(m.configuration for m in kept))
+    kept = [*_real_modes(source), *_complex_modes(source)]
+    names = list(dict.fromkeys(m.shapes.configuration for m in kept))
     share = MOTION_BYTES // max(1, len(names))
-    scenes = (_scene(source, [m for m in kept if m.configuration == name], share) for name in names)
+    scenes = (_scene(source, [m for m in kept if m.shapes.configuration == name], share) for name in names)
     return PageView(tuple(s for s in scenes if s), tuple(_functions(source)), _history(source))
+
+
+@dataclass(frozen=True)
+class _Modes:
+    """The modes of one model version, and how they are called.
+
+    `columns` has the real mode that each of these is, from 0; of complex modes the one that is most alike.
+    """
+
+    shapes: ModeShapes
+    title: str
+    freq_hz: tuple[float, ...]
+    columns: tuple[int, ...]
+    damping_ratio: tuple[float | None, ...] = ()
+
+    @property
+    def is_complex(self) -> bool:
+        return bool(self.damping_ratio)
+
+
+def _real_modes(source: ReportSource) -> Iterable[_Modes]:
+    for kept in source.results.mode_shapes:
+        if not kept.reason:
+            freq_hz = _frequencies(source, kept)
+            yield _Modes(kept, VERSION_HEADS[kept.stage], freq_hz, tuple(range(_mode_count(source, kept))))
+
+
+def _complex_modes(source: ReportSource) -> Iterable[_Modes]:
+    for response in source.results.responses:
+        kept = response.pole_shapes
+        if kept is not None and not kept.reason:
+            poles = response.poles
+            columns = tuple(p.real_mode - 1 if p.kind == "oscillating" else -1 for p in poles)
+            title = f"{VERSION_HEADS[kept.stage]}, complex modes"
+            freq_hz = tuple(p.freq_hz for p in poles)
+            yield _Modes(kept, title, freq_hz, columns, tuple(p.damping_ratio for p in poles))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -85,7 +127,15 @@ def quantised(values: Reals) -> Packed:
     return _packed("i2", np.round(filled / steps), tuple(map(float, steps)))
 
 
-def _coordinates(points: Reals) -> Packed:
+def _coarse(values: Reals) -> Packed:
+    """Values that are not negative, as 8-bit multiples of the largest of each column: enough for a colour."""
+    largest = values.max(axis=0, initial=0.0).astype(float)
+    steps = np.where(largest > 0.0, largest, 1.0) / 255.0
+    return _packed("u1", np.round(values / steps), tuple(map(float, steps)))
+
+
+def coordinates(points: Reals) -> Packed:
+    """Points (n, 3) as 16-bit steps along each axis."""
     first, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-300)
     steps = size / 65535.0
     return _packed("u2", np.round((points - first) / steps), tuple(map(float, steps)), tuple(map(float, first)))
@@ -108,20 +158,34 @@ class _Geometry:
     mesh: DrawnMesh
     rows: NDArray[np.int64]
 
+    @property
+    def lines(self) -> NDArray[np.int64]:
+        """The line of the results that each line of elements is: where it was moved, the one nearest to it."""
+        ends, of = self.rows[self.mesh.lines[self.mesh.kinds == 0]], self.frame
+        found = DrawnMesh(of.lines, of.rigid.astype(np.int64), of.faces).line_of(ends)
+        moved, elements = np.flatnonzero(found < 0), np.flatnonzero(~of.rigid)
+        if len(moved):
+            middles = cKDTree(of.points[of.lines[elements]].mean(axis=1))
+            found[moved] = elements[middles.query(of.points[ends[moved]].mean(axis=1))[1]]
+        return found
 
-def _scene(source: ReportSource, kept: Sequence[ModeShapes], share: int) -> SceneView | None:
-    frame = structure_of(source, kept[0])
+
+def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneView | None:
+    shapes = [m.shapes for m in kept]
+    frame = structure_of(source, shapes[0])
     if frame is None or not len(frame.points):
         return None
-    geometry = _geometry(frame, share, sum(_mode_count(source, m) for m in kept))
-    room = max(1, share // (6 * len(geometry.rows) * len(kept)))
-    stages = [_stage(source, m, geometry, room) for m in kept]
-    test = _test(source, kept[-1], frame)
+    geometry = _geometry(frame, share, sum(_mode_count(source, m) for m in shapes))
+    room = max(1, share // (_MODE_BYTES * len(geometry.rows) * len(kept)))
+    # the test is stored with real modes
+    measured = next((m for m in reversed(shapes) if m.test_shapes_key), shapes[-1])
+    stages = [_stage(source, m, measured, geometry, room) for m in kept]
+    test = _test(source, measured, frame)
     points, mesh = frame.points[geometry.rows], geometry.mesh
     return SceneView(
-        configuration=kept[0].configuration,
-        note=" ".join(filter(None, (_sentence(kept[0].simplified or mesh.sentence), _fewer(source, kept, stages)))),
-        points=_coordinates(points),
+        configuration=shapes[0].configuration,
+        note=" ".join(filter(None, (_sentence(shapes[0].simplified or mesh.sentence), _fewer(source, kept, stages)))),
+        points=coordinates(points),
         faces=whole(closed(mesh.faces)),
         edges=whole(_edges(mesh.faces, points)),
         lines=whole(mesh.lines[mesh.kinds == 0]),
@@ -135,8 +199,8 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}." if text else ""
 
 
-def _fewer(source: ReportSource, kept: Sequence[ModeShapes], stages: Sequence[StageView]) -> str:
-    left = max(_mode_count(source, m) - len(s.stored) for m, s in zip(kept, stages))
+def _fewer(source: ReportSource, kept: Sequence[_Modes], stages: Sequence[StageView]) -> str:
+    left = max(_mode_count(source, m.shapes) - len(s.stored) for m, s in zip(kept, stages))
     return f"Shapes of {left} of the modes are not stored, to keep the page small." if left > 0 else ""
 
 
@@ -149,7 +213,7 @@ def _geometry(frame: Wireframe, share: int, modes: int) -> _Geometry:
     """With so few faces that all modes have room, but not with fewer than a picture needs."""
     mesh = DrawnMesh(frame.lines, frame.rigid.astype(np.int64), frame.faces)
     # points are about as many as faces
-    mesh = thinned(frame.points, mesh, most_faces=max(_FEWEST_FACES, share // (6 * max(modes, 1))))
+    mesh = thinned(frame.points, mesh, most_faces=max(_FEWEST_FACES, share // (_MODE_BYTES * max(modes, 1))))
     rows = mesh.used
     return _Geometry(frame, mesh.counted_from(rows), rows)
 
@@ -162,21 +226,39 @@ def _edges(faces: NDArray[np.int64], points: Reals) -> NDArray[np.int64]:
     return np.unique(sides[sides[:, 0] != sides[:, 1]], axis=0)
 
 
-def _stage(source: ReportSource, kept: ModeShapes, geometry: _Geometry, room: int) -> StageView:
+def _stage(source: ReportSource, modes: _Modes, measured: ModeShapes, geometry: _Geometry, room: int) -> StageView:
+    kept = modes.shapes
     comparison = source.at(kept.configuration, kept.stage)
     motion = source.array(kept.translations_key)
+    energy, of_lines = source.array(kept.energy_key), source.array(kept.line_energy_key)
     assert motion is not None
-    solved = _frequencies(source, kept)
-    columns = _wanted(comparison, motion.shape[2], room)
+    count = motion.shape[2]
+    columns = _wanted(comparison, modes.columns[:count], room)
     stored = np.ascontiguousarray(motion[np.ix_(geometry.rows, np.arange(3), np.array(columns))])
+    turn = phases(stored.reshape(-1, len(columns)))
     plain = StageView(
-        title=VERSION_HEADS[kept.stage],
-        numbers=tuple(range(1, motion.shape[2] + 1)),
-        freq_hz=solved[: motion.shape[2]],
+        title=modes.title,
+        numbers=tuple(range(1, count + 1)),
+        freq_hz=modes.freq_hz[:count],
         stored=tuple(columns),
-        motion=quantised(stored),
+        motion=quantised((stored * turn).real),
+        energy=None if energy is None else _coarse(energy[np.ix_(geometry.rows, np.array(columns))]),
+        line_energy=None if of_lines is None else _coarse(of_lines[np.ix_(geometry.lines, np.array(columns))]),
+        damping_ratio=modes.damping_ratio[:count],
+        motion_imaginary=quantised((stored * turn).imag) if modes.is_complex else None,
     )
-    return plain if comparison is None else _compared(source, kept, comparison, geometry, plain)
+    if comparison is None:
+        return plain
+    turned = np.ones(count, complex)
+    turned[columns] = turn
+    return _compared(source, modes, measured, comparison, geometry, plain, turned)
+
+
+def phases(shapes: NDArray[Any]) -> NDArray[Any]:
+    """(m,) factors of magnitude one that make the real parts of shapes (n, m) as large as they can be."""
+    if not np.iscomplexobj(shapes):
+        return np.ones(shapes.shape[1])
+    return np.asarray(np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0))))
 
 
 def _frequencies(source: ReportSource, kept: ModeShapes) -> tuple[float, ...]:
@@ -186,11 +268,11 @@ def _frequencies(source: ReportSource, kept: ModeShapes) -> tuple[float, ...]:
     return modes.freq_hz if modes else comparison.mac_model_freq_hz if comparison else ()
 
 
-def _wanted(comparison: CorrelationResults | None, count: int, room: int) -> list[int]:
+def _wanted(comparison: CorrelationResults | None, real: Sequence[int], room: int) -> list[int]:
     """Columns of the modes that are stored, in their order: those of pairs first, then elastic ones, then the rest."""
     paired = {n - 1 for p in comparison.pairs for n in _model_numbers(comparison, p)} if comparison else set()
     shown = set(shown_columns(comparison)) if comparison else set()
-    order = sorted(range(count), key=lambda j: (j not in paired, j not in shown, j))
+    order = sorted(range(len(real)), key=lambda j: (real[j] not in paired, real[j] not in shown, j))
     return sorted(order[:room])
 
 
@@ -208,7 +290,7 @@ class _Measured:
     """Shapes (sensors, test modes), those of the model at the sensors, and what makes motions of the places of them."""
 
     test: NDArray[Any]
-    seen: Reals
+    seen: NDArray[Any]
     places: Reals
     motions: Reals
 
@@ -265,23 +347,46 @@ def _diagonal(points: Reals) -> float:
 
 
 def _compared(
-    source: ReportSource, kept: ModeShapes, comparison: CorrelationResults, geometry: _Geometry, plain: StageView
+    source: ReportSource,
+    modes: _Modes,
+    of_test: ModeShapes,
+    comparison: CorrelationResults,
+    geometry: _Geometry,
+    plain: StageView,
+    turned: NDArray[Any],
 ) -> StageView:
-    """The stage with what the comparison with a test adds."""
-    found, mac = _measured(source, kept, geometry.frame), source.array(comparison.mac_key)
-    if found is None or mac is None:
+    """The stage with what the comparison with a test adds; `turned` are the phases that the modes are shown with."""
+    found, mac = _measured(source, of_test, geometry.frame), source.array(comparison.mac_key)
+    seen = source.array(modes.shapes.model_at_sensors_key)
+    if found is None or mac is None or seen is None:
         return plain
     measured, _ = found
-    seen = np.einsum("pcs,sm->pcm", measured.motions, measured.seen)
-    pairs = (_pair(comparison, measured, p, place) for p, place in _placed_pairs(comparison))
+    if modes.is_complex:
+        measured = replace(measured, seen=seen * turned)
+        mac = _mac(measured.test, measured.seen)
+        pairs = list(_complex_pairs(comparison, modes, measured))
+    else:
+        measured = replace(measured, seen=seen.astype(float))
+        pairs = [_pair(comparison, measured, p, place) for p, place in _placed_pairs(comparison)]
+    moved = np.einsum("pcs,sm->pcm", measured.motions, measured.seen)
     return replace(
         plain,
         mac=single(np.nan_to_num(mac, nan=-1.0)),
-        seen=quantised(seen),
+        seen=quantised(moved.real),
+        seen_imaginary=quantised(moved.imag) if modes.is_complex else None,
         factors=single(_parts(_factors(measured.test, measured.seen))),
-        expanded=_expanded(source, comparison, geometry),
+        expanded=None if modes.is_complex else _expanded(source, comparison, geometry),
         pairs=tuple(p for p in pairs if set(p.modes) <= {n + 1 for n in plain.stored}),
     )
+
+
+def _complex_pairs(comparison: CorrelationResults, modes: _Modes, measured: _Measured) -> Iterable[PairView]:
+    """The pairs of the real modes, each with the complex mode that is most like its real one."""
+    for pair, (row, _) in _placed_pairs(comparison):
+        if pair.model_number - 1 in modes.columns:
+            column = modes.columns.index(pair.model_number - 1)
+            factor = complex(_factors(measured.test[:, [row]], measured.seen[:, [column]])[0, 0])
+            yield PairView(row, column, (column + 1,), (1.0,), (factor.real, factor.imag))
 
 
 def _placed_pairs(comparison: CorrelationResults) -> Iterable[tuple[ModePairRecord, tuple[int, int]]]:
@@ -307,7 +412,13 @@ def in_phase(shape: NDArray[Any]) -> Reals:
     return np.asarray((shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))).real) if np.iscomplexobj(shape) else shape
 
 
-def _factors(test: NDArray[Any], seen: Reals) -> NDArray[Any]:
+def _mac(test: NDArray[Any], seen: NDArray[Any]) -> Reals:
+    """(test modes, modes) modal assurance criterion |tᴴm|²/(tᴴt · mᴴm); NaN for a shape without motion."""
+    sizes = np.sum(np.abs(test) ** 2, axis=0)[:, None] * np.sum(np.abs(seen) ** 2, axis=0)
+    return np.abs(test.conj().T @ seen) ** 2 / np.where(sizes > 0.0, sizes, np.nan)
+
+
+def _factors(test: NDArray[Any], seen: NDArray[Any]) -> NDArray[Any]:
     """(test modes, modes) modal scale factors tᴴm/tᴴt; 0 for a shape without motion."""
     size = np.sum(np.abs(test) ** 2, axis=0)
     return np.asarray(test.conj().T @ seen / np.where(size > 0.0, size, 1.0)[:, None])
@@ -392,6 +503,37 @@ def _history(source: ReportSource) -> HistoryView | None:
         nominal=tuple(p.nominal if p else 0.0 for p in known),
         values=tuple(i.parameters for i in update.history),
         modes=tuple(_iteration_modes(update.history)),
+        functions=tuple(_iteration_functions(source, f, ITERATION_BYTES // len(update.frfs)) for f in update.frfs),
+    )
+
+
+def _iteration_functions(source: ReportSource, frfs: IterationFrfs, share: int) -> IterationFunctionsView:
+    """Functions, evenly spaced where there is no room for all, and every n-th line where there is none for one."""
+    freq, values, test = (source.arrays[key] for key in (frfs.freq_key, frfs.values_key, frfs.test_values_key))
+    iterations, _, inputs, lines = values.shape
+    thin = slice(None, None, -(-8 * iterations * lines // share))
+    whole_, count = values[..., thin], values.shape[1] * inputs
+    room = max(1, share // (8 * iterations * whole_.shape[3]))
+    shown = sorted(set(np.linspace(0, count - 1, min(room, count)).round().astype(int).tolist()))
+    model = whole_.reshape(iterations, count, -1)[:, shown].transpose(1, 0, 2)
+    beside = test[..., thin].reshape(count, -1)[shown]
+    left = count - len(shown)
+    notes = (
+        "Magnitudes alone are compared." if not frfs.phase else "",
+        f"{left} more compared functions are in arrays.npz." if left else "",
+        f"Every {thin.step}th line is shown." if thin.step > 1 else "",
+    )
+    return IterationFunctionsView(
+        configuration=frfs.configuration,
+        ordinate=frfs.kind.capitalize(),
+        titles=tuple(f"{frfs.outputs[k // inputs]} by {frfs.inputs[k % inputs]}" for k in shown),
+        phase=frfs.phase,
+        freq_hz=single(freq[thin]),
+        real=single(model.real),
+        imaginary=single(model.imag),
+        test_real=single(beside.real),
+        test_imaginary=single(beside.imag),
+        note=" ".join(filter(None, notes)),
     )
 
 

@@ -44,10 +44,12 @@ class ChannelDeviation(Record):
 
 
 class DeviationSum(Record):
-    """All FRFs of one set, each line of each FRF with the same weight."""
+    """FRFs of one set, each line of each FRF with the same weight."""
 
     data: DataSet
     """The set."""
+    configuration: str = ""
+    """Name of the configuration; "" for all together."""
     frfs: int
     """Number of FRFs."""
     before: float
@@ -64,7 +66,9 @@ class FrfDeviations(Record):
     """δ of the measured FRFs before and after the update."""
 
     sums: tuple[DeviationSum, ...]
-    """The calibration set, and the validation set if there is one."""
+    """The calibration set, and the validation set if there is one, of all configurations."""
+    by_configuration: tuple[DeviationSum, ...] = ()
+    """The same for each configuration."""
     channels: tuple[ChannelDeviation, ...]
     """Every FRF."""
     sentences: tuple[str, ...]
@@ -83,9 +87,20 @@ def frf_deviations(
     used = tuple(_used(start, end))
     if not used:
         return None
-    channels = (*used, *_unused(before, after))
-    sums = tuple(_sum(data, own) for data in _SETS if (own := [c for c in channels if c.data == data]))
-    return FrfDeviations(sums=sums, channels=channels, sentences=tuple(map(_sentence, sums)))
+    return deviations_of((*used, *_unused(before, after)))
+
+
+def deviations_of(channels: Sequence[ChannelDeviation]) -> FrfDeviations:
+    """Single FRFs and their sums, of all configurations and of each."""
+    sums = tuple(_sums(channels))
+    each = tuple(
+        one
+        for name in dict.fromkeys(c.configuration for c in channels)
+        for one in _sums([c for c in channels if c.configuration == name], name)
+    )
+    return FrfDeviations(
+        sums=sums, by_configuration=each, channels=tuple(channels), sentences=tuple(map(_sentence, sums))
+    )
 
 
 _SETS: tuple[DataSet, ...] = ("calibration", "validation")
@@ -129,11 +144,19 @@ def _channels(
             )
 
 
-def _sum(data: DataSet, channels: Sequence[ChannelDeviation]) -> DeviationSum:
+def _sums(channels: Sequence[ChannelDeviation], configuration: str = "") -> Iterator[DeviationSum]:
+    for data in _SETS:
+        own = [c for c in channels if c.data == data]
+        if own:
+            yield _sum(data, own, configuration)
+
+
+def _sum(data: DataSet, channels: Sequence[ChannelDeviation], configuration: str) -> DeviationSum:
     lines = np.array([c.lines for c in channels], float)
     before, after = (float(np.average([getattr(c, k) for c in channels], weights=lines)) for k in ("before", "after"))
     return DeviationSum(
         data=data,
+        configuration=configuration,
         frfs=len(channels),
         before=before,
         after=after,

@@ -29,6 +29,7 @@ from femtune.model.response.modal_damping import is_proportional, may_be_negativ
 from femtune.results.base import Alert, ModelVersion, Record
 from femtune.results.correlation import array_prefix
 from femtune.results.model import alert_of
+from femtune.results.shapes import ModeShapes, complex_mode_shapes, shape_rows
 
 if TYPE_CHECKING:
     from femtune.arrays import Complexes
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from femtune.modal import FrfSet
     from femtune.model import ConfiguredModel, EigenSolution, ModelPoint
     from femtune.model.response import Ports
+    from femtune.results.shapes import ShapeRows
     from femtune.units import UnitSystem
 
 
@@ -182,6 +184,9 @@ class ResponseResults(Record):
     """Complex modes up to the highest line."""
     poles_reason: str = ""
     """The reason why there are no complex modes."""
+    pole_shapes: ModeShapes | None = None
+    """Shapes of the complex modes for drawing, modes as in `poles`, without a test; None without complex modes, and in
+    older results."""
     loads: tuple[StaticResults, ...] = ()
     """Static load cases."""
     alerts: tuple[Alert, ...] = ()
@@ -193,13 +198,13 @@ class ResponseResults(Record):
 
 
 def listed_poles(
-    study: Study, request: ResponseRequest, point: ModelPoint, modes: Solve, *, damped: bool
+    study: Study, request: ResponseRequest, point: ModelPoint, modes: Solve, shown: ShapeRows, *, damped: bool
 ) -> tuple[ComplexModeTable | None, str]:
     """Complex modes, or the reason why there are none; their failure is no error if the FRFs do not need them."""
     if reason := _not_listed(request, point, modes, damped):
         return None, reason
     try:
-        return solved_poles(study, request, point, modes), ""
+        return solved_poles(study, request, point, modes, shown.matrix), ""
     except FemtuneError as error:
         if not error.code.startswith(("complex.", "response.defective")):
             raise
@@ -399,7 +404,10 @@ def _with_frfs(
     notices = request.notices if damping else (*request.notices, _undamped(request))
     notices = (*notices, *_truncated(request, error))
     doing("complex modes")
-    poles, reason = listed_poles(study, request, point, modes, damped=bool(damping))
+    shown = shape_rows(request.case)
+    poles, reason = listed_poles(study, request, point, modes, shown, damped=bool(damping))
+    case, stage = request.case, found.stage
+    shapes = None if poles is None else complex_mode_shapes(case, stage, shown, poles.motion, prefix, arrays)
     notices = (*notices, *unstable(request, poles))
     parts = {
         "frfs": _frf_results(study, request, modes, values, damping, prefix, arrays).model_copy(
@@ -407,6 +415,7 @@ def _with_frfs(
         ),
         "poles": () if poles is None else pole_records(poles),
         "poles_reason": reason,
+        "pole_shapes": shapes,
         "alerts": tuple(map(alert_of, notices)),
     }
     return found.model_copy(update=parts)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from femtune.assembly.drawn_mesh import thinned, whole_mesh
+from femtune.fem.elements import KINDS
 from femtune.results.base import ModelVersion, Record
+from femtune.selection import strain_shares
 
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
@@ -18,6 +23,10 @@ if TYPE_CHECKING:
     from femtune.fem.structure import NodeTable
     from femtune.model import ConfiguredModel, EigenSolution
     from femtune.testdata import WireFrame
+
+
+_MOST_MOTIONS = 30_000_000
+"""Entries of the shapes (240 MB) of which the strain energies are computed at once."""
 
 
 class ModeShapes(Record):
@@ -37,7 +46,14 @@ class ModeShapes(Record):
     """Key of shells and the outer faces of solids, shape (faces, 4): rows of the points at their corners, −1 for the
     fourth of a triangle; None in older results without this field."""
     translations_key: str | None = None
-    """Key of the motion of the points, shape (points, 3, modes), modes as in ModelModes.freq_hz."""
+    """Key of the motion of the points, shape (points, 3, modes), modes as in ModelModes.freq_hz; complex for complex
+    modes."""
+    energy_key: str | None = None
+    """Key of the strain energy at the points, shape (points, modes): the largest share that an element at the point has
+    in the strain energy of the mode, in %, without elements that are lines; 0 for rigid-body modes; None without
+    elements that have a stiffness."""
+    line_energy_key: str | None = None
+    """Key of the shares of the elements that are drawn as a line, shape (lines, modes), in %."""
     sensor_positions_key: str | None = None
     """Key of the positions of the sensors on the model, shape (sensors, 3); NaN where unknown; None without a test."""
     sensor_directions_key: str | None = None
@@ -76,18 +92,72 @@ def mode_shapes(
     if reason:
         return ModeShapes(configuration=case.name, stage=version, reason=reason)
     rows = mesh.used
-    counted = mesh.counted_from(rows)
     found: Arrays = {
-        "points": case.configured.model.structure.nodes.xyz[rows],
+        **_geometry(case.configured, mesh),
+        "translations": grid_translations(case.configured, solution, rows),
+        **_energies(case.configured, solution, mesh),
+        **_measured(case, solution),
+    }
+    return _stored(case, version, mesh, found, f"{prefix}/shapes", arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeRows:
+    """What is shown of a shape on the free DOFs: `matrix` (3p + s, n_free) has the translations of the p points of
+    the mesh in basic axes, point by point, and the motion of the s sensors of the modes."""
+
+    mesh: DrawnMesh
+    matrix: sp.csr_array
+
+
+def shape_rows(case: StudyCase) -> ShapeRows:
+    """Those of a configuration; without points and sensors where it has nothing to draw."""
+    configured, mesh = case.configured, case.mesh or drawn_mesh(case.configured)
+    rows = mesh.used
+    dofs = (6 * rows[:, None] + np.arange(3)).ravel()
+    place = np.arange(len(dofs))
+    frames = configured.model.structure.nodes.frames[rows]
+    column = np.repeat(place.reshape(-1, 1, 3), 3, axis=1)
+    turn = sp.csr_array((frames.ravel(), (np.repeat(place, 3), column.ravel())), shape=(len(dofs), len(dofs)))
+    seen = [] if case.modal is None or not len(rows) else [case.modal.sensors]
+    return ShapeRows(mesh, sp.csr_array(sp.vstack([turn @ configured.transformation[dofs], *seen])))
+
+
+def complex_mode_shapes(
+    case: StudyCase, version: ModelVersion, shown: ShapeRows, motion: NDArray, prefix: str, arrays: Arrays
+) -> ModeShapes:
+    """The record of complex modes; `motion` (3p + s, m) are their shapes as `shown` sees them."""
+    reason = _not_drawn(shown.mesh, motion.shape[1])
+    if reason:
+        return ModeShapes(configuration=case.name, stage=version, reason=reason)
+    points = len(shown.mesh.used)
+    found = {
+        **_geometry(case.configured, shown.mesh),
+        "translations": motion[: 3 * points].reshape(points, 3, -1),
+        **({} if case.modal is None else {"model_at_sensors": motion[3 * points :]}),
+    }
+    return _stored(case, version, shown.mesh, found, f"{prefix}/complex_shapes", arrays)
+
+
+def _geometry(configured: ConfiguredModel, mesh: DrawnMesh) -> Arrays:
+    counted = mesh.counted_from(mesh.used)
+    return {
+        "points": configured.model.structure.nodes.xyz[mesh.used],
         "lines": counted.lines.astype(np.int32),
         "line_kinds": counted.kinds.astype(np.int8),
         "faces": counted.faces.astype(np.int32),
-        "translations": grid_translations(case.configured, solution, rows),
-        **_measured(case, solution),
     }
-    small = {name: a.astype(np.float32) if a.dtype == float else a for name, a in found.items()}
-    arrays |= {f"{prefix}/shapes/{name}": a for name, a in small.items()}
-    keys = {f"{name}_key": f"{prefix}/shapes/{name}" for name in found}
+
+
+_SMALL = {np.dtype(float): np.float32, np.dtype(complex): np.complex64}
+
+
+def _stored(
+    case: StudyCase, version: ModelVersion, mesh: DrawnMesh, found: Arrays, prefix: str, arrays: Arrays
+) -> ModeShapes:
+    """The record of arrays, which are put away in single precision."""
+    arrays |= {f"{prefix}/{name}": a.astype(_SMALL.get(a.dtype, a.dtype)) for name, a in found.items()}
+    keys = {f"{name}_key": f"{prefix}/{name}" for name in found}
     record = {"configuration": case.name, "stage": version, "simplified": mesh.sentence, **keys}
     return ModeShapes.model_validate(record)
 
@@ -128,6 +198,47 @@ def _in_basic_axes(
 ) -> NDArray[np.float64]:
     own = configured.transformation[(6 * rows[:, None] + components).ravel()] @ shapes
     return np.einsum("nij,njm->nim", configured.model.structure.nodes.frames[rows], own.reshape(len(rows), 3, -1))
+
+
+def _energies(configured: ConfiguredModel, solution: EigenSolution, mesh: DrawnMesh) -> dict[str, NDArray]:
+    """Shares of the elements in the strain energy, %, of the lines that are drawn, and of all else at the points."""
+    most = max(1, _MOST_MOTIONS // solution.shapes.shape[0])
+    parts = [
+        strain_shares(solution, range(first, min(first + most, solution.wanted)))
+        for first in range(0, solution.wanted, most)
+    ]
+    numbers = parts[0][0] if parts else np.zeros(0, np.int64)
+    if not len(numbers):
+        return {}
+    # as many digits as are kept
+    shares = np.hstack([part.astype(np.float32) for _, part in parts])
+    percent, rows = 100.0 * np.nan_to_num(np.maximum(shares, 0.0)), mesh.used
+    of_lines = np.zeros((len(mesh.lines), solution.wanted))
+    element, row = [], []
+    for batch in configured.model.structure.batches:
+        at = np.minimum(np.searchsorted(numbers, batch.ids), len(numbers) - 1)
+        known = numbers[at] == batch.ids
+        is_line = KINDS[batch.kind].line and batch.nodes.shape[1] > 1
+        line = mesh.line_of(batch.nodes[:, :2]) if is_line else np.full(len(at), -1)
+        drawn = known & (line >= 0)
+        np.add.at(of_lines, line[drawn], percent[at[drawn]])
+        corner = (batch.nodes >= 0) & (known & ~drawn)[:, None]
+        element.append(np.broadcast_to(at[:, None], corner.shape)[corner])
+        row.append(batch.nodes[corner])
+    at_points = _at_points(configured, rows, np.concatenate(row))
+    of_points = np.zeros((solution.wanted, len(rows)))
+    for mode, of in zip(of_points, percent.T):
+        np.maximum.at(mode, at_points, of[np.concatenate(element)])
+    return {"energy": of_points.T, "line_energy": of_lines}
+
+
+def _at_points(configured: ConfiguredModel, rows: NDArray[np.int64], of: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The position in `rows` of each grid point `of`; of one that is not drawn, that of the nearest one that is."""
+    xyz = configured.model.structure.nodes.xyz
+    seen_at = np.arange(len(xyz))
+    hidden = np.setdiff1d(of, rows)
+    seen_at[hidden] = rows[cKDTree(xyz[rows]).query(xyz[hidden])[1]]
+    return np.searchsorted(rows, seen_at[of])
 
 
 def drawn_rows(case: StudyCase, solution: EigenSolution) -> NDArray[np.int32] | None:

@@ -23,6 +23,7 @@ from femtune.residuals.frequency import FrequencyResidual
 from femtune.results.base import CitationRecord, Record
 from femtune.results.checks import ModelCheck
 from femtune.results.fisher import FisherResults
+from femtune.results.iterations import IterationFrfs
 from femtune.results.left_out import ModeLeftOutOfFrfs
 from femtune.results.reduction import ReductionResults
 from femtune.results.search import (
@@ -408,6 +409,8 @@ class UpdateResults(Record):
     """Names of the columns of IterationRecord.parameters."""
     history: tuple[IterationRecord, ...]
     """One record per iteration, beginning with the initial point."""
+    frfs: tuple[IterationFrfs, ...] = ()
+    """Compared FRFs at each iteration; empty without FRF residuals, and in older results."""
     parameters: tuple[ParameterResult, ...]
     """Free and tied parameters after the update."""
     derived: tuple[DerivedResult, ...] = ()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
         undetermined_sentence,
         verdict,
     )
-    from femtune.selection.energies import EnergyMap, element_energies, energy_map
+    from femtune.selection.energies import EnergyMap, element_energies, energy_map, strain_shares
     from femtune.selection.information import Collinearity, Information, collinearity, fisher_information
     from femtune.selection.localise import ResidualEnergy, residual_energy
     from femtune.selection.output_covariance import CosineDistances, cosine_distances
@@ -54,6 +54,7 @@ __all__ = [
     "sentences",
     "smoothness",
     "stepwise_selection",
+    "strain_shares",
     "undetermined_sentence",
     "verdict",
 ]

@@ -6,7 +6,7 @@ a factor on its stiffness moves λ by just that share, one on its mass by minus 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,8 +47,7 @@ def _energies(term: Term, factor: Reals, motion: Reals) -> Reals:
     out = np.empty((len(term.elements), motion.shape[1]))
     for part in term.parts():
         own = motion[term.dofs[part]]
-        forces = np.einsum("eij,ejm->eim", term.matrices(part), own)
-        out[part] = factor[term.columns[part], None] * np.einsum("eim,eim->em", own, forces)
+        out[part] = factor[term.columns[part], None] * np.einsum("eim,eim->em", own, term.matrices(part) @ own)
     return out
 
 
@@ -89,13 +88,28 @@ def energy_map(
     modes : positions; all wanted modes where None. Rigid-body modes have no strain energy: NaN
     """
     at = list(range(solution.wanted) if modes is None else modes)
-    shapes, values = solution.shapes[:, at], solution.eigenvalues[at]
-    strain = element_energies(solution.point, "stiffness", shapes)
-    kinetic = element_energies(solution.point, "mass", shapes)
+    stiff, strain, whole = _strain(solution, at)
+    heavy, kinetic = element_energies(solution.point, "mass", solution.shapes[:, at])
+    named = {str(n): (n,) for n in np.union1d(stiff, heavy).tolist()} if groups is None else groups
+    shares = _grouped(stiff, strain, named) / whole
+    return EnergyMap(tuple(named), solution.freq_hz[at], shares, _grouped(heavy, kinetic, named))
+
+
+def strain_shares(solution: EigenSolution, modes: Sequence[int]) -> tuple[Integers, Reals]:
+    """Numbers (e,) of the elements and their shares (e, m) of the strain energy of the modes at these positions.
+
+    Rigid-body modes have no strain energy: NaN.
+    """
+    numbers, energies, whole = _strain(solution, modes)
+    return numbers, energies / whole
+
+
+def _strain(solution: EigenSolution, modes: Sequence[int]) -> tuple[Integers, Reals, Reals]:
+    """Numbers and strain energies of the elements, and those of whole modes (m,), NaN for rigid-body modes."""
+    at = list(modes)
+    values = solution.eigenvalues[at]
     whole = np.where(values > 1e-8 * np.abs(solution.eigenvalues).max(initial=0.0), values, np.nan)
-    numbers = np.union1d(strain[0], kinetic[0]).tolist()
-    named = {str(n): (n,) for n in numbers} if groups is None else groups
-    return EnergyMap(tuple(named), solution.freq_hz[at], _grouped(*strain, named) / whole, _grouped(*kinetic, named))
+    return *element_energies(solution.point, "stiffness", solution.shapes[:, at]), whole
 
 
 def _grouped(numbers: Integers, energies: Reals, groups: Mapping[str, Iterable[int]]) -> Reals:

@@ -66,6 +66,7 @@ def modes(
     max_hz: float | None = None,
     report: Path | str | None = None,
     simulate: SimulatedTest | None = None,
+    vtu: Path | str | None = None,
     fresh: bool = False,
     progress: Progress = silent,
 ) -> ModesResult:
@@ -77,13 +78,14 @@ def modes(
     count, max_hz : number of modes, or highest frequency in Hz, instead of [modes] of the study and METHOD of the deck
     report : HTML page to write, with a picture of each mode: a single self-contained file
     simulate : a Universal File to which the modes are written as a simulated test
+    vtu : VTU file to write, for ParaView: mesh, mode shapes, values of the parameters (extra ``vtu``)
     fresh : ignore the journal of an earlier run of the study and solve everything again
     progress : receives progress reports
 
     Raises
     ------
-    FemtuneError : ``eigen.*``, ``run.unwritable`` and ``write.overwrites-input`` before anything is solved, and
-        errors in the files
+    FemtuneError : ``eigen.*``, ``run.unwritable``, ``write.vtu`` and ``write.overwrites-input`` before anything is
+        solved, and errors in the files
 
     Examples
     --------
@@ -104,7 +106,10 @@ def modes(
     from femtune.study.natural_modes import solve_modes  # noqa: PLC0415
 
     page = checked_page(report)
-    result = solve_modes(source_of(source), progress, fresh=fresh, count=count, max_hz=max_hz, simulate=simulate)
+    file = None if vtu is None else Path(vtu)
+    result = solve_modes(
+        source_of(source), progress, fresh=fresh, count=count, max_hz=max_hz, simulate=simulate, vtu=file
+    )
     return with_page(result, page, progress)
 
 

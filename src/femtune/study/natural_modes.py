@@ -17,7 +17,7 @@ from femtune.model import EigenSolution
 from femtune.results.checks import mesh_check
 from femtune.results.model import model_facts, model_modes, shapes_remark
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
-from femtune.results.solved import solved_cases
+from femtune.results.solved import nominal, solved_cases
 from femtune.results.step_results import ModesResult
 from femtune.study.solutions import looking_up
 
@@ -43,6 +43,7 @@ def solve_modes(
     count: int | None = None,
     max_hz: float | None = None,
     simulate: SimulatedTest | None = None,
+    vtu: Path | None = None,
 ) -> ModesResult:
     """Modes of a study, or of a deck, at the initial values of the parameters.
 
@@ -51,19 +52,24 @@ def solve_modes(
     fresh : do not take solutions from the journal of the study's run folder
     count, max_hz : in place of [modes] of the study and of METHOD of the deck
     simulate : writes the modes as a test would have measured them
+    vtu : VTU file of the mesh, the modes and the values of the parameters
 
     Raises
     ------
-    FemtuneError : ``eigen.*``, and as `check_simulated`
+    FemtuneError : ``eigen.*``, and as `check_simulated` and `check_vtu`
     """
     if simulate is not None:
         from femtune.study.simulated_test import check_simulated, write_simulated  # noqa: PLC0415
+    if vtu is not None:
+        from femtune.study.vtu_files import check_vtu, write_vtu_files  # noqa: PLC0415
 
     watch = Stopwatch(call("modes", source))
     with watch.step("read"):
         loaded = with_modes_asked(load_study(source, progress), count, max_hz)
         if simulate is not None:
             check_simulated(loaded, simulate)
+        if vtu is not None:
+            check_vtu(loaded, vtu)
         inputs = _each_once(inputs_of(loaded))
     with watch.step("modes"), looking_up(loaded, fresh) as found:
         solved = list(solved_cases(found.study, progress))
@@ -74,6 +80,8 @@ def solve_modes(
         records = tuple(r.model_copy(update={"mesh": mesh}) for r, mesh in zip(records, meshes))
     if simulate is not None:
         write_simulated(loaded, simulate, solved)
+    if vtu is not None:
+        write_vtu_files(loaded, nominal(loaded), {case.name: solution for case, solution in solved}, vtu)
     for _, solution in solved:
         # whoever keeps the result need not keep gigabytes of factors
         solution.forget_factors()

@@ -127,7 +127,7 @@ def _prepared(study: Study, table: QuantifyTable, repeats: Repeats, start: Reals
         kept = np.flatnonzero(np.nan_to_num(np.nanstd(entries, axis=0)) > _STILL)
         used = replace(whole, kept=tuple(int(i) for i in kept))
         rows = np.hstack([rows, entries[:, kept]])
-    return _Prepared(outputs, used, rows, held, _with_noise(_statistics(rows[~held], used, table), outputs, table))
+    return _Prepared(outputs, used, rows, held, _with_noise(_statistics(rows[~held], used, table), used, table))
 
 
 def quantify_at(
@@ -233,19 +233,32 @@ def _statistics(rows: Reals, outputs: FrequencyOutputs | ShapeOutputs, table: Qu
     return replace(found, scale=np.where(np.arange(len(found.mean)) < own, np.abs(found.mean), 1.0))
 
 
-def _with_noise(measured: OutputStatistics, outputs: FrequencyOutputs, table: QuantifyTable) -> OutputStatistics:
-    """The statistics with the measurement errors of the frequencies that the study states."""
-    asked, modes = table.noise_sd, outputs.modes
+def _with_noise(
+    measured: OutputStatistics, outputs: FrequencyOutputs | ShapeOutputs, table: QuantifyTable
+) -> OutputStatistics:
+    """The statistics with the measurement errors of a repeat that the study states, or that its test has."""
+    asked = table.noise_sd
     if asked is None:
         return measured
-    if isinstance(asked, dict):
-        unknown = [m for m in modes if m not in asked]
-        if unknown:
-            raise FemtuneError("quantify.noise", values={"compared modes": ", ".join(modes)}, mode=unknown[0])
-    shares = np.array([asked[m] if isinstance(asked, dict) else asked for m in modes])
-    own = np.zeros(len(measured.mean))
-    own[: len(modes)] = (shares * measured.mean[: len(modes)]) ** 2
-    return replace(measured, noise=np.diag(own))
+    frequencies = outputs.frequencies if isinstance(outputs, ShapeOutputs) else outputs
+    modes = frequencies.modes
+    if isinstance(asked, dict) and (unknown := [m for m in modes if m not in asked]):
+        raise FemtuneError("quantify.noise", values={"compared modes": ", ".join(modes)}, mode=unknown[0])
+    noise = np.zeros((len(measured.mean), len(measured.mean)))
+    own = np.arange(len(modes))
+    if asked == "test":
+        sd = frequencies.test_sd_hz
+        if (gone := np.flatnonzero(~np.isfinite(sd))).size:
+            raise FemtuneError("quantify.noise/test", quantity="frequency", mode=modes[int(gone[0])])
+        if isinstance(outputs, ShapeOutputs):
+            noise[len(modes) :, len(modes) :] = outputs.test_covariance
+            if (gone := np.flatnonzero(~np.isfinite(np.diag(noise)))).size:
+                raise FemtuneError("quantify.noise/test", quantity="shape", mode=outputs.labels[int(gone[0])])
+    else:
+        shares = np.array([asked[m] if isinstance(asked, dict) else asked for m in modes])
+        sd = shares * measured.mean[: len(modes)]
+    noise[own, own] = sd**2
+    return replace(measured, noise=noise)
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,13 @@ from femtune.results.fisher import FisherResults, fisher_results
 from femtune.results.folder import RESULTS_FILE, write_results
 from femtune.results.frf_deviation import frf_deviations
 from femtune.results.frf_validation import check_frf_band, unused_frfs
+from femtune.results.iterations import iteration_frfs
 from femtune.results.left_out import left_out_mode_records
 from femtune.results.mapped_damping import MappedDamping, mapped_damping
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
 from femtune.results.results import Results
-from femtune.results.solved import solutions_of
+from femtune.results.solved import solutions_of, solved_if_any
 from femtune.results.specimens import Compared, specimen_results
 from femtune.results.stages import stage_results
 from femtune.results.step_results import RunResult
@@ -41,6 +42,7 @@ from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_
 from femtune.study.select import select_at
 from femtune.study.solutions import journal_results
 from femtune.study.specimens import calibrate_each
+from femtune.study.vtu_files import VTU_FILE, write_vtu_files
 from femtune.study.write_back import check_writable_fields, check_written, write_back
 
 if TYPE_CHECKING:
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
     from femtune.results.bootstrap import BootstrapResults
     from femtune.results.frf_deviation import FrfDeviations
     from femtune.results.frf_validation import UnusedFrfs
+    from femtune.results.iterations import IterationFrfs
     from femtune.results.left_out import ModeLeftOutOfFrfs
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
@@ -90,6 +93,7 @@ class Known:
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
     left_out_modes : modes of the model that FRFs are compared without
+    iteration_frfs : compared FRFs at each iteration of the update
     deviations : those of the FRFs at the start and the end of the update
     vibration_tests, vibrations : sweeps and random vibration tests as measured, and beside the model
     quantify : covariance of the parameters from the repeats
@@ -113,6 +117,7 @@ class Known:
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
     left_out_modes: tuple[ModeLeftOutOfFrfs, ...] = ()
+    iteration_frfs: tuple[IterationFrfs, ...] = ()
     unused_frfs: tuple[UnusedFrfs, ...] = ()
     deviations: FrfDeviations | None = None
     vibration_tests: VibrationTests = _LATER
@@ -212,6 +217,7 @@ class Run:
             update={
                 "stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation,
                 "fisher": known.fisher, "left_out_modes": known.left_out_modes,
+                "frfs": known.iteration_frfs,
             }
         )  # fmt: skip
         predicted = predictions(self.study, found.result, known.sensitivities)
@@ -291,7 +297,9 @@ def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     found = find_parameters(run.study, run.folder, known.start, run.progress)
     study = found.study or run.study
     known_after = fisher_results(study, found.result.after, "after", found.known, found.result.active)
-    return {"parameters": found, "fisher": known_after, "alerts": (*known.alerts, *found.alerts)}
+    frfs = iteration_frfs(found.result.history, arrays)
+    alerts = (*known.alerts, *found.alerts)
+    return {"parameters": found, "fisher": known_after, "iteration_frfs": frfs, "alerts": alerts}
 
 
 def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -386,6 +394,19 @@ def _write_expanded(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {}
 
 
+def _write_vtu(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    """Mesh, modes and parameters after the update."""
+    if run.study.file.output.vtu:
+        result = known.parameters.result
+        study = known.parameters.study or run.study
+        solved = solutions_of(result.after)
+        for case in study.cases:
+            if case.name not in solved and (solution := solved_if_any(study, case, result.x)) is not None:
+                solved[case.name] = solution
+        write_vtu_files(study, result.x, solved, run.folder / VTU_FILE)
+    return {}
+
+
 WRITE_EXPANDED = Step("expanded shapes", _write_expanded, optional="file of the expanded test shapes")
 UNTIL_UPDATED = (
     Step("model", _model),
@@ -397,6 +418,7 @@ UNTIL_UPDATED = (
     Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
     Step("left-out modes", _left_out_modes),
     Step("correlate after", _correlate_after),
+    Step("file for ParaView", _write_vtu, optional="file for ParaView"),
     Step("measured damping", _mapped_damping, optional="measured damping on the modes of the updated model"),
     Step("unused FRFs", _unused_frfs),
     Step("vibration tests", _vibrations),

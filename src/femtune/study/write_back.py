@@ -28,6 +28,7 @@ from femtune.study.expanded_files import EXPANDED_FILE
 from femtune.study.respond import FRFS_FILE, uff_paths
 from femtune.study.run_lock import LOCK_FILE
 from femtune.study.starts import HISTORY_FILE
+from femtune.study.vtu_files import VTU_FILE, check_cells
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -56,21 +57,24 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
 
     Raises
     ------
-    FemtuneError : ``write.overwrites-input``
+    FemtuneError : ``write.overwrites-input``; as `check_cells` where a VTU file is asked for
     """
+    if study.file.output.vtu:
+        check_cells(study, folder / VTU_FILE)
     for place in (folder,) if study.specimens is None else (folder / name for name in study.specimens.names):
         check_overwrites(study.built.deck, place, NAME)
     inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
     frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
     shapes = uff_paths(Path(EXPANDED_FILE), study) if study.file.correlate.expand != "none" else []
-    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, (*frfs, *shapes))):
+    meshes = uff_paths(Path(VTU_FILE), study) if study.file.output.vtu else []
+    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, (*frfs, *shapes, *meshes))):
         if os.path.realpath(folder / name) in inputs:
             raise FemtuneError("write.overwrites-input/study-file", where=Where(str(folder / name)))
 
 
 def _reserved(study: Study) -> set[str]:
     """Names of the files of a run folder, which changed INCLUDEs must not take."""
-    paths = (Path(name) for name in (FRFS_FILE, EXPANDED_FILE))
+    paths = (Path(name) for name in (FRFS_FILE, EXPANDED_FILE, VTU_FILE))
     more = [path.name for one in paths for path in (one, *uff_paths(one, study))]
     return {RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, PAGE_FILE, JOURNAL_FOLDER, LOCK_FILE, *more}
 

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
@@ -21,7 +22,7 @@ from femtune.model import ConfiguredModel, EigenSolution, eigenvalue_derivatives
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
 from femtune.residuals.case import Group
 from femtune.residuals.frequency import FrequencyResidual
-from femtune.residuals.shape import ShapeResidual
+from femtune.residuals.shape import ShapeResidual, noise_of_scaling
 
 if TYPE_CHECKING:
     from femtune.dofs import DofSet
@@ -143,6 +144,15 @@ class FrequencyOutputs:
         """(m,) the test's own frequencies."""
         return np.array([_test_hz(self.paired, b.configuration, b.mode) for b in _frequencies(self.paired)])
 
+    @property
+    def test_sd_hz(self) -> Reals:
+        """(m,) standard deviations of the test's own frequencies; NaN where it states none."""
+        cases = {s.case.name: s.case.test for s in self.paired.states}
+        return np.array([
+            np.nan if test.freq_sd_hz is None else test.freq_sd_hz[test.labels.index(b.mode)]
+            for b in _frequencies(self.paired) for test in [cases[b.configuration]]
+        ])  # fmt: skip
+
     def values(self, theta: Reals) -> Reals:
         """(m,) Hz."""
         return self._hz(self._at(theta, derivatives=False))
@@ -194,6 +204,18 @@ class ShapeOutputs:
         slopes = np.concatenate([b.jacobian for b in _frequencies(at)]) * own.test_hz[:, None]
         shapes = self._of_kept([b.jacobian for b in at.blocks if b.kind == ShapeResidual.label])
         return np.concatenate([own._hz(at), self._entries(at)]), np.concatenate([slopes, shapes]) / scale
+
+    @property
+    def test_covariance(self) -> Reals:
+        """(entries, entries) covariance from the standard deviations of the test's entries; NaN where it has none."""
+        parts = []
+        for b, case, at in self._shapes():
+            column, unit = case.test.labels.index(b.mode), _unit(case, b.mode, at)
+            sd = np.full(len(at), np.nan) if case.test.shapes_sd is None else case.test.shapes_sd[at, column]
+            errors = noise_of_scaling(unit, "unit-norm") * sd / np.linalg.norm(np.real(case.test.shapes[at, column]))
+            parts.append(errors @ errors.T)
+        whole = la.block_diag(*parts)
+        return np.asarray(whole if self.kept is None else whole[np.ix_(self.kept, self.kept)])
 
     def scaled(self, mode: str, shape: Reals) -> Reals:
         """Entries of a measured shape (sensors of the test,) as those of the outputs; NaN if one is missing."""

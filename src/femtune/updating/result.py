@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from femtune.arrays import Reals
 from femtune.parameters import Jet, ParameterSet
 from femtune.residuals import Evaluation
+from femtune.residuals.frf.fitted import FittedFrfs
 from femtune.status import Status
 from femtune.updating.covariance import ParameterCovariance
 from femtune.updating.posterior import Marginal
@@ -45,6 +46,7 @@ class Iteration:
     to_smallest_change : whether the step belongs to the way from the minimum to the smallest change
     long_step : whether it is a long step, taken since no short one reduced the objective
     modes : the paired modes there
+    functions : the model's functions there, of each FRF residual
     """
 
     number: int
@@ -58,6 +60,7 @@ class Iteration:
     to_smallest_change: bool = False
     long_step: bool = False
     modes: tuple[IterationMode, ...] = ()
+    functions: tuple[FittedFrfs, ...] = field(default=(), repr=False)
 
 
 @dataclass(frozen=True)

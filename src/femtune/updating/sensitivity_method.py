@@ -15,6 +15,7 @@ from femtune.errors import FemtuneError
 from femtune.modal.shape_criteria import mac_where_defined
 from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
+from femtune.residuals.frf.fitted import fitted_frfs
 from femtune.residuals.pairing import Joined, alternating, describe_joined
 from femtune.selection.combinations import determined_combinations
 from femtune.status import Status
@@ -627,7 +628,8 @@ def _iteration(walk: Walk, number: int, point: Point, moved: float, state: float
     half = 0.5 * walk.chi_square(point.evaluation)
     mean, small = point.evaluation.mean_error, walk.change is not None
     modes = tuple(_modes(point.evaluation))
-    return Iteration(number, half, mean, point.x, moved, state, names, events, small, modes=modes)
+    functions = tuple(fitted_frfs(point.evaluation))
+    return Iteration(number, half, mean, point.x, moved, state, names, events, small, modes=modes, functions=functions)
 
 
 def _modes(evaluation: Evaluation) -> Iterator[IterationMode]:

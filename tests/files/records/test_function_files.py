@@ -201,3 +201,20 @@ def test_a_table_of_300000_columns_is_a_transposed_one(tmp_path):
     with pytest.raises(FemtuneError, match="300000 columns") as caught:
         read_record(tmp_path / "wide.csv", sampling_hz=1.0)
     assert "transpose" in caught.value.hint
+
+
+def test_lines_given_by_their_step_tell_the_axes_as_well(tmp_path):
+    np.save(tmp_path / "frf.npy", H.transpose(2, 0, 1))
+    check(read_frfs(tmp_path / "frf.npy", layout(start_hz=1.0, step_hz=1.0)))
+    np.save(tmp_path / "frf.npy", H[:, 0])
+    with pytest.raises(FemtuneError, match="cannot be divided into the stated DOFs"):
+        read_frfs(tmp_path / "frf.npy", layout(step_hz=1.0))
+
+
+def test_a_column_has_one_meaning(tmp_path):
+    (tmp_path / "frf.csv").write_text("f,a,b,c\n1,2,3,4\n2,3,4,5\n")
+    first = FunctionColumn(Dof(1, "Z"), Dof(1, "Z"), "a", "b")
+    for column, imaginary in (("a", "c"), ("c", 2), ("f", "c")):
+        functions = (first, FunctionColumn(Dof(2, "Z"), Dof(1, "Z"), column, imaginary))
+        with pytest.raises(FemtuneError, match=r"column \w is given twice"):
+            read_frfs(tmp_path / "frf.csv", FunctionLayout("accelerance", functions=functions, frequency="f"))

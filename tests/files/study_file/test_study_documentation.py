@@ -68,7 +68,7 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[[hold_out]]`": study_file.HoldOutEntry,
     "## `[[vibration]]`": study_file.VibrationEntry,
     "## `[write]`": study_file.WriteTable,
-    "## `[output]`": study_file.OutputTable,
+    "## `[output]`": study_file.StudyOutputTable,
 }
 
 

@@ -159,7 +159,7 @@ CANNOT = {
     "label": sample_test(replace(sample_modes(), labels=("1", "2a"))),
     "long name": sample_test(name="x" * 81),
     "line break": sample_test(name="a\nb"),
-    "scalar point": ModalTest("a", SI, modes=ModeSet(np.array([1.0]), np.ones((1, 1)), DofSet.parse(["1S+"]))),
+    "scalar point": ModalTest("a", SI, modes=ModeSet(np.array([1.0]), np.ones((2, 1)), DofSet.parse(["1S+", "2X+"]))),
 }
 
 
@@ -205,3 +205,44 @@ def test_a_universal_file_is_replaced_and_a_link_not_written_through(tmp_path: P
 
 def test_sample_has_what_it_says() -> None:
     assert len(DOFS) == len(sample_shapes())
+
+
+def test_oblique_directions_of_sensors_are_read_back(tmp_path: Path) -> None:
+    """Axes that are no triad: one measured direction, two perpendicular ones, two and three oblique ones."""
+    rng = np.random.default_rng(3)
+    skew = rng.standard_normal((5, 3, 3))
+    skew /= np.linalg.norm(skew, axis=2, keepdims=True)
+    skew[1, 2] = np.cross(skew[1, 0], [0.0, 0.0, 1.0])
+    skew[1, 2] /= np.linalg.norm(skew[1, 2])
+    skew[4] = -np.eye(3)
+    dofs = DofSet.parse(["1Y+", "2X+", "2Z-", "3X+", "3Y+", "4X+", "4Y-", "4Z+", "5X+", "5Y+", "5Z+"])
+    modes = ModeSet(np.array([3.0]), rng.standard_normal((len(dofs), 1)), dofs)
+    frame = WireFrame(np.arange(1, 6), rng.standard_normal((5, 3)), skew)
+    write_uff_modes(tmp_path / "a.uff", ModalTest("a", SI, frame, (), modes))
+    found = read_uff(tmp_path / "a.uff", units=SI).test.geometry
+    assert found.axes is not None
+    for dof in dofs:
+        np.testing.assert_allclose(found.direction(dof), frame.direction(dof), atol=1e-14)
+    names = next(s for s in pyuff.UFF(str(tmp_path / "a.uff")).read_sets() if s["type"] == 2420)["CS_names"]
+    assert names == ["CS2", "CS3", *3 * ["OBLIQUE SENSOR DIRECTIONS"]]
+
+
+def test_oblique_axes_that_are_not_declared_are_refused(tmp_path: Path) -> None:
+    skew = np.array([[[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]])
+    modes = ModeSet(np.array([3.0]), np.ones((2, 1)), DofSet.parse(["1X+", "1Y+"]))
+    path = tmp_path / "a.uff"
+    write_uff_modes(path, ModalTest("a", SI, WireFrame(np.array([1]), np.zeros((1, 3)), skew), (), modes))
+    path.write_text(path.read_text().replace("OBLIQUE SENSOR DIRECTIONS", "CS2"))
+    with pytest.raises(FemtuneError, match="right-handed triad"):
+        read_uff(path, units=SI)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.0 + 0.5j])
+def test_modes_of_scalar_points_are_read_back(tmp_path: Path, factor: complex) -> None:
+    modes = ModeSet(np.array([3.0, 5.0]), factor * np.array([[1.0, 0.5], [-0.25, 2.0]]), DofSet.parse(["4S+", "9S-"]))
+    write_uff_modes(tmp_path / "a.uff", ModalTest("a", SI, sample_frame(), (), modes))
+    found = read_uff(tmp_path / "a.uff", units=SI)
+    assert found.test.modes is not None
+    assert found.test.modes.dofs == DofSet.parse(["4S+", "9S+"])
+    np.testing.assert_allclose(found.test.modes.shapes, modes.shapes * [[1.0], [-1.0]], rtol=1e-5)
+    assert not [n for n in found.notices if n.code == "uff.no-position"]

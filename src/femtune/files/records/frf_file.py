@@ -7,6 +7,7 @@ their lengths.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,6 +113,7 @@ def _of_text(table: RecordTable, layout: FunctionLayout, path: Path) -> FrfSet:
     lines = len(table.values[0])
     freq = column(layout.frequency) if layout.frequency is not None else _even_lines(layout, lines, path)
     real = [column(one.column) for one in layout.functions]
+    _check_columns(table, layout, path)
     if real_only := [one.column for one in layout.functions if one.imaginary is None]:
         raise problem(path, "frf.layout/real", values={"without imaginary: column": real_only[0]})
     other = [column(one.imaginary) for one in layout.functions if one.imaginary is not None]
@@ -120,6 +122,23 @@ def _of_text(table: RecordTable, layout: FunctionLayout, path: Path) -> FrfSet:
     unknown = np.full(lines, np.nan)
     coherence = [unknown if one.coherence is None else column(one.coherence) for one in layout.functions]
     return _by_function(freq, values, np.array(coherence) if some else None, layout, path)
+
+
+def _check_columns(table: RecordTable, layout: FunctionLayout, path: Path) -> None:
+    """Every column means one thing."""
+    named = [("frequency", layout.frequency)]
+    for one in layout.functions:
+        own = f"{one.response}, {one.reference}"
+        named += [(f"{own} real", one.column), (f"{own} imaginary", one.imaginary), (f"{own} coherence", one.coherence)]
+    seen: dict[int, str] = {}
+    for meaning, name in named:
+        if name is None:
+            continue
+        at = position_of(table, name)
+        if at in seen:
+            both = {"first": seen[at], "second": meaning}
+            raise problem(path, "frf.layout/column-twice", values=both, column=name)
+        seen[at] = meaning
 
 
 def _by_function(
@@ -206,11 +225,10 @@ def _axes_by_length(
     ------
     FemtuneError : ``frf.layout/axes`` where several fit, or none
     """
-    if freq is None:
-        raise problem(path, "frf.layout/axes", values={"shape": shape}, reason="the number of lines is not known")
-    known = {"frequency": len(freq), "response": len(layout.responses), "reference": len(layout.references)}
+    known = {"response": len(layout.responses), "reference": len(layout.references)}
     if layout.functions:
-        known = {"frequency": len(freq), "function": len(layout.functions)}
+        known = {"function": len(layout.functions)}
+    known = {"frequency": _lines_of(shape, known, path) if freq is None else len(freq), **known}
     squeezed = tuple(n for n in shape if n > 1)
     wanted = {name: n for name, n in known.items() if n != 1}
     fitting = [p for p in itertools.permutations(wanted) if tuple(wanted[name] for name in p) == squeezed]
@@ -222,6 +240,16 @@ def _axes_by_length(
     single = iter([name for name, n in known.items() if n == 1])
     out = [next(names) if n > 1 else next(single, "") for n in shape]
     return tuple(out)
+
+
+def _lines_of(shape: tuple[int, ...], known: Mapping[str, int], path: Path) -> int:
+    """How many lines the array has, where the file does not contain them: all that is not a DOF."""
+    functions, size = math.prod(known.values()), math.prod(shape)
+    if not functions or size % functions:
+        lengths = ", ".join(f"{name} {n}" for name, n in known.items())
+        reason = "the array cannot be divided into the stated DOFs"
+        raise problem(path, "frf.layout/axes", values={"shape": shape, "lengths": lengths}, reason=reason)
+    return size // functions
 
 
 def _with_axes(values: NDArray, axes: tuple[str, ...], path: Path) -> NDArray:

@@ -75,6 +75,8 @@ def read_record(
     path = Path(path)
     table, known = _read(path, format or format_of(path), variable)
     chosen = [position_of(table, c.column) for c in columns] or list(range(len(table.values)))
+    if twice := next((c for c, i in zip(columns, chosen) if chosen.count(i) > 1), None):
+        raise problem(path, "record.column/twice", column=twice.column)
     channels = [_channel(c, table.names[i]) for c, i in zip(columns, chosen)] or _own(table, known)
     factors = np.array([c.factor for c in columns] or np.ones(len(chosen)))
     rate = _rate(table, sampling_hz)

@@ -36,11 +36,14 @@ def distribution_rules(data: Data, source: StudyLines) -> Problems:
     entries = list(tables(data, "distribution"))
     yield from named_twice(entries, "study.duplicate-name/earlier", source)
     counts = {str(e.get("name")): len(texts(e.get("functions"))) for _, e in entries}
-    named = [(place, text.split()) for place, p in tables(data, "parameter") for text in texts(p.get("fields"))]
-    named = [(place, words) for place, words in named if words[:1] == [AMPLITUDE] and len(words) == 3]
-    for place, words in named:
+    named = [(place, p, text.split()) for place, p in tables(data, "parameter") for text in texts(p.get("fields"))]
+    named = [(place, p, words) for place, p, words in named if words[:1] == [AMPLITUDE] and len(words) == 3]
+    for place, parameter, words in named:
         yield from _amplitude(place, words, counts, source)
-    used = {words[1] for _, words in named}
+        if "tie" not in parameter and parameter.get("absolute") is not True:
+            shown: dict[str, Any] = {key: parameter[key] for key in ("lower", "upper") if key in parameter}
+            yield source.error(place, "distribution.factor", shown, parameter=parameter.get("name", ""))
+    used = {words[1] for _, _, words in named}
     for place, entry in entries:
         if isinstance(entry.get("name"), str) and entry["name"] not in used:
             yield source.error((*place, "name"), "distribution.unused", {}, name=entry["name"])

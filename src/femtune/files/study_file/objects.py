@@ -358,7 +358,7 @@ class AntiresonanceResidual(AntiresonanceResidualEntry, _Checked):
     ----------
     sd : standard deviation, relative; "test": the standard deviation of each fit
     outputs, inputs, from_hz, to_hz, count, max_hz : as for `FrfResidual`
-    frequency_gate, mac_gate, depth, half_width, most_damping : criteria for detection and pairing
+    frequency_gate, mac_gate, depth, half_width, most_damping, above_noise : criteria for detection and pairing
     configuration : name, if the study has several
 
     Examples

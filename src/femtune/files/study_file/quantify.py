@@ -36,7 +36,7 @@ class QuantifyTable(TomlTable):
     method: Literal["second-order", "perturbation", "cross-covariance", "output-difference"] = "second-order"
     missing: Literal["em", "pairwise", "complete"] = "em"
     covariance: Literal["sample", "robust"] = "sample"
-    noise_sd: Fraction | dict[Text, Fraction] | None = None
+    noise_sd: Fraction | Literal["test"] | dict[Text, Fraction] | None = None
     hold_out: Fraction | Annotated[tuple[RepeatNumber, ...], Field(min_length=1)] | None = None
     shapes: bool = False
     intervals: bool = False

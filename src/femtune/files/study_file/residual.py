@@ -159,6 +159,7 @@ class AntiresonanceResidualEntry(MeasuredFunctionsTable):
     depth: Annotated[float, Field(gt=0, lt=1)] = 0.5
     half_width: Annotated[int, Field(ge=2, le=1000)] = 4
     most_damping: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    above_noise: Annotated[float, Field(ge=0, le=1e6)] = 8.0
 
 
 ModeLabels = Annotated[tuple[Text, ...], Field(min_length=1)]

@@ -186,3 +186,9 @@ class OutputTable(TomlTable):
     """[output]: the run folder; a relative path refers to the folder of the study file."""
 
     folder: Text = "run"
+
+
+class StudyOutputTable(OutputTable):
+    """[output] of a study: the run folder, and what is written beside the report."""
+
+    vtu: bool = False

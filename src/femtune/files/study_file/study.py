@@ -33,12 +33,12 @@ from femtune.files.study_file.step_tables import (
     CorrelateTable,
     EqualiseTable,
     ModesTable,
-    OutputTable,
     ParallelTable,
     ReductionTable,
     RigidFloorEntry,
     SensorEntry,
     SensorsTable,
+    StudyOutputTable,
     StudyTable,
     UpdateTable,
     WriteTable,
@@ -118,7 +118,7 @@ class StudyFile(TomlTable):
     parallel: ParallelTable = Field(default_factory=ParallelTable)
     load: tuple[LoadEntry, ...] = ()
     write: WriteTable = Field(default_factory=WriteTable)
-    output: OutputTable = Field(default_factory=OutputTable)
+    output: StudyOutputTable = Field(default_factory=StudyOutputTable)
 
     _path: Path = PrivateAttr(default=Path("study.toml"))
     _source: StudyLines = PrivateAttr(default=StudyLines("study.toml"))

@@ -18,6 +18,8 @@ from femtune.testdata import NO_GEOMETRY, WireFrame
 
 
 CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2
+OBLIQUE = "OBLIQUE SENSOR DIRECTIONS"
+"""Name of a system of data set 2420 whose rows are the directions of sensors that are not perpendicular."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +91,10 @@ def _from_2420(data_set: DataSet) -> list[UffCoordinateSystem]:
         check_count(data_set, "matrices of coordinate systems", records // 6, len(values[name]))
     check_count(data_set, "matrices of coordinate systems", records // 6, len(matrices))
     labels = [node_number(number, data_set) for number in values["CS_sys_labels"]]
+    rows = zip(labels, values["CS_types"], values["CS_names"], matrices)
     return [
-        _read_system(data_set, label, kind, np.asarray(matrix[:3]), np.asarray(matrix[3]))
-        for label, kind, matrix in zip(labels, values["CS_types"], matrices)
+        _read_system(data_set, label, kind, np.asarray(matrix[:3]), np.asarray(matrix[3]), name == OBLIQUE)
+        for label, kind, name, matrix in rows
     ]
 
 
@@ -134,15 +137,22 @@ def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _read_system(
-    data_set: DataSet, number: int, kind: int, rows: NDArray[np.float64], origin: NDArray[np.float64]
-) -> UffCoordinateSystem:
+    data_set: DataSet, number: int, kind: int, rows: NDArray[np.float64], origin: NDArray[np.float64],
+    oblique: bool = False,
+) -> UffCoordinateSystem:  # fmt: skip
     if kind not in (CARTESIAN, CYLINDRICAL, SPHERICAL):
         raise data_set.error("uff.coordinate-system/unknown-kind", number=number, kind=kind)
-    # Single-precision exporters leave 1e-6; a left-handed or skew triad would spoil every shape silently.
-    if not (np.abs(rows @ rows.T - np.eye(3)).max() < 1e-4 and np.linalg.det(rows) > 0):
+    oblique = oblique and kind == CARTESIAN
+    # Single-precision exporters leave 1e-6; a left-handed or skew triad that is not declared as such would spoil every
+    # shape silently.
+    products = rows @ rows.T - np.eye(3)
+    unlike = np.diag(products) if oblique else products
+    if not (np.abs(unlike).max() < 1e-4 and (oblique or np.linalg.det(rows) > 0)):
         raise data_set.error("uff.coordinate-system/axes", number=number)
     if not np.isfinite(origin).all():
         raise data_set.error("uff.coordinate-system/origin", number=number)
+    if oblique:
+        return UffCoordinateSystem(number, kind, rows, origin)
     left, _, right = np.linalg.svd(rows)
     return UffCoordinateSystem(number, kind, left @ right, origin)
 

@@ -19,8 +19,9 @@ from femtune.files.uff.scan import DataSet
 from femtune.modal import ModeSet
 
 _NORMAL, _COMPLEX = 2, (3, 7)
-_VALUES_OF = {2: 3, 3: 6}
-"""Values a node by data characteristic: translations, or translations and rotations."""
+_SCALAR = 1
+_VALUES_OF = {_SCALAR: 1, 2: 3, 3: 6}
+"""Values a node by data characteristic: of scalar points, translations, or translations and rotations."""
 _MOTION = (0, 1, 8, 11, 12)
 """Specific data types that are a shape: unknown, general, displacement, velocity, acceleration."""
 
@@ -30,7 +31,7 @@ _RATES = (11, 12)
 @dataclass(frozen=True, eq=False)
 class ModeRecord:
     """One data set 55: mode number, frequency, damping (NaN where not stated), modal mass (0 where not stated),
-    ID lines, node numbers (n,) and values (n, 3 or 6) as they stand in the file."""
+    ID lines, node numbers (n,) and values (n, 1, 3 or 6) as they stand in the file."""
 
     number: int
     freq_hz: float
@@ -176,7 +177,8 @@ def mode_set(records: Sequence[ModeRecord], source: str) -> tuple[ModeSet | None
     measured = np.argwhere((table != 0).any(axis=2))
     if not measured.size:
         raise FemtuneError("uff.no-dofs", where=records[0].where)
-    dofs = DofSet(Dof(records[0].nodes[i], DIRECTIONS[k + 1]) for i, k in measured)
+    first = 0 if table.shape[1] == _VALUES_OF[_SCALAR] else 1
+    dofs = DofSet(Dof(records[0].nodes[i], DIRECTIONS[first + k]) for i, k in measured)
     damping = np.array([r.damping_ratio for r in records])
     modes = ModeSet(
         np.array([r.freq_hz for r in records]),

@@ -185,7 +185,7 @@ def _dofs(modes: ModeSet | None, frfs: Iterable[FrfSet]) -> list[Dof]:
 
 
 def _unplaced(geometry: WireFrame, modes: ModeSet | None, frfs: Iterable[FrfSet], source: str) -> Iterable[Notice]:
-    lost = sorted({dof.node for dof in _dofs(modes, frfs)} - set(geometry.nodes.tolist()))
+    lost = sorted({dof.node for dof in _dofs(modes, frfs) if dof.component} - set(geometry.nodes.tolist()))
     if lost:
         yield Notice("uff.no-position", where=Where(source), n_lost=len(lost), lost=lost[:8])
 

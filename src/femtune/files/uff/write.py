@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError, Where
+from femtune.files.uff.geometry import OBLIQUE
 from femtune.files.whole_file import write_whole
 from femtune.modal import FrfSet, ModeSet
 from femtune.testdata import ModalTest, WireFrame
@@ -32,12 +33,14 @@ def write_uff_modes(path: str | Path, tests: ModalTest | Sequence[ModalTest], ti
 
     Raises
     ------
-    FemtuneError : ``uff.cannot-write`` for what the format cannot hold: no modes, scalar points, single NaN
-        entries, measured rows that are zero throughout, labels that are no numbers, or geometries that differ
+    FemtuneError : ``uff.cannot-write`` for what the format cannot hold: no modes, scalar points beside others,
+        single NaN entries, measured rows that are zero throughout, labels that are no numbers, or geometries that
+        differ
     """
     several = [tests] if isinstance(tests, ModalTest) else list(tests)
     _check(several, title_lines)
-    lines = [*units_set(several[0].units), *geometry_sets(several[0].geometry)]
+    measured = [dof for test in several for dof in _modes_of(test).dofs]
+    lines = [*units_set(several[0].units), *geometry_sets(several[0].geometry, measured)]
     for test in several:
         lines += _modes(test, title_lines)
     _write(Path(path), lines)
@@ -83,10 +86,14 @@ def _same(a: WireFrame, b: WireFrame) -> bool:
     return all(np.array_equal(np.asarray(x), np.asarray(y)) for x, y in arrays)
 
 
+def _modes_of(test: ModalTest) -> ModeSet:
+    assert test.modes is not None
+    return test.modes
+
+
 def _check_modes(test: ModalTest) -> None:
-    modes = test.modes
-    assert modes is not None
-    if any(dof.component == 0 for dof in modes.dofs):
+    modes = _modes_of(test)
+    if len({dof.component == 0 for dof in modes.dofs}) > 1:
         raise FemtuneError("uff.cannot-write/scalar-point")
     numbers = set(modes.labels)
     if len(numbers) < len(modes) or not all(label.isdecimal() and int(label) > 0 for label in numbers):
@@ -126,14 +133,24 @@ def units_set(units: UnitSystem) -> Iterator[str]:
     return data_set(164, [f"{9:10d}{units.name[:20]:<20}{2:10d}", factors, _doubles([273.15])])
 
 
-def geometry_sets(frame: WireFrame) -> Iterator[str]:
-    """Data sets 2420, 2411, 82 and 2412: local axes, nodes, lines, elements; what is empty is left out."""
+def geometry_sets(frame: WireFrame, measured: Iterable[Dof] = ()) -> Iterator[str]:
+    """Data sets 2420, 2411, 82 and 2412: local axes, nodes, lines, elements; what is empty is left out.
+
+    The format knows right-handed triads. Where the directions of the `measured` DOFs of a node are perpendicular, the
+    others are replaced so that they form one. Other axes are written with the name `OBLIQUE`, by which `read_uff` knows
+    that they are the directions of sensors.
+    """
     assert frame.axes is not None
-    turned = [i for i in range(len(frame)) if not np.array_equal(frame.axes[i], np.eye(3))]
+    used: dict[int, set[int]] = {}
+    for dof in measured:
+        if dof.component:
+            used.setdefault(dof.node, set()).add((dof.component - 1) % 3)
+    axes = [_triad(own, sorted(used.get(int(node), ()))) for node, own in zip(frame.nodes, np.asarray(frame.axes))]
     # System 1 is the global one wherever it is not defined, so ours begin at 2.
+    turned = [i for i, own in enumerate(axes) if not np.array_equal(own, np.eye(3))]
     numbers = {i: k + 2 for k, i in enumerate(turned)}
     if turned:
-        yield from data_set(2420, _systems(frame.axes, numbers))
+        yield from data_set(2420, _systems(axes, numbers))
     if len(frame):
         yield from data_set(2411, _nodes(frame, numbers))
     for k, path in enumerate(frame.lines):
@@ -142,10 +159,34 @@ def geometry_sets(frame: WireFrame) -> Iterator[str]:
         yield from data_set(2412, _elements(frame))
 
 
-def _systems(axes: NDArray, numbers: dict[int, int]) -> Iterator[str]:
+_PERPENDICULAR = 1e-6
+
+
+def _triad(axes: NDArray, used: Sequence[int]) -> NDArray:
+    """The axes of a node (3, 3); where they are no triad, one with the rows that are used, if there is one."""
+    if _is_triad(axes) or not used or len(used) == 3:
+        return axes
+    first = used[0]
+    second = used[1] if len(used) == 2 else (first + 1) % 3
+    out = axes.copy()
+    if len(used) == 1:
+        # of the global axes the one that is most nearly perpendicular
+        other = np.eye(3)[int(np.argmin(np.abs(axes[first])))]
+        out[second] = other - (other @ axes[first]) * axes[first]
+        out[second] /= np.linalg.norm(out[second])
+    third = 3 - first - second
+    out[third] = np.cross(out[(third + 1) % 3], out[(third + 2) % 3])
+    return out if _is_triad(out) else axes
+
+
+def _is_triad(axes: NDArray) -> bool:
+    return bool(np.abs(axes @ axes.T - np.eye(3)).max() < _PERPENDICULAR and np.linalg.det(axes) > 0.0)
+
+
+def _systems(axes: Sequence[NDArray], numbers: dict[int, int]) -> Iterator[str]:
     yield from (f"{1:10d}", "test")
     for i, number in numbers.items():
-        yield from (f"{number:10d}{0:10d}{1:10d}", f"CS{number}")
+        yield from (f"{number:10d}{0:10d}{1:10d}", f"CS{number}" if _is_triad(axes[i]) else OBLIQUE)
         yield from (_doubles(row) for row in (*axes[i], np.zeros(3)))
 
 
@@ -173,14 +214,13 @@ def _elements(frame: WireFrame) -> Iterator[str]:
 
 
 def _modes(test: ModalTest, title_lines: Sequence[str]) -> Iterator[str]:
-    modes = test.modes
-    assert modes is not None
+    modes = _modes_of(test)
     nodes, table = _table(modes)
     titles = [test.name or "NONE", *(text or "NONE" for text in title_lines)]
     titles += ["NONE"] * (5 - len(titles))
     is_complex = np.iscomplexobj(table)
     for j in range(len(modes)):
-        head = [1, 3 if is_complex else 2, 2 if table.shape[1] == 3 else 3, 8, 5 if is_complex else 2]
+        head = [1, 3 if is_complex else 2, _CHARACTERISTIC[table.shape[1]], 8, 5 if is_complex else 2]
         yield from data_set(
             55,
             [
@@ -193,13 +233,18 @@ def _modes(test: ModalTest, title_lines: Sequence[str]) -> Iterator[str]:
         )
 
 
+_CHARACTERISTIC = {1: 1, 3: 2, 6: 3}
+"""Scalar, translations, translations and rotations, by the number of values of a node."""
+
+
 def _table(modes: ModeSet) -> tuple[list[int], NDArray]:
-    """Node numbers and (nodes, 3 or 6, modes) values, zero where a component was not measured."""
+    """Node numbers and (nodes, 1, 3 or 6, modes) values, zero where a component was not measured."""
     nodes = list(dict.fromkeys(int(node) for node in modes.dofs.nodes))
-    width = 6 if (modes.dofs.components > 3).any() else 3
+    components = modes.dofs.components
+    width = 1 if not components.any() else 6 if (components > 3).any() else 3
     table = np.zeros((len(nodes), width, len(modes)), dtype=modes.shapes.dtype)
     for dof, row in zip(modes.dofs, modes.shapes):
-        table[nodes.index(dof.node), dof.component - 1] = dof.sign * row
+        table[nodes.index(dof.node), max(dof.component - 1, 0)] = dof.sign * row
     return nodes, table
 
 
@@ -253,8 +298,9 @@ def write_uff_frfs(path: str | Path, test: ModalTest, title_lines: Sequence[str]
         digits do not tell apart, long names
     """
     _check_frfs(test, title_lines)
-    lines = [*units_set(test.units), *geometry_sets(test.geometry)]
     assert test.frfs is not None
+    measured = (*test.frfs.responses, *test.frfs.references)
+    lines = [*units_set(test.units), *geometry_sets(test.geometry, measured)]
     titles = [test.name or "NONE", *(text or "NONE" for text in title_lines)]
     titles += ["NONE"] * (5 - len(titles))
     for i, j in _pairs(test.frfs):

@@ -61,8 +61,6 @@ def singular_values_svg(values: Sequence[float], rank: int) -> str:
         for i, number in enumerate(values):
             _singular(axes, i, number if i < rank else None, floor)
         axes.axvline(1.0, color=INK, linewidth=0.8, linestyle="--")
-        axes.xaxis.set_major_formatter(lambda x, _: short(x))
-        axes.xaxis.set_minor_formatter("")
         axes.set_xlim(floor, 3.0 * max([*positive, 1.0]))
         axes.set_xlabel("singular value (dashed line at 1: data as informative as the prior)")
         axes.set_ylabel("combination")

@@ -12,9 +12,11 @@ import numpy as np
 
 from femtune._optional import require
 from femtune.reporting.figures.svg import FONT, INK, LINE, PALE
+from femtune.reporting.numbers import typeset
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 # matplotlib measures with the font that it brings; readers see a sans-serif of their own, which is narrower
@@ -58,6 +60,7 @@ def draw_svg(width_in: float, height_in: float, draw: Callable[[Figure], None], 
     with _figure(width_in, height_in, arrange) as figure:
         canvas.FigureCanvasSVG(figure)
         draw(figure)
+        _plain_powers(figure)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
     return buffer.getvalue().replace(_MEASURED, FONT)
 
@@ -96,3 +99,28 @@ def quiet(axes: Axes, *, sides: tuple[str, ...] = ("left",)) -> None:
     for side in sides:
         axes.spines[side].set_visible(False)
     axes.tick_params(length=0)
+
+
+def _plain_powers(figure: Figure) -> None:
+    """Plain numbers along logarithmic axes, three or four of them; below two decades 1, 2 and 5 of each.
+
+    Raised exponents would be written in the markup of matplotlib, which the page does not read.
+    """
+    ticker = require("matplotlib.ticker")
+    for side in (side for axes in figure.axes for side in (axes.xaxis, axes.yaxis) if side.get_scale() == "log"):
+        low, high = sorted(side.get_view_interval())
+        within = (1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)
+        side.set_major_locator(ticker.LogLocator(base=10.0, subs=within, numticks=5))
+        side.set_major_formatter(lambda value, _: typeset(f"{value:g}"))
+        side.set_minor_formatter(ticker.NullFormatter())
+
+
+def told_apart(side: Axis) -> None:
+    """Three significant digits along an axis, or as many as the numbers need to differ."""
+
+    def text(value: float, _: float) -> str:
+        ticks = side.get_majorticklocs()
+        digits = next((n for n in range(3, 12) if len({f"{t:.{n}g}" for t in ticks}) == len(ticks)), 12)
+        return typeset(f"{value:.{digits}g}")
+
+    side.set_major_formatter(text)

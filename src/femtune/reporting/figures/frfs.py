@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from femtune.reporting.figures.canvas import draw_svg
 from femtune.reporting.figures.svg import BLUE, INK, PALE_ORANGE, SOFT, cut
-from femtune.reporting.numbers import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -88,9 +87,6 @@ def _finish(upper: Axes, lower: Axes, panel: FrfPanel, smallest: float, largest:
         upper.set_ylim(0.7 * smallest, 1.6 * largest)
     first, last = panel.curves[0].freq_hz[0], panel.curves[0].freq_hz[-1]
     upper.set_xlim(first, last if last > first else first + 1.0)
-    # short numbers: a formatter of powers would write them in a language that the page does not read
-    upper.yaxis.set_major_formatter(lambda y, _: short(y))
-    upper.yaxis.set_minor_formatter("")
     upper.set_ylabel(panel.ordinate)
     upper.tick_params(labelbottom=False)
     lower.set_ylim(_CUT - 20.0, _CUT + 380.0)

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.reporting.figures.canvas import draw_svg, quiet
+from femtune.reporting.figures.canvas import draw_svg, quiet, told_apart
 from femtune.reporting.figures.svg import BLUE, ORANGE, PALE, cut
-from femtune.reporting.numbers import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,5 +46,5 @@ def _panel(axes: Axes, label: str, samples: Reals, mark: float, limits: tuple[fl
     axes.set_title(cut(label, 22), fontsize=8)
     axes.set_yticks([])
     axes.locator_params(axis="x", nbins=3)
-    axes.xaxis.set_major_formatter(lambda x, _: short(x))
+    told_apart(axes.xaxis)
     quiet(axes)

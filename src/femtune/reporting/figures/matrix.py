@@ -17,6 +17,8 @@ SIDE_BY_SIDE = 12
 _MANY, _VERY_MANY = 24, 100
 _BLUES = ("#f7fafd", "#c3d8ea", "#75a5cf", "#2d6ca6", "#0e3a66")
 _ORANGES = ("#f7fafd", "#f4d6bd", "#e0a06a", "#b9601f", "#6e3208")
+_LONGEST = 32
+"""Characters of a label."""
 _LETTER = 4.75
 """Points that a letter of the labels takes, generously."""
 
@@ -72,7 +74,7 @@ def matrix_svg(picture: MatrixPicture) -> str:
 
 
 def _room(labels: tuple[str, ...]) -> float:
-    return _LETTER * max([len(cut(t)) for t in labels], default=1) + 6.0
+    return _LETTER * max([len(cut(t, _LONGEST)) for t in labels], default=1) + 6.0
 
 
 def _cell_size(picture: MatrixPicture) -> float:
@@ -86,9 +88,11 @@ def _words(picture: MatrixPicture, s: _MatrixSheet) -> Iterable[str]:
     if picture.row_title:
         yield label(10.0, (s.top + s.bottom) / 2, picture.row_title, anchor="middle", turned=True)
     for i, text in enumerate(picture.row_labels):
-        yield label(s.left - 4.0, s.corner(i, 0)[1] + s.size / 2 + 3.0, cut(text), anchor="end")
+        yield label(s.left - 4.0, s.corner(i, 0)[1] + s.size / 2 + 3.0, cut(text, _LONGEST), anchor="end")
     for j, text in enumerate(picture.column_labels):
-        yield label(s.corner(0, j)[0] + s.size / 2 + 3.0, s.bottom + 4.0, cut(text), anchor="end", turned=True)
+        yield label(
+            s.corner(0, j)[0] + s.size / 2 + 3.0, s.bottom + 4.0, cut(text, _LONGEST), anchor="end", turned=True
+        )
     if picture.column_title:
         y = s.bottom + _room(picture.column_labels) + 10.0
         yield label((s.left + s.right) / 2, y, picture.column_title, anchor="middle")

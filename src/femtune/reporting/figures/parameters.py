@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune._optional import require
 from femtune.reporting.figures.canvas import draw_svg, quiet
 from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE, PALE, SOFT, cut
 from femtune.reporting.numbers import short, value, with_unit
@@ -137,7 +136,6 @@ def optima_svg(
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 _DASHES = ("-", "--", "-.", ":")
@@ -178,16 +176,6 @@ def _curve(axes: Axes, rho: np.ndarray, eta: np.ndarray, at: int | None) -> None
     axes.set_ylabel("norm of the side constraint")
     axes.set_ylim(max(float(eta[good].min()), float(eta[good].max()) / _SHOWN), 1.3 * float(eta[good].max()))
     axes.grid(which="major")
-    _plain(axes.xaxis, axes.yaxis)
-
-
-def _plain(*sides: Axis) -> None:
-    """Powers of ten as plain numbers, three or four of them: raised exponents would need mathematical type."""
-    ticker = require("matplotlib.ticker")
-    for side in sides:
-        side.set_major_locator(ticker.LogLocator(base=10.0, numticks=5))
-        side.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-        side.set_minor_formatter(ticker.NullFormatter())
 
 
 def _paths(axes: Axes, weights: np.ndarray, names: Sequence[str], paths: np.ndarray, at: int | None) -> None:
@@ -200,7 +188,6 @@ def _paths(axes: Axes, weights: np.ndarray, names: Sequence[str], paths: np.ndar
         axes.semilogx(np.full(len(names), weights[at]), paths[at], "o", color=INK, markersize=5, fillstyle="none")
     axes.set_xlabel("weight")
     axes.set_ylabel("change in %")
-    _plain(axes.xaxis)
     axes.grid(axis="y")
     if len(names) <= _MOST:
         axes.legend(frameon=False, fontsize=7, loc="best")

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from femtune.reporting.figures.canvas import draw_svg, quiet
+from femtune.reporting.figures.canvas import draw_svg, quiet, told_apart
 from femtune.reporting.figures.svg import BLUE, INK, cut
-from femtune.reporting.numbers import short, with_unit
+from femtune.reporting.numbers import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,6 +46,6 @@ def _one(axes: Axes, specimens: Sequence[str], entry: SpecimenRow) -> None:
         axes.errorbar([i], [number], yerr=[2.0 * (sd or 0.0)], fmt="o", color=BLUE, markersize=4, capsize=2.5)
     axes.set_xticks(range(len(specimens)), [cut(s) for s in specimens])
     axes.set_xlim(-0.5, len(specimens) - 0.5)
-    axes.yaxis.set_major_formatter(lambda y, _: short(y))
+    told_apart(axes.yaxis)
     axes.set_title(with_unit(cut(entry.name), f"[{entry.unit}]" if entry.unit else ""))
     quiet(axes)

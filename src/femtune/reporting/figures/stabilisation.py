@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from femtune.identification import Limits, possible, stable
 from femtune.reporting.figures.canvas import draw_svg
 from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE, PALE, PALE_ORANGE, SOFT
-from femtune.reporting.numbers import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -165,7 +164,6 @@ def _functions(axes: Axes, measured: FrfSet, model: FrfSet) -> None:
     )
     axes.set_ylim(max(_SMALLEST * np.nanmax(seen), 0.3 * np.nanmin(_positive(measured, model))), 2.0 * np.nanmax(seen))
     axes.set_ylabel(f"{measured.kind}, rms", color=INK)
-    axes.yaxis.set_major_formatter(lambda value, _: short(value))
 
 
 def _positive(measured: FrfSet, model: FrfSet) -> NDArray[np.float64]:

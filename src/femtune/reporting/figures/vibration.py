@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.arrays import Reals
-from femtune.reporting.figures.canvas import draw_svg
+from femtune.reporting.figures.canvas import draw_svg, told_apart
 from femtune.reporting.figures.frfs import LOOKS, legend, thinned
 from femtune.reporting.figures.svg import PALE, cut
-from femtune.reporting.numbers import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,16 +62,15 @@ def _panel(axes: Axes, panel: VibrationPanel) -> None:
     for curve in panel.curves:
         axes.plot(*thinned(curve.lines, curve.values), **LOOKS[curve.look])
     first, last = (f(f(c.lines) for c in panel.curves) for f in (min, max))
-    if not panel.in_time:
-        _logarithmic(axes, panel)
     axes.set_xlim(first, last)
+    if panel.in_time:
+        told_apart(axes.xaxis)
+        told_apart(axes.yaxis)
+    else:
+        _logarithmic(axes, panel)
     for edge in panel.band_hz or ():
         if first < edge < last:
             axes.axvline(edge, color=PALE, linewidth=1.0, zorder=0.5)
-    axes.xaxis.set_major_formatter(lambda x, _: short(x))
-    axes.yaxis.set_major_formatter(lambda y, _: short(y))
-    axes.xaxis.set_minor_formatter("")
-    axes.yaxis.set_minor_formatter("")
     axes.set_xlabel("s" if panel.in_time else "Hz")
     axes.set_ylabel(panel.ordinate)
     axes.grid(axis="both")

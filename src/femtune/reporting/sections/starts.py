@@ -10,7 +10,7 @@ import numpy as np
 
 from femtune.reporting.document import Figure, Listing, Paragraph, Table, columns, row
 from femtune.reporting.figures.parameters import optima_svg, weight_path_svg
-from femtune.reporting.numbers import as_sentence, short
+from femtune.reporting.numbers import as_sentence, counted, short
 from femtune.reporting.sections.parameters import places
 
 if TYPE_CHECKING:
@@ -44,7 +44,8 @@ def _picture(update: UpdateResults, found: StartsResults, facts: Sequence[Parame
         "points led to it. Dark: the best optimum, and optima that are equally good within the noise. Grey: worse "
         "optima. Dots: initial points."
     )
-    alt = f"{len(found.optima)} optima from {len(found.starts)} initial points, by parameter between the bounds"
+    ends, starts = counted(len(found.optima), "optimum", "optima"), counted(len(found.starts), "initial point")
+    alt = f"{ends} from {starts}, by parameter between the bounds"
     return [Figure(draw, caption, alt, wide=True)]
 
 

@@ -248,6 +248,22 @@ def frf_blocks(found: ValidationResults) -> list[Block]:
     ]
 
 
+def deviation_table(found: ValidationResults) -> list[Block]:
+    """δ of the FRFs before and after the update by set and configuration, for page and terminal."""
+    known = found.deviations
+    if known is None:
+        return []
+    heads = columns("Set", "Configuration", ">FRFs", ">δ before", ">δ after", ">Change %", ">FRFs with larger δ")
+    sums = known.sums + (known.by_configuration if len(known.by_configuration) > len(known.sums) else ())
+    rows = tuple(
+        row(s.data, s.configuration or "all", str(s.frfs), short(s.before), short(s.after),
+            NONE if s.change_percent is None else signed_percent(s.change_percent), str(s.risen))
+        for s in sums
+    )  # fmt: skip
+    note = "δ is the mean over the lines of the squared magnitude of the decimal logarithm of H/H_test, phase included."
+    return [Table("Deviation δ of the FRFs before and after the update", heads, rows, note)]
+
+
 def deviation_blocks(found: ValidationResults) -> list[Block]:
     """δ of the FRFs before and after the update, by set and by FRF; nothing where the update uses no FRFs."""
     known = found.deviations
@@ -259,11 +275,10 @@ def deviation_blocks(found: ValidationResults) -> list[Block]:
             signed_percent(100.0 * (c.after / c.before - 1.0)) if c.before else NONE)
         for c in known.channels
     )  # fmt: skip
-    note = "δ is the mean over the lines of the squared magnitude of the decimal logarithm of H/H_test, phase included."
     return [
         Heading("Deviation of the measured FRFs before and after the update"),
-        Listing(known.sentences),
-        Table("", heads, rows, note, folded=len(rows) > _UNFOLDED),
+        *deviation_table(found),
+        Table("The same by FRF", heads, rows, folded=len(rows) > _UNFOLDED),
     ]
 
 

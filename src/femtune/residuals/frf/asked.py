@@ -20,7 +20,7 @@ from femtune.residuals.frf.antiresonance import AntiresonanceResidual, ZeroGates
 from femtune.residuals.frf.choice import frf_residual
 from femtune.residuals.frf.left_out import LeftOutModes, left_out_modes
 from femtune.residuals.frf.lines import Band, Lines, PairedResonances
-from femtune.residuals.frf.measured_zeros import ZeroSearch, measured_antiresonances
+from femtune.residuals.frf.measured_zeros import ZeroSearch, found_antiresonances
 from femtune.residuals.frf.model_way import AtFirstState, ModelWay, ModesWanted, Settled, full_modes
 from femtune.residuals.frf.residual import FrfResidual, Places
 from femtune.residuals.frf.scatter import FrfScatter, relative_sd
@@ -75,8 +75,15 @@ class AskedAntiresonances(AtFirstState):
         entry = asked.entry
         measured, places, notices = _functions(asked)
         top = np.inf if entry.to_hz is None else entry.to_hz
-        search = ZeroSearch(entry.from_hz, top, entry.half_width, entry.depth, entry.most_damping)
-        zeros = measured_antiresonances(measured, search)
+        search = ZeroSearch(entry.from_hz, top, entry.half_width, entry.depth, entry.most_damping, entry.above_noise)
+        in_test = found_antiresonances(measured, search)
+        zeros, count = in_test.zeros, in_test.in_noise
+        if count:
+            level = entry.above_noise
+            notices = (
+                *notices,
+                Notice("residual.antiresonances-in-noise", configuration=asked.name, count=count, ratio=level),
+            )
         gates = ZeroGates(entry.frequency_gate, entry.mac_gate)
 
         def settle(state: CaseState) -> Settled:
@@ -103,7 +110,7 @@ def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | N
         most=100.0 * zeta.max(initial=0.0), lines=len(found.frfs.freq_hz), misfit=100.0 * found.misfit,
         left_out=_bands(found.left_out_hz),
     )  # fmt: skip
-    told = [notice]
+    told = [notice, *(r.notice for r in found.identified.remarks if r.notice.code == "identify.damping")]
     if found.misfit > _POOR:
         told.append(
             Notice(

@@ -5,7 +5,7 @@ Source: handbook chapter, displacement residual in the frequency domain; logarit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -70,6 +70,18 @@ FORMS: Mapping[str, Callable[[Complexes, Complexes, Complexes], Pair]] = {
     "log-magnitude": log_magnitude,
     "log-complex": log_complex,
 }
+
+MODELS: Mapping[str, Callable[[Reals, Complexes], Complexes]] = {
+    "linear": lambda r, test: test + _complex(r),
+    "log-magnitude": lambda r, test: np.abs(test) * np.exp(r) + 0.0j,
+    "log-complex": lambda r, test: test * np.exp(_complex(r)),
+}
+"""H (n,) from the values of a form and H_X (n,); of magnitudes |H|."""
+
+
+def _complex(stacked: Reals) -> Complexes:
+    n = len(stacked) // 2
+    return stacked[:n] + 1j * stacked[n:]
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -220,6 +232,25 @@ class FrfResidual(Residual):
         order = np.concatenate([part.rows for part in compared.parts])
         residuals, jacobian = (residuals / compared.sd)[order], (jacobian / compared.sd[:, None])[order]
         return [self._block(part, residuals[part.own], jacobian[part.own]) for part in compared.parts]
+
+    @property
+    def block_count(self) -> int:
+        """Number of blocks of `compared`."""
+        return len(self._compared.parts)
+
+    def values_of(self, blocks: Sequence[ResidualBlock]) -> Complexes:
+        """The model's functions (outputs, inputs, lines) that gave these blocks of `compared`; NaN where nothing is
+        compared. Magnitudes where the form is "log-magnitude"."""
+        compared = self._compared
+        residuals = np.empty(len(compared.sd))
+        residuals[np.concatenate([part.rows for part in compared.parts])] = np.concatenate([b.values for b in blocks])
+        residuals *= compared.sd
+        of = compared.places
+        if self.form != "linear" and self.shift is not None:
+            residuals[: len(of)] -= self.shift.ravel()[of]
+        out = np.full(self.sd.size, np.nan, dtype=complex)
+        out[of] = MODELS[self.form](residuals, self.measured.values.ravel()[of])
+        return out.reshape(self.sd.shape)
 
     def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:
         """The model's functions at the lines, (outputs, inputs, lines), and their derivatives (…, p)."""

@@ -1,0 +1,92 @@
+"""Frequency response functions of the model at each iteration of an update, as records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.results.base import Record
+
+if TYPE_CHECKING:
+    from femtune.residuals.frf.fitted import FittedFrfs
+    from femtune.updating import Iteration
+
+MOST_VALUES = 4_000_000
+"""Values of the model in all iterations of one record (32 MB); of more, some of the outputs are kept."""
+
+
+class IterationFrfs(Record):
+    """Compared FRFs of one configuration at each iteration, at the lines that are compared."""
+
+    configuration: str
+    """Name of the configuration."""
+    kind: Literal["receptance", "mobility", "accelerance"]
+    """Motion over force: displacement, velocity or acceleration."""
+    phase: bool
+    """False if magnitudes alone are compared: the values are magnitudes then."""
+    outputs: tuple[str, ...]
+    """DOFs of the second axis of the values."""
+    inputs: tuple[str, ...]
+    """DOFs of the third axis."""
+    freq_key: str
+    """Key of the frequency lines, shape (lines,), Hz."""
+    values_key: str
+    """Key of the values of the model, complex, shape (iterations, outputs, inputs, lines), iterations as in the
+    history; NaN where nothing is compared."""
+    test_values_key: str
+    """Key of the values that they are compared with, shape (outputs, inputs, lines): measured or equalised ones."""
+
+
+def iteration_frfs(history: Sequence[Iteration], arrays: dict[str, NDArray]) -> tuple[IterationFrfs, ...]:
+    """A record for each set of functions that is compared somewhere in the history; none without FRF residuals.
+
+    Functions are the same set where configuration, channels and lines agree, also in another search or stage.
+    """
+    sets: dict[tuple, list[tuple[int, FittedFrfs]]] = {}
+    for number, iteration in enumerate(history):
+        for found in iteration.functions:
+            sets.setdefault(_key(found), []).append((number, found))
+    return tuple(_record(i, found, len(history), arrays) for i, found in enumerate(sets.values(), 1))
+
+
+def _key(found: FittedFrfs) -> tuple:
+    measured = found.measured
+    channels = tuple(measured.responses.labels()), tuple(measured.references.labels())
+    return found.configuration, measured.kind, found.phase, *channels, measured.freq_hz.tobytes()
+
+
+def _record(
+    number: int, found: Sequence[tuple[int, FittedFrfs]], iterations: int, arrays: dict[str, NDArray]
+) -> IterationFrfs:
+    last = found[-1][1]
+    measured, rows = last.measured, _kept(last.values.shape, iterations)
+    values = np.full((iterations, len(rows), *last.values.shape[1:]), np.nan, np.complex64)
+    for at, one in found:
+        values[at] = one.values[rows]
+    compared = np.isfinite(last.values[rows])
+    prefix = f"update/frf_{number}"
+    arrays |= {
+        f"{prefix}_hz": measured.freq_hz,
+        f"{prefix}_values": values,
+        f"{prefix}_test_values": np.where(compared, measured.values[rows], np.nan).astype(np.complex64),
+    }
+    outputs = measured.responses.labels()
+    return IterationFrfs(
+        configuration=last.configuration,
+        kind=measured.kind,  # type: ignore[arg-type]
+        phase=last.phase,
+        outputs=tuple(outputs[i] for i in rows),
+        inputs=tuple(measured.references.labels()),
+        freq_key=f"{prefix}_hz",
+        values_key=f"{prefix}_values",
+        test_values_key=f"{prefix}_test_values",
+    )
+
+
+def _kept(shape: tuple[int, ...], iterations: int) -> list[int]:
+    """Rows of the outputs that are kept, evenly spaced where these are not all."""
+    most = max(1, MOST_VALUES // max(1, iterations * int(np.prod(shape[1:]))))
+    return sorted(set(np.linspace(0, shape[0] - 1, min(most, shape[0])).round().astype(int).tolist()))

@@ -1,0 +1,31 @@
+"""δ of FRFs: sums of both sets over all configurations, and of each."""
+
+from __future__ import annotations
+
+import pytest
+
+from femtune.results.frf_deviation import ChannelDeviation, DataSet, deviations_of
+
+
+def _channel(configuration: str, data: DataSet, lines: int, before: float, after: float) -> ChannelDeviation:
+    return ChannelDeviation(
+        configuration=configuration, data=data, output="1Z+", input="2Z+", lines=lines, before=before, after=after
+    )
+
+
+def test_each_configuration_has_sums_of_both_sets() -> None:
+    """Means over the lines: an FRF of 300 lines weighs three times as much as one of 100."""
+    found = deviations_of([
+        _channel("free", "calibration", 100, 0.4, 0.1),
+        _channel("free", "validation", 100, 0.2, 0.3),
+        _channel("loaded", "calibration", 300, 0.8, 0.0),
+        _channel("loaded", "validation", 100, 0.0, 0.1),
+    ])  # fmt: skip
+    rows = {(s.configuration, s.data): s for s in (*found.sums, *found.by_configuration)}
+    assert len(rows) == 6
+    whole = rows["", "calibration"]
+    assert (whole.frfs, round(whole.before, 12), round(whole.after, 12)) == (2, 0.7, 0.025)
+    assert [rows["free", d].change_percent for d in ("calibration", "validation")] == pytest.approx([-75.0, 50.0])
+    assert [rows["free", d].risen for d in ("calibration", "validation")] == [0, 1]
+    assert rows["loaded", "calibration"].change_percent == -100.0
+    assert rows["loaded", "validation"].change_percent is None
