@@ -443,9 +443,13 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, as_
 
 @main.command()
 @_study
-@click.option("--design", metavar="NAME", help="orthogonal, factorial or plackett-burman.")
+@click.option("--design", metavar="NAME", help="orthogonal, factorial, plackett-burman, morris or sobol.")
 @click.option("--array", metavar="NAME", help='Orthogonal array: "L18", "L16 4^5" …; the smallest by default.')
 @click.option("--levels", type=int, help="Number of levels of each parameter between its bounds.")
+@click.option("--trajectories", type=int, help="Of morris: number of trajectories.")
+@click.option("--points", type=int, help="Of sobol: number of points, a power of two.")
+@click.option("--on", metavar="WORD", help="Of sobol: surrogate, or model.")
+@click.option("--runs", type=int, help="Of sobol: runs for the surrogate; ten per parameter by default.")
 @click.option("--configuration", metavar="NAME", help="The only configuration whose modes are compared.")
 @click.option("--csv", type=_FILE, metavar="FILE", help="Write the table of runs.")
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
@@ -469,6 +473,9 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @_study
 @click.option("--on", metavar="WORD", help="surrogate, or model.")
 @click.option("--runs", type=int, help="Runs of the model for the surrogate; ten per parameter by default.")
+@click.option("--infill", type=int, help="Further runs for the surrogate.")
+@click.option("--infill-by", metavar="WORD", help="Where further runs are made: improvement, or error.")
+@click.option("--infill-until", type=float, help="Of error: error of the surrogate at which further runs end.")
 @click.option("--surrogate", metavar="NAME", help="kriging, radial-basis or chaos.")
 @click.option("--method", metavar="NAME", help="differential-evolution, genetic or cma-es.")
 @click.option("--population", type=int, help="Points of a generation.")
