@@ -151,12 +151,14 @@ class Laboratory:
     parameters : 9 or 15
     channels : 47 or 56: triaxial accelerometers and single ones
     exciters : 1 or 2
+    common : parameters that all components have alike, those of the first
     """
 
     n_dofs: int
     parameters: int = 9
     channels: int = 47
     exciters: int = 2
+    common: tuple[str, ...] = ()
 
     @cached_property
     def mesh(self) -> Subframe:
@@ -227,9 +229,12 @@ class Laboratory:
         return make_ports(self.configured[state.name], self.inputs, self.outputs)
 
     def truth(self, component: int) -> Reals:
-        """Normalised parameters of a component, drawn from its number alone."""
-        chance = np.random.default_rng([15, component, self.parameters])
-        return np.array([SCATTER * half_width(n) for n in self.names]) * chance.uniform(-1.0, 1.0, len(self.names))
+        """Normalised parameters of a component, drawn from its number alone but for the common ones."""
+        first, own = (
+            np.random.default_rng([15, i, self.parameters]).uniform(-1.0, 1.0, self.parameters) for i in (0, component)
+        )
+        chance = np.where([name in self.common for name in self.names], first, own)
+        return np.array([SCATTER * half_width(n) for n in self.names]) * chance
 
     def damping(self, solution: EigenSolution, component: int) -> Reals:
         """Damping ratios of modes: that of rubber by its part of the strain energy, that of steel uneven by mode."""

@@ -71,7 +71,7 @@ print(found.started, len(found.failed))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_program_that_is_killed_ten_times_repeats_only_what_was_under_way(tmp_path: Path) -> None:
     """Two thousand points, of which a twentieth fails: half of these once, half for good."""
     count, workers, rng = 2000, 3, np.random.default_rng(3)

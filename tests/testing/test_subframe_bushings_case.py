@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from cases.subframe_bushings.studies import Compared, Plan, study
+from cases.subframe_bushings.studies import Plan, study
 from femtune.files.study_file import study_from_text
 from structures.subframe_campaign import FREE, LOADED, Laboratory, Measured
+from structures.subframe_study import Compared
 
 TESTS = (
-    Compared(FREE, Measured((60.0, 450.0)), (100.0, 390.0)),
-    Compared(LOADED, Measured((30.0, 300.0)), (55.0, 146.0), (62.0, 62.2)),
+    Compared(FREE, Measured((60.0, 450.0)), (100.0, 390.0), (395.0, 450.0)),
+    Compared(LOADED, Measured((30.0, 300.0)), (55.0, 146.0), (148.0, 160.0), (62.0, 62.2)),
 )
 
 

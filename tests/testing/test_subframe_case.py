@@ -1,15 +1,20 @@
-"""The case of the subframe: its study is valid, and its channels are spread."""
+"""The case of the subframe: its study is valid, its channels are spread, and its tests end between modes."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
 
-from cases.subframe.studies import Compared, Effort, equalised, held_out
-from femtune.files.study_file import study_from_text
-from structures.subframe_campaign import FREE, Laboratory, Measured
+import numpy as np
+import pytest
 
-TEST = Compared(FREE, Measured((60.0, 450.0)), (100.0, 395.0))
+from cases.subframe.studies import Effort, family
+from femtune.files.study_file import study_from_text
+from femtune.model import solve_modes
+from structures.subframe_campaign import FREE, Laboratory, Measured
+from structures.subframe_study import Compared, held_out
+
+TEST = Compared(FREE, Measured((60.0, 450.0), 2.0), (100.0, 350.0), (360.0, 450.0))
 
 
 def test_eighteen_channels_are_held_out_over_the_whole_structure() -> None:
@@ -21,14 +26,33 @@ def test_eighteen_channels_are_held_out_over_the_whole_structure() -> None:
 
 
 def test_the_study_is_valid(tmp_path: Path) -> None:
-    lab = Laboratory(5_000)
+    lab = Laboratory(5_000, common=("E_sides", "E_crosses"))
     path = tmp_path / "study.toml"
-    for name in ("subframe.bdf", "free.uff"):
+    for name in ("subframe.bdf", "ID1.uff", "ID2.uff", "ID3.uff"):
         (tmp_path / name).touch()
-    first = study_from_text(equalised(lab, TEST, Effort(30, 2.0, 3, 9)), path)
+    first = study_from_text(family(lab, TEST, 3, Effort(30, 2.0, 3, 9, 100)), path)
     assert first.equalise is not None
-    assert (first.equalise.band_hz, first.update.starts) == ((60.0, 450.0), 3)
-    assert [p.name for p in first.parameter] == list(lab.names)
+    assert first.bootstrap is not None
+    assert (first.update.starts, first.bootstrap.runs) == (3, 100)
+    assert first.specimens == ("ID1", "ID2", "ID3")
+    assert [p.name for p in first.parameter if not p.individual] == ["E_sides", "E_crosses"]
     (compared,), (held,) = first.residual, first.hold_out
     assert set(compared.outputs) | set(held.outputs) == set(lab.outputs)
     assert not set(compared.outputs) & set(held.outputs)
+
+
+def test_components_have_the_common_parameters_of_the_first() -> None:
+    lab = Laboratory(5_000, common=("E_sides",))
+    truths = np.array([lab.truth(i) for i in range(3)])
+    np.testing.assert_array_equal(truths[0], Laboratory(5_000).truth(0))
+    assert np.ptp(truths[:, 0]) == 0.0
+    assert (np.ptp(truths[:, 1:], axis=0) > 0.0).all()
+
+
+@pytest.mark.slow
+def test_the_lines_of_a_test_end_away_from_modes() -> None:
+    lab = Laboratory(5_000)
+    end = TEST.test(lab, 0).freq_hz[-1]
+    hertz = solve_modes(lab.configured[FREE.name].at(lab.truth(0)), None, 500.0).freq_hz
+    assert TEST.end_hz[0] <= end <= TEST.end_hz[1]
+    assert np.abs(hertz / end - 1.0).min() > 0.03

@@ -8,6 +8,7 @@ from femtune.assembly.stages import bottom_up, reduction_rules
 from femtune.assembly.update_method import method_of
 from femtune.study.find_parameters import with_noise_of_tests
 from femtune.updating import update, update_reduced
+from femtune.updating.on_reduced_model import unassessed
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
@@ -43,8 +44,10 @@ def _alone(study: Study, found: FoundParameters) -> UpdateResult:
         return bottom_up(study, start, lambda stage, seed, iteration: None)[0]
     problem, method = study.problem(), method_of(study.file.update, study.parameters)
     active = tuple(p.name for p in study.parameters.free if p.name not in study.model.foreign)
-    start, rules = problem.start(found.result.x), reduction_rules(study)
+    rules = reduction_rules(study)
     if rules is None:
-        return update(problem, method, start=start, active=active)
+        return update(problem, method, start=problem.start(found.result.x), active=active)
     search = None if found.search is None else found.search.part(problem)
+    # derivatives of many FRFs by the full model take longer than the whole search
+    start = problem.start(found.result.x) if search is None else search.assessed(unassessed(problem, found.result.x))
     return update_reduced(problem, method, rules, start=start, active=active, search=search).result

@@ -467,9 +467,9 @@ def update_reduced(
     )  # fmt: skip
 
 
-def unassessed(problem: UpdateProblem) -> Evaluation:
-    """The states at the initial values, their comparisons settled, without any residual."""
-    x = np.zeros(len(problem.parameters.free))
+def unassessed(problem: UpdateProblem, x: Reals | None = None) -> Evaluation:
+    """The states at a point, or at the initial values, their comparisons settled, without any residual."""
+    x = np.zeros(len(problem.parameters.free)) if x is None else x
     states = problem.solved(x)
     for state in states:
         settle_all(state)

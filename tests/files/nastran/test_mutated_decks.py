@@ -73,7 +73,7 @@ def test_mutants_are_the_same_again_and_changed() -> None:
 
 # about a quarter is understood; of a small number it may be less
 @pytest.mark.parametrize(
-    ("count", "kinds", "understood"), [(QUICK, 8, 1 / 8), pytest.param(SOME, 20, 1 / 5, marks=pytest.mark.slow)]
+    ("count", "kinds", "understood"), [(QUICK, 8, 1 / 8), pytest.param(SOME, 20, 1 / 5, marks=pytest.mark.long)]
 )
 def test_mutants_of_our_own_decks(count: int, kinds: int, understood: float) -> None:
     codes: Counter[str] = Counter()
