@@ -110,7 +110,7 @@ def page(found: Sequence[Measured]) -> str:
 
 
 _HOW = """The page of `femtune modes` for a square plate of shells with {modes} modes, in headless Chromium at
-1280 × 900 pixels without a graphics card: SwiftShader on {processors} processors. With one, frames are drawn faster.
+1280 × 900 pixels without a graphics card: SwiftShader on {processors} processors. Frames with one were not measured.
 Other work ran on the machine: load average {load:.1f} at the end. Made by `benchmarks/page/run.py`.
 
 - Made: processor time from the results to the file, with the still pictures.

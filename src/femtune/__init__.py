@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
     from femtune.steps.of_start import check, init
     from femtune.steps.of_study import compare, correlate, quantify, select
+    from femtune.steps.of_view import view
     from femtune.steps.pages import report
     from femtune.study.first_study.check import CheckResult
     from femtune.study.first_study.make import InitResult
@@ -137,6 +138,7 @@ __all__ = [
     "to_xarray",
     "update",
     "validate",
+    "view",
     "write_deck",
     "write_test",
 ]

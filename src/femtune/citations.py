@@ -173,6 +173,56 @@ _register(
     year="1999",
 )
 _register(
+    "liu2017",
+    "article",
+    author="Liu, H. and Cai, J. and Ong, Y.-S.",
+    title="An adaptive sampling approach for Kriging metamodeling by maximizing expected prediction error",
+    journal="Computers and Chemical Engineering",
+    volume="106",
+    pages="171--182",
+    year="2017",
+)
+_register(
+    "morris1991",
+    "article",
+    author="Morris, M. D.",
+    title="Factorial sampling plans for preliminary computational experiments",
+    journal="Technometrics",
+    volume="33",
+    pages="161--174",
+    year="1991",
+)
+_register(
+    "campolongo2007",
+    "article",
+    author="Campolongo, F. and Cariboni, J. and Saltelli, A.",
+    title="An effective screening design for sensitivity analysis of large models",
+    journal="Environmental Modelling and Software",
+    volume="22",
+    pages="1509--1518",
+    year="2007",
+)
+_register(
+    "sobol2001",
+    "article",
+    author="Sobol', I. M.",
+    title="Global sensitivity indices for nonlinear mathematical models and their Monte Carlo estimates",
+    journal="Mathematics and Computers in Simulation",
+    volume="55",
+    pages="271--280",
+    year="2001",
+)
+_register(
+    "saltelli2010",
+    "article",
+    author="Saltelli, A. and Annoni, P. and Azzini, I. and Campolongo, F. and Ratto, M. and Tarantola, S.",
+    title="Variance based sensitivity analysis of model output. Design and estimator for the total sensitivity index",
+    journal="Computer Physics Communications",
+    volume="181",
+    pages="259--270",
+    year="2010",
+)
+_register(
     "montgomery2017",
     "book",
     author="Montgomery, D. C.",

@@ -24,6 +24,7 @@ _COMMANDS = [
     "schema",
     "info",
     "modes",
+    "view",
     "compare",
     "respond",
     "plan",
@@ -224,7 +225,7 @@ def test_modes_on_a_page(invoke: Invoke, steps: Any, study: Path, options: tuple
     given = steps.modes
 
     def modes(path: Path, report: Path, fresh: bool, **limits: Any) -> Any:
-        assert limits.keys() == {"count", "max_hz", "simulate", "progress"}
+        assert limits.keys() == {"count", "max_hz", "simulate", "vtu", "progress"}
         asked.append((report, fresh))
         return given(path, **limits)
 

@@ -7,7 +7,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
-from femtune.experiments import elementary_effects, morris_design, sobol_indices
+from femtune.experiments import elementary_effects, morris_design, sobol_design, sobol_indices, variance_indices
 
 
 def test_a_trajectory_changes_one_factor_at_a_time() -> None:
@@ -54,7 +54,37 @@ def test_the_indices_of_ishigami() -> None:
     interaction = 8 * b**2 * np.pi**8 / 225 / variance
     found = sobol_indices(function, 3, points=4096, seed=1)
     np.testing.assert_allclose(found.first[:, 0], first, atol=0.01)
-    np.testing.assert_allclose(found.total[:, 0], first + np.array([interaction, 0.0, interaction]), atol=0.01)
+    total = first + np.array([interaction, 0.0, interaction])
+    np.testing.assert_allclose(found.total[:, 0], total, atol=0.01)
+    for true, interval in ((first, found.first_interval), (total, found.total_interval)):
+        assert interval is not None
+        assert np.all((interval[0, :, 0] <= true + 1e-12) & (true - 1e-12 <= interval[1, :, 0]))
+
+
+def test_effects_of_a_linear_and_a_quadratic_function() -> None:
+    """a·x has μ* = |a| and σ = 0; x² has the effects 2/3 and 4/3, as often as the steps are low and high."""
+    paths = morris_design(3, 40, seed=4)
+    slopes = np.array([2.0, -5.0, 0.0])
+    found = elementary_effects(paths, np.stack([paths @ slopes, paths[..., 0] ** 2], axis=2))
+    np.testing.assert_allclose(found.absolute[:, 0], np.abs(slopes), atol=1e-12)
+    np.testing.assert_allclose(found.spread[:, 0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.margin[:, 0], 0.0, atol=1e-12)
+    high = np.mean(paths[..., 0].max(axis=1) == 1.0)
+    assert 0.2 < high < 0.8
+    assert found.absolute[0, 1] == pytest.approx(2 / 3 * (1 + high))
+    assert found.spread[0, 1] == pytest.approx(2 / 3 * np.sqrt(high * (1 - high) * 40 / 39))
+
+
+def test_missing_runs_are_left_out() -> None:
+    paths = morris_design(2, 6, seed=1)
+    y = (paths @ np.array([1.0, 3.0]))[..., None]
+    y[0, 1] = np.nan
+    np.testing.assert_allclose(elementary_effects(paths, y).mean[:, 0], [1.0, 3.0])
+    design = sobol_design(2, 64, seed=2)
+    y = np.sin(3.0 * design[..., 0])[..., None] + design[..., 1:]
+    few = np.delete(y, [3, 40], axis=1)
+    y[0, 3] = y[3, 40] = np.nan
+    np.testing.assert_array_equal(variance_indices(y).total, variance_indices(few).total)
 
 
 @pytest.mark.parametrize(
@@ -62,6 +92,8 @@ def test_the_indices_of_ishigami() -> None:
     [
         ("design.morris-levels", lambda: morris_design(3, 4, levels=5)),
         ("design.power-of-two", lambda: sobol_indices(lambda x: x, 2, points=1000)),
+        ("screen.too-few-effects", lambda: elementary_effects(morris_design(2, 3), np.full((3, 3, 1), np.nan))),
+        ("screen.too-few-points", lambda: variance_indices(np.full((4, 8, 1), np.nan))),
     ],
 )
 def test_errors(name: str, call: object) -> None:

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from femtune.reporting.figures.effects import main_effects_svg, search_svg
+from femtune.reporting.figures.effects import beside_svg, main_effects_svg, search_svg
 from femtune.reporting.figures.histograms import histograms_svg
 
 
@@ -25,6 +25,13 @@ def test_main_effects_have_a_panel_for_every_parameter_and_a_line_for_every_resp
 def test_a_search_is_drawn_by_evaluations() -> None:
     svg = search_svg([("genetic", [10, 20, 30], [1.0, 0.1, 0.05]), ("cma-es", [10, 20], [0.5, 0.05])], [0.05])
     for text in ("genetic", "cma-es", "evaluations", "objective"):
+        assert text in svg
+
+
+def test_two_values_of_each_parameter_and_response() -> None:
+    values = [[[(0.5, 0.4, 0.6), (0.7, 0.6, 0.8)], [(0.1, 0.0, 0.2), (0.3, 0.2, 0.4)]]]
+    svg = beside_svg(["stiffness <1>", "density"], ["mode 1"], values, ("first", "total"), "part of the variance")
+    for text in ("stiffness &lt;1&gt;", "density", "mode 1", "first", "total", "part of the variance"):
         assert text in svg
 
 

@@ -71,6 +71,18 @@ def test_mac_and_pairs_are_those_of_the_comparison(view: PageView, source: Repor
         assert labels == [(p.test_label, p.model_number) for p in comparison.pairs]
 
 
+def test_slopes_are_the_sensitivities_of_the_selection(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+    names = data["selection"]["column_labels"]
+    label = next(c for c in data["correlations"] if c["configuration"] == "BC")["mac_test_labels"][1]
+    values = [0.01 * (i + 1) for i in range(len(names))]
+    own = {"configuration": "BC", "test_label": label, "percent_per_percent": values}
+    other = {**own, "configuration": "another", "percent_per_percent": [9.0] * len(names)}
+    data["selection"]["sensitivities"] = [other, own]
+    scene = _scene(view_of(ReportSource(Results.model_validate(data), arrays)))
+    assert scene.parameters == tuple(names)
+    assert scene.slopes == ((), tuple(values), *[()] * (len(scene.test_labels) - 2))
+
+
 def test_the_factor_of_a_pair_is_its_modal_scale_factor(view: PageView, source: ReportSource) -> None:
     kept = [m for m in source.results.mode_shapes if m.configuration == "BC"][-1]
     test, seen = source.array(kept.test_shapes_key), source.array(kept.model_at_sensors_key)

@@ -59,6 +59,40 @@ def test_bending_about_the_other_axis_depends_on_the_mass_alone(bench: Bench) ->
     assert found.record.sentences[0] == "More than 10 % of the variation of at least one frequency: mass, root, tip."
 
 
+@pytest.mark.slow
+def test_elementary_effects_and_indices_of_a_study(bench: Bench) -> None:
+    """Bending about the other axis depends on the mass alone: no effect of the others, all of the variance."""
+    page = bench.folder / "page.html"
+    found = steps.screen(study(bench, '[screen]\ndesign = "morris"\ntrajectories = 4\n'), report=page)
+    assert (found.record.design, found.record.runs) == ("Morris, 4 trajectories", 16)
+    assert found.record.effects == ()
+    for effect in found.record.elementary:
+        if effect.mode in (2, 4, 6):
+            # frequencies fall with the mass
+            assert effect.absolute_hz == pytest.approx(-effect.mean_hz, abs=1e-6)
+            assert (effect.absolute_hz > 1e-6) == (effect.parameter == "mass")
+    assert "Elementary effects" in page.read_text()
+    assert "Analysis of variance" not in page.read_text()
+    # options of a call take the place of the design of the file and of its keys
+    indices = steps.screen(study(bench, '[screen]\ndesign = "morris"\ntrajectories = 4\n'), design="sobol", report=page)
+    assert indices.record.runs == 30
+    assert [c.key for c in indices.results.citations] == ["sobol2001", "saltelli2010", "sacks1989"]
+    for row in indices.record.indices:
+        assert row.first_interval[0] <= row.first <= row.first_interval[1]
+        if row.mode in (2, 4, 6):
+            assert row.total == pytest.approx(float(row.parameter == "mass"), abs=0.03)
+    assert "Sobol" in page.read_text()
+
+
+@pytest.mark.slow
+def test_indices_of_surrogate_and_model_agree(bench: Bench) -> None:
+    on_model = steps.screen(study(bench), design="sobol", points=64, on="model")
+    on_surrogate = steps.screen(study(bench), design="sobol", points=64)
+    assert (on_model.record.runs, on_surrogate.record.runs) == (5 * 64, 30)
+    for one, other in zip(on_model.record.indices, on_surrogate.record.indices, strict=True):
+        assert one.total == pytest.approx(other.total, abs=0.01)
+
+
 def test_modes_that_change_their_order_are_followed_by_their_shape(bench: Bench) -> None:
     """The two first modes bend about different axes; the stiffness of one passes that of the other."""
     wide = NARROW.replace("0.8", "0.6").replace("1.2", "4.0") + '[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\n'
@@ -131,6 +165,8 @@ def test_runs_that_fail_are_left_out_and_named(bench: Bench, monkeypatch: pytest
     [
         ("screen.design", '[screen]\ndesign = "plackett-burman"\nlevels = 3\n'),
         ("screen.design, array", '[screen]\ndesign = "factorial"\narray = "L9"\n'),
+        ("screen.design, key", '[screen]\ndesign = "morris"\npoints = 64\n'),
+        ("screen.design, runs", '[screen]\ndesign = "sobol"\non = "model"\nruns = 50\n'),
         ("screen.unknown-configuration", '[screen]\nconfiguration = "full"\n'),
         ("screen.no-modes", '[[configuration]]\nname = "free"\nsupports_removed = ["1:6"]\n'),
     ],
@@ -151,5 +187,6 @@ def test_alerts() -> None:
         Notice("screen.lost-modes", modes="4 (MAC 0.31)"),
         Notice("screen.interactions", modes="4 (12 %)"),
         Notice("screen.saturated", runs=4),
+        Notice("screen.surrogate-error", modes="4 (12 %)"),
     ):
         check_shown(notice.code, notice)

@@ -137,6 +137,7 @@ def test_alerts() -> None:
         Notice("search.surrogate-wrong", surrogate=0.31, model="12.4"),
         Notice("search.at-bound", names="root, tip"),
         Notice("search.not-confirmed", seeds=3),
+        Notice("search.infill-error", runs=20, error=0.31, wanted=0.1),
     ):
         check_shown(notice.code, notice)
 
@@ -263,3 +264,27 @@ def test_the_number_of_runs_that_check_the_surrogate_is_an_argument(beam: Bench)
     record = steps.search(beam.study(EI + RESIDUALS + SMALL), fresh_runs=0, fresh=True).record
     assert record.surrogate is not None
     assert (record.surrogate.fresh_runs, record.surrogate.fresh_rms) == (0, None)
+
+
+@pytest.mark.slow
+def test_further_runs_by_error_end_where_the_stated_error_is_small(beam: Bench) -> None:
+    by_error = '\n[search]\nruns = 10\nfresh_runs = 0\ninfill_by = "error"\ninfill = 15\nseeds = 1\n'
+    path = beam.study(EI + RESIDUALS + by_error)
+    whole = steps.search(path).record
+    assert whole.surrogate is not None
+    assert (whole.surrogate.infill_by, whole.surrogate.infill_runs, whole.surrogate.runs) == ("error", 15, 25)
+    before, after = whole.surrogate.left_out_rms_before, whole.surrogate.left_out_rms
+    assert before is not None
+    assert after < 0.5 * before
+    wanted = 0.9 * before
+    few = steps.search(path, infill_until=wanted, report=beam.folder / "page.html").record
+    assert few.surrogate is not None
+    assert few.surrogate.infill_runs < 15
+    assert few.surrogate.left_out_rms <= wanted
+    assert "Leaving out a run before" in (beam.folder / "page.html").read_text()
+    never = steps.search(path, infill=5, infill_until=1e-9)
+    assert "search.infill-error" in [a.code for a in never.record.alerts]
+    assert "liu2017" in [c.key for c in never.results.citations]
+    with pytest.raises(FemtuneError) as caught:
+        steps.search(path, infill_by="improvement", infill_until=0.1)
+    check_shown("search.infill", caught.value)

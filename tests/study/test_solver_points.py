@@ -44,6 +44,18 @@ def test_a_screening_runs_each_point_of_the_design_once_and_follows_modes(study:
     assert started(study) == 20
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("design", "options"), [("morris", {"trajectories": 8}), ("sobol", {"runs": 8, "points": 64})])
+def test_no_point_of_a_screening_is_run_twice(study: Path, design: str, options: dict[str, int]) -> None:
+    """The trajectories of Morris meet on the grid of their levels."""
+    found = ft.screen(study, design=design, **options)
+    points = np.unique(found.runs[:, :2], axis=0)
+    assert (len(points) < len(found.runs)) == (design == "morris")
+    assert started(study) == 1 + len(points)
+    assert ft.screen(study, design=design, **options).record == found.record
+    assert started(study) == 1 + len(points)
+
+
 def test_a_table_does_not_overwrite_files_of_the_solver(study: Path) -> None:
     script = study.parent / "solve.py"
     assert script.name in study.read_text()

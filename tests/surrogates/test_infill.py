@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import norm
 
-from femtune.surrogates import KrigingRules, SumOfSquares, fit_surrogate, where_better, where_uncertain, with_run
+from femtune.experiments import latin_hypercube
+from femtune.surrogates import (
+    KrigingRules,
+    SumOfSquares,
+    fit_surrogate,
+    where_better,
+    where_uncertain,
+    where_wrong,
+    with_run,
+)
 
 
 def _function(x: np.ndarray) -> np.ndarray:
@@ -60,3 +69,24 @@ def test_a_few_runs_find_the_minimum_of_a_sum_of_squares() -> None:
     best = surrogate.x[np.argmin(objective(surrogate.y))]
     np.testing.assert_allclose(best, truth[0], atol=0.05)
     assert objective(surrogate.y).min() < 0.2 * before
+
+
+def test_runs_by_error_find_a_local_feature_faster_than_random_ones() -> None:
+    """A plane with a narrow hill: the error at fresh points after 25 further runs, against as many random ones."""
+
+    def hill(x: np.ndarray) -> np.ndarray:
+        return (x @ [1.0, 0.5] + np.exp(-0.5 * np.sum(((x - [0.75, 0.3]) / 0.08) ** 2, axis=1)))[:, None]
+
+    fresh, rules = np.random.default_rng(99).random((2000, 2)), KrigingRules("linear", starts=1)
+    limits = np.zeros(2), np.ones(2)
+    for seed in (0, 3):
+        ends = []
+        for by_error in (True, False):
+            x = latin_hypercube(2, 20, seed).points
+            for i in range(5):
+                surrogate = fit_surrogate(x, hill(x), rules, limits)
+                more = where_wrong(surrogate, 5, i) if by_error else np.random.default_rng([seed, i]).random((5, 2))
+                x = np.vstack([x, more])
+            found = fit_surrogate(x, hill(x), rules, limits)
+            ends.append(np.sqrt(np.mean((found.predict(fresh) - hill(fresh)) ** 2)))
+        assert ends[0] < 0.5 * ends[1]

@@ -193,6 +193,13 @@ test("tables sort, and their CSV is what they show", async () => {
   await page.locator("#parameters").getByRole("button", { name: "Save table as CSV" }).first().click();
   const rows = fields(await contents(saved));
   assert.deepEqual(rows.slice(1), (await shown()).map((r) => r.map(plain)));
+  const book = page.waitForEvent("download");
+  await page.locator("#parameters").getByRole("button", { name: "Save table as XLSX" }).first().click();
+  // parts of the file are stored as they are
+  const sheet = /<sheetData>(.*)<\/sheetData>/s.exec(await contents(book))[1];
+  const cells = Array.from(sheet.matchAll(/<row>(.*?)<\/row>/gs), ([, row]) => Array.from(row.matchAll(/<c(?: t="inlineStr")?>(?:<v>(.*?)<\/v>|<is><t [^>]*>(.*?)<\/t><\/is>)<\/c>/gs), ([, number, text]) => number ?? text));
+  const number = (text) => (/^[−+]?[\d.]+(e[−+]?\d+)?$/.test(text) ? String(Number(text.replaceAll("−", "-"))) : text.replaceAll("&", "&amp;").replaceAll("<", "&lt;"));
+  assert.deepEqual(cells.slice(1), (await shown()).map((r) => r.map(number)));
   const before = await shown();
   await table.locator("th .sort").first().click();
   await table.locator("th .sort").first().click();

@@ -11,6 +11,7 @@ export interface SceneData {
   configuration: string; note: string; points: Packed; faces: Packed; edges: Packed; lines: Packed; rigid: Packed;
   stages: Stage[]; places: Packed | null; wire: Packed | null; test: Packed | null; test_imaginary: Packed | null;
   test_labels: string[]; test_freq_hz: number[]; test_only: boolean;
+  parameters: string[]; slopes: number[][];
 }
 export interface Curve { look: string; freq_hz: Packed; real: Packed; imaginary: Packed }
 export interface Functions { configuration: string; ordinate: string; titles: string[]; curves: Curve[]; note: string }

@@ -100,3 +100,10 @@ export function triangles(faces: Uint32Array): Uint32Array {
   }
   return Uint32Array.from(out);
 }
+
+/** The parameters that move a frequency most, and by how much: at most `most`, largest first, none below a hundredth of the first. */
+export function strongest(names: string[], slopes: number[], most = 5): [string, number][] {
+  const found = names.map((name, i): [string, number] => [name, slopes[i]]).filter(([, slope]) => Number.isFinite(slope) && slope !== 0);
+  found.sort((a, b) => Math.abs(b[1]) - Math.abs(a[1]));
+  return found.slice(0, most).filter(([, slope]) => Math.abs(slope) >= 0.01 * Math.abs(found[0][1]));
+}

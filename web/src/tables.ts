@@ -1,6 +1,7 @@
-// Tables that sort, and that can be saved as CSV.
+// Tables that sort, and that can be saved as CSV or XLSX.
 
 import { fileName, h, save } from "./dom.ts";
+import { xlsx, XLSX_TYPE } from "./xlsx.ts";
 
 /** The number that a cell begins with; null for a text. */
 export function numberOf(text: string): number | null {
@@ -66,6 +67,9 @@ export function enhance(table: HTMLTableElement): void {
   const region = table.closest(".scroll");
   const title = region?.getAttribute("aria-label") ?? "table";
   const section = table.closest("section")?.id ?? "";
-  const write = () => save(fileName(`${section} ${title}`, "csv"), new Blob(["\ufeff", csv(contents(table))], { type: "text/csv" }));
-  region?.after(h("p", { class: "tools" }, h("button", { type: "button", click: write, "aria-label": `Save table as CSV: ${title}` }, "CSV")));
+  const button = (ending: string, content: () => Blob) =>
+    h("button", { type: "button", click: () => save(fileName(`${section} ${title}`, ending), content()), "aria-label": `Save table as ${ending.toUpperCase()}: ${title}` }, ending.toUpperCase());
+  region?.after(h("p", { class: "tools" },
+    button("csv", () => new Blob(["\ufeff", csv(contents(table))], { type: "text/csv" })), " ",
+    button("xlsx", () => new Blob([xlsx(contents(table))], { type: XLSX_TYPE }))));
 }

@@ -5,7 +5,7 @@ import { readView, unpack, type Stage, type View } from "./data.ts";
 import { scaleStops } from "./drawing.ts";
 import { choice, fileName, h, labelled, save, shown } from "./dom.ts";
 import { MatrixGrid, type MatrixCell } from "./matrix.ts";
-import { box } from "./motion.ts";
+import { box, strongest } from "./motion.ts";
 import { control, homeOf, Orbit } from "./orbit.ts";
 import { SceneOf, type Chosen, type ColourBar, type Colouring, type Theme } from "./scene.ts";
 
@@ -194,7 +194,12 @@ export class Viewer {
     this.canvas.setAttribute("aria-label", `Moving mode shape. ${this.title.textContent}. Colour: ${bar.name}, ${from}`);
     strip.style.backgroundImage = `linear-gradient(to right, ${scaleStops(this.theme().dark, bar.hot).join(", ")})`;
     const ticks = h("span", { class: "ticks" }, tick(0, "0"), tick(50, shown(bar.end / 2, 3)), tick(100, (bar.open ? "≥ " : "") + shown(bar.end, 3)));
-    this.legend.replaceChildren(h("span", {}, bar.name), h("span", { class: "bar", role: "img", "aria-label": `Colours ${from}` }, strip, ticks));
+    const { data } = this.scene, { test, column } = this.chosen;
+    // slopes are those of the partner of a test mode
+    const paired = this.stage.pairs.some((p) => p.test === test && p.column === column);
+    const moving = bar.hot && test !== null && paired ? strongest(data.parameters, data.slopes[test] ?? []) : [];
+    const change = moving.length ? h("span", {}, `Change of the frequency in % for 1 % of a parameter, at the initial values: ${moving.map(([name, slope]) => `${name} ${slope > 0 ? "+" : ""}${shown(slope, 2)}`).join(", ")}`) : null;
+    this.legend.replaceChildren(h("span", {}, bar.name), h("span", { class: "bar", role: "img", "aria-label": `Colours ${from}` }, strip, ticks), ...(change ? [change] : []));
   }
 
   private run(on: boolean): void {

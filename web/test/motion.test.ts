@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { unpack, column, type Packed } from "../src/data.ts";
-import { combined, energyOf, minus, moved, shownFactor, sizes, times, triangles } from "../src/motion.ts";
+import { combined, energyOf, minus, moved, shownFactor, sizes, strongest, times, triangles } from "../src/motion.ts";
 import { homeOf, Orbit } from "../src/orbit.ts";
 
 const pack = (type: Packed["type"], shape: number[], numbers: ArrayBufferView, scale: number[] = [], offset: number[] = []): Packed =>
@@ -83,3 +83,6 @@ test("parts of a complex shape are combined with the same weights", () => {
 });
 
 test("the strain energy of a sum of modes is theirs, weighted by squares", () => near(energyOf([Float32Array.of(10, 0), Float32Array.of(0, 50)], [3, -4]), [3.6, 32]));
+
+test("the parameters that move a frequency most, without those that hardly do", () =>
+  assert.deepEqual(strongest(["a", "b", "c", "d"], [0.1, -0.4, 0.003, NaN], 3), [["b", -0.4], ["a", 0.1]]));

@@ -57,7 +57,7 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
     test, notices = _read_test(file, entry, tests)
     _check_coordinates(file, structure)
     with errors_at(place_of(file, entry, "test")), with_keys(file, entry, test, structure):
-        found = _sensor_map(file, test, structure)
+        found = sensor_map(file, test, structure)
     functions, worst = _held_functions(file, entry, test.frfs)
     held = HeldOut(functions=functions)
     case = replace(case, test=test, sensors=found, all_sensors=found, held=held)
@@ -315,7 +315,8 @@ def _listed(modes: ModeSet) -> str:
     return ", ".join(f"{label} ({f:.4g} Hz)" for label, f in zip(modes.labels, modes.freq_hz))
 
 
-def _sensor_map(file: StudyFile, test: ModalTest, structure: Structure) -> SensorMap:
+def sensor_map(file: StudyFile, test: ModalTest, structure: Structure) -> SensorMap:
+    """The sensors of a test on the model, as [sensors] says; errors ``sensor.*``."""
     _check_given(file, structure.nodes)
     unused = _only_for_responses(file, test)
     return map_sensors(

@@ -235,6 +235,26 @@ def modes(
     out.name_page(page, as_json)
 
 
+@main.command()
+@click.argument("path", type=_FILE)
+@click.option("--mode", type=int, metavar="N", help="Mode that is shown first; default: the first elastic mode.")
+@click.option("--configuration", metavar="NAME", help="Configuration of a study; default: the first.")
+@click.option("--count", type=int, help="Number of modes, instead of that of the study or deck.")
+@click.option("--max-hz", type=float, metavar="HZ", help="All modes up to this frequency, instead of --count.")
+@click.option("--picture", type=_FILE, metavar="FILE", help="Write a picture (.png) and open no window.")
+@_eigensolver
+@_fresh
+@_quiet
+def view(path: Path, fresh: bool, quiet: bool, **asked: Any) -> None:
+    """Show a moving mode in a window, or write a picture of it.
+
+    PATH is a study file (.toml) or a Nastran deck.
+    """
+    picture = run_step("of_view:view", path, quiet, fresh=fresh, **asked)
+    if picture is not None:
+        click.echo(f"picture: {picture}")
+
+
 def _given(options: dict[str, Any]) -> dict[str, Any]:
     """Options that are keys of a table; one that may be repeated and was not given is None."""
     return {key: (value or None) if isinstance(value, tuple) else value for key, value in options.items()}
@@ -423,9 +443,13 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, as_
 
 @main.command()
 @_study
-@click.option("--design", metavar="NAME", help="orthogonal, factorial or plackett-burman.")
+@click.option("--design", metavar="NAME", help="orthogonal, factorial, plackett-burman, morris or sobol.")
 @click.option("--array", metavar="NAME", help='Orthogonal array: "L18", "L16 4^5" …; the smallest by default.')
 @click.option("--levels", type=int, help="Number of levels of each parameter between its bounds.")
+@click.option("--trajectories", type=int, help="Of morris: number of trajectories.")
+@click.option("--points", type=int, help="Of sobol: number of points, a power of two.")
+@click.option("--on", metavar="WORD", help="Of sobol: surrogate, or model.")
+@click.option("--runs", type=int, help="Of sobol: runs for the surrogate; ten per parameter by default.")
 @click.option("--configuration", metavar="NAME", help="The only configuration whose modes are compared.")
 @click.option("--csv", type=_FILE, metavar="FILE", help="Write the table of runs.")
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
@@ -449,6 +473,9 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @_study
 @click.option("--on", metavar="WORD", help="surrogate, or model.")
 @click.option("--runs", type=int, help="Runs of the model for the surrogate; ten per parameter by default.")
+@click.option("--infill", type=int, help="Further runs for the surrogate.")
+@click.option("--infill-by", metavar="WORD", help="Where further runs are made: improvement, or error.")
+@click.option("--infill-until", type=float, help="Of error: error of the surrogate at which further runs end.")
 @click.option("--surrogate", metavar="NAME", help="kriging, radial-basis or chaos.")
 @click.option("--method", metavar="NAME", help="differential-evolution, genetic or cma-es.")
 @click.option("--population", type=int, help="Points of a generation.")

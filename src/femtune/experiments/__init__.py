@@ -22,7 +22,9 @@ if TYPE_CHECKING:
         VarianceIndices,
         elementary_effects,
         morris_design,
+        sobol_design,
         sobol_indices,
+        variance_indices,
     )
     from femtune.experiments.variance import Effects, main_effects
 else:
@@ -49,5 +51,7 @@ __all__ = [
     "plackett_burman",
     "smallest_array",
     "sobol",
+    "sobol_design",
     "sobol_indices",
+    "variance_indices",
 ]

@@ -89,7 +89,8 @@ def _section(text: SectionText, source: ReportSource) -> Section:
     module = import_module(f"femtune.reporting.sections.{text.module}")
     blocks: list[Block] = getattr(module, text.function or text.id)(source)
     folded = text.optional and len(blocks) == 1 and isinstance(blocks[0], Paragraph)
-    intro = (Paragraph(text.intro, tone="muted"),) if text.intro and not folded else ()
+    empty = folded or (text.optional and not blocks)
+    intro = (Paragraph(text.intro, tone="muted"),) if text.intro and not empty else ()
     return Section(text.id, text.title, (*intro, *blocks), folded)
 
 

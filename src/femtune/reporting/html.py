@@ -148,7 +148,7 @@ def _data_uri(svg: str) -> str:
 class SectionText:
     """One entry of the file; `function` (`id` by default) of `module` in `femtune.reporting.sections` makes the blocks.
 
-    An `optional` section is folded where its step did not run.
+    An `optional` section is folded where its step did not run, and left out where it has no blocks.
     """
 
     id: str

@@ -88,6 +88,10 @@ class SceneView:
     test_freq_hz: tuple[float, ...] = ()
     test_only: bool = False
     """Whether the modes are those of a test, `test_labels` their names, and no model is shown."""
+    parameters: tuple[str, ...] = ()
+    slopes: tuple[tuple[float, ...], ...] = ()
+    """For each test mode the change of the frequency of its partner, in %, for 1 % of each of `parameters` at the
+    initial values; empty where it was not compared."""
 
 
 @dataclass(frozen=True)

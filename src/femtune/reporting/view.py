@@ -325,7 +325,18 @@ def _test(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> dict[str,
         "test_imaginary": quantised(moved.imag) if np.iscomplexobj(moved) else None,
         "test_labels": comparison.mac_test_labels,
         "test_freq_hz": comparison.mac_test_freq_hz,
+        **_slopes(source, comparison),
     }
+
+
+def _slopes(source: ReportSource, comparison: CorrelationResults) -> dict[str, Any]:
+    selection = source.results.selection
+    if selection is None:
+        return {}
+    own = (s for s in selection.sensitivities if s.configuration == comparison.configuration)
+    found = {s.test_label: s.percent_per_percent for s in own}
+    slopes = tuple(found.get(label, ()) for label in comparison.mac_test_labels)
+    return {"parameters": selection.column_labels, "slopes": slopes}
 
 
 def _wire(wire: NDArray[Any] | None, place_of: NDArray[np.int64], places: Reals, frame: Wireframe) -> NDArray[np.int64]:

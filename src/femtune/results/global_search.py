@@ -59,6 +59,15 @@ class SurrogateFacts(Record):
     """Runs that checked it before they were added to it."""
     fresh_rms: float | None
     """Root mean square error of predicting them; None if there were none."""
+    infill_by: str | None = None
+    """Further runs were made where "improvement" of the objective or "error" of the surrogate was expected; None
+    without further runs."""
+    infill_runs: int = 0
+    """Number of these runs, without those that failed."""
+    infill_until: float | None = None
+    """Error of left-out runs at which runs by error end; None if all were requested."""
+    left_out_rms_before: float | None = None
+    """`left_out_rms` before these runs."""
 
 
 class SeedFacts(Record):

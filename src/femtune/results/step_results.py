@@ -333,13 +333,21 @@ class ScreenResult(StepResult):
 
     @property
     def effects(self) -> Rows:
-        """Effect of each parameter on each mode: `contribution`, `f_value`, `p_value`, `range_hz`."""
-        columns = ("parameter", "configuration", "mode", "contribution", "f_value", "p_value", "range_hz")
-        return rows_of(self.record.effects, *columns)
+        """Effect of each parameter on each mode.
+
+        Of a design by levels `contribution`, `f_value`, `p_value`, `range_hz`; of Morris `mean_hz`, `absolute_hz`,
+        `absolute_margin_hz`, `spread_hz`; of Sobol `first`, `total`.
+        """
+        place, record = ("parameter", "configuration", "mode"), self.record
+        if record.elementary:
+            return rows_of(record.elementary, *place, "mean_hz", "absolute_hz", "absolute_margin_hz", "spread_hz")
+        if record.indices:
+            return rows_of(record.indices, *place, "first", "total")
+        return rows_of(record.effects, *place, "contribution", "f_value", "p_value", "range_hz")
 
     @property
     def modes(self) -> Rows:
-        """The modes: initial and mean frequency, what main effects leave, smallest MAC of the followed shape."""
+        """The modes: initial and mean frequency, what is not explained, smallest MAC of the followed shape."""
         columns = ("configuration", "mode", "freq_hz", "mean_hz", "error_contribution", "least_mac")
         return rows_of(self.record.modes, *columns)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,8 +18,10 @@ from femtune.assembly.error_places import (
     errors_at_residuals,
     place_of,
 )
+from femtune.assembly.exchanged_axes import fitting_axes
 from femtune.assembly.progress import silent
 from femtune.assembly.stages import reduction_rules
+from femtune.errors import FemtuneError, Notice
 from femtune.model import EigenSolution
 from femtune.residuals import CaseState, Evaluation, state_at
 from femtune.results.correlation import array_prefix, correlate_case, correlation_results
@@ -77,7 +80,7 @@ def start(study: Study, progress: Progress) -> Evaluation:
         with errors_at_configuration(study.file, case.entry, "test"):
             states.append(state_at(case.used, x, solution))
     of_modes = next((c.entry for c in cases if c.modal is not None), cases[0].entry)
-    with errors_at(place_of(study.file, of_modes, "test")):
+    with errors_at(place_of(study.file, of_modes, "test")), _hint_of_axes(study, states):
         problem.check_paired(states)
     rules = reduction_rules(study)
     with errors_at_residuals(study.file):
@@ -86,6 +89,18 @@ def start(study: Study, progress: Progress) -> Evaluation:
         found = problem.assess(x, states)
         problem.check_compared(found)
         return found
+
+
+@contextmanager
+def _hint_of_axes(study: Study, states: Sequence[CaseState]) -> Iterator[None]:
+    """The error that no mode is paired says with which axes of the test they would be, if there are such axes."""
+    try:
+        yield
+    except FemtuneError as error:
+        cases = {case.name: case for case in study.cases}
+        solved = ((cases[s.case.name], s.solution) for s in states if s.solution is not None)
+        error.hint = next((w for case, found in solved if (w := fitting_axes(study.file, case, found))), error.hint)
+        raise
 
 
 def model_records(
@@ -116,6 +131,8 @@ def model_records(
             with errors_at_configuration(study.file, case.entry, "test"):
                 raw[case.name] = correlate_case(case.modal, solution)
             rigid, notices = found[-1].rigid_body_modes, solution.notices
+            if words := fitting_axes(study.file, case, solution):
+                notices = (*notices, Notice("correlate.axes", configuration=case.name, change=words))
             record = correlation_results(
                 case.name, version, raw[case.name], prefix, arrays, criteria, rigid, notices
             )  # fmt: skip

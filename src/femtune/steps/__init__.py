@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
     from femtune.steps.of_start import check, init
     from femtune.steps.of_study import compare, correlate, quantify, select
+    from femtune.steps.of_view import view
     from femtune.steps.pages import report
 else:
     __getattr__, __dir__ = lazy_names(__name__)
@@ -46,6 +47,7 @@ __all__ = [
     "simulate",
     "update",
     "validate",
+    "view",
     "write_deck",
     "write_test",
 ]

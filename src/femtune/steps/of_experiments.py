@@ -29,7 +29,7 @@ def screen(
     progress: Progress = silent,
     **options: Any,
 ) -> ScreenResult:
-    """Which parameters matter for which mode: range analysis and analysis of variance of designed runs.
+    """Which parameters matter for which mode: main effects, elementary effects or Sobol's indices of designed runs.
 
     Parameters
     ----------
@@ -40,7 +40,8 @@ def screen(
     fresh : ignore the journal of an earlier run of the study and solve everything again
     jobs : the most runs at a time, in place of [parallel]
     progress : receives progress reports
-    options : keys of [screen] that replace those of the study: ``design``, ``array``, ``levels``, ``configuration``
+    options : keys of [screen] that replace those of the study: ``design``, ``array``, ``levels``, ``trajectories``,
+        ``points``, ``on``, ``runs``, ``seed``, ``configuration``
 
     Raises
     ------

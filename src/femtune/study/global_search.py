@@ -53,6 +53,7 @@ from femtune.surrogates import (
     fit_surrogate,
     term_counts,
     where_better,
+    where_wrong,
 )
 from femtune.updating import StartRules, UpdateResult, multi_start
 
@@ -66,6 +67,9 @@ if TYPE_CHECKING:
     from femtune.selection import Identifiability
 
 _PER_PARAMETER = 10
+_AT_A_TIME = 5
+"""Further runs by error after which the surrogate is fitted again."""
+_INFILL = {"improvement": "runs where the objective may be better", "error": "runs where the surrogate may be wrong"}
 _MOST_RESPONSES = 12
 """Residuals beyond which their principal components are fitted."""
 _ENERGY = 1e-10
@@ -141,9 +145,11 @@ def _papers(table: SearchTable) -> list[str]:
         "chaos": ["blatman2011", "sudret2008"],
     }
     front = table.front > 0
+    by_error = table.on == "surrogate" and table.infill > 0 and table.infill_by == "error"
     return [
         methods[table.method],
         *(surrogates[table.surrogate] if table.on == "surrogate" else []),
+        *(["liu2017"] if by_error else []),
         *(["deb2002"] if front else []),
     ]
 
@@ -248,15 +254,16 @@ class _Search:
                 fresh_rms = float(np.sqrt(np.mean((predicted - new_r) ** 2)))
             x, r = np.vstack([x, new_x]), np.vstack([r, new_r])
             surrogate = self._fit(x, responses.of_residuals(r))
-        if table.infill:
-            points = where_better(surrogate, responses.objective, table.infill, table.seed)
-            new_x, new_r = self._good(points, self.run(points, "runs where the objective may be better"), 0)
+        before, first = _left_out_rms(surrogate, responses) if table.infill else None, len(x)
+        made = 0
+        while len(points := self._further(surrogate, responses, made)):
+            made += len(points)
+            new_x, new_r = self._good(points, self.run(points, _INFILL[table.infill_by]), 0)
             x, r = np.vstack([x, new_x]), np.vstack([r, new_r])
             surrogate = self._fit(x, responses.of_residuals(r))
         self.progress.step("search on the surrogate", 0, None)
         seeds = range(table.seed, table.seed + table.seeds)
         found = surrogate_minimum(surrogate, responses.objective, (lower, upper), self.rules, seeds)
-        error = responses.residuals(surrogate.left_out) - responses.residuals(surrogate.y)
         rules = _surrogate_rules(table)
         facts = SurrogateFacts(
             method=table.surrogate,
@@ -266,15 +273,32 @@ class _Search:
             terms=term_counts(surrogate),
             runs=len(x),
             responses=len(surrogate.fits),
-            left_out_rms=float(np.sqrt(np.mean(error**2))),
+            left_out_rms=_left_out_rms(surrogate, responses),
             left_out_ratio=float(np.sqrt(np.mean(surrogate.left_out_ratio**2))),
             fresh_runs=checked,
             fresh_rms=fresh_rms,
+            infill_by=table.infill_by if table.infill else None,
+            infill_runs=len(x) - first,
+            infill_until=table.infill_until,
+            left_out_rms_before=before,
         )
         shares = explained_variances(surrogate) if isinstance(rules, ChaosRules) else None
         front = self._front(lambda points: responses.residuals(surrogate.predict(points)))
         chi2 = 2.0 * found.values + responses.rest
         return _Ended(found.searches, found.ends, chi2, facts, responses.rest, front, shares)
+
+    def _further(self, surrogate: Surrogate, responses: _Responses, made: int) -> Reals:
+        """(n, k) points of the next further runs, after those that were made; none at the end.
+
+        Runs by improvement are one set. Runs by error end where the stated error is small enough.
+        """
+        table = self.table
+        left, small = table.infill - made, table.infill_until
+        if left == 0 or (small is not None and _left_out_rms(surrogate, responses) <= small):
+            return np.empty((0, surrogate.x.shape[1]))
+        if table.infill_by == "improvement":
+            return where_better(surrogate, responses.objective, left, table.seed)
+        return where_wrong(surrogate, min(_AT_A_TIME, left), table.seed + made)
 
     def _designed(self, wanted: int) -> tuple[Reals, Reals]:
         """Points of a Latin hypercube and their residuals; as many further ones as runs failed."""
@@ -491,6 +515,12 @@ class _Responses:
         return float(left @ left)
 
 
+def _left_out_rms(surrogate: Surrogate, responses: _Responses) -> float:
+    """Root mean square error of predicting each run from the others, in standard deviations of the data."""
+    error = responses.residuals(surrogate.left_out) - responses.residuals(surrogate.y)
+    return float(np.sqrt(np.mean(error**2)))
+
+
 def _surrogate_rules(table: SearchTable) -> KrigingRules | RadialRules | ChaosRules:
     """Of a surrogate of the residuals."""
     if table.surrogate == "radial-basis":
@@ -524,6 +554,11 @@ def _sentences(found: GlobalSearchResults) -> tuple[str, ...]:
             f"The surrogate predicts a residual within {s.left_out_rms:.3g} standard deviations of the data "
             f"(root mean square, leaving out one run{fresh})."
         )
+        if s.infill_by == "error":
+            out.append(
+                f"{s.infill_runs} further runs where its expected error was the largest changed this error from "
+                f"{s.left_out_rms_before:.3g} to {s.left_out_rms:.3g}."
+            )
     shares = sorted(
         ((p.variance_total, p.name) for p in found.parameters if p.variance_total is not None), reverse=True
     )
@@ -548,6 +583,11 @@ def _alerts(found: GlobalSearchResults, open_: Sequence[str]) -> list[Alert]:
     if found.on == "surrogate" and (model is None or abs(model - found.chi2_searched) > _WRONG * (1.0 + model)):
         shown = "no value" if model is None else f"{model:.4g}"
         out.append(alert("warning", "search.surrogate-wrong", surrogate=found.chi2_searched, model=shown))
+    s = found.surrogate
+    if s is not None and s.infill_until is not None and s.left_out_rms > s.infill_until:
+        out.append(
+            alert("warning", "search.infill-error", runs=s.infill_runs, error=s.left_out_rms, wanted=s.infill_until)
+        )
     at_bound = ", ".join(p.name for p in found.parameters if p.at_bound)
     if at_bound:
         out.append(alert("warning", "search.at-bound", names=at_bound))

@@ -7,7 +7,7 @@ from femtune._lazy import lazy_names
 if TYPE_CHECKING:
     from femtune.surrogates.chaos import ChaosRules, chaos_indices, explained_variances, term_counts
     from femtune.surrogates.correlations import CORRELATIONS, NO_CORRELATION
-    from femtune.surrogates.infill import SumOfSquares, where_better, where_uncertain, with_run
+    from femtune.surrogates.infill import SumOfSquares, where_better, where_uncertain, where_wrong, with_run
     from femtune.surrogates.kriging import ESTIMATED, NO_NOISE, KrigingRules
     from femtune.surrogates.radial import RADIAL, RadialRules
     from femtune.surrogates.surrogate import Surrogate, SurrogateRules, fit_surrogate
@@ -34,5 +34,6 @@ __all__ = [
     "term_counts",
     "where_better",
     "where_uncertain",
+    "where_wrong",
     "with_run",
 ]

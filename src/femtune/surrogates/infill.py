@@ -1,9 +1,10 @@
-"""Where the next runs should be: where the surrogate is least certain, or where an objective may be better.
+"""Where the next runs should be: where the surrogate is least certain or wrong, or where an objective may be better.
 
 Points are chosen among those of a Sobol sequence. After each choice the surrogate is given its own prediction there,
 with unchanged lengths (Ginsbourger, Le Riche and Carraro 2010), so that several runs can be made side by side.
 
-Sources: Jones, Schonlau and Welch 1998 (expected improvement); Uhrenholt and Jensen 2019 (of a sum of squares).
+Sources: Jones, Schonlau and Welch 1998 (expected improvement); Uhrenholt and Jensen 2019 (of a sum of squares); Liu,
+Cai and Ong 2017 (expected prediction error).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.distance import cdist
 from scipy.stats import norm, qmc
 
 from femtune.arrays import Reals
@@ -50,6 +52,25 @@ def where_uncertain(surrogate: Surrogate, count: int, seed: int = 0) -> Reals:
 
     def worth(current: Surrogate, points: Reals) -> Reals:
         return np.asarray(np.max(current.predict_sd(points) / current.scale, axis=1))
+
+    return _chosen(surrogate, count, seed, worth)
+
+
+def where_wrong(surrogate: Surrogate, count: int, seed: int = 0) -> Reals:
+    """(count, n) points at which the expected squared error is the largest, in units of the spread of each response.
+
+    The expected squared error is the variance of the surrogate, and the square of the error with which it predicts the
+    nearest run from all others. The variance alone depends on the places of the runs only; the second part leads to
+    where the responses vary more than elsewhere. A point that was chosen has no error yet.
+    """
+    error = np.max(((surrogate.left_out - surrogate.y) / surrogate.scale) ** 2, axis=1)
+    size = surrogate.upper - surrogate.lower
+
+    def worth(current: Surrogate, points: Reals) -> Reals:
+        away = cdist(points / size, current.x / size, "sqeuclidean")
+        known = np.concatenate([error, np.zeros(len(current.x) - len(error))])
+        variance = np.max((current.predict_sd(points) / current.scale) ** 2, axis=1)
+        return np.asarray(variance + known[away.argmin(axis=1)])
 
     return _chosen(surrogate, count, seed, worth)
 

@@ -91,7 +91,7 @@ def test_replication(deck_of: DeckOf) -> None:
 
 
 def test_accessors(deck_of: DeckOf) -> None:
-    card = _card(deck_of, "cbar,12,7,1,2,0.,0.,1.,ggg\n,123,456,0\n")
+    card = _card(deck_of, "cbar,12,7,1,2,0.,0.,1.,ggg\n,12 3,456,0\n")
     assert card.record == "CBAR 12"
     assert card.integer(0) == 12
     assert card.real(6) == 1.0

@@ -113,13 +113,13 @@ class Card:
         return value
 
     def component(self, index: int, default: str = "") -> str:
-        """Components (digits 1 to 6, each at most once, or a single 0) in field `index`.
+        """Components (digits 1 to 6, each at most once, also with blanks between, or a single 0) in field `index`.
 
         Raises
         ------
         FemtuneError : ``deck.not-a-component``
         """
-        text = self.text(index)
+        text = "".join(self.text(index).split())
         if not text or text == "0":
             return text or default
         if set(text) <= set("123456") and len(set(text)) == len(text):

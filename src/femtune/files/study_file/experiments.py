@@ -15,11 +15,16 @@ Seed = Annotated[int, Field(ge=0, le=2**63 - 1)]
 
 
 class ScreenTable(TomlTable):
-    """[screen]: which parameters matter for which mode, by runs at a few levels of each."""
+    """[screen]: which parameters matter for which mode, by designed runs."""
 
-    design: Literal["orthogonal", "factorial", "plackett-burman"] = "orthogonal"
+    design: Literal["orthogonal", "factorial", "plackett-burman", "morris", "sobol"] = "orthogonal"
     array: Text | None = None
-    levels: Annotated[int, Field(ge=2, le=12)] = 3
+    levels: Annotated[int, Field(ge=2, le=12)] | None = None
+    trajectories: Annotated[int, Field(ge=2, le=10_000)] = 10
+    points: Annotated[int, Field(ge=2, le=1 << 20)] = 1024
+    on: Literal["surrogate", "model"] = "surrogate"
+    runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
+    seed: Seed = 0
     configuration: Text | None = None
 
 
@@ -30,6 +35,8 @@ class SearchTable(TomlTable):
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
     fresh_runs: Annotated[int, Field(ge=0, le=10_000)] = 5
     infill: Annotated[int, Field(ge=0, le=10_000)] = 5
+    infill_by: Literal["improvement", "error"] = "improvement"
+    infill_until: Annotated[float, Field(gt=0.0)] | None = None
     surrogate: Literal["kriging", "radial-basis", "chaos"] = "kriging"
     trend: Literal["constant", "linear", "quadratic"] = "linear"
     correlation: Literal["gaussian", "matern-5/2", "matern-3/2", "none"] = "gaussian"
@@ -54,15 +61,33 @@ _ONLY_OF = {
 """Surrogates that a key of [search] applies to."""
 
 
+_OF_DESIGNS = {
+    "array": ("orthogonal",),
+    "levels": ("orthogonal", "factorial", "plackett-burman", "morris"),
+    "trajectories": ("morris",),
+    "points": ("sobol",),
+    "on": ("sobol",),
+    "runs": ("sobol",),
+    "seed": ("morris", "sobol"),
+}
+"""Designs that a key of [screen] applies to."""
+
+
 def experiment_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """A design and its levels fit each other, a surrogate and its keys."""
     screen = table(data, "screen")
-    two = screen.get("design") == "plackett-burman"
-    if two and screen.get("levels", 2) != 2:
+    design = screen.get("design", "orthogonal")
+    if design == "plackett-burman" and screen.get("levels", 2) != 2:
         yield source.error(("screen", "levels"), "screen.design", {"levels": screen["levels"]})
-    if "array" in screen and screen.get("design", "orthogonal") != "orthogonal":
-        yield source.error(("screen", "array"), "screen.design/array", {"array": screen["array"]})
+    for key, designs in _OF_DESIGNS.items():
+        if key in screen and design not in designs:
+            needed = " or ".join(f'"{name}"' for name in designs)
+            yield source.error(("screen", key), "screen.design/key", {key: screen[key]}, key=key, needed=needed)
+    if "runs" in screen and screen.get("on") == "model":
+        yield source.error(("screen", "runs"), "screen.design/runs", {"runs": screen["runs"]})
     search = table(data, "search")
+    if "infill_until" in search and search.get("infill_by") != "error":
+        yield source.error(("search", "infill_until"), "search.infill", {"infill_until": search["infill_until"]})
     surrogate = search.get("surrogate", "kriging")
     for key, methods in _ONLY_OF.items():
         if key in search and surrogate not in methods:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _IN_ROW = 6
+_PANELS_IN_ROW = 3
 _DASHES = ("-", "--", "-.", ":")
 
 
@@ -58,6 +59,48 @@ def _effect(axes: Axes, name: str, values: Sequence[float], changes: np.ndarray)
         axes.plot(places, column, marker="o", markersize=2.5, color=shade, linestyle=_DASHES[j % 4], linewidth=1.1)
     axes.set_xticks(places, [short(v) for v in values], fontsize=7)
     axes.set_title(cut(name, 16), fontsize=8)
+
+
+def beside_svg(
+    parameters: Sequence[str],
+    responses: Sequence[str],
+    values: Sequence[Sequence[Sequence[Sequence[float]]]],
+    legend: tuple[str, str],
+    unit: str,
+) -> str:
+    """A panel for each response: two bars for each parameter, each with its interval.
+
+    Parameters
+    ----------
+    values : of each response and parameter, two values with their lower and upper limits
+    legend : what the two values are
+    """
+    in_row = min(len(responses), _PANELS_IN_ROW)
+    rows = -(-len(responses) // in_row)
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(rows, in_row, squeeze=False, sharey=True).ravel()
+        for axes in panels[len(responses) :]:
+            axes.set_axis_off()
+        for axes, name, of_response in zip(panels, responses, values):
+            _bars(axes, np.array(of_response, dtype=float), legend)
+            axes.set_yticks(range(len(parameters)), [cut(p, 16) for p in parameters], fontsize=7)
+            axes.set_ylim(len(parameters) - 0.4, -0.6)
+            axes.set_title(cut(name, 24), fontsize=8)
+            axes.set_xlabel(unit, fontsize=7)
+        figure.legend(handles=list(panels[0].containers), labels=list(legend), loc="outside right upper", fontsize=7,
+                      frameon=False)  # fmt: skip
+
+    return draw_svg(1.9 + 1.7 * in_row, rows * (0.8 + 0.25 * len(parameters)), draw)
+
+
+def _bars(axes: Axes, values: np.ndarray, legend: tuple[str, str]) -> None:
+    places = np.arange(len(values))
+    for k, (label, color) in enumerate(zip(legend, (BLUE, PALE), strict=True)):
+        middle, low, high = values[:, k].T
+        at = places + (k - 0.5) * 0.36
+        axes.barh(at, middle, height=0.34, color=color, label=label)
+        axes.hlines(at, low, high, color=INK, linewidth=0.8)
 
 
 def search_svg(histories: Sequence[tuple[str, Sequence[float], Sequence[float]]], ends: Sequence[float] = ()) -> str:

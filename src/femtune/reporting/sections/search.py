@@ -158,12 +158,16 @@ def surrogate_blocks(found: GlobalSearchResults) -> list[Block]:
     if s is None:
         return [Paragraph("The model itself was searched.")]
     heads = columns(
-        "Surrogate", "Form", ">Runs", ">Responses", ">Leaving out a run σ", ">Fresh runs σ", ">Error / predicted"
-    )
-    fresh = NONE if s.fresh_rms is None else short(s.fresh_rms)
-    line = row(*_form(s), str(s.runs), str(s.responses), short(s.left_out_rms), fresh, short(s.left_out_ratio))
+        "Surrogate", "Form", ">Runs", ">Responses", "Further runs by", ">Number", ">Leaving out a run before σ",
+        ">Leaving out a run σ", ">Fresh runs σ", ">Error / predicted",
+    )  # fmt: skip
+    line = row(
+        *_form(s), str(s.runs), str(s.responses), s.infill_by or NONE, str(s.infill_runs),
+        _or_none(s.left_out_rms_before), short(s.left_out_rms), _or_none(s.fresh_rms), short(s.left_out_ratio),
+    )  # fmt: skip
     note = (
-        "Root mean square errors of the residuals, in standard deviations σ of the data. The last column compares the "
-        "errors of leaving out a run with their predicted standard deviation; it is near 1 if the intervals are right."
+        "Root mean square errors of the residuals, in standard deviations σ of the data, before and after the further "
+        "runs. The last column compares the errors of leaving out a run with their predicted standard deviation; it is "
+        "near 1 if the intervals are right."
     )
     return [Table("", heads, (line,), note)]

@@ -5,7 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Section
-from femtune.reporting.sections.screen import contribution_table, mode_table, summary_blocks
+from femtune.reporting.sections.screen import (
+    contribution_table,
+    elementary_table,
+    indices_table,
+    mode_table,
+    summary_blocks,
+)
 from femtune.reporting.short_form import screen_verdict
 
 if TYPE_CHECKING:
@@ -15,11 +21,14 @@ if TYPE_CHECKING:
 
 
 def screen_document(subject: Subject, found: ScreenResults) -> Document:
-    """Sentences, contributions and modes."""
+    """Sentences, effects and modes."""
     verdict, level = screen_verdict(found)
-    sections = (
-        Section("screen", "Effects of the parameters", tuple(summary_blocks(found))),
-        Section("contributions", "Contribution to the variation of each frequency in %", (contribution_table(found),)),
-        Section("modes", "Modes", (mode_table(found),)),
+    parts = (
+        ("screen", "Effects of the parameters", summary_blocks(found)),
+        ("contributions", "Contribution to the variation of each frequency in %", contribution_table(found)),
+        ("elementary", "Elementary effects", elementary_table(found)),
+        ("indices", "Sobol's indices", indices_table(found)),
+        ("modes", "Modes", [mode_table(found)]),
     )
+    sections = tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
     return subject.document(verdict, level, sections)

@@ -1,0 +1,77 @@
+"""femtune view: pictures of modes, and what is refused."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from tests.messages.shown import check_shown
+
+import femtune as ft
+from femtune.errors import FemtuneError
+
+from .conftest import Bench
+
+
+@pytest.fixture(autouse=True)
+def _libraries() -> None:
+    pytest.importorskip("pyvista", reason="the extra view is not installed")
+    pytest.importorskip("meshio", reason="the extra view is not installed")
+
+
+@pytest.mark.slow
+def test_another_mode_is_another_picture(beam: Bench) -> None:
+    deck, drawn = str(beam.folder / "beam.bdf"), []
+    for mode in ("1", "2", "2"):
+        file = beam.folder / f"mode_{len(drawn)}.png"
+        command = [
+            sys.executable,
+            "-m",
+            "femtune",
+            "view",
+            deck,
+            "--count",
+            "2",
+            "--mode",
+            mode,
+            "--picture",
+            str(file),
+        ]
+        # a process of its own: where VTK finds no driver at all, it ends the process
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+        if done.returncode < 0:
+            pytest.skip("VTK cannot draw on this machine")
+        assert (done.returncode, done.stdout.splitlines()[-1]) == (0, f"picture: {file}")
+        drawn.append(file.read_bytes())
+    assert drawn[0].startswith(b"\x89PNG")
+    assert drawn[0] != drawn[1] == drawn[2]
+
+
+def test_without_a_screen(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    with pytest.raises(FemtuneError) as caught:
+        ft.view(beam.folder / "beam.bdf")
+    check_shown("view.no-screen", caught.value)
+
+
+@pytest.mark.parametrize(
+    ("asked", "name"),
+    [
+        ({"picture": "mode.jpg"}, "view.picture, suffix"),
+        ({"picture": "nowhere/mode.png"}, "view.picture, no folder"),
+        ({"picture": "mode.png", "mode": 9, "count": 2}, "view.mode"),
+        ({"picture": "mode.png", "configuration": "launch", "count": 2}, "study.unknown-configuration, of a picture"),
+    ],
+)
+def test_what_cannot_be_shown(
+    beam: Bench, monkeypatch: pytest.MonkeyPatch, asked: dict[str, object], name: str
+) -> None:
+    monkeypatch.chdir(beam.folder)
+    with pytest.raises(FemtuneError) as caught:
+        ft.view("beam.bdf", **asked)
+    check_shown(name, caught.value)
+    assert not Path("mode.png").exists()
