@@ -81,6 +81,26 @@ def test_an_update_ends_at_the_minimum_and_names_the_combination(study: Path) ->
 
 
 @pytest.mark.slow
+def test_two_parameters_that_are_interchangeable(study: Path) -> None:
+    """Two springs side by side: the frequencies depend on their sum alone."""
+    script = SCRIPT.replace("k, m =", "one, two =").replace("k / m", "one + two")
+    (study.parent / "solve.py").write_text(script)
+    other = "nominal = 1100.0\nlower = 500.0\nupper = 1500.0"
+    text = study.read_text().replace("nominal = 1.0\nlower = 0.5\nupper = 2.0", other)
+    study.write_text(text.replace("[5.5, 9.3]", "[7.0, 11.85]"))
+    result = ft.run(study)
+    update = result.results.update
+    assert update is not None
+    assert update.status == "UNDETERMINED"
+    told = next(a.sentence for a in result.results.alerts if a.code == "external.undetermined")
+    # the sign of a direction is arbitrary
+    assert "+0.71 k −0.71 m" in told or "+0.71 m −0.71 k" in told
+    best = (7.0**-1 + 1.7 / 11.85) / (7.0**-2 + (1.7 / 11.85) ** 2)
+    total = sum(p.value for p in update.parameters)
+    assert total**0.5 / 6.283185307 == pytest.approx(best, rel=5e-4)
+
+
+@pytest.mark.slow
 def test_a_search_says_that_many_sets_have_the_same_objective(study: Path) -> None:
     found = ft.search(study, runs=12, seeds=2).record
     codes = {a.code: a.sentence for a in found.alerts}
