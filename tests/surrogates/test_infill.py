@@ -71,6 +71,7 @@ def test_a_few_runs_find_the_minimum_of_a_sum_of_squares() -> None:
     assert objective(surrogate.y).min() < 0.2 * before
 
 
+@pytest.mark.slow
 def test_runs_by_error_find_a_local_feature_faster_than_random_ones() -> None:
     """A plane with a narrow hill: the error at fresh points after 25 further runs, against as many random ones."""
 

@@ -65,9 +65,7 @@ def rival(problem: UpdateProblem, x: Reals) -> float:
     return 2.0 * float(found.cost)
 
 
-@pytest.mark.parametrize(
-    "seed", [1, 3, pytest.param(5, marks=pytest.mark.slow), pytest.param(8, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 5, 8))])
 @pytest.mark.parametrize("k", [17, pytest.param(30, marks=pytest.mark.slow)])
 def test_no_general_solver_ends_lower(seed: int, k: int):
     problem = lattice(seed, k=k)
