@@ -288,3 +288,13 @@ def test_further_runs_by_error_end_where_the_stated_error_is_small(beam: Bench) 
     with pytest.raises(FemtuneError) as caught:
         steps.search(path, infill_by="improvement", infill_until=0.1)
     check_shown("search.infill", caught.value)
+    with pytest.raises(FemtuneError) as caught:
+        steps.search(path, infill_by="error", on="model")
+    check_shown("search.infill, on the model", caught.value)
+
+
+def test_too_few_runs_are_refused_before_any_is_made(beam: Bench) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        steps.search(beam.study(f'{EI}{RESIDUALS}\n[search]\nruns = 4\ntrend = "quadratic"\n'))
+    assert caught.value.code == "search.too-few"
+    assert "4 runs are too few for the surrogate of 2 parameters, which needs 8" in str(caught.value)

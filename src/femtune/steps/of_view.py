@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 _PART = 0.1
 """Largest motion, as a part of the diagonal of the model."""
+_STRAIGHT = {1, 3, 5, 9, 10, 12, 13, 14}
+"""Types of VTK cells without mid-side points; others are divided into triangles, whose edges are not the element's."""
+_MOST_EDGED = 50_000
+"""Elements whose edges are drawn, at most."""
 _FRAME_MS, _FRAMES = 40, 48
 """Time from one frame to the next, and frames of a period."""
 
@@ -86,6 +90,9 @@ def view(
     if file is None:
         _window(pyvista, mesh, shapes, first)
         return None
+    # without a screen VTK tells that it found none, and draws
+    log = require("vtkmodules.vtkCommonCore").vtkLogger
+    log.SetStderrVerbosity(log.VERBOSITY_ERROR)
     plotter = _plotter(pyvista, mesh, shapes, first, off_screen=True)
     with tempfile.TemporaryDirectory() as folder:
         drawn = Path(folder) / "mode.png"
@@ -126,8 +133,9 @@ def _draw(plotter: Any, mesh: Any, shape: str, phase: float) -> None:
     moved = mesh.copy()
     moved.points = mesh.points + phase * _PART * mesh.length / largest * motion
     moved.point_data["displacement"] = size / largest
+    edges = mesh.n_cells < _MOST_EDGED and {int(kind) for kind in mesh.celltypes} <= _STRAIGHT
     plotter.add_mesh(
-        moved, scalars="displacement", cmap="Blues", clim=(0.0, 1.0), show_edges=mesh.n_cells < 50_000,
+        moved, scalars="displacement", cmap="Blues", clim=(0.0, 1.0), show_edges=edges,
         line_width=2.0, name="shape", reset_camera=False, scalar_bar_args={"title": "displacement / largest"},
     )  # fmt: skip
     plotter.add_text(shape, name="title", font_size=12, color="black")

@@ -241,6 +241,9 @@ class _Search:
         table, (lower, upper) = self.table, self.bounds
         least = _surrogate_rules(table).least_runs(len(lower))
         wanted = table.runs or max(_PER_PARAMETER * len(lower), least)
+        if wanted < least:
+            where = self.study.file.where("search", "runs")
+            raise FemtuneError("search.too-few/asked", where=where, runs=wanted, needed=least, parameters=len(lower))
         x, r = self._good(*self._designed(wanted), least)
         responses = _Responses.of(r)
         surrogate = self._fit(x, responses.of_residuals(r))

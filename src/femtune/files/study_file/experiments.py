@@ -88,6 +88,8 @@ def experiment_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtu
     search = table(data, "search")
     if "infill_until" in search and search.get("infill_by") != "error":
         yield source.error(("search", "infill_until"), "search.infill", {"infill_until": search["infill_until"]})
+    if "infill_by" in search and search.get("on") == "model":
+        yield source.error(("search", "infill_by"), "search.infill/model", {"infill_by": search["infill_by"]})
     surrogate = search.get("surrogate", "kriging")
     for key, methods in _ONLY_OF.items():
         if key in search and surrogate not in methods:
