@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -71,7 +72,10 @@ def _same(folder: Path, whole: Path) -> None:
     assert one.model_dump(exclude=apart) == other.model_dump(exclude=apart)
     assert arrays.keys() == others.keys()
     for key, array in others.items():
-        np.testing.assert_array_equal(arrays[key], array)
+        if re.fullmatch(r"update/frf_\d+_values", key):  # by iteration: known at the end only, as the history is
+            np.testing.assert_array_equal(arrays[key][-1], array[-1])
+        else:
+            np.testing.assert_array_equal(arrays[key], array)
 
 
 @pytest.mark.slow

@@ -103,7 +103,7 @@ class TestWithMeshio:
     @pytest.mark.slow
     def test_a_run_writes_the_updated_values_on_the_elements(self, beam: Bench) -> None:
         result = ft.run(beam.study(f"{EI}[output]\nvtu = true\n"))
-        mesh = self.meshio.read(result.folder / "modes.vtu")
+        mesh = self.meshio.read(result.folder / "shapes.vtu")
         values = dict(zip(("lines", "mass"), mesh.cell_data["root: PBAR 1 I1"]))
         root = next(p for p in result.results.update.parameters if p.name == "root")
         np.testing.assert_allclose(values["lines"][:2], 2.0e-7 * root.value, rtol=1e-9)

@@ -125,7 +125,7 @@ def _written(run: RunResult) -> list[str]:
     deck = run.results.write_back.files if run.results.write_back else ()
     page = (run.report.name,) if run.report else ()
     frfs = sorted(f.name for f in Path(run.folder).glob("frfs*.uff")) if run.results.responses else []
-    meshes = sorted(f.name for f in Path(run.folder).glob("modes*.vtu"))
+    meshes = sorted(f.name for f in Path(run.folder).glob("shapes*.vtu"))
     return [*page, *frfs, *meshes, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *deck]
 
 

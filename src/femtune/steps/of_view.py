@@ -75,13 +75,13 @@ def view(
     file = None if picture is None else Path(picture)
     _check_screen(file)
     with tempfile.TemporaryDirectory() as folder:
-        vtu = Path(folder) / "modes.vtu"
+        vtu = Path(folder) / "shapes.vtu"
         result = modes(source, count=count, max_hz=max_hz, vtu=vtu, fresh=fresh, progress=progress)
         names = [record.configuration for record in result.records]
         if configuration is not None and configuration not in names:
             raise FemtuneError("study.unknown-configuration/name", configuration=configuration, first=names[0])
         at = 0 if configuration is None else names.index(configuration)
-        mesh = pyvista.read(vtu if len(names) == 1 else vtu.with_name(f"modes_{at + 1}.vtu"))
+        mesh = pyvista.read(vtu if len(names) == 1 else vtu.with_name(f"shapes_{at + 1}.vtu"))
     record = result.records[at]
     first = min(record.rigid_body_modes + 1, len(record.freq_hz)) if mode is None else mode
     if not 1 <= first <= len(record.freq_hz):

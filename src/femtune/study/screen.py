@@ -25,7 +25,7 @@ from femtune.study.executor import check_executor, executor_of, with_jobs
 from femtune.study.external import SolverFrequencies, opened_solver
 from femtune.study.model_runs import FrequencyRuns, ModelRun, alone, failures, followed_modes, runs_at
 from femtune.study.respond import check_places
-from femtune.study.screen_methods import Findings, Places, ScreenMethod, method_of_screen
+from femtune.study.screen_methods import Findings, ResponseLabels, ScreenMethod, method_of_screen
 from femtune.study.select import check_parameters
 from femtune.study.solutions import looking_up
 from femtune.study.tables import write_csv
@@ -139,7 +139,7 @@ class _Runs:
         free = self.study.parameters.free
         places = [(modes.case, int(n)) for modes in self.work.followed for n in modes.numbers]
         findings = self.method.findings(
-            np.array([run.values for run in self.found]), Places(tuple(p.name for p in free), tuple(places))
+            np.array([run.values for run in self.found]), ResponseLabels(tuple(p.name for p in free), tuple(places))
         )
         modes = self._modes(places, findings)
         failed = tuple(FailedModelRun(run=i, reason=reason) for i, reason in failures(self.found))

@@ -47,7 +47,7 @@ _STILL = 1e-10
 
 
 @dataclass(frozen=True)
-class Places:
+class ResponseLabels:
     """What the rows and columns of the responses are: names of the parameters, configuration and mode."""
 
     names: tuple[str, ...]
@@ -94,7 +94,7 @@ class ScreenMethod(Protocol):
     def papers(self) -> list[str]:
         """Keys of the publications."""
 
-    def findings(self, values: Reals, places: Places) -> Findings:
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
         """Of the frequencies (runs, m) of the runs in Hz; NaN where a run failed."""
 
 
@@ -136,7 +136,7 @@ class _ByLevels:
         array, two = self.name.startswith("L"), "Burman" in self.name
         return ["montgomery2017", *(["hedayat1999"] if array else []), *(["plackett1946"] if two else [])]
 
-    def findings(self, values: Reals, places: Places) -> Findings:
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
         assert self.design.levels is not None
         good = np.isfinite(values).all(axis=1)
         found = main_effects(self.design.levels[good], values[good])
@@ -184,7 +184,7 @@ class _Morris:
     def papers(self) -> list[str]:
         return ["morris1991", "campolongo2007"]
 
-    def findings(self, values: Reals, places: Places) -> Findings:
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
         found = elementary_effects(self.paths, values.reshape(*self.paths.shape[:2], -1))
         largest = found.absolute.max(axis=0)
         share = found.absolute / np.where(largest > 0.0, largest, np.inf)
@@ -225,7 +225,7 @@ class _Sobol:
     def papers(self) -> list[str]:
         return ["sobol2001", "saltelli2010"]
 
-    def findings(self, values: Reals, places: Places) -> Findings:
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
         found = variance_indices(values.reshape(*self.design.shape[:2], -1), self.seed)
         assert found.first_interval is not None
         assert found.total_interval is not None
@@ -270,7 +270,7 @@ class _SobolOfSurrogate:
     def papers(self) -> list[str]:
         return [*_Sobol(self.design, self.seed).papers, "sacks1989"]
 
-    def findings(self, values: Reals, places: Places) -> Findings:
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
         good = np.isfinite(values).all(axis=1)
         x, y = self.points[good], values[good]
         edges = np.zeros(x.shape[1]), np.ones(x.shape[1])
@@ -290,12 +290,12 @@ class _SobolOfSurrogate:
         )  # fmt: skip
 
 
-def _unexplained(code: str, parts: Reals, places: Places) -> tuple[Alert, ...]:
+def _unexplained(code: str, parts: Reals, places: ResponseLabels) -> tuple[Alert, ...]:
     mixed = [f"{mode} ({100 * part:.0f} %)" for (_, mode), part in zip(places.modes, parts) if part > _UNEXPLAINED]
     return (alert("info", code, modes=", ".join(mixed[:_MOST_NAMED])),) if mixed else ()
 
 
-def _sorted(share: Reals, places: Places, of: str) -> list[str]:
+def _sorted(share: Reals, places: ResponseLabels, of: str) -> list[str]:
     """Sentences that name the parameters by their largest share (n, m) in any frequency."""
     largest = share.max(axis=1)
     order = np.argsort(-largest, kind="stable")

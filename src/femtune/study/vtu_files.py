@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from femtune.assembly.vtk_cells import Cells
     from femtune.model import EigenSolution
 
-VTU_FILE = "modes.vtu"
+VTU_FILE = "shapes.vtu"
 """In a run folder, the modes and parameters after the update."""
 
 
@@ -93,7 +93,7 @@ def _write(case: StudyCase, x: NDArray, solution: EigenSolution, path: Path) -> 
     )
     try:
         with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "modes.vtu"
+            file = Path(folder) / VTU_FILE
             meshio.write(file, mesh)
             write_whole(path, file.read_bytes())
     except OSError as error:
