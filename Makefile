@@ -96,7 +96,7 @@ web-check: web/node_modules/.stamp  ## types and tests of the scripts, and wheth
 # Beside the report of the building: responses with real and with complex modes, modes identified from the latter, and
 # what the examples have left.
 PAGES := ../examples/01_building/run/report.html:../build/responses.html:../build/damped.html:../build/identified/report.html
-LEFT_PAGES = $(shell for page in examples/cases/subframe/run/component_1/run/report.html \
+LEFT_PAGES = $(shell for page in examples/cases/subframe/run/family_5000/run/report.html \
 	examples/cases/aeroplane_frfs/run/run/report.html; do [ -f "$$page" ] && printf ':../%s' "$$page"; done)
 RESPOND := $(BIN)/femtune respond --quiet --input 301X+ --from 1 --to 20 --step 0.05
 
