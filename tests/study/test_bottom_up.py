@@ -188,6 +188,7 @@ def test_every_stage_finds_its_part_of_the_truth(run: RunResult):
     assert update.stages[1].parameters[0].before == 2.1e11
 
 
+@pytest.mark.slow
 def test_what_rests_widens_what_moves(run: RunResult):
     stages = {s.name: s for s in run.results.update.stages}
     joint, mass = stages["joint, stiffness"].parameters[0], stages["left, mass"].parameters[0]

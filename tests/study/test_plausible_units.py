@@ -80,6 +80,7 @@ def test_materials_of_other_units_are_warned_of(bench: Bench, name: str) -> None
     assert text in what
 
 
+@pytest.mark.quick(20)
 @pytest.mark.parametrize("name", COMMON)
 @pytest.mark.parametrize("units", [*SYSTEMS, "mm-g-s", "m-t-s"])
 def test_common_materials_in_their_units_are_not(bench: Bench, name: str, units: str) -> None:

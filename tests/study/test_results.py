@@ -16,6 +16,7 @@ from femtune.results.validation import ValidationResults
 _PAGE = Path(__file__).resolve().parents[2] / "docs" / "results-schema.md"
 
 
+@pytest.mark.quick(40)
 @pytest.mark.parametrize("record", record_types(), ids=lambda r: r.__name__)
 def test_each_field_is_on_the_page_with_its_meaning(record: type[Record]) -> None:
     section = _PAGE.read_text("utf-8").split(f"\n## {record.__name__}\n")[1].split("\n## ")[0]

@@ -76,6 +76,7 @@ def test_the_truth_is_found_on_the_model(beam: Bench) -> None:
     assert found.record.runs == found.record.seeds[0].evaluations + 1
 
 
+@pytest.mark.slow
 def test_a_minimum_at_a_bound(beam: Bench) -> None:
     found = steps.search(beam.study(EI.replace("2.0", "1.2") + RESIDUALS + SMALL))
     assert found.values["root"] == pytest.approx(1.2)
@@ -223,6 +224,7 @@ def test_one_less_mac_from_each_form(form: str) -> None:
     assert one_less_mac(0.05 * value, form)[0] == pytest.approx(1.0 - mac, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surrogate", ["radial-basis", pytest.param("chaos", marks=pytest.mark.slow)])
 def test_other_surrogates_find_the_truth(beam: Bench, surrogate: str) -> None:
     path = beam.study(EI + RESIDUALS + SMALL + f'surrogate = "{surrogate}"\n')

@@ -97,6 +97,7 @@ def test_the_spread_of_the_parameters_is_found_and_that_of_a_common_one_is_noise
     assert _found(beams).common is not None
 
 
+@pytest.mark.slow
 def test_joint_calibration_uses_all_data_of_the_common_parameter(beams: RunResult) -> None:
     _, tip = _found(beams).parameters
     assert tip.values[0].sd is not None

@@ -89,6 +89,7 @@ def test_each_value_in_each_field(path: Path, place: tuple[int, int]) -> None:
         check(path, changed([(place, value)]))
 
 
+@pytest.mark.slow
 @given(changes=st.lists(st.tuples(st.sampled_from(PLACES), st.sampled_from(VALUES)), min_size=2, max_size=5))
 def test_fields_changed_at_random(path: Path, changes: Changes) -> None:
     check(path, changed(changes))

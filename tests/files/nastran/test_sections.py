@@ -114,6 +114,7 @@ SECTIONS = [(name, TYPICAL[name]) for name in DRAWINGS] + [
 ]
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize(("name", "dimensions"), SECTIONS)
 def test_torsion_constants(name: str, dimensions: tuple[float, ...]):
     """Thin and thick walls within .6 %, those of the accuracy table within .2 %; the formula of BAR has .5 %."""
