@@ -32,6 +32,7 @@ def problem(modules: dict[str, ModuleType], name: str):
     return next(p for p in modules["families"].problems() if p.name == name).make()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lattices 1", "lattices 2", "matrices 1"])
 def test_squares_by_which_modes_are_paired_are_those_of_the_residuals(modules: dict[str, ModuleType], name: str):
     p = problem(modules, name)

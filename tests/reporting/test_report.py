@@ -292,6 +292,7 @@ def test_pictures_hold_no_markup_of_labels(hostile: Document) -> None:
     assert not [k for e in elements for k in e.attrib if k.lower().startswith("on")]
 
 
+@pytest.mark.slow
 def test_the_pictures_are_sound_xml_and_of_no_network(document: Document) -> None:
     for uri in re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', html_text(document)):
         root = ElementTree.fromstring(base64.b64decode(uri))

@@ -133,6 +133,7 @@ def test_displacements_show_the_length_of_the_study() -> None:
     assert heads("5Z+", "") == ["Output", "Displacement"]
 
 
+@pytest.mark.slow
 def test_a_test_and_a_model_that_coincide_stay_apart_in_colour() -> None:
     svg = frfs_svg([FrfPanel("1Z+", "a", (_curve("test"), _curve("after")))])
     assert "#f2b27e" in svg

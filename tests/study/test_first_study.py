@@ -190,6 +190,7 @@ _CYCLE = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _OBLIQUE = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("turn", "shift", "renumbered"),
     [(_CYCLE, 0.0, True), (_CYCLE, 50.0, False), (_OBLIQUE, 12.5, False), (np.eye(3), 100.0, True)],

@@ -145,6 +145,7 @@ def test_places_that_are_no_files(tmp_path: Path) -> None:
     assert "larger" in why(tmp_path / "a.npz", 100)
 
 
+@pytest.mark.slow
 @settings(database=None)
 @given(st.data())
 def test_any_change_is_noticed_or_harmless(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:

@@ -190,7 +190,7 @@ def test_pairs_are_complete() -> None:
         assert {(row[i], row[j]) for row in rows} == set(itertools.product(AXES[i], AXES[j]))
 
 
-@pytest.mark.quick(12)
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_values_are_read_where_they_stand(sample: Sample, tmp_path: Path) -> None:
     built = built_of(
@@ -244,7 +244,7 @@ def test_fifths_are_all_combinations_and_each_has_every_pair() -> None:
         assert all({(row[i], row[j]) for row in rows} == set(itertools.product(AXES[i], AXES[j])) for rows in fifths)
 
 
-@pytest.mark.quick(5)
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_matrices_at_each_value(sample: Sample, tmp_path: Path) -> None:
     """The deck that was written has the matrices of the model at the values that the plan states."""

@@ -246,6 +246,7 @@ _VALUES = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(0, len(_LINES) - 1), _VALUES), min_size=1, max_size=3))
 @example([(_LINES.index("elements_off = [7, 8]"), "[" + "9" * 400 + "]")])
 @example([(_LINES.index("shape_sd = 0.1"), "9" * 400)])
