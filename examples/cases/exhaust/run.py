@@ -63,7 +63,7 @@ class Size:
     starts: tuple[float, ...]
 
 
-QUICK = Size((1,), 1.0, (3.0,))
+QUICK = Size((1,), 0.5, (3.0,))
 FULL = Size((1, 2, 3, 4, 5), 0.25, (0.3, 3.0))
 
 STAGES = (
