@@ -83,6 +83,7 @@ def test_a_frequency_below_the_first_mode_is_told(tmp_path: Path) -> None:
     found = steps.modes(path, max_hz=0.01)[0]
     (alert,) = [a for a in found.alerts if a.code == "eigen.none-below"]
     assert f"{found.freq_hz[0]:.4g} Hz" in alert.sentence
+    check_shown("eigen.none-below", f"[{alert.code}] {alert.sentence}")
 
 
 def test_no_more_than_a_limit_and_a_notice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
