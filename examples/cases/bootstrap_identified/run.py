@@ -28,7 +28,7 @@ METHODS: tuple[Resampling, ...] = ("lines", "entries", "noise")
 
 @dataclass(frozen=True)
 class Size:
-    """Tests of the Monte Carlo, data sets with a bootstrap, their runs, those checked, largest difference of the means."""
+    """Tests of the Monte Carlo, bootstrapped data sets, runs of each, runs checked, largest difference of the means."""
 
     tests: int
     sets: int
