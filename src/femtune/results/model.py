@@ -818,6 +818,10 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
     )
 
 
+_OF_THE_COUNT = ("eigen.none-below", "eigen.many-modes")
+"""Notices on the number of modes that were solved."""
+
+
 def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> ModelModes:
     """The wanted modes of a solution with the proof that none is missing."""
     freq = solution.freq_hz
@@ -840,6 +844,7 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         solver=solution.method,
         test_masses=effect,
         alerts=(
+            *(alert_of(n) for n in solution.notices if n.code in _OF_THE_COUNT),
             *_of_slow_modes(solution),
             *_of_held_masses(name, solution),
             *_of_drilling(name, solution),
