@@ -138,12 +138,17 @@ def judge_universal(path: Path, found: Any) -> bool | None:
         if same(test.modes.freq_hz, [s["freq"] for s in modes]) is not True:
             return False
         return _same_shapes(test.modes, modes)
-    functions = [s for s in sets if s.get("type") == 58 and np.iscomplexobj(s.get("data"))]
+    functions = [s for s in sets if s.get("type") == 58 and np.iscomplexobj(s.get("data")) and _has_directions(s)]
     if len(found.frf_sets) == 1 and functions:
         frfs = found.frf_sets[0]
         ours = {complex(v) for v in np.round(frfs.values.ravel(), 12)}
         return all(abs(v) < 1e-300 or _near(v, ours) for v in functions[0]["data"][:3])
     return None
+
+
+def _has_directions(one: dict[str, Any]) -> bool:
+    """Without them, or over another quantity than frequency (18), a function is kept with a notice and is no FRF."""
+    return one["abscissa_spec_data_type"] == 18 and all(1 <= abs(int(one[key])) <= 6 for key in ("rsp_dir", "ref_dir"))
 
 
 def _near(value: complex, all_of_them: set[complex]) -> bool:
