@@ -38,7 +38,7 @@ _CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 
 """Nodes of an element on the grid."""
 
 
-def _lines(axes: tuple[float, ...], between: tuple[int, ...], sheets: dict[float, float]) -> np.ndarray:
+def _lines(axes: tuple[float, ...], between: tuple[int, ...], sheets: dict[float, float], divided: int) -> np.ndarray:
     """Grid lines along one direction."""
     found = []
     for axis in axes:
@@ -46,21 +46,30 @@ def _lines(axes: tuple[float, ...], between: tuple[int, ...], sheets: dict[float
         if axis in sheets:
             found += [axis - sheets[axis] / 2, axis + sheets[axis] / 2]
     for (a, b), cells in zip(pairwise(axes), between, strict=True):
-        found += np.linspace(a + HALF + CONNECTED, b - HALF - CONNECTED, cells + 1).tolist()
+        ends = (a + HALF, a + HALF + CONNECTED, b - HALF - CONNECTED, b - HALF)
+        for (first, last), parts in zip(pairwise(ends), (1, cells, 1), strict=True):
+            found += np.linspace(first, last, divided * parts + 1).tolist()
     return np.unique(np.round(found, 9))
 
 
 @dataclass(frozen=True)
 class SolidMesh:
-    """Nodes and elements; numbers of sensors are those of `geometry.sensors`."""
+    """Nodes and elements; numbers of sensors are those of `geometry.sensors`.
+
+    Parameters
+    ----------
+    divided : parts of each cell along the tubes and in the planes of the panels
+    """
+
+    divided: int = 1
 
     @cached_property
     def lines(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Grid lines along x, y and z."""
         return (
-            _lines(X, _BETWEEN["x"], {}),
-            _lines(Y, _BETWEEN["y"], {BACK: SHEET}),
-            _lines(Z, _BETWEEN["z"], dict.fromkeys(BOARDS, BOARD)),
+            _lines(X, _BETWEEN["x"], {}, self.divided),
+            _lines(Y, _BETWEEN["y"], {BACK: SHEET}, self.divided),
+            _lines(Z, _BETWEEN["z"], dict.fromkeys(BOARDS, BOARD), self.divided),
         )
 
     @cached_property
@@ -90,6 +99,12 @@ class SolidMesh:
         """Coordinates of a node."""
         return [float(line[i]) for line, i in zip(self.lines, node)]
 
+    def on_table(self, node: tuple[int, int, int]) -> bool:
+        """Whether a node lies under one of the blocks on the table."""
+        x, y, z = self.place(node)
+        near = (any(abs(c - a) < HALF + 1e-9 for a in axes) for c, axes in ((x, X), (y, Y)))
+        return z < 1e-9 and all(near)
+
 
 def _material(at: np.ndarray) -> int:
     """Material at a point; 0 outside of everything."""
@@ -113,9 +128,9 @@ def _material(at: np.ndarray) -> int:
     return 0
 
 
-def input_text(modes: int, *, table: bool = False, values: dict[str, float] | None = None) -> str:
+def input_text(modes: int, *, table: bool = False, values: dict[str, float] | None = None, divided: int = 1) -> str:
     """The input file: with placeholders for the parameters that have no value, free or with its feet on the table."""
-    mesh = SolidMesh()
+    mesh = SolidMesh(divided)
     lines = ["*NODE, NSET=NALL"]
     lines += [f"{number},{','.join(f'{c:.9g}' for c in mesh.place(p))}" for p, number in mesh.nodes.items()]
     for number, (name, _, _) in MATERIALS.items():
@@ -132,18 +147,12 @@ def input_text(modes: int, *, table: bool = False, values: dict[str, float] | No
             f"*MATERIAL, NAME={name}", "*ELASTIC", f"{E_text},{POISSON[number]}", "*DENSITY", density_text,
             f"*SOLID SECTION, ELSET={name}, MATERIAL={name}",
         ]  # fmt: skip
-    held = [n for p, n in mesh.nodes.items() if _on_table(mesh, p)] if table else []
+    held = [n for p, n in mesh.nodes.items() if mesh.on_table(p)] if table else []
     lines += ["*NSET, NSET=SENSORS", *(f"{n}," for n in (*sensors(), *held))]
     if table:
         lines += ["*BOUNDARY", *(f"{n},1,3" for n in held)]
     lines += ["*STEP", "*FREQUENCY", str(modes), "*NODE FILE, NSET=SENSORS", "U, RF" if table else "U", "*END STEP", ""]
     return "\n".join(lines)
-
-
-def _on_table(mesh: SolidMesh, node: tuple[int, int, int]) -> bool:
-    x, y, z = mesh.place(node)
-    near = (any(abs(c - a) < HALF + 1e-9 for a in axes) for c, axes in ((x, X), (y, Y)))
-    return z < 1e-9 and all(near)
 
 
 def mass(values: dict[str, float]) -> float:

@@ -69,6 +69,8 @@ class CandidateResults(Record):
     """Number of starts that reached this optimum."""
     starts_unpaired: int = 0
     """Number of starts that could not be solved, or from which fewer modes found their partners; they are not used."""
+    start_errors_percent: tuple[float, ...] = ()
+    """Weighted mean error at the end of each start that is used, in %; empty in older results."""
     other_optima: int = 0
     """Number of other optima that are equally good within the noise."""
     left_out: tuple[LeftOutPrediction, ...] = ()

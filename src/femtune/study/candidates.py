@@ -279,7 +279,7 @@ def _best_start(
     )
     return {
         **best, "reached": len(optima[0].members) if optima else 0, "others": sum(o.as_good for o in optima[1:]),
-        "unpaired": len(found) - len(starts),
+        "unpaired": len(found) - len(starts), "errors": [found[start.number]["error"] for start in starts],
     }  # fmt: skip
 
 
@@ -606,6 +606,7 @@ def _record(study: Study, candidate: ParameterChoice, found: Found, starts: int)
         worst_residual=found["worst"], worst_label=found["worst_label"],
         starts=starts if candidate.parameters else 1, starts_at_best=found.get("reached", 1),
         starts_unpaired=found.get("unpaired", 0),
+        start_errors_percent=tuple(100.0 * error for error in found.get("errors", ())),
         other_optima=found.get("others", 0),
     )  # fmt: skip
 

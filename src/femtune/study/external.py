@@ -125,16 +125,16 @@ def find_on_solver(
     first = nominal_point(runs.file)
     runs.measure_noise(first, runs.run([first])[0])
     runs.follow_deck(first)
-    walk = _Walk(runs, method, tell, active, study, at)
-    settled = walk.go(study.file.solver.moves)
-    if not settled or walk.place.result.status is Status.UNDETERMINED:
-        walk.open_ = walk.open_ or _open_combinations(walk.place, active)
-    result, told = walk.result(settled), [*walk.told, *walk.ended(settled), *runs.replaced, *runs.journal.notices]
-    return SolverUpdate(replace(result, before=at), walk.place.study, tuple(map(alert_of, dict.fromkeys(told))))
+    region = _TrustRegion(runs, method, tell, active, study, at)
+    settled = region.go(study.file.solver.moves)
+    if not settled or region.place.result.status is Status.UNDETERMINED:
+        region.open_ = region.open_ or _open_combinations(region.place, active)
+    result, told = region.result(settled), [*region.told, *region.ended(settled), *runs.replaced, *runs.journal.notices]
+    return SolverUpdate(replace(result, before=at), region.place.study, tuple(map(alert_of, dict.fromkeys(told))))
 
 
-class _Walk:
-    """The update from point to point; `radius` and `step` are in half ranges of the parameters."""
+class _TrustRegion:
+    """The update from point to point, each within a radius that adapts; `radius` and `step` are in half ranges."""
 
     def __init__(
         self,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -322,6 +323,16 @@ def read_connectors(
     return [*_Welds(building, materials, reading).read(), *_Fasteners(building, reading).read()]
 
 
+def _batches(
+    building: Building, card: str, add: Callable[[CardEntry], None], rows: Mapping[Any, BatchRows]
+) -> list[ElementBatch]:
+    """Add every record of a card to its rows; an error in one does not hide those in others."""
+    for record in building.records(card):
+        with building.errors.catch():
+            add(record)
+    return [batch for key in sorted(rows) for batch in rows[key].batches()]
+
+
 @dataclass
 class _Welds:
     """Welds of one deck."""
@@ -343,10 +354,7 @@ class _Welds:
 
     def read(self) -> list[ElementBatch]:
         """Their batches."""
-        for record in self.building.records("CWELD"):
-            with self.building.errors.catch():
-                self._add(record)
-        return [batch for key in sorted(self.rows) for batch in self.rows[key].batches()]
+        return _batches(self.building, "CWELD", self._add, self.rows)
 
     def _add(self, record: CardEntry) -> None:
         pid = record.integer("PID", record.integer("EID"))
@@ -425,10 +433,7 @@ class _Fasteners:
 
     def read(self) -> list[ElementBatch]:
         """Their batches."""
-        for record in self.building.records("CFAST"):
-            with self.building.errors.catch():
-                self._add(record)
-        return [batch for key in sorted(self.rows) for batch in self.rows[key].batches()]
+        return _batches(self.building, "CFAST", self._add, self.rows)
 
     def _add(self, record: CardEntry) -> None:
         pid = record.integer("PID", record.integer("EID"))
