@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import difflib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+Item = TypeVar("Item")
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -215,6 +218,21 @@ class ErrorCollector:
             raise self.errors[0]
         if self.errors:
             raise FemtuneErrors(self.errors)
+
+
+_MOST_TOGETHER = 20
+
+
+def each(make: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
+    """`make` of each item; what is wrong with several of them is reported together, up to twenty errors."""
+    errors, found = ErrorCollector(), list[Made]()
+    for item in items:
+        with errors.catch():
+            found.append(make(item))
+        if len(errors.errors) >= _MOST_TOGETHER:
+            break
+    errors.raise_if_any()
+    return found
 
 
 @dataclass(frozen=True, init=False)

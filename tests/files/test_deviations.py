@@ -10,7 +10,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.dofs import DofSet
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, FemtuneErrors, Where
 from femtune.files.deviations import deviations_text, with_deviations
 from femtune.modal import ModeSet
 
@@ -134,6 +134,11 @@ def test_what_is_wrong_in_a_table_is_told_with_its_line(tmp_path: Path, name: st
         with_deviations(bare(), path)
     assert error.value.code == "test.deviations-table"
     assert error.value.where == Where(str(path), line)
+    path.write_text(text.replace("frequency", "9X+"))
+    if name in ("mode", "number"):
+        with pytest.raises(FemtuneErrors) as several:
+            with_deviations(bare(), path)
+        assert [one.where for one in several.value.errors] == [Where(str(path), 2), Where(str(path), 3)]
     if name in ("heading", "sensor", "mode", "twice", "number"):
         shown = f"test.deviations-table, {name}"
         check_shown(shown, str(error.value).replace(str(path), "/home/anna/sd.csv"))

@@ -14,7 +14,7 @@ def table(tmp_path, text):
 
 
 def test_points_with_oblique_directions_that_are_not_perpendicular(tmp_path):
-    text = "node;x;y;z;X_x;X_y;X_z;Z_x;Z_y;Z_z\n11;1;2;3;3;4;0;0;3;4\n\n12;4.5;5;6;1;0;0;0;0;-2\n"
+    text = "node;x;y;z;X_x;X_y;X_z;Z_x;Z_y;Z_z\n11;1;2;3;3;4;0;0;3;4\n\n12;4,5;5;6;1;0;0;0;0;-2\n"
     frame = read_points(table(tmp_path, text))
     assert frame.position(12).tolist() == [4.5, 5.0, 6.0]
     assert frame.direction(parse_dof("11X-")) == pytest.approx([-0.6, -0.8, 0.0])
@@ -32,12 +32,14 @@ def test_points_with_oblique_directions_that_are_not_perpendicular(tmp_path):
         ("node,x,y,z,w\n1,2,3,4,5\n", "'w' is unknown", 1),
         ("node,x,y,z\n1,2,3,4\n2,5,6\n", "3 fields", 3),
         ("node,x,y,z\n1,2,3,4\n\n2.5,5,6,7\n", "'2.5' is not a valid number in the column node", 4),
-        ("node;x;y;z\n1;2,5;3;4\n", "'2,5' is not a valid number", 2),
+        ("node;x;y;z\n1;2,5,1;3;4\n", "is not a valid number", 2),
         ("node,x,y,z\n1,2,3,nan\n", "'nan' is not a valid number", 2),
         ("node,x,y,z,X_x,X_y,X_z\n1,2,3,4,0,0,0\n", "direction X has no length", 2),
         ("node,x,y,z\n", "has 1 lines", None),
         ("", "has 0 lines", None),
-        ("node,x,y,z\n1,0,0,0\n1,0,0,1\n", "defined twice|more than once|twice", None),
+        ("node,x,y,z\n1,0,0,0\n1,0,0,1\n", "node 1 twice, first in line 2", 3),
+        ("node,x,y,z\n1,0,a,0\n1,0,0,1\n2,0,b,0\n", "2 problems", None),
+        ("node,x\x00y", "binary file", None),
     ],
 )
 def test_what_cannot_be_read_is_told_with_its_line(tmp_path, text, says, line):

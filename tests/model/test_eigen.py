@@ -13,6 +13,8 @@ from femtune.model import Configuration, EigenSolution, ModelPoint, configure, p
 from femtune.model.eigen import krylov, sturm
 from femtune.model.eigen import pairs as eigenpairs
 from femtune.model.eigen import solution as eigen_module
+from femtune.model.eigen.pencil import Pencil
+from femtune.model.eigen.shift import near_shift
 from femtune.model.solvers import factorise
 from femtune.parameters import ParameterSet
 from structures.frames import bars, bushes, make_structure, masses, scalars
@@ -177,16 +179,6 @@ def test_a_loose_part_with_mass_is_a_rigid_body_mode():
     links = [(i - 1, i, 1e3) for i in range(5)] + [(5, 6, 1e3)]
     values = eigenvalues(springs(links, [1.0] * 7), 3)
     assert abs(values[0]) < 1e-9 * values[1]
-
-
-def test_spinning_massless_bar():
-    """Lumped mass has no inertia about the bar's own axis, and nothing holds it there."""
-    xyz = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
-    links = [bars([[0, 1], [1, 2]], STEEL, orientation=(0.0, 0.0, 1.0))]
-    with pytest.raises(FemtuneError) as caught:
-        solve_modes(point_of(make_structure(xyz, links, hold_singular=False)), 3)
-    assert caught.value.code == "eigen.mechanism"
-    assert caught.value.values["DOFs that move"] == "1RX, 2RX, 3RX"
 
 
 def test_nothing_free_and_no_mass():
@@ -358,3 +350,10 @@ def test_complex_matrices_go_to_the_solver_that_keeps_its_ordering():
     assert factor.name == "PARDISO"
     assert factorise.factorise(matrix).name == "SuperLU"
     np.testing.assert_allclose(matrix @ factor.solve(b) * (1 + 0.02j), b, rtol=1e-6, atol=1e-5)
+
+
+def test_a_start_whose_rigid_body_modes_are_lifted_by_rounding_keeps_the_shift_away_from_zero():
+    point = springs([(i - 1, i, 1e9) for i in range(1, 6)], [1.0] * 6)
+    pencil = Pencil(point.symmetric_stiffness, point.symmetric_mass)
+    search = near_shift(point, pencil, np.array([1e-4, 1.0]), -100.0, np.eye(pencil.n)[:, :2])
+    assert -100.0 <= search.shift < -0.1

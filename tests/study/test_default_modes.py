@@ -77,6 +77,15 @@ def test_a_number_and_a_frequency(tmp_path: Path) -> None:
     assert solve_modes(point, None, 0.5 * (all_hz[39] + all_hz[40])).wanted == 40
 
 
+def test_a_frequency_below_the_first_mode_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "clamped.bdf"
+    path.write_text(HEAD.format("SPC = 1\n") + _chain(more=SUPPORTS["clamped"][0]) + "ENDDATA\n")
+    found = steps.modes(path, max_hz=0.01)[0]
+    (alert,) = [a for a in found.alerts if a.code == "eigen.none-below"]
+    assert f"{found.freq_hz[0]:.4g} Hz" in alert.sentence
+    check_shown("eigen.none-below", f"[{alert.code}] {alert.sentence}")
+
+
 def test_no_more_than_a_limit_and_a_notice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(eigen_solution, "MOST_MODES", 30)
     point = _point(tmp_path, HEAD.format("") + _chain() + "ENDDATA\n")

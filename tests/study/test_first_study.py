@@ -378,6 +378,15 @@ def test_mistakes_of_deck_and_test_beside_those_of_the_study(small: tuple[Path, 
     assert set(files) == {"study.toml", "plate.bdf", "test.uff"}
 
 
+def test_a_file_after_an_update_that_there_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(
+        f'[study]\ntitle = "a"\ndeck = "{example_deck(tmp_path).name}"\nunits = "m-kg-s"\n[output]\nvtu = true\n'
+    )
+    (text,) = ft.check(path).texts
+    check_shown("study.no-update", text.replace(str(path), "/home/anna/study.toml"))
+
+
 @pytest.mark.parametrize("what", ["missing", "not TOML"])
 def test_a_study_that_cannot_be_read(tmp_path: Path, what: str) -> None:
     path = tmp_path / "study.toml"

@@ -133,6 +133,16 @@ def test_shapes_need_deviations_from_somewhere(beam: Bench) -> None:
     assert "does not give standard deviations of its shapes" in str(error.value)
 
 
+def test_check_names_modes_whose_deviations_the_test_does_not_give(beam: Bench) -> None:
+    """Mode 1 has both deviations, mode 2 that of its frequency only; each warning names the others."""
+    (beam.folder / "sd.csv").write_text("mode,dof,sigma\n1,frequency,0.01\n2,frequency,0.01\n1,2Z+,0.01\n1,3Z+,0.01\n")
+    text = '[test]\nfile = "beam.uff"\ndeviations = "sd.csv"\n[residuals]\nfrequency_sd = "test"\n'
+    found = steps.check(beam.study(text + beam.parameters, test=None)).record
+    (lacking,) = [p for p in found.problems if p.code == "residual.no-scatter"]
+    assert "modes 3, 4 are" in lacking.message
+    assert found.errors == 0
+
+
 @pytest.mark.parametrize(
     ("text", "code"),
     [

@@ -68,19 +68,22 @@ def test_scatter_is_that_asked_for_and_the_same_again(bench: Bench) -> None:
     [
         ({"units": None}, "response.units-needed"),
         ({"sensors": ()}, "uff.cannot-write"),
-        ({"sensors": ("77Z+",)}, "model.unknown-node"),
+        ({"sensors": ("78Z+",)}, "model.unknown-node"),
         ({"sensors": ("2 THRU :3",)}, "study.support"),
         ({"sensors": ("2Z",)}, "dof.syntax"),
         ({"path": Path("none/at/all.uff")}, "uff.cannot-write"),
+        ({"sensors": ("2Z+", "77S+")}, "uff.cannot-write"),
     ],
 )
 def test_what_cannot_be_written_is_refused_before_anything_is_solved(
     bench: Bench, options: dict[str, Any], code: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("femtune.results.solved.solve", lambda *_: pytest.fail("it was solved"))
+    spring = "SPOINT,77\nCELAS2,770,1.+3,77,0\nCMASS2,771,1.,77,0\n"
+    deck = bench.write("with_scalar_point.bdf", bench.text.replace("ENDDATA", f"{spring}ENDDATA"))
     asked = {"path": bench.folder / "t.uff", "sensors": ("2Z+",), "units": "m-kg-s", **options}
     with pytest.raises(FemtuneError) as caught:
-        steps.modes(bench.folder / "beam.bdf", simulate=SimulatedTest(**asked))
+        steps.modes(deck, simulate=SimulatedTest(**asked))
     assert caught.value.code == code
 
 
@@ -101,3 +104,25 @@ def test_sensors_without_a_file_are_a_slip(bench: Bench) -> None:
     found = CliRunner().invoke(main, ["modes", str(bench.folder / "beam.bdf"), "--sensor", "2Z+"])
     assert found.exit_code == 2
     assert "--sensor requires --uff" in found.stderr
+
+
+def test_scalar_points_are_measured_like_other_dofs(bench: Bench) -> None:
+    """An oscillator of 1 kg on 1000 N/m beside the beam, by the direction S and as component 1."""
+    spring = "SPOINT,77\nCELAS2,770,1.+3,77,0\nCMASS2,771,1.,77,0\n"
+    deck = bench.write("with_scalar_point.bdf", bench.text.replace("ENDDATA", f"{spring}ENDDATA"))
+    for label in ("77S+", "77X+"):
+        modes = steps.simulate(deck, ["5Z+", label], units="m-kg-s", count=4).modes
+        assert modes is not None
+        assert modes.dofs.labels() == ["5Z+", "77S+"]
+        moved = np.abs(modes.shapes[1]) > 1e-6
+        assert modes.freq_hz[moved] == pytest.approx([np.sqrt(1000.0) / (2.0 * np.pi)])
+        assert np.abs(modes.shapes[1, moved]) == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize("other", ["report", "vtu"])
+def test_no_two_files_are_one(bench: Bench, other: str) -> None:
+    """Neither the page nor the VTU file may be the simulated test."""
+    path = bench.folder / "one.vtu"
+    with pytest.raises(FemtuneError) as caught:
+        steps.modes(bench.folder / "beam.bdf", simulate=SimulatedTest(path, ("2Z+",), "m-kg-s"), **{other: path})
+    assert caught.value.code == "write.overwrites-input"

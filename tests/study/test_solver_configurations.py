@@ -129,7 +129,9 @@ def test_screening_and_candidates_with_both_configurations(study: Path) -> None:
     effects = {(e.parameter, e.configuration): e.contribution for e in found.record.effects if e.mode == 1}
     # nothing but the product of the other two, with which it is confounded
     assert effects["bolt", "free"] < 1e-4
-    text = study.read_text() + '\n[candidates]\nsubsets = "all"\nleast = 2\n'
+    sets = {"without the bolt": ["k1", "k2"], "with the bolt": ["k1", "k2", "bolt"]}
+    listed = (f"\n[[candidate]]\nname = {name!r}\nparameters = {of}\n" for name, of in sets.items())
+    text = study.read_text() + "".join(listed)
     study.write_text(text)
     records = {c.parameters: c for c in ft.candidates(study).record.candidates}
     assert [names for names, c in records.items() if c.admissible] == [("k1", "k2", "bolt")]

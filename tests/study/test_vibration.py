@@ -358,7 +358,7 @@ def test_limits_without_data_are_not_tested(beam: Bench) -> None:
     ("name", "text"),
     [
         ("vibration.file", "Hz,a,b\n10,1,1\n9,1,1\n"),
-        ("vibration.file, columns", "Hz,a\n10,1\n20,1\n"),
+        ("vibration.file, columns", "Hz,a,b\n10,1\n20,1,1\n"),
         ("vibration.file, heading", "10,1,1\n20,1,1\n30,2,2\n"),
         ("vibration.file, number", "Hz,a,b\n10,1,one\n20,1,1\n"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 import warnings
 from collections.abc import Callable
@@ -41,6 +42,12 @@ def _table(path: Path) -> Table:
         except ValueError as error:
             raise FemtuneError("uff.value", f"{path.name}: no number", where=Where(str(path), number)) from error
     return found
+
+
+@pytest.fixture(autouse=True)
+def _files_that_break_a_rule(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are kept in the folder of the test, instead of that of the system."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
 @pytest.fixture

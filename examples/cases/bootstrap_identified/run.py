@@ -28,15 +28,16 @@ METHODS: tuple[Resampling, ...] = ("lines", "entries", "noise")
 
 @dataclass(frozen=True)
 class Size:
-    """Tests of the Monte Carlo, data sets with a bootstrap, runs of each, largest difference of the means."""
+    """Tests of the Monte Carlo, bootstrapped data sets, runs of each, runs checked, largest difference of the means."""
 
     tests: int
     sets: int
     runs: int
+    checked: int
     within: float
 
 
-QUICK, FULL = Size(6, 1, 20, 0.9), Size(200, 6, 300, 0.15)
+QUICK, FULL = Size(6, 1, 15, 1, 0.9), Size(200, 6, 300, 5, 0.15)
 
 
 def main() -> None:
@@ -52,7 +53,7 @@ def main() -> None:
         sd = []
         for seed in range(size.sets):
             work = campaigns.bootstrap(seed, method, size.runs)
-            check = [work.check(i) for i in range(5)] if seed == 0 else []
+            check = [work.check(i) for i in range(size.checked)] if seed == 0 else []
             found = bootstrap_result(work, workers.run(work, range(size.runs), name="run"), check)
             sd.append(found.samples.std(axis=0, ddof=1))
             if seed == 0:

@@ -46,7 +46,7 @@ def by_chance(tests: int) -> tuple[float, float]:
     return binom.ppf(5e-4, tests, LEVEL) / tests, binom.ppf(1 - 5e-4, tests, LEVEL) / tests
 
 
-QUICK = Size(60, 20, *by_chance(60))
+QUICK = Size(30, 10, *by_chance(30))
 FULL = Size(1000, 200, 0.93, 0.97)
 
 

@@ -144,7 +144,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer tests, for continuous integration")
     parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
-    tests = 25 if options.quick else 2000
+    tests = LEAST if options.quick else 2000
     found = [*(covered(problem, tests) for problem in PROBLEMS), shapes(tests)]
     check(found)
     outside = np.array([

@@ -21,6 +21,7 @@ from femtune.files.described_test import described_test
 from femtune.files.deviations import with_deviations
 from femtune.files.study_file import test_files
 from femtune.files.uff import UffFile, read_uff
+from femtune.modal import entry_deviations
 from femtune.model.eigen.default_count import ELASTIC_MODES
 from femtune.residuals import ComparedCase, PairingRules
 from femtune.testdata import convert_units, sensors_at
@@ -401,8 +402,7 @@ def _with_scatter(file: StudyFile, modes: ModeSet) -> ModeSet:
     stated = file.validation.shape_sd
     if stated is None or modes.shapes_sd is not None:
         return modes
-    largest = np.nanmax(np.abs(modes.shapes), axis=0, initial=0.0)
-    return replace(modes, shapes_sd=np.where(np.isnan(modes.shapes), np.nan, stated * largest))
+    return replace(modes, shapes_sd=entry_deviations(stated, modes.shapes))
 
 
 def _fixed_pairs(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> Iterable[tuple[int, int]]:

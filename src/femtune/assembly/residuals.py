@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from femtune.assembly.axes import named_axis, sensor_axis
 from femtune.assembly.error_places import errors_at
 from femtune.correlation import sensor_placement
-from femtune.errors import ErrorCollector, FemtuneError, did_you_mean
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, did_you_mean
 from femtune.identification import InputKnown, equalised_test
 from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
 from femtune.residuals.kinds import kinds
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
     from femtune.correlation import SensorPlacement
     from femtune.dofs import DofSet
-    from femtune.errors import Notice, Where
     from femtune.files.study_file import Comparison, StudyFile
     from femtune.identification import EqualisedTest
     from femtune.modal import FrfSet, ModeSet
@@ -141,6 +140,21 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
         return case
     scaled = any(getattr(c.entry, "mass_scaled", False) for c in mine)
     return replace(case, compared=_compared(file, case, found, scaled))
+
+
+def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:
+    """A warning for each residual with the deviations of the test, which lacks those of modes that may be paired."""
+    if case.compared is None:
+        return ()
+    test, found = case.compared.test, []
+    for residual in case.compared.residuals:
+        lacking = residual.without_sd(test) if isinstance(residual, OfPairs) else ()
+        labels = [test.labels[i] for i in lacking if i not in case.compared.left_out]
+        if labels:
+            some = ", ".join(labels[:8]) + (" …" if len(labels) > 8 else "")
+            place = Where(str(file.path))
+            found.append(Notice("residual.no-scatter/of-modes", where=place, configuration=case.name, modes=some))
+    return tuple(dict.fromkeys(found))
 
 
 def placement_of(file: StudyFile, case: StudyCase) -> SensorPlacement | None:

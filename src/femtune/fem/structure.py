@@ -249,7 +249,7 @@ class Structure:
     consistent_mass : True for consistent ("coupled") mass of bars, beams and rods, False for lumped
     lumped_along : share of lumped mass in the consistent mass along bars, beams and rods: Nastran's 1/2, 0 for the mass
         of linear shape functions
-    hold_singular : True where DOFs without stiffness are held (PARAM AUTOSPC)
+    hold_singular : True where DOFs without stiffness are held (PARAM AUTOSPC); those without mass as well always are
     element_kinds : card name of every element number, rigid elements included
     drilling : factor of a shell's stiffness against turning about its normal (PARAM K6ROT); 1e-6·drilling·G·t
         times the squared difference of that turn and the membrane's own rotation

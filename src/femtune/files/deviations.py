@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from femtune.arrays import Reals
 from femtune.dofs import DofSet
-from femtune.errors import FemtuneError, Where
-from femtune.files.repeats_table import separator_of
-from femtune.modal import ModeSet
+from femtune.errors import FemtuneError, Where, each
+from femtune.files.table_text import NotATable, TableText, read_table_text
+from femtune.modal import ModeSet, entry_deviations, largest_entries
 
 _SAME_FREQUENCY = 1e-4
 _LARGEST = 50_000_000
@@ -43,8 +42,9 @@ def deviations_text(modes: ModeSet) -> str | None:
     """The file's text; None where the modes have no standard deviations."""
     if modes.freq_sd_hz is None and modes.shapes_sd is None:
         return None
-    largest = np.nanmax(np.abs(modes.shapes), axis=0)
-    shapes = None if modes.shapes_sd is None else [_listed(sd) for sd in (modes.shapes_sd / largest).T]
+    shapes = None
+    if modes.shapes_sd is not None:
+        shapes = [_listed(sd) for sd in (modes.shapes_sd / largest_entries(modes.shapes)).T]
     known = modes.covariance is not None and bool(np.isfinite(modes.covariance).all())
     content = {
         "freq_hz": modes.freq_hz.tolist(),
@@ -84,8 +84,7 @@ def with_deviations(modes: ModeSet, path: Path, labels: Sequence[str] | None = N
         if any(len(row) != n for row in found.shape_sd) or len(found.shape_sd) != m:
             raise _bad(path, f"shape_sd must have {m} rows of {n} entries")
         at = _positions(path, found.dofs, modes.dofs)
-        largest = np.nanmax(np.abs(modes.shapes), axis=0)
-        shapes_sd = np.array([_numbers(row) for row in found.shape_sd]).T[at] * largest
+        shapes_sd = entry_deviations(np.array([_numbers(row) for row in found.shape_sd]).T[at], modes.shapes)
     for key in ("freq_sd_hz", "damping_sd"):
         values = getattr(found, key)
         if values is not None and len(values) != m:
@@ -167,7 +166,10 @@ def _with_table(modes: ModeSet, path: Path, labels: Sequence[str]) -> ModeSet:
     measured = ~np.isnan(modes.shapes)
     found: dict[str | tuple[int, str], Reals] = {}
     lines: dict[tuple[str, str | tuple[int, str]], int] = {}
-    for line, mode, dof, text in _entries(path):
+    entry = _table(path)
+
+    def add(row: tuple[int, tuple[str, ...]]) -> None:
+        line, (mode, dof, text) = row[0], entry.of(*row)
         if mode not in labels:
             raise _of_line(path, line, "test.deviations-table/mode", {"test modes": _shown(labels)}, mode=mode[:40])
         at = dof if dof in (_FREQUENCY, _DAMPING) else _place(path, line, dof, modes.dofs)
@@ -178,38 +180,51 @@ def _with_table(modes: ModeSet, path: Path, labels: Sequence[str]) -> ModeSet:
             raise _of_line(path, line, "test.deviations-table/twice", mode=mode, dof=dof, first=lines[mode, at])
         lines[mode, at] = line
         found.setdefault(at, np.full(len(modes), np.nan))[column] = _sigma(path, line, text)
+
+    each(add, entry.rows)
     shapes = np.array([found.get(at, np.full(len(modes), np.nan)) for at in rows])
     of_shapes = any(at in rows for at in found)
     return replace(
         modes,
         freq_sd_hz=found.get(_FREQUENCY, modes.freq_sd_hz),
         damping_sd=found.get(_DAMPING, modes.damping_sd),
-        shapes_sd=shapes * np.nanmax(np.abs(modes.shapes), axis=0) if of_shapes else modes.shapes_sd,
+        shapes_sd=entry_deviations(shapes, modes.shapes) if of_shapes else modes.shapes_sd,
     )
 
 
-def _entries(path: Path) -> Iterator[tuple[int, str, str, str]]:
-    """Line number, mode, DOF and standard deviation of each line."""
+@dataclass(frozen=True)
+class _Table:
+    """Lines below the heading, and the columns in which mode, DOF and standard deviation are."""
+
+    path: Path
+    text: TableText
+    order: tuple[int, ...]
+
+    @property
+    def rows(self) -> Iterable[tuple[int, tuple[str, ...]]]:
+        """Number and cells of each line."""
+        return zip(self.text.lines[1:], self.text.rows[1:])
+
+    def of(self, line: int, row: tuple[str, ...]) -> tuple[str, str, str]:
+        """Mode, DOF and standard deviation of a line."""
+        if len(row) != len(_COLUMNS):
+            raise _of_line(self.path, line, "test.deviations-table/fields", fields=len(row))
+        mode, dof, sigma = (row[i] for i in self.order)
+        return mode, dof, self.text.decimal(sigma)
+
+
+def _table(path: Path) -> _Table:
     try:
-        text = path.read_text(encoding="utf-8-sig") if path.stat().st_size <= _LARGEST else ""
-        numbered = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
-        separator = separator_of(numbered[0][1]) if numbered else ","
-        rows = [[cell.strip() for cell in row] for row in csv.reader((x for _, x in numbered), delimiter=separator)]
-    except OSError as error:
-        raise FemtuneError("test.deviations/unreadable", where=Where(str(path)), reason=error.strerror or "") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+        text = read_table_text(path, _LARGEST)
+    except NotATable as error:
         raise FemtuneError("test.deviations/unreadable", where=Where(str(path)), reason=str(error)) from error
-    if not 2 <= len(rows) <= _MOST_LINES or len(rows) != len(numbered):
-        raise _of_line(path, None, "test.deviations-table", lines=len(rows))
-    heads = rows[0]
+    if not 2 <= len(text.rows) <= _MOST_LINES:
+        raise _of_line(path, None, "test.deviations-table", lines=len(text.rows))
+    heads = text.rows[0]
     if sorted(heads) != sorted(_COLUMNS):
-        raise _of_line(path, numbered[0][0], "test.deviations-table/heading", heads=", ".join(heads)[:80])
-    order = [heads.index(name) for name in _COLUMNS]
-    for (line, _), row in zip(numbered[1:], rows[1:]):
-        if len(row) != len(heads):
-            raise _of_line(path, line, "test.deviations-table/fields", fields=len(row))
-        mode, dof, sigma = (row[i] for i in order)
-        yield line, mode, dof, sigma if separator == "," else sigma.replace(",", ".")
+        raise _of_line(path, text.lines[0], "test.deviations-table/heading", heads=", ".join(heads)[:80])
+    order = tuple(heads.index(name) for name in _COLUMNS)
+    return _Table(path, text, order)
 
 
 def _place(path: Path, line: int, text: str, dofs: DofSet) -> tuple[int, str]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from femtune.errors import FemtuneError, Where, did_you_mean
-from femtune.files.repeats_table import separator_of
+from femtune.errors import FemtuneError, Where, did_you_mean, each
+from femtune.files.table_text import NotATable, read_table_text
 
 _MASSES = {"mass": 0.0, "mass_g": 1e-3, "mass_kg": 1.0}
 """Headings of the mass with the size of the unit in kg; 0: the unit of the study."""
@@ -39,22 +38,18 @@ def read_masses_table(path: Path, mass_unit_kg: float) -> tuple[TableMass, ...]:
 
     Raises
     ------
-    FemtuneError : ``configuration.masses-file``, with the line
+    FemtuneError : ``configuration.masses-file``, with the line; errors of several lines are reported together
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise _error(path, None, "configuration.masses-file") from error
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    if len(lines) < 2 or len(lines) > _MOST:
-        raise _error(path, None, "configuration.masses-file/lines", lines=len(lines), most=_MOST)
-    try:
-        rows = list(csv.reader((line for _, line in lines), delimiter=separator_of(lines[0][1])))
-    except csv.Error as error:
-        raise _error(path, None, "configuration.masses-file/no-table", reason=str(error)) from error
-    heads = [cell.strip() for cell in rows[0]]
-    unit = _check_heads(path, heads) / mass_unit_kg
-    return tuple(_mass(path, number, heads, row, unit or 1.0) for (number, _), row in zip(lines[1:], rows[1:]))
+        text = read_table_text(path)
+    except NotATable as error:
+        raise _error(path, None, "configuration.masses-file", reason=str(error)) from error
+    if not 2 <= len(text.rows) <= _MOST:
+        raise _error(path, None, "configuration.masses-file/lines", lines=len(text.rows), most=_MOST)
+    heads = list(text.rows[0])
+    unit = _check_heads(path, heads) / mass_unit_kg or 1.0
+    rows = zip(text.lines[1:], text.rows[1:])
+    return tuple(each(lambda row: _mass(path, row[0], heads, row[1], unit, text.decimal), rows))
 
 
 def _check_heads(path: Path, heads: list[str]) -> float:
@@ -69,10 +64,12 @@ def _check_heads(path: Path, heads: list[str]) -> float:
     return _MASSES[given[0]]
 
 
-def _mass(path: Path, line: int, heads: list[str], cells: list[str], unit: float) -> TableMass:
+def _mass(
+    path: Path, line: int, heads: Sequence[str], cells: Sequence[str], unit: float, decimal: Callable[[str], str]
+) -> TableMass:
     if len(cells) != len(heads):
         raise _error(path, line, "configuration.masses-file/fields", fields=len(cells), headings=len(heads))
-    row = dict(zip(heads, (cell.strip() for cell in cells)))
+    row = {head: cell if head == "label" else decimal(cell) for head, cell in zip(heads, cells)}
     node = row["node"]
     if not (node.isascii() and node.isdigit() and 0 < len(node) <= 18 and int(node)):
         raise _error(path, line, "configuration.masses-file/number", text=node[:40], head="node")

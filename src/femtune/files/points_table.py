@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femtune.errors import FemtuneError, Where, did_you_mean
-from femtune.files.repeats_table import separator_of
+from femtune.errors import FemtuneError, Where, did_you_mean, each
+from femtune.files.table_text import NotATable, read_table_text
 from femtune.testdata import WireFrame
 
 _PLACE = ("node", "x", "y", "z")
@@ -27,19 +27,28 @@ def read_points(path: Path) -> WireFrame:
 
     Raises
     ------
-    FemtuneError : ``test.points``, with the line; ``test.duplicate-node``
+    FemtuneError : ``test.points``, with the line; errors of several lines are reported together
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-        lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
-        rows = list(csv.reader((line for _, line in lines), delimiter=separator_of(lines[0][1]))) if lines else []
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = read_table_text(path)
+    except NotATable as error:
         raise _error(path, None, "test.points", reason=str(error)) from error
+    lines, rows = text.lines, text.rows
     if not 2 <= len(rows) <= _MOST:
         raise _error(path, None, "test.points", reason=f"the table has {len(rows)} lines")
-    heads = [cell.strip() for cell in rows[0]]
-    _check_heads(path, lines[0][0], heads)
-    table = np.array([_numbers(path, number, heads, row) for (number, _), row in zip(lines[1:], rows[1:])])
+    heads = list(rows[0])
+    _check_heads(path, lines[0], heads)
+    first: dict[float, int] = {}
+
+    def numbers(row: tuple[int, tuple[str, ...]]) -> list[float]:
+        found = _numbers(path, row[0], heads, [text.decimal(cell) for cell in row[1]])
+        node = found[heads.index("node")]
+        if node in first:
+            raise _error(path, row[0], "test.points/node-twice", node=int(node), first=first[node])
+        first[node] = row[0]
+        return found
+
+    table = np.array(each(numbers, zip(lines[1:], rows[1:])))
     column = {head: table[:, i] for i, head in enumerate(heads)}
     axes = np.tile(np.eye(3), (len(table), 1, 1))
     for k, direction in enumerate("XYZ"):
@@ -47,7 +56,7 @@ def read_points(path: Path) -> WireFrame:
             vectors = np.stack([column[f"{direction}_{axis}"] for axis in "xyz"], axis=1)
             length = np.linalg.norm(vectors, axis=1)
             if (short := np.flatnonzero(length < _LEAST_LENGTH)).size:
-                raise _error(path, lines[1 + short[0]][0], "test.points/direction", direction=direction)
+                raise _error(path, lines[1 + short[0]], "test.points/direction", direction=direction)
             axes[:, k] = vectors / length[:, None]
     return WireFrame(
         column["node"].astype(np.int64), np.stack([column[axis] for axis in "xyz"], axis=1), axes
@@ -64,10 +73,10 @@ def _check_heads(path: Path, line: int, heads: list[str]) -> None:
         raise _error(path, line, "test.points/columns")
 
 
-def _numbers(path: Path, line: int, heads: list[str], cells: list[str]) -> list[float]:
+def _numbers(path: Path, line: int, heads: list[str], cells: Sequence[str]) -> list[float]:
     if len(cells) != len(heads):
         raise _error(path, line, "test.points/fields", fields=len(cells), headings=len(heads))
-    return [_number(path, line, head, cell.strip()) for head, cell in zip(heads, cells)]
+    return [_number(path, line, head, cell) for head, cell in zip(heads, cells)]
 
 
 def _number(path: Path, line: int, head: str, text: str) -> float:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, Where, each
+from femtune.files.table_text import NotATable, read_table_text
 
 _GAPS = {"", "-", "nan", "na", "n/a"}
-_SEPARATORS = ",;\t"
 
 
 @dataclass(frozen=True)
@@ -30,41 +30,34 @@ def read_repeats_table(path: Path) -> RepeatsTable:
 
     Raises
     ------
-    FemtuneError : ``quantify.file`` for what is no table of numbers, with the line
+    FemtuneError : ``quantify.file`` for what is no table of numbers, with the line; errors of several lines are
+        reported together
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise _error(path, None, "quantify.file/not-text") from error
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    if len(lines) < 2:
-        raise _error(path, None, "quantify.file/no-values")
-    separator = separator_of(lines[0][1])
-    try:
-        rows = list(csv.reader((line for _, line in lines), delimiter=separator))
-    except csv.Error as error:
+        text = read_table_text(path)
+    except NotATable as error:
         raise _error(path, None, "quantify.file/no-table", reason=str(error)) from error
-    heads = tuple(cell.strip() for cell in rows[0])
-    values = [_numbers(path, lines[i][0], rows[i], heads, separator) for i in range(1, len(rows))]
-    return RepeatsTable(heads, np.array(values))
+    if len(text.rows) < 2:
+        raise _error(path, None, "quantify.file/no-values")
+    heads = text.rows[0]
+
+    def numbers(row: tuple[int, tuple[str, ...]]) -> list[float]:
+        return _numbers(path, row[0], [text.decimal(cell) for cell in row[1]], heads)
+
+    return RepeatsTable(heads, np.array(each(numbers, zip(text.lines[1:], text.rows[1:]))))
 
 
-def separator_of(heading: str) -> str:
-    """The character that separates the fields of a table: the most frequent one in its heading."""
-    return max(_SEPARATORS, key=heading.count)
-
-
-def _numbers(path: Path, line: int, cells: list[str], heads: tuple[str, ...], separator: str) -> list[float]:
+def _numbers(path: Path, line: int, cells: Sequence[str], heads: tuple[str, ...]) -> list[float]:
     if len(cells) != len(heads):
         raise _error(path, line, "quantify.file/number-of-fields", fields=len(cells), headings=len(heads))
-    return [_number(path, line, cell.strip(), head, separator) for cell, head in zip(cells, heads)]
+    return [_number(path, line, cell, head) for cell, head in zip(cells, heads)]
 
 
-def _number(path: Path, line: int, cell: str, head: str, separator: str) -> float:
+def _number(path: Path, line: int, cell: str, head: str) -> float:
     if cell.lower() in _GAPS:
         return float("nan")
     try:
-        value = float(cell.replace(",", ".") if separator != "," else cell)
+        value = float(cell)
     except ValueError:
         value = float("inf")
     if math.isfinite(value):

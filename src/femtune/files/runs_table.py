@@ -21,13 +21,13 @@ import numpy as np
 from femtune._optional import require
 from femtune.arrays import Flags, Reals
 from femtune.dofs import Dof, DofSet, parse_dof
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, Where, each
+from femtune.files.table_text import NotATable, read_table_text
 from femtune.files.whole_file import write_whole
 
 _FREQUENCY = re.compile(r"f(\d+)_hz")
 _SHAPE = re.compile(r"shape(\d+)_(\d+(?:S|R?[XYZ]))")
 _GAPS = {"", "-", "nan", "na", "n/a"}
-_SEPARATORS = ",;\t"
 _PARQUET = (".parquet", ".pq")
 _MOST_BYTES = 1 << 30
 STATE = "state"
@@ -110,21 +110,26 @@ def read_runs_table(path: Path) -> RunsTable:
     """
     if path.suffix.lower() in _PARQUET:
         return _read_parquet(path)
-    lines = _lines(path)
-    separator = max(_SEPARATORS, key=lines[0][1].count)
-    rows = list(csv.reader((line for _, line in lines), delimiter=separator))
-    heads = [cell.strip() for cell in rows[0]]
+    try:
+        text = read_table_text(path, _MOST_BYTES)
+    except NotATable as error:
+        raise _error(path, None, "runs.table/unreadable", reason=str(error)) from error
+    if len(text.rows) < 2:
+        raise _error(path, None, "runs.table/no-values")
+    heads, rows, numbers = text.rows[0], text.rows[1:], list(text.lines[1:])
     twice = sorted({head for head in heads if heads.count(head) > 1})
     if twice:
-        raise _error(path, lines[0][0], "runs.table/heading-twice", heading=twice[0])
-    for (number, _), row in zip(lines[1:], rows[1:]):
-        if len(row) != len(heads):
-            raise _error(path, number, "runs.table/number-of-fields", fields=len(row), headings=len(heads))
-    numbers = [number for number, _ in lines[1:]]
-    cells = {head: [row[j].strip() for row in rows[1:]] for j, head in enumerate(heads)}
+        raise _error(path, text.lines[0], "runs.table/heading-twice", heading=twice[0])
+
+    def check_fields(row: tuple[int, tuple[str, ...]]) -> None:
+        if len(row[1]) != len(heads):
+            raise _error(path, row[0], "runs.table/number-of-fields", fields=len(row[1]), headings=len(heads))
+
+    each(check_fields, zip(numbers, rows))
+    cells = {head: [row[j] for row in rows] for j, head in enumerate(heads)}
     states = tuple(cells.pop(STATE, []))
-    values = {head: _column(path, head, texts, numbers, separator) for head, texts in cells.items()}
-    return _table(path, {head: column for head, column in values.items() if column is not None}, states, numbers, 1)
+    columns = each(lambda head: (head, _column(path, head, list(map(text.decimal, cells[head])), numbers)), cells)
+    return _table(path, {head: column for head, column in columns if column is not None}, states, numbers, 1)
 
 
 def _read_parquet(path: Path) -> RunsTable:
@@ -180,38 +185,29 @@ def _check_size(path: Path, n_bytes: int) -> None:
         raise _error(path, None, "runs.table/unreadable", reason="it is larger than 1 GiB")
 
 
-def _lines(path: Path) -> list[tuple[int, str]]:
-    try:
-        _check_size(path, path.stat().st_size)
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise _error(path, None, "runs.table/unreadable", reason=error.strerror) from error
-    except UnicodeDecodeError as error:
-        raise _error(path, None, "runs.table/unreadable", reason="it is no text") from error
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    if len(lines) < 2:
-        raise _error(path, None, "runs.table/no-values")
-    return lines
-
-
-def _column(path: Path, head: str, texts: list[str], numbers: list[int], separator: str) -> Reals | None:
+def _column(path: Path, head: str, texts: list[str], numbers: list[int]) -> Reals | None:
     """The numbers of a column; None where it is one of text."""
-    found = np.array([_number(text, separator) for text in texts])
+    found = np.array([_number(text) for text in texts])
     bad = np.flatnonzero(np.isinf(found))
     if not bad.size:
         return found
     # a name or remark for each run is no number that was mistyped
     if bad.size == len(texts) and not (_FREQUENCY.fullmatch(head) or _SHAPE.fullmatch(head)):
         return None
-    raise _error(path, numbers[bad[0]], "runs.table/not-a-number", text=texts[bad[0]][:40], heading=head)
+
+    def refuse(i: int) -> None:
+        raise _error(path, numbers[i], "runs.table/not-a-number", text=texts[i][:40], heading=head)
+
+    each(refuse, bad.tolist())
+    return None
 
 
-def _number(text: str, separator: str) -> float:
+def _number(text: str) -> float:
     """NaN for a gap, infinity for what is no number."""
     if text.lower() in _GAPS:
         return math.nan
     try:
-        value = float(text.replace(",", ".") if separator != "," else text)
+        value = float(text)
     except ValueError:
         return math.inf
     return value if math.isfinite(value) else math.inf

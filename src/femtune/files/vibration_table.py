@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from femtune.arrays import Reals
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, Where, each
+from femtune.files.table_text import NotATable, read_table_text
 
 
 def read_vibration_table(path: Path, outputs: int, *, history: bool = False) -> tuple[Reals, Reals]:
@@ -24,14 +25,15 @@ def read_vibration_table(path: Path, outputs: int, *, history: bool = False) -> 
     FemtuneError : ``vibration.file``, with the line
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        rows = [(i, row) for i, row in enumerate(csv.reader(lines), start=1) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = read_table_text(path)
+    except NotATable as error:
         raise _error(path, None, "vibration.file/unreadable", reason=error) from error
+    rows = [(i, [text.decimal(cell) for cell in row]) for i, row in zip(text.lines, text.rows) if any(row)]
     if rows and not any(_is_text(cell) for cell in rows[0][1]):
         # a file without a heading would lose its first line
         raise _error(path, rows[0][0], "vibration.file/heading")
-    values = np.array([_numbers(path, i, row, outputs) for i, row in rows[1:]]).reshape(-1, outputs + 1)
+    found = each(lambda row: _numbers(path, *row, outputs), rows[1:])
+    values = np.array(found).reshape(-1, outputs + 1)
     if len(values) < 2 or np.any(np.diff(values[:, 0]) <= 0.0) or (not history and np.any(values <= 0.0)):
         raise _error(path, None, "vibration.file/times" if history else "vibration.file")
     return values[:, 0], values[:, 1:].T
@@ -60,7 +62,7 @@ def _is_text(cell: str) -> bool:
     return False
 
 
-def _numbers(path: Path, line: int, row: list[str], outputs: int) -> list[float]:
+def _numbers(path: Path, line: int, row: Sequence[str], outputs: int) -> list[float]:
     if len(row) != outputs + 1:
         raise _error(path, line, "vibration.file/columns", given=len(row), outputs=outputs)
     try:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         mac_without_each,
         modal_scale_factor,
     )
+    from femtune.modal.shape_scatter import entry_deviations, largest_entries
     from femtune.modal.state_space import StateSpace, freq_and_damping, pole_of, system_modes
     from femtune.modal.subspace import Rotation, clusters, principal_angles_deg, rotate_to, subspace_mac
     from femtune.modal.time_series import Channel, TimeSeries
@@ -37,12 +38,14 @@ __all__ = [
     "comac",
     "cross_orthogonality",
     "enhanced_comac",
+    "entry_deviations",
     "equalise_damping",
     "fdac",
     "frac",
     "freq_and_damping",
     "frequency_shift",
     "half_band_lines",
+    "largest_entries",
     "mac",
     "mac_without_each",
     "modal_scale_factor",

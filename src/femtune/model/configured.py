@@ -38,7 +38,7 @@ class ConfiguredModel:
     ----------
     transformation : T, csr (g-set, free)
     free : (n_free,) the g-set DOF that each column of T carries
-    held_singular : DOFs without stiffness that were held
+    held_singular : DOFs without stiffness that were held; without AUTOSPC only those with neither stiffness nor mass
     indptr, indices : pattern of the upper triangle of all matrices, with its whole diagonal
     """
 
@@ -385,7 +385,7 @@ def configure(model: ParametricModel, configuration: Configuration) -> Configure
     held = held_dofs(structure, configuration)
     terms += _differential(model, configuration, terms)
     elimination = _eliminate(structure, configuration, held)
-    singular = _without_stiffness(model, terms, elimination) if structure.hold_singular else []
+    singular = _without_stiffness(model, terms, elimination)
     if singular:
         elimination = _eliminate(structure, configuration, np.union1d(held, singular))
     dofs = tuple(structure.nodes.describe(i) for i in singular)
@@ -394,8 +394,7 @@ def configure(model: ParametricModel, configuration: Configuration) -> Configure
     configured = ConfiguredModel(
         model, configuration, elimination.T, elimination.free, dofs, pattern.indptr, pattern.indices, projected
     )
-    lines = spinning_lines(structure, elimination, configuration.elements_off) if structure.hold_singular else []
-    spinning = _without_energy(configured, lines)
+    spinning = _without_energy(configured, spinning_lines(structure, elimination, configuration.elements_off))
     if not spinning:
         return configured
     elimination = _eliminate(structure, configuration, np.union1d(np.union1d(held, singular), spinning))
@@ -494,10 +493,19 @@ def _eliminate(structure: Structure, configuration: Configuration, held: NDArray
 
 
 def _without_stiffness(model: ParametricModel, terms: Sequence[TermFunction], elimination: Elimination) -> list[int]:
-    """g-set DOFs whose node has no stiffness there at nominal values."""
-    stiffness = [t for t in terms if t.matrix == "stiffness"]
-    blocks = node_blocks(stiffness, elimination, 6 * len(model.structure.nodes.ids), _nominal_table(model))
-    return [int(i) for i in singular_dofs(blocks, elimination.free, model.structure.nodes)]
+    """g-set DOFs whose node has no stiffness there at nominal values; without AUTOSPC only those without mass as well.
+
+    A DOF with neither takes part in no mode, but makes the eigenproblem singular.
+    """
+    nodes, table = model.structure.nodes, _nominal_table(model)
+    blocks = {
+        kind: node_blocks([t for t in terms if t.matrix == kind], elimination, 6 * len(nodes.ids), table)
+        for kind in ("stiffness", *(() if model.structure.hold_singular else ("mass",)))
+    }
+    if model.structure.hold_singular:
+        return [int(i) for i in singular_dofs(blocks["stiffness"], elimination.free, nodes)]
+    unit = [b / max(np.abs(b.data).max(initial=0.0), np.finfo(float).tiny) for b in blocks.values()]
+    return [int(i) for i in singular_dofs(sp.csr_array(unit[0] + unit[1]), elimination.free, nodes, ratio=0.0)]
 
 
 def _nominal_table(model: ParametricModel) -> TableJet:

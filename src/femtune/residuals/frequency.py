@@ -10,9 +10,10 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
+from femtune.modal import ModeSet
 from femtune.residuals.asked import Asked, asked_covariance
 from femtune.residuals.case import PairedMode
-from femtune.residuals.pair import OfPairs, PairResidual
+from femtune.residuals.pair import OfPairs, PairResidual, unknown_modes
 from femtune.residuals.weights import ResidualBlock, Weights
 
 Form = Literal["frequency", "eigenvalue"]
@@ -74,6 +75,10 @@ class FrequencyResidual(PairResidual):
             _check_scatter(asked, modes.covariance, "covariance")
             return FrequencyCovariance("test", entry.form)
         return FrequencyCovariance(asked_covariance(asked, len(modes), "the modes of the test"), entry.form)
+
+    def without_sd(self, test: ModeSet) -> tuple[int, ...]:
+        """See `OfPairs`."""
+        return unknown_modes(test, test.freq_sd_hz) if self.sd == "test" else ()
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
         """One value a mode."""

@@ -6,8 +6,18 @@ from abc import abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from femtune.arrays import Reals
+from femtune.modal import ModeSet
 from femtune.residuals.case import CaseState, PairedMode, Residual
 from femtune.residuals.weights import ResidualBlock
+
+
+def unknown_modes(test: ModeSet, *deviations: Reals | None) -> tuple[int, ...]:
+    """Positions of the modes for which not all standard deviations (m,) are known and above zero."""
+    known = [np.zeros(len(test), bool) if sd is None else np.asarray(sd) > 0.0 for sd in deviations]
+    return tuple(int(i) for i in np.flatnonzero(~np.all(known, axis=0)))
 
 
 class OfPairs(Residual):
@@ -19,6 +29,10 @@ class OfPairs(Residual):
     @abstractmethod
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
         """The blocks of all pairs of one configuration; nothing where no mode is paired."""
+
+    def without_sd(self, test: ModeSet) -> tuple[int, ...]:
+        """Positions of the test modes whose weights are those of the test, which does not give all of them."""
+        return ()
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         """See `Residual`."""
@@ -53,6 +67,10 @@ class ByMode(OfPairs):
         parts = tuple(part for part in self.parts if part.key in keys)
         return ByMode(parts) if parts else None
 
+    def without_sd(self, test: ModeSet) -> tuple[int, ...]:
+        """Of any of the parts."""
+        return tuple(sorted({i for part in self.parts for i in part.without_sd(test)}))
+
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
         """The blocks of each pair in turn."""
         return [part.of_pair(pair) for pair in pairs for part in self.parts]
@@ -73,6 +91,10 @@ class OfModes(OfPairs):
     def of_kinds(self, keys: Collection[str]) -> Residual | None:
         """Itself where its residual is of one of these kinds."""
         return self if self.residual.of_kinds(keys) is not None else None
+
+    def without_sd(self, test: ModeSet) -> tuple[int, ...]:
+        """Of the chosen modes."""
+        return tuple(i for i in self.residual.without_sd(test) if test.labels[i] in self.labels)
 
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
         """The blocks of the chosen pairs."""

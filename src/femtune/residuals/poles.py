@@ -23,7 +23,7 @@ from femtune.model.response import DampingRatios
 from femtune.residuals.asked import Asked, asked_covariance
 from femtune.residuals.case import CaseState, PairedMode
 from femtune.residuals.damped import damped_modes
-from femtune.residuals.pair import OfPairs
+from femtune.residuals.pair import OfPairs, unknown_modes
 from femtune.residuals.weights import PolePair, ResidualBlock, Weights
 
 
@@ -132,6 +132,12 @@ class PoleResidual(OfPairs):
             return cls(covariance="test", damping=asked.damping)
         given = asked_covariance(asked, cls.order(len(modes)), f"the {cls.label}s of the modes of the test")
         return cls(covariance=given, damping=asked.damping)
+
+    def without_sd(self, test: ModeSet) -> tuple[int, ...]:
+        """See `OfPairs`."""
+        if self.sd != "test":
+            return ()
+        return unknown_modes(test, test.damping_sd, *([test.freq_sd_hz] if self.of_frequencies else []))
 
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
         """The values of each pole; all of them in one block where their errors have a covariance."""

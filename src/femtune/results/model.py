@@ -85,8 +85,12 @@ class DeckParameterRecord(Record):
     """Its effect, or the reason why it was ignored."""
 
 
+_NO_STIFFNESS = "no stiffness from any element (AUTOSPC)"
+_NEITHER = "neither stiffness nor mass"
+
+
 class HeldDof(Record):
-    """A DOF that AUTOSPC constrained because no element gives it stiffness."""
+    """A DOF that was constrained because no element gives it stiffness."""
 
     dof: str
     """Node and direction: "101RZ+"."""
@@ -627,7 +631,8 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
         supports=tuple(_supports(study, configuration)),
         constraints=tuple(_constraints(study, configuration)),
         held_dofs=tuple(
-            HeldDof(dof=str(d), reason="no stiffness from any element (AUTOSPC)") for d in case.configured.held_singular
+            HeldDof(dof=str(d), reason=_NO_STIFFNESS if case.configured.model.structure.hold_singular else _NEITHER)
+            for d in case.configured.held_singular
         ),
         mass=None if study.file.runs is not None else mass.mass,
         centre_of_gravity=_vector(mass.centre) if placed else None,
@@ -818,6 +823,10 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
     )
 
 
+_OF_THE_COUNT = ("eigen.none-below", "eigen.many-modes")
+"""Notices on the number of modes that were solved."""
+
+
 def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> ModelModes:
     """The wanted modes of a solution with the proof that none is missing."""
     freq = solution.freq_hz
@@ -840,8 +849,10 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         solver=solution.method,
         test_masses=effect,
         alerts=(
+            *(alert_of(n) for n in solution.notices if n.code in _OF_THE_COUNT),
             *_of_slow_modes(solution),
             *_of_held_masses(name, solution),
+            *_of_held_without_autospc(name, solution),
             *_of_drilling(name, solution),
             *of_neutral_axis(name, solution),
             *_of_test_masses(name, effect),
@@ -861,6 +872,15 @@ def _of_held_masses(name: str, solution: EigenSolution) -> Iterable[Alert]:
     if heavy:
         shown = ", ".join(heavy[:6]) + (" …" if len(heavy) > 6 else "")
         yield alert("warning", "model.held-mass", configuration=name, grids=shown)
+
+
+def _of_held_without_autospc(name: str, solution: EigenSolution) -> Iterable[Alert]:
+    """DOFs that are constrained although AUTOSPC is off: they would make the eigenproblem singular."""
+    configured = solution.point.configured
+    held = [str(d)[:-1] for d in configured.held_singular]
+    if held and not configured.model.structure.hold_singular:
+        shown = ", ".join(held[:6]) + (" …" if len(held) > 6 else "")
+        yield alert("info", "model.held-without-autospc", configuration=name, dofs=shown)
 
 
 def _of_slow_modes(solution: EigenSolution) -> Iterable[Alert]:

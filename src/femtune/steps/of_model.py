@@ -108,7 +108,7 @@ def modes(
     page = checked_page(report)
     file = None if vtu is None else Path(vtu)
     result = solve_modes(
-        source_of(source), progress, fresh=fresh, count=count, max_hz=max_hz, simulate=simulate, vtu=file
+        source_of(source), progress, fresh=fresh, count=count, max_hz=max_hz, simulate=simulate, vtu=file, keep=page
     )
     return with_page(result, page, progress)
 

@@ -19,6 +19,7 @@ from femtune.results.model import model_facts, model_modes, shapes_remark
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.solved import nominal, solved_cases
 from femtune.results.step_results import ModesResult
+from femtune.study.respond import check_places, uff_paths
 from femtune.study.solutions import looking_up
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ def solve_modes(
     max_hz: float | None = None,
     simulate: SimulatedTest | None = None,
     vtu: Path | None = None,
+    keep: Path | None = None,
 ) -> ModesResult:
     """Modes of a study, or of a deck, at the initial values of the parameters.
 
@@ -53,6 +55,7 @@ def solve_modes(
     count, max_hz : in place of [modes] of the study and of METHOD of the deck
     simulate : writes the modes as a test would have measured them
     vtu : VTU file of the mesh, the modes and the values of the parameters
+    keep : a file that will be written with what this returns; it must be neither one that is read nor one of the others
 
     Raises
     ------
@@ -70,6 +73,9 @@ def solve_modes(
             check_simulated(loaded, simulate)
         if vtu is not None:
             check_vtu(loaded, vtu)
+        asked = [path for path in (vtu, None if simulate is None else simulate.path) if path is not None]
+        several = [file for path in asked for file in uff_paths(path, loaded)]
+        check_places(loaded, [*([] if keep is None else [keep]), *several], None)
         inputs = _each_once(inputs_of(loaded))
     with watch.step("modes"), looking_up(loaded, fresh) as found:
         solved = list(solved_cases(found.study, progress))

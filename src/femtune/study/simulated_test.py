@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from femtune.dofs import DIRECTIONS, Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Where
 from femtune.files.study_file.kinds import support
 from femtune.files.uff import write_uff_modes
-from femtune.modal import ModeSet
+from femtune.modal import ModeSet, entry_deviations
 from femtune.model.response.rigid import is_rigid
 from femtune.study.respond import check_places, id_line, uff_paths
 from femtune.testdata import ModalTest, WireFrame, sensors_at
@@ -68,8 +68,11 @@ def check_simulated(study: Study, wanted: SimulatedTest) -> None:
     if wanted.path is not None:
         check_places(study, uff_paths(wanted.path, study), wanted.path)
     nodes = study.model.structure.nodes
-    for dof in sensor_dofs(wanted.sensors):
+    dofs = sensor_dofs(wanted.sensors)
+    for dof in dofs:
         nodes.dof(dof.node, dof.component)
+    if wanted.path is not None and 0 < sum(map(nodes.has_scalar, dofs.nodes.tolist())) < len(dofs):
+        raise FemtuneError("uff.cannot-write/scalar-point", where=Where(str(wanted.path)))
 
 
 def sensor_dofs(sensors: Sequence[str]) -> DofSet:
@@ -104,15 +107,16 @@ def simulated(
 def _simulated(
     study: Study, case: StudyCase, solution: EigenSolution, wanted: SimulatedTest, chance: np.random.Generator
 ) -> ModalTest:
-    dofs, nodes = sensor_dofs(wanted.sensors), study.model.structure.nodes
+    nodes = study.model.structure.nodes
+    # component 1 of a scalar point is the scalar point itself
+    dofs = DofSet(replace(d, direction="S") if nodes.has_scalar(d.node) else d for d in sensor_dofs(wanted.sensors))
     rows, signs = [nodes.dof(d.node, d.component) for d in dofs], np.array([d.sign for d in dofs])
     elastic = ~is_rigid(solution)[: solution.wanted]
     freq = solution.freq_hz[elastic]
     shapes = signs[:, None] * (case.configured.transformation[rows] @ solution.shapes[:, : solution.wanted][:, elastic])
     freq = freq * (1.0 + wanted.frequency_scatter * chance.standard_normal(freq.shape))
-    largest = np.abs(shapes).max(axis=0, initial=0.0)
-    shapes = shapes + wanted.shape_scatter * largest * chance.standard_normal(shapes.shape)
-    at = np.array([nodes.position(n) for n in sorted({d.node for d in dofs})])
+    shapes = shapes + entry_deviations(wanted.shape_scatter, shapes) * chance.standard_normal(shapes.shape)
+    at = np.array([nodes.position(n) for n in sorted({d.node for d in dofs if d.component})], dtype=int)
     frame = WireFrame(nodes.ids[at], nodes.xyz[at], nodes.frames[at].transpose(0, 2, 1))
     units = study.file.study.unit_system if study.units_known else unit_system(str(wanted.units))
     found = ModeSet(freq, shapes, dofs, source="simulated")

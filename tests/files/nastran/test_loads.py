@@ -67,6 +67,40 @@ def test_the_resultant_is_that_of_the_card(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(basic.sum(axis=0), resultant, atol=1e-12)
 
 
+BAR = """CBAR,20,20,5,8,0.,0.,1.
+,,,{0}
+PBAR,20,1,1.-3,1.-6,1.-6,1.-6
+PLOAD1,3,20,"""
+# element axes of the bar of length 3: x = Y, y = Z, z = X; forces and moments at both ends
+ON_BARS = {
+    "FZ,FR,0.,4.,1.,4.": [(0, 0, 6), (3, 0, 0), (0, 0, 6), (-3, 0, 0)],  # qL/2, qL²/12
+    "FYE,LE,0.,4.,3.,4.": [(0, 0, 6), (3, 0, 0), (0, 0, 6), (-3, 0, 0)],
+    "FZE,FR,0.,0.,1.,20.": [(9, 0, 0), (0, 0, -6), (21, 0, 0), (0, 0, 9)],  # 3qL/20, qL²/30, 7qL/20, qL²/20
+    "FXE,FR,0.,0.,1.,6.": [(0, 3, 0), (0, 0, 0), (0, 6, 0), (0, 0, 0)],
+    "FZ,FR,.5,8.": [(0, 0, 4), (3, 0, 0), (0, 0, 4), (-3, 0, 0)],  # P/2, PL/8
+    "FZ,LE,1.,27.": [(0, 0, 20), (12, 0, 0), (0, 0, 7), (-6, 0, 0)],  # Pb²(3a+b)/L³, Pab²/L²
+    "MX,FR,.5,6.": [(0, 0, -3), (-1.5, 0, 0), (0, 0, 3), (-1.5, 0, 0)],  # 3M/(2L), M/4
+    "MZE,FR,0.,5.,1.,5.": [(0, 0, -5), (0, 0, 0), (0, 0, 5), (0, 0, 0)],
+    "MY,FR,0.,5.,1.,5.": [(0, 0, 0), (0, 7.5, 0), (0, 0, 0), (0, 7.5, 0)],
+}
+
+
+@pytest.mark.parametrize("load", ON_BARS)
+def test_loads_along_bars_have_their_fixed_end_forces(tmp_path: Path, load: str) -> None:
+    structure = build_structure(_deck(tmp_path, BAR.format("") + load)).structure
+    assert structure.preload is not None
+    forces = structure.preload.forces.reshape(-1, 6)[[4, 7]].reshape(4, 3)
+    np.testing.assert_allclose(forces, ON_BARS[load], atol=1e-12)
+
+
+def test_loads_along_a_bar_act_on_its_offset_line(tmp_path: Path) -> None:
+    offset = BAR.format("0.,0.,.5,0.,0.,.5")
+    structure = build_structure(_deck(tmp_path, offset + "FX,FR,0.,4.,1.,4.")).structure
+    assert structure.preload is not None
+    forces = structure.preload.forces.reshape(-1, 6)[[4, 7]].reshape(4, 3)
+    np.testing.assert_allclose(forces, [(6, 0, 0), (0, 3, -3), (6, 0, 0), (0, 3, 3)], atol=1e-12)
+
+
 def test_gravity_and_moments(tmp_path: Path) -> None:
     preload = build_structure(_deck(tmp_path, "GRAV,3,4,9.81,0.,0.,-1.\nMOMENT,3,2,0,3.,0.,1.,0.")).structure.preload
     assert preload is not None
@@ -82,6 +116,12 @@ REFUSED = {
         "LOAD=3",
         "FORCE,3,1,,1.,1.,0.,0.\nSPC,1,5,3,.01",
         "enforced displacement (SPC) is not",
+    ),
+    "load of a projected length": ("LOAD=3", BAR.format("") + "FZ,FRPR,0.,1.,1.,1.", "SCALE = FRPR is not read"),
+    "load of a bar with pins": (
+        "LOAD=3",
+        BAR.format("").replace("\n,,,", "\n,,5") + "FZ,FR,0.,1.,1.,1.",
+        "pin flags is not",
     ),
     "line load": ("LOAD=3", "PLOAD4,3,2,7.\n,,,,,LINE", "PLOAD4 with SORL or LDIR is not read"),
 }
@@ -105,6 +145,9 @@ WRONG = {
     "PLOAD4,3,1,7.": "do not name a face",
     "PLOAD4,3,1,7.,,,,5,6": "do not name a face",
     "PLOAD2,3,7.,99": "is no shell or solid",
+    "PLOAD1,3,1,FX,FR,0.,1.,1.,1.": "is no CBAR or CBEAM",
+    BAR.format("") + "FE,FR,0.,1.,1.,1.": "no direction of a load",
+    BAR.format("") + "FX,LE,0.,1.,4.,1.": "does not lie on the bar",
     "FORCE1,3,1,5.,2,2": "direction of the load is undefined",
     "FORCE,4,1,,1.,1.,0.,0.": "no load card has the set number 3",
     "FORCE,3,99,,1.,1.,0.,0.": "99",

@@ -1,4 +1,4 @@
-"""Loads of the static step of a preload: FORCE, MOMENT, pressures and gravity, combined by LOAD."""
+"""Loads of the static step of a preload: FORCE, MOMENT, loads along bars, pressures and gravity, combined by LOAD."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from femtune.fem.elements.curved_bar import CURVED_BAR
 from femtune.fem.elements.shear_panel import SHEAR_PANEL
 from femtune.fem.preload import Preload
 from femtune.fem.structure import ElementBatch
+from femtune.files.nastran.bars import element_frame
 from femtune.files.nastran.building import Building, listed_numbers
 from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.case_control import CaseCommand
@@ -35,13 +36,15 @@ _FIELDS = {
     "SLOAD": "SID S1 F1 S2 F2 S3 F3",
     "GRAV": "SID CID A N1 N2 N3 MB",
     "PLOAD": "SID P G1 G2 G3 G4",
+    "PLOAD1": "SID EID TYPE SCALE X1 P1 X2 P2",
     "PLOAD2": "SID P",
     "PLOAD4": "SID EID P1 P2 P3 P4 G1 G34 CID N1 N2 N3 SORL LDIR",
 }
 _FOLLOWING = ("PLOAD", "PLOAD2", "PLOAD4", "FORCE1", "FORCE2", "MOMENT1", "MOMENT2")
 # cards with loads that LOAD of case control may select, and that are not read
-_OTHERS = ("PLOAD1", "PLOADX1", "PLOADB3", "RFORCE", "RFORCE1", "SPCD", "SPCR", "ACCEL", "ACCEL1", "LOADCYH", "LOADCYN",
+_OTHERS = ("PLOADX1", "PLOADB3", "RFORCE", "RFORCE1", "SPCD", "SPCR", "ACCEL", "ACCEL1", "LOADCYH", "LOADCYN",
            "LOADCYT", "FORCEAX", "MOMAX", "PRESAX")  # fmt: skip
+_BARS = ("CBAR", "CBEAM")
 _WITHOUT_DIFFERENTIAL = (CURVED_BAR.key, SHEAR_PANEL.key, WELD.key)
 
 
@@ -216,6 +219,36 @@ class _Loads:
         rows = np.array([self.grids.row(n, record) for n in numbers])
         self._pressure(rows, np.full(len(rows), scale * record.real("P")))
 
+    @cached_property
+    def _bars(self) -> dict[int, tuple[ElementBatch, int]]:
+        """Bars and beams by number: their batch, and their row in it."""
+        return {int(n): (b, i) for b in self.batches if b.card in _BARS for i, n in enumerate(b.ids)}
+
+    def on_bars(self, record: CardEntry, scale: float) -> None:
+        """PLOAD1: a force or moment at a place of a bar, or one along it that changes linearly."""
+        number, kind, places = record.integer("EID"), record.text("TYPE"), record.text("SCALE")
+        if number not in self._bars:
+            raise record.error("deck.field-value/loaded-bar", number=number)
+        if kind not in _KINDS_ON_BARS:
+            raise record.error("deck.field-value/load-type", at="TYPE", known=", ".join(_KINDS_ON_BARS))
+        if places not in ("LE", "FR"):
+            raise _refused(record.card, self.request, f"PLOAD1 with SCALE = {places or 'blank'}")
+        batch, i = self._bars[number]
+        if batch.facts["pins"][i].any():
+            raise _refused(record.card, self.request, "PLOAD1 on a bar with pin flags")
+        ends, arms = batch.nodes[i], [batch.facts[name][i] for name in ("offset_a", "offset_b")]
+        line = self.grids.table.xyz[ends[1]] + arms[1] - self.grids.table.xyz[ends[0]] - arms[0]
+        frame = element_frame(line, batch.facts["orientation"][i]) if kind.endswith("E") else np.eye(3)
+        unit = 1.0 if places == "FR" else 1.0 / float(np.linalg.norm(line))
+        first, last = unit * record.real("X1"), unit * record.real("X2", record.real("X1"))
+        if not -_BEYOND <= first <= last <= 1.0 + _BEYOND:
+            raise record.error("deck.field-value/place-on-bar", at="X1")
+        loads = np.array([record.real("P1"), record.real("P2", record.real("P1"))])
+        forces = _of_bar(line, (first, last), np.outer(scale * loads, frame[:, "XYZ".index(kind[1])]), kind[0] == "M")
+        for row, arm, (force, moment) in zip(ends, arms, forces):
+            self._at(int(row), force)
+            self._at(int(row), moment + np.cross(arm, force), rotation=True)
+
     def on_shells(self, record: CardEntry, scale: float) -> None:
         """PLOAD2: pressure on shells, along their normals."""
         for number in listed_numbers(record, record.card.fields[2:8]):
@@ -307,6 +340,62 @@ class _Loads:
             self._at(int(row), force)
 
 
+# ----------------------------------------------------------------------------------------------------
+# Loads along bars.
+
+
+_KINDS_ON_BARS = tuple(a + b + c for a in "FM" for b in "XYZ" for c in ("", "E"))
+_BEYOND = 1e-6
+
+
+def _of_bar(line: Reals, places: tuple[float, float], loads: Reals, moments: bool) -> Reals:
+    """(2, 2, 3) forces and moments at the ends that do the same work as a load along a bar.
+
+    The bar moves linearly along its axis, and as a cubic across it, as one that is stiff in shear.
+
+    Parameters
+    ----------
+    line : from end A to end B
+    places : first and last, as parts of the length; a single load where they are equal
+    loads : (2, 3) at these places, per length unless single
+    moments : moments instead of forces
+    """
+    size = float(np.linalg.norm(line))
+    axis = line / size
+    out = np.zeros((2, 2, 3))
+    x, weights = np.polynomial.legendre.leggauss(4)
+    parts, weights = 0.5 * (1.0 + x), 0.5 * weights * (places[1] - places[0]) * size
+    if places[0] == places[1]:
+        parts, weights = np.zeros(1), np.ones(1)
+    for part, weight in zip(parts, weights):
+        s = places[0] + part * (places[1] - places[0])
+        load = weight * (loads[0] + part * (loads[1] - loads[0]))
+        along = (load @ axis) * axis
+        across = load - along
+        share = np.array([1.0 - s, s])[:, None]
+        if moments:
+            slope, turn = _cubic_slopes(s)
+            out[:, 0] += slope[:, None] / size * np.cross(across, axis)
+            out[:, 1] += share * along + turn[:, None] * across
+        else:
+            deflection, turn = _cubics(s)
+            out[:, 0] += share * along + deflection[:, None] * across
+            out[:, 1] += turn[:, None] * size * np.cross(axis, across)
+    return out
+
+
+def _cubics(s: float) -> tuple[Reals, Reals]:
+    """Deflection at a part of the length for a unit deflection, and per length for a unit rotation, at both ends."""
+    bent = s * s * (3.0 - 2.0 * s)
+    return np.array([1.0 - bent, bent]), np.array([s * (1.0 - s) ** 2, -s * s * (1.0 - s)])
+
+
+def _cubic_slopes(s: float) -> tuple[Reals, Reals]:
+    """Their derivatives."""
+    bent = 6.0 * s * (1.0 - s)
+    return np.array([-bent, bent]), np.array([(1.0 - s) * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)])
+
+
 def _combination(card: Card) -> Iterable[tuple[float, int]]:
     """LOAD: factors and numbers of the sets that it combines."""
     whole = card.real(1)
@@ -325,6 +414,7 @@ _READERS: dict[str, Callable[[_Loads, CardEntry, float], None]] = {
     "SLOAD": _Loads.scalar,
     "GRAV": _Loads.gravity,
     "PLOAD": _Loads.on_points,
+    "PLOAD1": _Loads.on_bars,
     "PLOAD2": _Loads.on_shells,
     "PLOAD4": _Loads.on_faces,
 }

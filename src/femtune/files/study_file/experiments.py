@@ -21,7 +21,7 @@ class ScreenTable(TomlTable):
     array: Text | None = None
     levels: Annotated[int, Field(ge=2, le=12)] | None = None
     trajectories: Annotated[int, Field(ge=2, le=10_000)] = 10
-    points: Annotated[int, Field(ge=2, le=1 << 20)] = 1024
+    points: Annotated[int, Field(ge=64, le=1 << 20)] = 1024
     on: Literal["surrogate", "model"] = "surrogate"
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
     seed: Seed = 0

@@ -38,7 +38,7 @@ def write_uff_modes(path: str | Path, tests: ModalTest | Sequence[ModalTest], ti
         differ
     """
     several = [tests] if isinstance(tests, ModalTest) else list(tests)
-    _check(several, title_lines)
+    check_modes(several, title_lines)
     measured = [dof for test in several for dof in _modes_of(test).dofs]
     lines = [*units_set(several[0].units), *geometry_sets(several[0].geometry, measured)]
     for test in several:
@@ -64,7 +64,8 @@ def _is_universal(path: Path) -> bool:
     return not start or start[0] == b"-1"
 
 
-def _check(tests: Sequence[ModalTest], title_lines: Sequence[str]) -> None:
+def check_modes(tests: Sequence[ModalTest], title_lines: Sequence[str] = ()) -> None:
+    """Refuse what the format cannot hold (error ``uff.cannot-write``)."""
     if not tests or any(test.modes is None or not len(test.modes) for test in tests):
         raise FemtuneError("uff.cannot-write/no-modes")
     for text in (*title_lines, *(test.name for test in tests)):

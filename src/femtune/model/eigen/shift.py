@@ -22,6 +22,8 @@ _FARTHER, _TRIES = 1e3, 4
 _LEAST, _MOST = 5e-3, 1e3
 """A shift so many times the lowest elastic eigenvalue is good enough: another factorisation would cost more."""
 _BEST, _ZERO = 1.0, 1e-6
+_NEAREST = 1e6 * np.finfo(float).eps
+"""Part of the largest λ of single DOFs: a shift nearer to zero may be lost in the rounding of K."""
 _FAR, _FALLING, _NEARER = 0.02, 0.7, 1e-2
 
 
@@ -52,9 +54,18 @@ def near_shift(point: ModelPoint, pencil: Pencil, known: Reals, shift: float, st
     """The same from eigenvalues and shapes of a model nearby, and the shift that they were found with."""
     elastic = known[known > _ZERO * known.max(initial=0.0)]
     best = _BEST * float(elastic.min()) if elastic.size else -shift
-    size = -shift if _LEAST < -shift / best < _MOST else best
+    if not _LEAST < -shift / best < _MOST:
+        # rigid-body modes that rounding lifts from zero look elastic, and so near to zero nothing is accurate
+        shift = -max(best, min(-shift, _NEAREST * float((pencil.K.diagonal() / _masses(pencil)).max())))
+    size = -shift
     size, factor = _factor_below(point, pencil, size)
     return EigenSearch(Inverse(pencil, -size, factor), start)
+
+
+def _masses(pencil: Pencil) -> Reals:
+    """Diagonal of M, infinite where there is no mass."""
+    m = pencil.M.diagonal()
+    return np.where(m > 0.0, m, np.inf)
 
 
 def first_guess(pencil: Pencil) -> float:

@@ -87,7 +87,7 @@ class EigenSolution:
 def solve_modes(
     point: ModelPoint, count: int | None = None, max_hz: float | None = None, start: EigenSolution | None = None
 ) -> EigenSolution:
-    """The `count` lowest modes, or all up to `max_hz` but at least one.
+    """The `count` lowest modes, or all up to `max_hz` but at least one, with a notice where that is above it.
 
     Where neither is given, there are ten elastic modes (`default_count`) beside the rigid-body modes. Where both are,
     all up to `max_hz`, at least `count` elastic ones, and at most as many as `MOST_MODES`, with a notice.
@@ -107,7 +107,13 @@ def solve_modes(
     """
     if max_hz is None:
         return _solved(point, default_count(point) if count is None else count, None, start)
-    return _solved(point, None, max_hz, start) if count is None else _reaching(point, count, max_hz, start)
+    if count is not None:
+        return _reaching(point, count, max_hz, start)
+    found = _solved(point, None, max_hz, start)
+    if not found.wanted or found.freq_hz[0] <= max_hz:
+        return found
+    notice = Notice("eigen.none-below", max_hz=max_hz, lowest=float(found.freq_hz[0]))
+    return replace(found, notices=(*found.notices, notice))
 
 
 def _reaching(point: ModelPoint, elastic: int, max_hz: float, start: EigenSolution | None) -> EigenSolution:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from femtune.assembly.progress import silent
+from femtune.assembly.residuals import modes_without_sd
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError, FemtuneErrors, Notice, folded
 from femtune.files.nastran.build import build_allowing
@@ -178,6 +179,9 @@ class _Checked:
         with self.catching(follows=aside):
             study = load_study(source, progress)
             self.notices += [n for n in (*study.built.notices, *study.notices) if not (aside and n.code in _OF_UNITS)]
+            if study.file.output.vtu and all(case.used is None for case in study.cases):
+                self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
+            self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
 
     def _parts(self, data: dict[str, Any], progress: Progress) -> None:
         """The deck and the tests, each by itself."""

@@ -29,7 +29,7 @@ from femtune.study.identification.records import identification
 from femtune.study.identification.request import asked_of, check_methods, check_usable
 from femtune.study.identification.rigid_bodies import with_rigid_bodies
 from femtune.study.identification.several import found_from_setups
-from femtune.study.identification.write import write_found
+from femtune.study.identification.write import no_modes_file, test_of_modes, write_found
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
@@ -162,9 +162,13 @@ def identify(
         found = replace(found, notices=(*found.notices, *linearity_notice(linearity)))
     source = InputFile(path=file.measured_path.name, sha256=_digest(file.measured_path))
     title = file.identify.title or file.measured_path.name
-    record = identification(found, title, source, file.identify.units, linearity)
     tables = (file.channel, file.function, file.functions, *(one.channel for one in file.setup))
-    names = write_found(folder, found, record, named=any(map(bool, tables)))
+    test = test_of_modes(found, title, file.identify.units)
+    unwritten = no_modes_file(test, named=any(map(bool, tables)))
+    if unwritten is not None:
+        found = replace(found, notices=(*found.notices, unwritten))
+    record = identification(found, title, source, file.identify.units, linearity)
+    names = write_found(folder, found, record, test if unwritten is None else None)
     return IdentifyResult(folder, record, found, tuple(names))
 
 

@@ -6,14 +6,15 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.files.deviations import deviations_text
-from femtune.files.uff import write_uff_modes
+from femtune.files.uff import check_modes, write_uff_modes
 from femtune.files.whole_file import write_whole
 from femtune.identification.choice import Limits, stable
 from femtune.modal import ModeSet
@@ -31,10 +32,30 @@ RECORD_FILE, MODES_FILE, TABLE_FILE, POLES_FILE, SYSTEM_FILE, DEVIATIONS_FILE = 
 )  # fmt: skip
 
 
-def write_found(folder: Path, found: Found, record: Identification, *, named: bool = True) -> list[str]:
-    """Write all files; returns their names.
+def test_of_modes(found: Found, title: str, units: str) -> ModalTest:
+    """The modes as a test that a study can read, without those of the excitation."""
+    name = title if title.isprintable() and len(title) <= 80 else "identified"
+    of_structure = [i for i in range(len(found.modes)) if found.of_structure(i)]
+    return ModalTest(name, unit_system(units), found.geometry, modes=found.modes.select_modes(of_structure))
+
+
+def no_modes_file(test: ModalTest, *, named: bool) -> Notice | None:
+    """Why the modes are not written as a Universal File; None where they are.
 
     Columns that are not `named` are numbered: they are no scalar points of a model, so that no study can read them.
+    """
+    assert test.modes is not None
+    if not named and not test.modes.dofs.components.any():
+        return Notice("identify.no-modes-file/not-named", level="info")
+    try:
+        check_modes([_plain(test)])
+    except FemtuneError as error:
+        return Notice("identify.no-modes-file", reason=error.what)
+    return None
+
+
+def write_found(folder: Path, found: Found, record: Identification, test: ModalTest | None) -> list[str]:
+    """Write all files; returns their names. `test` has the modes for a study, None where they are not written.
 
     Raises
     ------
@@ -50,38 +71,31 @@ def write_found(folder: Path, found: Found, record: Identification, *, named: bo
             write_whole(folder / name, content)
     except OSError as error:
         raise unwritable(folder, error) from error
-    numbered = not named and not found.modes.dofs.components.any()
-    return [*files, *([] if numbered else _uff(folder, found, record))]
+    return [*files, *([] if test is None else _uff(folder, test))]
 
 
 def _json(record: Identification) -> bytes:
     return json.dumps(record.model_dump(mode="json"), indent=1, ensure_ascii=False, allow_nan=False).encode()
 
 
-def _uff(folder: Path, found: Found, record: Identification) -> list[str]:
-    """Modes for a study, without the excitation's; none where the format cannot hold them."""
-    name = record.title if record.title.isprintable() and len(record.title) <= 80 else "identified"
-    of_structure = [i for i, mode in enumerate(record.modes) if not mode.of_input]
-    modes = found.modes.select_modes(of_structure)
-    test = ModalTest(name, unit_system(record.units), found.geometry, modes=_plain(modes))
-    text = deviations_text(modes)
-    try:
-        write_uff_modes(folder / MODES_FILE, test)
-    except FemtuneError as error:
-        if error.code != "uff.cannot-write" or error.where is not None:
-            raise
-        return []
+def _uff(folder: Path, test: ModalTest) -> list[str]:
+    assert test.modes is not None
+    write_uff_modes(folder / MODES_FILE, _plain(test))
+    text = deviations_text(test.modes)
     if text is None:
         return [MODES_FILE]
     write_whole(folder / DEVIATIONS_FILE, text.encode())
     return [MODES_FILE, DEVIATIONS_FILE]
 
 
-def _plain(modes: ModeSet) -> ModeSet:
-    """Labels as the format counts them."""
-    return ModeSet(
+def _plain(test: ModalTest) -> ModalTest:
+    """Labels of the modes as the format counts them."""
+    modes = test.modes
+    assert modes is not None
+    plain = ModeSet(
         modes.freq_hz, modes.shapes, modes.dofs, damping_ratio=modes.damping_ratio, normalisation=modes.normalisation
     )
+    return replace(test, modes=plain)
 
 
 def _modes_table(found: Found) -> bytes:

@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.stats import qmc
 
 from femtune.arrays import Integers, Reals
-from femtune.modal import clusters, mac
+from femtune.modal import clusters, largest_entries, mac
 from femtune.model.full_model import direct
 from femtune.model.response.rigid import is_rigid
 from femtune.planning import (
@@ -159,7 +159,7 @@ class _Maker:
         """At one solution; rigid-body modes tell nothing."""
         rigid = is_rigid(solution)[: solution.wanted]
         elastic = [int(t) for t in targets if not rigid[t]]
-        largest = np.abs(self._at_sites(solution)).max(axis=0)
+        largest = largest_entries(self._at_sites(solution))
         sd = self.study.parameters.prior[1]
         k = len(sd)
         information, found = np.zeros((k, k)), []
