@@ -9,12 +9,14 @@ from femtune.results.results import SCHEMA_VERSION
 
 
 def _from_1(data: dict[str, Any]) -> None:
-    """Version 2 has `misfit` and `sd_ratio` in all records; the first files of version 1 lack them."""
+    """Version 2 always has `misfit`, `sd_ratio` and `cosine_distance`; the first files of version 1 lack them."""
     for residuals in _records(data, "update", "residual_counts"):
         residuals.setdefault("misfit", None)
     for kind in ("undetermined", "weakly_determined"):
         for combination in _records(data, "selection", kind):
             combination.setdefault("sd_ratio", None)
+    for parameter in _records(data, "quantify", "parameters"):
+        parameter.setdefault("cosine_distance", None)
 
 
 _MIGRATIONS: Mapping[str, Callable[[dict[str, Any]], None]] = {"1": _from_1}
