@@ -29,20 +29,23 @@ class Compared:
     ----------
     measured : its lines
     band_hz : what is compared
-    end_hz : where the lines end that are identified: at the smallest response between these limits, so that no mode
-        lies just above the band
+    end_hz : where the lines end that are identified: at the smallest response between these limits, so that a group of
+        close modes stays outside; None: at the last line. Lines well above the compared band are worth having: the
+        modes there are identified and get the damping ratio of the model
     left_out_hz : modes of the model that the test does not show, at the initial values
     """
 
     state: State
     measured: Measured
     band_hz: tuple[float, float]
-    end_hz: tuple[float, float]
+    end_hz: tuple[float, float] | None = None
     left_out_hz: tuple[float, ...] = ()
 
     def test(self, lab: Laboratory, component: int) -> FrfSet:
         """The simulated test of a component, up to where it is identified."""
         whole = lab.test(self.state, component, self.measured)
+        if self.end_hz is None:
+            return whole
         lines = whole.freq_hz
         inside = (lines >= self.end_hz[0]) & (lines <= self.end_hz[1])
         size = np.where(inside, np.sum(np.abs(whole.values) ** 2, axis=(0, 1)), np.inf)

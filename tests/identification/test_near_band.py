@@ -27,7 +27,7 @@ def _beside(known: Any, *freq: float) -> Any:
     )
 
 
-@pytest.mark.parametrize("outside", [(25.6,), (7.6,), (27.0,), (7.6, 25.6)])
+@pytest.mark.parametrize("outside", [(25.6,), (7.6,), (25.6, 27.0), (7.6, 25.6)])
 def test_without_noise_the_modes_inside_are_exact(three_modes: Any, outside: tuple[float, ...]) -> None:
     frfs = _beside(three_modes, *outside).frfs(_LINES)
     start = pole_of(three_modes.freq_hz * 1.001, three_modes.damping_ratio)

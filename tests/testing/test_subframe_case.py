@@ -54,5 +54,6 @@ def test_the_lines_of_a_test_end_away_from_modes() -> None:
     lab = Laboratory(5_000)
     end = TEST.test(lab, 0).freq_hz[-1]
     hertz = solve_modes(lab.configured[FREE.name].at(lab.truth(0)), None, 500.0).freq_hz
+    assert TEST.end_hz is not None
     assert TEST.end_hz[0] <= end <= TEST.end_hz[1]
     assert np.abs(hertz / end - 1.0).min() > 0.03

@@ -1,7 +1,8 @@
 """Modes just outside the band, which bend the functions inside it: fitted with the others, and not reported.
 
-The real terms for what lies outside are right far from the band only. Beside a mode that is near, they leave a
-systematic error, which moves the residues by more than their standard deviations.
+The real terms for what lies outside are right far from the band only. Beside modes that are near, they leave a
+systematic error, which moves poles and residues by more than their standard deviations. One mode cannot stand for
+several, so further ones are added while these explain more than chance.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ GAPS = (0.003, 0.01, 0.03, 0.1, 0.25)
 """Relative distances from the band at which a mode is looked for first."""
 CHANCE = 1e-4
 """A mode outside the band is taken where noise lowers the errors as much with a smaller probability."""
+MOST = 3
+"""Modes on one side of the band."""
 _LEAST_DAMPING = 1e-3
 _FARTHEST = 2.0
 
 
 def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> ModalFit:
-    """The modal fit, with one further mode below the band, above it, or both, where these explain more than chance.
+    """The modal fit, with up to `MOST` further modes below the band and above it, where each explains more than chance.
 
     Parameters
     ----------
@@ -39,15 +42,15 @@ def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms:
     FemtuneError : as `fit_modes`
     """
     search = _Search(frfs, np.asarray(start, complex), sd, terms)
-    fit, sides = fit_modes(frfs, start, sd, terms), {False, True}
-    while sides:
-        trials = [(above, search.refined(fit, above=above)) for above in sorted(sides)]
+    fit, count = fit_modes(frfs, start, sd, terms), {False: 0, True: 0}
+    while sides := [above for above, taken in count.items() if taken < MOST]:
+        trials = [(above, search.refined(fit, above=above)) for above in sides]
         found = [(_gain(trial, fit), above, trial) for above, trial in trials if trial is not None]
         if not found:
             break
         # the side that explains more first: what it leaves hides what the other side does
         _, above, fit = max(found, key=lambda one: one[0])
-        sides.remove(above)
+        count[above] += 1
     return fit
 
 
@@ -58,9 +61,8 @@ class _Search:
     sd: Reals | None
     terms: tuple[str, ...]
 
-    def fit(self, neighbours: Complexes, **steps: int) -> ModalFit:
-        """From the start again: without the neighbours a weak mode may have left the band in their place."""
-        return fit_modes(self.frfs, self.start, self.sd, self.terms, neighbours=neighbours, **steps)
+    def fit(self, inside: Complexes, neighbours: Complexes, **steps: int) -> ModalFit:
+        return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours, **steps)
 
     def refined(self, fit: ModalFit, *, above: bool) -> ModalFit | None:
         """The fit with a mode on one side of the band; None where it explains no more than noise does."""
@@ -71,9 +73,17 @@ class _Search:
         at = lines[-1] * (1.0 + gaps) if above else lines[0] * (1.0 - gaps)
         typical = max(float(np.median(freq_and_damping(self.start)[1])), _LEAST_DAMPING)
         grid = pole_of(np.repeat(at, 2), np.tile([typical, 4.0 * typical], len(at)))
-        best = min(grid, key=lambda pole: self.fit(np.append(known, pole), most_steps=0).deviance)
-        trial = self.fit(np.append(known, best))
+        inside = self._inside(fit)
+        best = min(grid, key=lambda pole: self.fit(inside, np.append(known, pole), most_steps=0).deviance)
+        trial = self.fit(inside, np.append(known, best))
         return trial if _stays_outside(trial) and _explains(trial, fit) else None
+
+    def _inside(self, fit: ModalFit) -> Complexes:
+        """Where the modes begin: at the fit, or at the start where one has left the band for a neighbour's place."""
+        lines, inside = fit.measured.freq_hz, fit.poles[~fit.outside]
+        freq = freq_and_damping(inside)[0]
+        stayed = fit.outside.any() and freq.min() >= lines[0] and freq.max() <= lines[-1]
+        return inside if stayed else self.start
 
 
 def _stays_outside(fit: ModalFit) -> bool:

@@ -53,7 +53,10 @@ class AskedFrfs(AtFirstState):
                 entry, used, places, scatter, replace(way, damping=damping), (*notices, *about), state
             )
             test = asked.equalised()
-            return (found if test is None else replace(found, identified=test.redrawn)), told
+            if test is None:
+                return found, told
+            # lines of an identified test are free of the noise of single lines, which would bias their weights
+            return replace(found, identified=test.redrawn, shift=None), told
 
         return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
