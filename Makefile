@@ -23,7 +23,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise bench-page mutants readers release-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise bench-page bench-fuzz mutants readers release-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -138,6 +138,12 @@ bench-optimise: $(VENV)/.stamp-test  ## the search compared with general solvers
 
 bench-page: $(VENV)/.stamp-test web/node_modules/.stamp  ## size, load time and frames a second of the page against model size; takes minutes
 	@$(ONE_THREAD) $(BIN)/python benchmarks/page/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+FUZZ_PEERS := pyNastran cpylog docopt-ng
+
+bench-fuzz: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## twenty thousand damaged files of all kinds, judged by other parsers; takes half an hour and can be interrupted
+	@test -d $(VENV)/fuzz/pyNastran || $(PIP) --target $(VENV)/fuzz --no-deps $(FUZZ_PEERS)
+	@$(ONE_THREAD) PYTHONPATH=$(VENV)/fuzz $(BIN)/python benchmarks/fuzz/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 mutants: $(VENV)/.stamp-test  ## mutation test of the numerical code; takes half an hour and can be interrupted
 	@$(PIP) coverage

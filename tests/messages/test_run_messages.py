@@ -30,6 +30,8 @@ def test_no_run_folder(tmp_path: Path) -> None:
 def test_another_version(tmp_path: Path) -> None:
     (tmp_path / "results.json").write_text('{"schema_version": "7"}')
     check_shown("run.version", _message(tmp_path))
+    (tmp_path / "results.json").write_text('{"schema_version": "one"}')
+    check_shown("run.version, unknown", _message(tmp_path))
 
 
 def test_a_cut_file(tmp_path: Path) -> None:

@@ -54,6 +54,7 @@ _ON_PAGES = (
     _Case("study.frequency-table", "[[parameter]]", '[reduction]\n\n[[frequency_table]]\nfields = ["MAT1 1 E"]\n'
           'freq_hz = [0.0, 100.0]\nfactor = [1.0, 1.5]\n\n[[parameter]]', 16, "cannot be combined with [reduction]"),
     _Case("study.syntax", "count = 8", "count = eight", 7, "not valid TOML: Invalid value"),
+    _Case("study.version", "[study]", "schema_version = 2\n[study]", 1, "reads schema version 1"),
     _Case("study.missing-file", '"frame.uff"', '"frane.uff"', 11, "looked for"),
     _Case("study.unknown-key", "count = 8", "cuont = 8", 7, "did you mean 'count'?"),
     _Case("study.missing-key", 'units = "m-kg-s"\n', "", 1, "[study] lacks the key 'units'"),

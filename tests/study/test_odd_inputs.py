@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune import steps
 
@@ -19,6 +20,15 @@ def test_mass_that_autospc_holds_is_an_alert(beam: Bench) -> None:
     assert any(a.code == "model.held-mass" and "6X, 6Y, 6Z" in a.sentence for a in modes.alerts)
     alerts = steps.update(beam.study("[correlate]\nfrequency_gate = 0.6\n" + beam.parameters)).results.alerts
     assert any(a.code == "model.held-mass" and "6X, 6Y, 6Z" in a.sentence for a in alerts)
+
+
+@pytest.mark.slow
+def test_dofs_held_although_autospc_is_off_are_an_alert(beam: Bench) -> None:
+    beam.write("beam.bdf", beam.text.replace("ENDDATA", "GRID,6,,2.,0.,0.\nPARAM,AUTOSPC,NO\nENDDATA"))
+    (modes,) = steps.modes(beam.folder / "beam.bdf").records
+    (told,) = (a for a in modes.alerts if a.code == "model.held-without-autospc")
+    assert "6X, 6Y, 6Z" in told.sentence
+    check_shown("model.held-without-autospc", f"[{told.code}] {told.sentence}")
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+import femtune
 from femtune.errors import FemtuneError
 from femtune.files import whole_file
 from femtune.results.folder import _read_arrays, check_writable, read_results, write_results
-from femtune.results.results import Results
+from femtune.results.migration import _MIGRATIONS
+from femtune.results.results import SCHEMA_VERSION, Results
 
 _FILE = {"path": "study.toml", "sha256": "0" * 64}
 _PROVENANCE = {
@@ -153,12 +156,12 @@ def test_an_unknown_key_is_damaged(folder: Path) -> None:
     assert "surprise" in str(_code(folder))
 
 
-@pytest.mark.parametrize("version", ["2", "0", "1.1"])
+@pytest.mark.parametrize("version", ["3", "0", "1.1"])
 def test_another_version_is_said(folder: Path, version: str) -> None:
     _change(folder, schema_version=version)
     error = _code(folder)
     assert error.code == "run.version"
-    assert f"schema version {version}" in str(error)
+    assert version in str(error)
 
 
 @pytest.mark.parametrize("cut", [0, 10, 60, -5])
@@ -211,6 +214,52 @@ def test_arrays_that_unpack_to_more_than_memory_are_refused(tmp_path: Path, monk
     with pytest.raises(FemtuneError) as caught:
         _read_arrays(folder / "arrays.npz")
     assert caught.value.code == "run.damaged"
+
+
+@pytest.fixture
+def first_layout(tmp_path: Path) -> Path:
+    """A run folder as femtune wrote it before records had a misfit, and combinations a ratio of standard deviations."""
+    folder = tmp_path / "first"
+    shutil.copytree(Path(__file__).parent / "written_before", folder)
+    data = json.loads((folder / "results.json").read_text("utf-8"))
+    counts = data["update"]["residual_counts"]
+    data["update"]["residual_counts"] = [{"kind": r["kind"], "count": r["count"]} for r in counts]
+    for combination in data["selection"]["undetermined"] + data["selection"]["weakly_determined"]:
+        del combination["sd_ratio"]
+    (folder / "results.json").write_text(json.dumps(data), "utf-8")
+    return folder
+
+
+def test_results_of_the_first_layout_are_migrated(first_layout: Path, tmp_path: Path) -> None:
+    text = (first_layout / "results.json").read_bytes()
+    results, arrays = read_results(first_layout)
+    assert results.schema_version == SCHEMA_VERSION
+    assert results.update is not None
+    assert results.selection is not None
+    assert [(r.count > 0, r.misfit) for r in results.update.residual_counts] == [(True, None)]
+    assert results.selection.undetermined[0].sd_ratio is None
+    assert (first_layout / "results.json").read_bytes() == text
+    # written again they are of the present version
+    write_results(tmp_path / "again", results, arrays)
+    assert read_results(tmp_path / "again")[0] == results
+
+
+@pytest.mark.slow
+def test_a_report_of_the_first_layout(first_layout: Path) -> None:
+    page = femtune.report(first_layout)
+    assert "Beam" in Path(page).read_text("utf-8")
+
+
+def test_each_version_leads_to_the_next() -> None:
+    assert sorted(map(int, _MIGRATIONS)) == list(range(1, int(SCHEMA_VERSION)))
+
+
+@pytest.mark.parametrize(
+    "content", [{}, {"update": 3, "selection": {"undetermined": {}}}, {"update": {"residual_counts": [1]}}]
+)
+def test_what_is_no_result_is_damaged_in_an_earlier_version_too(folder: Path, content: dict[str, object]) -> None:
+    (folder / "results.json").write_text(json.dumps({"schema_version": "1", **content}), "utf-8")
+    assert _code(folder).code == "run.damaged"
 
 
 def test_results_of_an_earlier_state_still_load():

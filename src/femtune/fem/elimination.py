@@ -46,7 +46,9 @@ def eliminate(n_dofs: int, rows: ConstraintRows, held: Iterable[int], describe: 
     fixed = np.unique(np.fromiter(held, dtype=np.int64))
     matrix = sp.csr_array((rows.coefficient, (rows.row, rows.dof)), shape=(len(rows), n_dofs))
     _check(rows, matrix, fixed, describe)
-    free = np.setdiff1d(np.arange(n_dofs), np.concatenate([rows.dependent, fixed]))
+    is_free = np.ones(n_dofs, bool)
+    is_free[rows.dependent] = is_free[fixed] = False
+    free = np.flatnonzero(is_free)
     follow = _solve(matrix[:, rows.dependent], matrix[:, free], rows, describe)
     identity = sp.csr_array((np.ones(len(free)), (free, np.arange(len(free)))), shape=(n_dofs, len(free)))
     place = sp.csr_array((np.ones(len(rows)), (rows.dependent, np.arange(len(rows)))), shape=(n_dofs, len(rows)))

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
-from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable, Units
+from femtune.files.study_file.kinds import DofLabel, Positive, SchemaVersion, Text, TomlTable, Units
 from femtune.files.study_file.problems import problems
-from femtune.files.study_file.reading import toml_data, toml_text
+from femtune.files.study_file.reading import check_version, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
 from femtune.files.study_file.step_tables import OutputTable
 
@@ -135,6 +135,7 @@ class LinearityTable(TomlTable):
 class IdentifyFile(TomlTable):
     """The whole file; names of files are relative to it."""
 
+    schema_version: SchemaVersion = 1
     identify: IdentifyTable
     channel: tuple[ChannelEntry, ...] = ()
     setup: tuple[SetupEntry, ...] = ()
@@ -192,7 +193,7 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
 
     Raises
     ------
-    FemtuneError : ``study.missing-file``, ``study.syntax``
+    FemtuneError : ``study.missing-file``, ``study.syntax``, ``study.version``
     FemtuneErrors : all that is wrong with its content: ``study.unknown-key``, ``study.type``, ``identify.source``,
         ``identify.output-only`` and others
     """
@@ -200,6 +201,7 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
     text = toml_text(file)
     data = toml_data(text, file)
     source = StudyLines(str(file), line_numbers(text), PAGE)
+    check_version(data, source)
     errors = [*_rules(data, source)]
     try:
         found = IdentifyFile.model_validate(data)

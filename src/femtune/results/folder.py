@@ -6,6 +6,7 @@ import errno
 import io
 import json
 import os
+import re
 import tempfile
 import zipfile
 import zlib
@@ -19,11 +20,13 @@ from pydantic import ValidationError
 
 from femtune.errors import FemtuneError, Where
 from femtune.files.whole_file import write_whole
+from femtune.results.migration import is_known, migrate
 from femtune.results.results import SCHEMA_VERSION, Results
 
 RESULTS_FILE = "results.json"
 ARRAYS_FILE = "arrays.npz"
 _MOST_BYTES = 4 << 30
+_NUMBER = re.compile("[1-9][0-9]{0,8}")
 
 
 def write_results(folder: Path | str, results: Results, arrays: Mapping[str, NDArray[Any]]) -> Path:
@@ -51,6 +54,8 @@ def write_results(folder: Path | str, results: Results, arrays: Mapping[str, NDA
 
 def read_results(folder: Path | str) -> tuple[Results, dict[str, NDArray[Any]]]:
     """Read what `write_results` wrote: the results and their arrays by key.
+
+    Results of an earlier schema version are migrated; the files stay as they are.
 
     Raises
     ------
@@ -107,6 +112,7 @@ def _read_json(path: Path) -> Results:
     except (ValueError, RecursionError) as error:
         raise _damaged(path, str(error)) from error
     _check_version(path, data)
+    migrate(data)
     try:
         return Results.model_validate_json(json.dumps(data))
     except ValidationError as error:
@@ -131,13 +137,15 @@ def _check_version(path: Path, data: Any) -> None:
     version = data.get("schema_version") if isinstance(data, dict) else None
     if not isinstance(version, str):
         raise _damaged(path, "the key schema_version is missing")
-    if version != SCHEMA_VERSION:
-        raise FemtuneError(
-            "run.version",
-            where=Where(str(path), record="schema_version"),
-            version=version,
-            supported=SCHEMA_VERSION,
-        )
+    if is_known(version):
+        return
+    newer = _NUMBER.fullmatch(version) is not None and int(version) > int(SCHEMA_VERSION)
+    raise FemtuneError(
+        "run.version" if newer else "run.version/unknown",
+        where=Where(str(path), record="schema_version"),
+        version=version,
+        supported=SCHEMA_VERSION,
+    )
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:

@@ -29,13 +29,13 @@ from femtune.results.validation import ValidationResults
 if TYPE_CHECKING:
     from femtune.results.checks import ModelCheck
 
-SCHEMA_VERSION = "1"
+SCHEMA_VERSION = "2"
 
 
 class Results(Record):
     """All results of a run; steps that did not run are None."""
 
-    schema_version: Literal["1"] = "1"
+    schema_version: Literal["2"] = "2"
     """Version of this schema."""
     provenance: Provenance
     """Origin of the results."""

@@ -330,9 +330,9 @@ class ResidualCount(Record):
     """True if their standard deviations are those that the test has, in place of values of the study."""
     count: int
     """Their number."""
-    misfit: float
+    misfit: float | None
     """Their root mean square at the end in units of the stated standard deviations (no unit), corrected for the
-    fitted parameters: about 1 if the stated standard deviations are correct."""
+    fitted parameters: about 1 if the stated standard deviations are correct; None: not known (an earlier femtune)."""
     freedom: float = 0.0
     """Degrees of freedom of these residuals after the fit (no unit)."""
     widened: bool = False

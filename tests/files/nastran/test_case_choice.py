@@ -94,6 +94,7 @@ LEFT_OUT = {
     "LOAD=1": ("106", "SOL 106 is a nonlinear solution", "info"),
     "METHOD=5; PARAM,NMLOOP,3": ("106", "PARAM NMLOOP = 3: the modes are those of the undeformed", "warning"),
     "METHOD=5; SPC=1": ("105", "SOL 105 requests buckling loads", "warning"),
+    "METHOD=5 ; SPC=1": ("31", "SOL 31 of MYSTRAN requests Craig-Bampton modes", "warning"),
     "CMETHOD=5; SPC=1": ("107", "CMETHOD = 5 requests complex modes", "warning"),
     "METHOD=5; CMETHOD=6": ("SEMCEIG", "CMETHOD = 6 requests complex modes", "warning"),
     "METHOD=5; SPC=2": ("110", "SOL 110 requests complex modes", "warning"),

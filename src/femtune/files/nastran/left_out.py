@@ -10,6 +10,8 @@ from femtune.files.nastran.loads import preload_command, preload_request
 
 _NONLINEAR = (106, 129, 153, 400, 401, 402, 600, 601, 700)
 _BUCKLING = 105
+_CRAIG_BAMPTON = 31
+"""Of MYSTRAN."""
 _COMPLEX_MODES = (107, 110)
 
 # commands that change stiffness or mass, with the wording of the warning
@@ -74,6 +76,8 @@ def _preloads(deck: Deck, preloaded: bool) -> Iterator[Notice]:
     if deck.executive.solution_number == _BUCKLING:
         yield Notice("deck.left-out/buckling", where=Where(str(deck.path), record="SOL"))
         return
+    if deck.executive.solution_number == _CRAIG_BAMPTON:
+        yield Notice("deck.left-out/fixed-interface", where=Where(str(deck.path), record="SOL"))
     for command in deck.case_control.effective:
         if command.is_preload and not (preloaded and preload_command(deck)):
             yield Notice("deck.left-out/preload", where=command.where, request=preload_request(deck, command))

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import struct
-import tokenize
 import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
-from zipfile import BadZipFile, ZipFile, is_zipfile
+from zipfile import ZipFile, is_zipfile
 
 import numpy as np
 
 from femtune._optional import require
-from femtune.errors import did_you_mean
+from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.records.table import RecordTable, as_columns, problem
 
 _RATES = ("fs", "sampling_hz", "sampling_rate", "sample_rate", "samplerate", "srate")
@@ -74,27 +73,26 @@ def npy_arrays(path: Path) -> dict[str, np.ndarray]:
         with np.errstate(all="ignore"), path.open("rb") as stream:
             loaded: Any = np.load(stream, allow_pickle=False)
             return {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"": loaded}
-    except _BROKEN as bad:
+    except FemtuneError:
+        raise
+    # numpy raises whatever its own code stumbles over in a damaged file
+    except Exception as bad:
         raise problem(path, "record.file", first_line=_first_line(bad)) from bad
-
-
-_BROKEN = (
-    ValueError, TypeError, EOFError, OSError, LookupError, BadZipFile, zlib.error, struct.error, MemoryError,
-    SyntaxError, NotImplementedError, RuntimeError, UnicodeError, tokenize.TokenError,
-)  # fmt: skip
-"""What numpy, scipy and the standard library raise for files that are damaged."""
 
 
 def mat_arrays(path: Path) -> dict[str, Any]:
     """Arrays of a MATLAB file before version 7.3; fields of structures as ``a.b``, elements as ``a(2).b``, ``c{3}``."""
-    from scipy.io import loadmat, matlab  # noqa: PLC0415  half a second that no other step wants
+    from scipy.io import loadmat  # noqa: PLC0415  half a second that no other step wants
 
     try:
         _check_mat(path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             arrays = loadmat(path)
-    except (*_BROKEN, matlab.MatReadError) as bad:
+    except FemtuneError:
+        raise
+    # scipy likewise
+    except Exception as bad:
         raise problem(path, "record.file/matlab", first_line=_first_line(bad)) from bad
     found: dict[str, Any] = {}
     for name, array in arrays.items():

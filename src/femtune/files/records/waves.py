@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -91,10 +90,17 @@ def read_wav(path: Path) -> RecordTable:
             warnings.filterwarnings("ignore")
             warnings.filterwarnings("error", message=".*prematurely.*")
             rate, data = wavfile.read(path)
-    except (ValueError, EOFError, OSError, struct.error, LookupError, wavfile.WavFileWarning) as bad:
-        raise problem(path, "record.file/wav", problem=str(bad)[:120]) from bad
+    # of a damaged file scipy raises whatever its own code stumbles over, UnboundLocalError for one without data
+    except Exception as bad:
+        raise problem(path, "record.file/wav", problem=_words(bad)) from bad
     values = np.atleast_2d(data.T).astype(float)
     if data.dtype.kind in "iu":
         middle = 128.0 if data.dtype == np.uint8 else 0.0
         values = (values - middle) / (128.0 if middle else -float(np.iinfo(data.dtype).min))
     return RecordTable(values, ("",) * len(values), float(rate), None, str(path))
+
+
+def _words(bad: Exception) -> str:
+    """What scipy says of the file; an error within its own code says nothing of it."""
+    of_file = isinstance(bad, ValueError | EOFError | OSError | Warning)
+    return str(bad)[:120] if of_file else "parts of it are missing or damaged"

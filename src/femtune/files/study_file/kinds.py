@@ -281,6 +281,10 @@ Rotation = Annotated[tuple[Vector, Vector, Vector], checked(_rotation)]
 # ----------------------------------------------------------------------------------------------------
 # What all tables of a study file have in common.
 
+SCHEMA_VERSION = 1
+"""Version of the study file and of the identification file; rises when a file that was valid must be changed."""
+SchemaVersion = Literal[1]
+
 
 class TomlTable(BaseModel):
     """Frozen; unknown keys, values of another type, NaN and infinity are refused."""

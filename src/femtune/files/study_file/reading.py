@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.files.study_file.kinds import SCHEMA_VERSION
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.rules import rules
 from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
@@ -34,7 +35,8 @@ def read_study_file(path: str | Path) -> StudyFile:
 
     Raises
     ------
-    FemtuneError : ``study.missing-file`` (the study itself, or a deck or test that it names), ``study.syntax``
+    FemtuneError : ``study.missing-file`` (the study itself, or a deck or test that it names), ``study.syntax``,
+        ``study.version``
     FemtuneErrors : all that is wrong with its content at once: ``study.unknown-key``, ``study.missing-key``,
         ``study.type``, ``study.number``, ``study.value``, ``parameter.bounds`` and others of docs/errors
     """
@@ -50,6 +52,7 @@ def study_from_text(text: str, path: str | Path) -> StudyFile:
 
 def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given: Given | None = None) -> StudyFile:
     """As `read_study_file`, from the data of a file; what is `given` as objects need not exist as files."""
+    check_version(data, source)
     given = given or Given()
     errors: list[FemtuneError] = [*rules(data, source), *_missing_files(data, source, file.parent, given)]
     try:
@@ -59,6 +62,14 @@ def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given:
     _raise_in_order(errors)
     study._path, study._source, study._given = file, source, given
     return study
+
+
+def check_version(data: dict[str, Any], source: StudyLines) -> None:
+    """Refuse a file for a later femtune before its keys are judged (error ``study.version``)."""
+    version = data.get("schema_version")
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        values = {"schema_version": version}
+        raise source.error(("schema_version",), "study.version", values, supported=SCHEMA_VERSION)
 
 
 def toml_text(file: Path) -> str:

@@ -16,7 +16,7 @@ from femtune.files.study_file.configuration import ConfigurationEntry, SingleTes
 from femtune.files.study_file.derived import DerivedEntry
 from femtune.files.study_file.distribution import DistributionEntry
 from femtune.files.study_file.experiments import ScreenTable, SearchTable
-from femtune.files.study_file.kinds import TomlTable
+from femtune.files.study_file.kinds import SchemaVersion, TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.over_frequency import FrequencyTableEntry
 from femtune.files.study_file.parameter import ParameterEntry
@@ -77,6 +77,7 @@ class StudyFile(TomlTable):
     Files named inside are relative to the study file; `path_of` says where they are.
     """
 
+    schema_version: SchemaVersion = 1
     study: StudyTable
     model: ModelTable = Field(default_factory=ModelTable)
     matrix: tuple[MatrixEntry, ...] = ()
