@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.identification.conftest import Known
 
 from femtune.identification import as_modes, fit_modes
 from femtune.identification.input_known import InputKnown, identify_frfs
 from femtune.identification.modal_solve import OUT_OF_BAND
-from femtune.identification.near_band import fit_with_neighbours
+from femtune.identification.near_band import MOST, fit_with_neighbours
 from femtune.modal import pole_of
 
 _LINES = np.linspace(8.0, 25.0, 250)
@@ -54,6 +55,46 @@ def test_noise_is_no_mode(three_modes: Any, stated: bool) -> None:
         sd = np.full(frfs.values.shape, size) if stated else None
         start = pole_of(three_modes.freq_hz, three_modes.damping_ratio)
         assert not fit_with_neighbours(frfs, start, sd, OUT_OF_BAND).outside.any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("functions", "count"), [(100, 18), (100, 15), (40, 10)])
+def test_noise_is_no_mode_where_functions_are_many_and_lines_few(functions: int, count: int) -> None:
+    """The noise of each function is found from few errors, of which each further mode takes some away."""
+    shapes = np.random.default_rng(3).standard_normal((functions, 3))
+    known = Known(np.array([10.0, 15.0, 21.0]), np.array([0.01, 0.015, 0.012]), shapes)
+    start = pole_of(known.freq_hz, known.damping_ratio)
+    for seed in range(10):
+        frfs = known.frfs(np.linspace(8.0, 25.0, count), 0.02, seed)
+        assert not fit_with_neighbours(frfs, start, None, OUT_OF_BAND).outside.any()
+
+
+@pytest.mark.slow
+def test_a_mode_is_found_where_functions_are_many_and_lines_few() -> None:
+    shapes = np.random.default_rng(3).standard_normal((40, 4))
+    known = Known(np.array([10.0, 15.0, 21.0, 25.8]), np.array([0.01, 0.015, 0.012, 0.012]), shapes)
+    start = pole_of(known.freq_hz[:3], known.damping_ratio[:3])
+    for seed in range(5):
+        fit = fit_with_neighbours(known.frfs(np.linspace(8.0, 25.0, 18), 0.02, seed), start, None, OUT_OF_BAND)
+        assert fit.outside.sum() == 1
+        assert np.abs(fit.poles[fit.outside]) / (2 * np.pi) == pytest.approx(25.8, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_there_are_at_most_so_many_on_one_side(three_modes: Any) -> None:
+    """Of five, as many are fitted as may be; the modes inside are far better than without them."""
+    shapes = 0.5 * np.random.default_rng(4).standard_normal((3, 5))
+    freq, damping = np.array([25.6, 26.3, 27.1, 28.4, 30.0]), np.full(5, 0.012)
+    known = dataclasses.replace(
+        three_modes, freq_hz=np.append(three_modes.freq_hz, freq),
+        damping_ratio=np.append(three_modes.damping_ratio, damping), shapes=np.hstack([three_modes.shapes, shapes]),
+    )  # fmt: skip
+    frfs, start = known.frfs(_LINES), pole_of(three_modes.freq_hz * 1.001, three_modes.damping_ratio)
+    fit = fit_with_neighbours(frfs, start, None, OUT_OF_BAND)
+    above = np.abs(fit.poles[fit.outside]) > 2 * np.pi * _LINES[-1]
+    assert above.sum() == MOST
+    errors = [np.abs(as_modes(one).freq_hz / three_modes.freq_hz - 1.0).max() for one in (fit, fit_modes(frfs, start))]
+    assert errors[0] < 0.1 * errors[1]
 
 
 def test_lines_too_few_for_a_further_mode(three_modes: Any) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from femtune import steps
+from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError, Notice
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
@@ -17,6 +18,7 @@ from femtune.model import Configuration, configure, damping_by_mode, parametric_
 from femtune.model.response import frf, make_ports
 from femtune.parameters import ParameterSet
 from femtune.reporting.single_steps import bootstrap_document, subject_of
+from femtune.residuals import state_at
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
@@ -106,6 +108,20 @@ def test_stiffness_is_found_whatever_the_damping(bench: Bench, more: str) -> Non
     page = run.report.read_text(encoding="utf-8") if run.report else ""
     assert "damping of the modes" in page
     assert "identified test" in page
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("equalised", [False, True])
+def test_magnitudes_are_shifted_against_noise_of_single_lines_only(bench: Bench, equalised: bool) -> None:
+    """Noise of single lines, with weights by `floor`, would bias the logarithms; identified lines have none."""
+    _measured(bench, 0.01)
+    path = _study(bench, EQUALISE if equalised else "", "floor = 0.05" + ("" if equalised else "\nratio = 0.01"))
+    (case,) = load_study(path).cases
+    assert case.compared is not None
+    (residual,) = case.compared.residuals
+    residual.blocks(state_at(case.compared, np.zeros(2)), False)
+    shift = residual.settled.shift
+    assert (shift is None) if equalised else (np.abs(shift).max() > 1e-4)
 
 
 @pytest.mark.slow

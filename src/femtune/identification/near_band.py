@@ -23,6 +23,8 @@ CHANCE = 1e-4
 MOST = 3
 """Modes on one side of the band."""
 _LEAST_DAMPING = 1e-3
+_APART = 0.1
+"""Distance of two neighbours in half bandwidths below which they are one."""
 _FARTHEST = 2.0
 
 
@@ -42,16 +44,21 @@ def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms:
     FemtuneError : as `fit_modes`
     """
     search = _Search(frfs, np.asarray(start, complex), sd, terms)
-    fit, count = fit_modes(frfs, start, sd, terms), {False: 0, True: 0}
-    while sides := [above for above, taken in count.items() if taken < MOST]:
-        trials = [(above, search.refined(fit, above=above)) for above in sides]
-        found = [(_gain(trial, fit), above, trial) for above, trial in trials if trial is not None]
-        if not found:
-            break
+    fit = fit_modes(frfs, start, sd, terms)
+    while True:
+        sides = [above for above in (False, True) if _number(fit, above=above) < MOST]
+        trials = [trial for above in sides if (trial := search.refined(fit, above=above)) is not None]
+        if not trials:
+            return fit
         # the side that explains more first: what it leaves hides what the other side does
-        _, above, fit = max(found, key=lambda one: one[0])
-        count[above] += 1
-    return fit
+        before = fit
+        fit = max(trials, key=lambda trial: _gain(trial, before))
+
+
+def _number(fit: ModalFit, *, above: bool) -> int:
+    """Of the modes on one side of the band."""
+    freq, lines = freq_and_damping(fit.poles[fit.outside])[0], fit.measured.freq_hz
+    return int(np.sum(freq > lines[-1]) if above else np.sum(freq < lines[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +68,12 @@ class _Search:
     sd: Reals | None
     terms: tuple[str, ...]
 
-    def fit(self, inside: Complexes, neighbours: Complexes, **steps: int) -> ModalFit:
-        return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours, **steps)
+    def fit(self, inside: Complexes, neighbours: Complexes, **steps: int) -> ModalFit | None:
+        """None where neighbours come so close to each other that their residues are not unique."""
+        try:
+            return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours, **steps)
+        except np.linalg.LinAlgError:
+            return None
 
     def refined(self, fit: ModalFit, *, above: bool) -> ModalFit | None:
         """The fit with a mode on one side of the band; None where it explains no more than noise does."""
@@ -74,21 +85,29 @@ class _Search:
         typical = max(float(np.median(freq_and_damping(self.start)[1])), _LEAST_DAMPING)
         grid = pole_of(np.repeat(at, 2), np.tile([typical, 4.0 * typical], len(at)))
         inside = self._inside(fit)
-        best = min(grid, key=lambda pole: self.fit(inside, np.append(known, pole), most_steps=0).deviance)
+        first = ((self.fit(inside, np.append(known, pole), most_steps=0), pole) for pole in grid)
+        tried = [(one.deviance, pole) for one, pole in first if one is not None]
+        if not tried:
+            return None
+        _, best = min(tried, key=lambda one: one[0])
         trial = self.fit(inside, np.append(known, best))
-        return trial if _stays_outside(trial) and _explains(trial, fit) else None
+        return trial if trial is not None and _is_sound(trial) and _explains(trial, fit) else None
 
     def _inside(self, fit: ModalFit) -> Complexes:
-        """Where the modes begin: at the fit, or at the start where one has left the band for a neighbour's place."""
+        """Where the modes begin: at the fit; at the start before there are neighbours, or if one has left the band."""
         lines, inside = fit.measured.freq_hz, fit.poles[~fit.outside]
         freq = freq_and_damping(inside)[0]
         stayed = fit.outside.any() and freq.min() >= lines[0] and freq.max() <= lines[-1]
         return inside if stayed else self.start
 
 
-def _stays_outside(fit: ModalFit) -> bool:
-    """Whether the neighbours are outside the band, though not far from it."""
-    lines, freq = fit.measured.freq_hz, freq_and_damping(fit.poles)[0][fit.outside]
+def _is_sound(fit: ModalFit) -> bool:
+    """Whether the neighbours are outside the band, though not far from it, and are not twice the same."""
+    lines, poles = fit.measured.freq_hz, fit.poles[fit.outside]
+    freq = freq_and_damping(poles)[0]
+    apart = np.abs(poles[:, None] - poles)[np.triu_indices(len(poles), 1)]
+    if (apart < _APART * np.abs(poles.real).min()).any():
+        return False
     below = (freq < lines[0]) & (freq > lines[0] / _FARTHEST)
     above = (freq > lines[-1]) & (freq < lines[-1] * _FARTHEST)
     return fit.converged and bool((below | above).all())
@@ -101,6 +120,13 @@ def _explains(trial: ModalFit, fit: ModalFit) -> bool:
 
 
 def _gain(trial: ModalFit, fit: ModalFit) -> float:
-    """Decrease of −2 log likelihood, of noise that is as large as the errors that are left."""
-    raised = max(trial.misfit, 1.0) if np.isfinite(trial.misfit) else 1.0
-    return (fit.deviance - trial.deviance) / raised
+    """Decrease of −2 log likelihood, of noise that is as large as the errors that are left.
+
+    Where the noise is found from the errors, each function has only as many of them as its numbers leave free. The
+    decrease by chance is larger in proportion, and is reduced to what it is with many lines.
+    """
+    gain = fit.deviance - trial.deviance
+    if np.isfinite(trial.misfit):
+        return gain / max(trial.misfit, 1.0)
+    errors, numbers = 2 * len(trial.measured.freq_hz), 2 * len(trial.poles) + trial.terms.shape[2]
+    return gain * (errors - numbers) / errors
