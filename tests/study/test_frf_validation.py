@@ -70,6 +70,10 @@ def test_deviations_of_both_sets_before_and_after(with_frfs: Bench) -> None:
     assert [(c.data, c.output) for c in found.channels] == [
         ("calibration", "7Y+"), ("calibration", "17Y+"), ("validation", "12Y+")
     ]  # fmt: skip
+    assert run.results.update is not None
+    (compared,) = run.results.update.frfs
+    assert (compared.kind, compared.unit) == ("accelerance", "m/s²/N")
+    assert run.arrays[compared.values_key].shape == (len(run.results.update.history), 3, 1, len(LINES))
     (curves,) = run.results.validation.curves
     at = curves.outputs.index("12Y+")
     model, test = run.arrays[curves.values_key][at, 0], run.arrays[curves.test_values_key][at, 0]

@@ -35,6 +35,12 @@ export function shown(value: number | null | undefined, digits = 4): string {
   return text.replace(/-/g, "−");
 }
 
+/** Rounding lifts the frequencies of rigid-body modes from zero, not as far as this. */
+export const RIGID_HZ = 1e-3;
+
+/** The frequency of a model mode. */
+export const hertz = (hz: number): string => hz > RIGID_HZ ? `${shown(hz)} Hz` : "0 Hz (rigid body)";
+
 /** Offer a file to the reader. */
 export function save(name: string, content: Blob): void {
   const address = URL.createObjectURL(content);

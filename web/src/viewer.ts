@@ -3,7 +3,7 @@
 import { OrthographicCamera, Vector3, WebGLRenderer, type Scene } from "three";
 import { readView, unpack, type Stage, type View } from "./data.ts";
 import { scaleStops } from "./drawing.ts";
-import { choice, fileName, h, labelled, save, shown } from "./dom.ts";
+import { choice, fileName, h, hertz, labelled, RIGID_HZ, save, shown } from "./dom.ts";
 import { MatrixGrid, type MatrixCell } from "./matrix.ts";
 import { box, strongest } from "./motion.ts";
 import { control, homeOf, Orbit } from "./orbit.ts";
@@ -11,7 +11,6 @@ import { SceneOf, type Chosen, type ColourBar, type Colouring, type Theme } from
 
 const COLOURINGS: [Colouring, string][] = [["displacement", "displacement"], ["energy", "strain energy"], ["difference", "difference to the test"]];
 const KEYS = "Drag to turn, shift and drag to move, wheel to zoom once the picture has the focus. Keys: arrows turn, + and − zoom, 0 resets the view, space starts and stops the motion.";
-
 export class Viewer {
   readonly element: HTMLElement;
   private readonly dark = matchMedia("(prefers-color-scheme: dark)");
@@ -123,7 +122,7 @@ export class Viewer {
     this.remark.textContent = data.note;
     this.remark.hidden = !data.note;
     const first = this.stage.pairs[0];
-    this.chosen = first ? { test: first.test, column: first.column } : { test: null, column: this.stage.stored.find((j) => this.stage.freq_hz[j] > 1e-3) ?? this.stage.stored[0] };
+    this.chosen = first ? { test: first.test, column: first.column } : { test: null, column: this.stage.stored.find((j) => this.stage.freq_hz[j] > RIGID_HZ) ?? this.stage.stored[0] };
     this.fill();
   }
 
@@ -133,7 +132,7 @@ export class Viewer {
     this.grid = null;
     if (this.scene.hasTest && stage.mac) this.fillMatrix(unpack(stage.mac));
     else this.list.replaceChildren(h("div", { class: "modes", role: "group", "aria-label": "Modes" }, ...stage.stored.map((j) =>
-      h("button", { type: "button", "aria-pressed": "false", click: () => this.choose({ test: null, column: j }) }, `${data.test_only ? data.test_labels[j] : stage.numbers[j]}: ${shown(stage.freq_hz[j])} Hz`))));
+      h("button", { type: "button", "aria-pressed": "false", click: () => this.choose({ test: null, column: j }) }, `${data.test_only ? data.test_labels[j] : stage.numbers[j]}: ${hertz(stage.freq_hz[j])}`))));
     // the same test mode at another model version may have another partner
     const pair = stage.pairs.find((p) => p.test === this.chosen.test);
     const column = pair ? pair.column : stage.stored.includes(this.chosen.column) ? this.chosen.column : stage.stored[0];
@@ -144,11 +143,11 @@ export class Viewer {
   private fillMatrix(mac: Float32Array): void {
     const { stage } = this, { data } = this.scene, count = stage.numbers.length;
     const paired = new Set(stage.pairs.map((p) => p.column));
-    const columns = stage.stored.filter((j) => paired.has(j) || stage.freq_hz[j] > 1e-3);
+    const columns = stage.stored.filter((j) => paired.has(j) || stage.freq_hz[j] > RIGID_HZ);
     this.cells = data.test_labels.map((label, i) => columns.map((j) => {
       const value = mac[i * count + j], pair = stage.pairs.some((p) => p.test === i && p.column === j);
       const text = value < 0 ? "MAC not tested" : `MAC ${value.toFixed(2)}`;
-      const words = `Test mode ${label}, ${shown(data.test_freq_hz[i])} Hz; model mode ${stage.numbers[j]}, ${shown(stage.freq_hz[j])} Hz; ${text}${pair ? "; pair" : ""}`;
+      const words = `Test mode ${label}, ${shown(data.test_freq_hz[i])} Hz; model mode ${stage.numbers[j]}, ${hertz(stage.freq_hz[j])}; ${text}${pair ? "; pair" : ""}`;
       return { row: i, column: j, value, pair, label: words, disabled: false };
     }));
     const rows = data.test_labels.map((label, i) => `${label}: ${shown(data.test_freq_hz[i], 3)} Hz`);
@@ -163,7 +162,7 @@ export class Viewer {
     const { stage } = this, { data } = this.scene;
     const ratio = stage.damping_ratio[chosen.column], damped = ratio == null ? "" : `, damping ${shown(100 * ratio, 3)} %`;
     const what = data.test_only ? "mode" : stage.damping_ratio.length ? "complex model mode" : "model mode";
-    const model = `${what} ${stage.numbers[chosen.column]}, ${shown(stage.freq_hz[chosen.column])} Hz${damped}`;
+    const model = `${what} ${stage.numbers[chosen.column]}, ${hertz(stage.freq_hz[chosen.column])}${damped}`;
     if (chosen.test === null) {
       this.title.textContent = model[0].toUpperCase() + model.slice(1);
       for (const [k, b] of Array.from(this.list.querySelectorAll("button")).entries()) b.setAttribute("aria-pressed", String(stage.stored[k] === chosen.column));

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { fileName, shown } from "../src/dom.ts";
+import { fileName, hertz, shown } from "../src/dom.ts";
 import { magnitudes, ticks } from "../src/functions.ts";
 import { shade } from "../src/matrix.ts";
 import { compare, csv, numberOf } from "../src/tables.ts";
@@ -9,6 +9,10 @@ test("numbers as the page writes them", () => {
   const cases: [string, number | null][] = [["1.509e−5", 1.509e-5], ["−0.31 %", -0.31], ["+2", 2], ["≤ 3 %", 3], ["2232.1 … 3572.2", 2232.1],
     ["12Z+", null], ["PBAR 1 I1", null], ["", null], ["—", null], ["4a", null], [".98", 0.98]];
   for (const [text, value] of cases) assert.equal(numberOf(text), value, text);
+});
+
+test("rounding is no frequency of a rigid-body mode", () => {
+  assert.deepEqual([0, 1.1e-4, 0.25, 1234.56].map(hertz), ["0 Hz (rigid body)", "0 Hz (rigid body)", "0.25 Hz", "1235 Hz"]);
 });
 
 test("numbers sort by size, texts by their numbers inside, empty cells last in both directions", () => {

@@ -40,6 +40,8 @@ from femtune.reporting.numbers import (
 )
 from femtune.reporting.page_view import FunctionsView, PageView, SceneView, StageView
 from femtune.reporting.view import FUNCTION_BYTES, coordinates, curve_view, phases, quantised, whole
+from femtune.results.response import frf_unit
+from femtune.units import unit_system
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -251,7 +253,8 @@ def _functions(made: IdentifyResult) -> Iterator[FunctionsView]:
     left = len(order) - len(shown)
     curves = tuple(curve_view(look, side.freq_hz, side.values[i, j]) for look, side in sides)
     note = f"The {len(shown)} functions with the poorest fits, of {len(order)}." if left else ""
-    yield FunctionsView("test", found.measured.kind.capitalize(), tuple(titles), curves, note)
+    unit = frf_unit(found.measured.kind, unit_system(made.record.units))
+    yield FunctionsView("test", f"{found.measured.kind.capitalize()}, {unit}", tuple(titles), curves, note)
 
 
 def _poles(made: IdentifyResult) -> Iterator[Block]:

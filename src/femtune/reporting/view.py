@@ -478,7 +478,7 @@ def _functions_of(source: ReportSource, found: Sequence[ResponseResults], share:
     left = len(order) - len(shown)
     return FunctionsView(
         configuration=found[-1].configuration,
-        ordinate=last.kind.capitalize() + (f", {last.unit}" if last.unit else ""),
+        ordinate=_ordinate(last),
         titles=tuple(_function_title(last, k) for k in shown),
         curves=tuple(curve_view(look, source.arrays[f], _rows(source.arrays[v], shown)) for look, f, v in curves),
         note=f"{left} more functions are in the table and in arrays.npz." if left else "",
@@ -518,6 +518,10 @@ def _history(source: ReportSource) -> HistoryView | None:
     )
 
 
+def _ordinate(frfs: FrfResults | IterationFrfs) -> str:
+    return frfs.kind.capitalize() + (f", {frfs.unit}" if frfs.unit else "")
+
+
 def _iteration_functions(source: ReportSource, frfs: IterationFrfs, share: int) -> IterationFunctionsView:
     """Functions, evenly spaced where there is no room for all, and every n-th line where there is none for one."""
     freq, values, test = (source.arrays[key] for key in (frfs.freq_key, frfs.values_key, frfs.test_values_key))
@@ -536,7 +540,7 @@ def _iteration_functions(source: ReportSource, frfs: IterationFrfs, share: int) 
     )
     return IterationFunctionsView(
         configuration=frfs.configuration,
-        ordinate=frfs.kind.capitalize(),
+        ordinate=_ordinate(frfs),
         titles=tuple(f"{frfs.outputs[k // inputs]} by {frfs.inputs[k % inputs]}" for k in shown),
         phase=frfs.phase,
         freq_hz=single(freq[thin]),

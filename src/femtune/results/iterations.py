@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.results.base import Record
+from femtune.results.response import frf_unit
 
 if TYPE_CHECKING:
     from femtune.residuals.frf.fitted import FittedFrfs
+    from femtune.units import UnitSystem
     from femtune.updating import Iteration
 
 MOST_VALUES = 4_000_000
@@ -38,18 +40,28 @@ class IterationFrfs(Record):
     history; NaN where nothing is compared."""
     test_values_key: str
     """Key of the values that they are compared with, shape (outputs, inputs, lines): measured or equalised ones."""
+    unit: str = ""
+    """Unit of translations over forces; empty where the units are not known, and in older results."""
 
 
-def iteration_frfs(history: Sequence[Iteration], arrays: dict[str, NDArray]) -> tuple[IterationFrfs, ...]:
+def iteration_frfs(
+    history: Sequence[Iteration], units: UnitSystem | None, arrays: dict[str, NDArray]
+) -> tuple[IterationFrfs, ...]:
     """A record for each set of functions that is compared somewhere in the history; none without FRF residuals.
 
     Functions are the same set where configuration, channels and lines agree, also in another search or stage.
+
+    Parameters
+    ----------
+    units : of the functions; None where they are not known
+    arrays : gets the lines and the values
     """
     sets: dict[tuple, list[tuple[int, FittedFrfs]]] = {}
     for number, iteration in enumerate(history):
         for found in iteration.functions:
             sets.setdefault(_key(found), []).append((number, found))
-    return tuple(_record(i, found, len(history), arrays) for i, found in enumerate(sets.values(), 1))
+    records = (_record(i, found, len(history), arrays) for i, found in enumerate(sets.values(), 1))
+    return tuple(r if units is None else r.model_copy(update={"unit": frf_unit(r.kind, units)}) for r in records)
 
 
 def _key(found: FittedFrfs) -> tuple:

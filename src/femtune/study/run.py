@@ -297,7 +297,8 @@ def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     found = find_parameters(run.study, run.folder, known.start, run.progress)
     study = found.study or run.study
     known_after = fisher_results(study, found.result.after, "after", found.known, found.result.active)
-    frfs = iteration_frfs(found.result.history, arrays)
+    units = study.file.study.unit_system if study.units_known else None
+    frfs = iteration_frfs(found.result.history, units, arrays)
     alerts = (*known.alerts, *found.alerts)
     return {"parameters": found, "fisher": known_after, "iteration_frfs": frfs, "alerts": alerts}
 
