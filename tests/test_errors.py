@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from femtune.errors import ErrorCollector, FemtuneError, FemtuneErrors, Notice, Where, did_you_mean
+from femtune.errors import ErrorCollector, FemtuneError, FemtuneErrors, Notice, Where, did_you_mean, each
 
 
 def _error(code: str = "deck.some-problem") -> FemtuneError:
@@ -71,6 +71,18 @@ def test_several_errors_are_shown_together_and_flat() -> None:
     assert [e.code for e in caught.value.errors] == ["deck.one", "deck.two", "deck.three"]
     assert str(caught.value).startswith("3 problems:\n\n[deck.one]")
     assert caught.value.code == "deck.one"
+
+
+@pytest.mark.parametrize("wrong", [20, 21, 30])
+def test_the_last_of_too_many_errors_says_that_reading_stopped(wrong: int) -> None:
+    def refused(item: int) -> None:
+        raise _error(f"deck.number-{item}")
+
+    with pytest.raises(FemtuneErrors) as caught:
+        each(refused, range(wrong))
+    assert [e.code for e in caught.value.errors] == [f"deck.number-{i}" for i in range(20)]
+    more = "; reading stopped after 20 errors, and more lines may be wrong" if wrong > 20 else ""
+    assert caught.value.errors[-1].hint == f"add PBAR 3{more}"
 
 
 def test_a_collector_lets_programming_errors_through_and_nothing_is_nothing() -> None:

@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, contextmanager
 from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -223,15 +224,38 @@ class ErrorCollector:
 _MOST_TOGETHER = 20
 
 
+def raise_together(errors: Iterable[FemtuneError]) -> None:
+    """Raise the errors of a file, if there are any: the first twenty, the last of which says that there are more.
+
+    Raises
+    ------
+    FemtuneError : the error if it is alone
+    FemtuneErrors : of several
+    """
+    first = list(islice(errors, _MOST_TOGETHER + 1))
+    if len(first) > _MOST_TOGETHER:
+        last = copy(first[_MOST_TOGETHER - 1])
+        more = f"reading stopped after {_MOST_TOGETHER} errors, and more lines may be wrong"
+        last.hint = f"{last.hint}; {more}" if last.hint else more
+        first[_MOST_TOGETHER - 1 :] = [last]
+    ErrorCollector(first).raise_if_any()
+
+
 def each(make: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
-    """`make` of each item; what is wrong with several of them is reported together, up to twenty errors."""
+    """`make` of each item; what is wrong with several of them is reported together.
+
+    Raises
+    ------
+    FemtuneError : that of `make`, if one item is wrong
+    FemtuneErrors : of several items, as `raise_together` does
+    """
     errors, found = ErrorCollector(), list[Made]()
     for item in items:
         with errors.catch():
             found.append(make(item))
-        if len(errors.errors) >= _MOST_TOGETHER:
+        if len(errors.errors) > _MOST_TOGETHER:
             break
-    errors.raise_if_any()
+    raise_together(errors.errors)
     return found
 
 

@@ -32,7 +32,7 @@ def test_points_with_oblique_directions_that_are_not_perpendicular(tmp_path):
         ("node,x,y,z,w\n1,2,3,4,5\n", "'w' is unknown", 1),
         ("node,x,y,z\n1,2,3,4\n2,5,6\n", "3 fields", 3),
         ("node,x,y,z\n1,2,3,4\n\n2.5,5,6,7\n", "'2.5' is not a valid number in the column node", 4),
-        ("node;x;y;z\n1;2,5,1;3;4\n", "is not a valid number", 2),
+        ("node;x;y;z\n1;2,5,1;3;4\n", "'2,5,1' is not a valid number in the column x", 2),
         ("node,x,y,z\n1,2,3,nan\n", "'nan' is not a valid number", 2),
         ("node,x,y,z,X_x,X_y,X_z\n1,2,3,4,0,0,0\n", "direction X has no length", 2),
         ("node,x,y,z\n", "has 1 lines", None),

@@ -72,6 +72,7 @@ def with_deviations(modes: ModeSet, path: Path, labels: Sequence[str] | None = N
     ------
     FemtuneError : ``test.deviations`` for a file that cannot be read, has another form, or is of other modes;
         ``test.deviations-table``, with the line
+    FemtuneErrors : of several lines of a table
     """
     if path.suffix.lower() != ".json":
         return _with_table(modes, path, modes.labels if labels is None else labels)
@@ -168,8 +169,8 @@ def _with_table(modes: ModeSet, path: Path, labels: Sequence[str]) -> ModeSet:
     lines: dict[tuple[str, str | tuple[int, str]], int] = {}
     entry = _table(path)
 
-    def add(row: tuple[int, tuple[str, ...]]) -> None:
-        line, (mode, dof, text) = row[0], entry.of(*row)
+    def value(row: tuple[int, tuple[str, ...]]) -> tuple[str | tuple[int, str], int, float]:
+        line, (mode, dof, cell) = row[0], entry.of(*row)
         if mode not in labels:
             raise _of_line(path, line, "test.deviations-table/mode", {"test modes": _shown(labels)}, mode=mode[:40])
         at = dof if dof in (_FREQUENCY, _DAMPING) else _place(path, line, dof, modes.dofs)
@@ -179,9 +180,10 @@ def _with_table(modes: ModeSet, path: Path, labels: Sequence[str]) -> ModeSet:
         if (mode, at) in lines:
             raise _of_line(path, line, "test.deviations-table/twice", mode=mode, dof=dof, first=lines[mode, at])
         lines[mode, at] = line
-        found.setdefault(at, np.full(len(modes), np.nan))[column] = _sigma(path, line, text)
+        return at, column, _sigma(path, line, cell, entry.text)
 
-    each(add, entry.rows)
+    for at, column, sigma in each(value, entry.rows):
+        found.setdefault(at, np.full(len(modes), np.nan))[column] = sigma
     shapes = np.array([found.get(at, np.full(len(modes), np.nan)) for at in rows])
     of_shapes = any(at in rows for at in found)
     return replace(
@@ -210,14 +212,14 @@ class _Table:
         if len(row) != len(_COLUMNS):
             raise _of_line(self.path, line, "test.deviations-table/fields", fields=len(row))
         mode, dof, sigma = (row[i] for i in self.order)
-        return mode, dof, self.text.decimal(sigma)
+        return mode, dof, sigma
 
 
 def _table(path: Path) -> _Table:
     try:
         text = read_table_text(path, _LARGEST)
     except NotATable as error:
-        raise FemtuneError("test.deviations/unreadable", where=Where(str(path)), reason=str(error)) from error
+        raise _of_line(path, error.line, "test.deviations/unreadable", reason=str(error)) from error
     if not 2 <= len(text.rows) <= _MOST_LINES:
         raise _of_line(path, None, "test.deviations-table", lines=len(text.rows))
     heads = text.rows[0]
@@ -239,13 +241,10 @@ def _place(path: Path, line: int, text: str, dofs: DofSet) -> tuple[int, str]:
     return dof.node, dof.direction
 
 
-def _sigma(path: Path, line: int, text: str) -> float:
-    try:
-        value = float(text) if "_" not in text else math.nan
-    except ValueError:
-        value = math.nan
+def _sigma(path: Path, line: int, cell: str, text: TableText) -> float:
+    value = text.number(cell)
     if not 0.0 < value < math.inf:
-        raise _of_line(path, line, "test.deviations-table/number", text=text[:40])
+        raise _of_line(path, line, "test.deviations-table/number", text=cell[:40])
     return value
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from femtune.errors import FemtuneError, Where, did_you_mean, each
-from femtune.files.table_text import NotATable, read_table_text
+from femtune.files.table_text import NotATable, TableText, read_table_text
 
 _MASSES = {"mass": 0.0, "mass_g": 1e-3, "mass_kg": 1.0}
 """Headings of the mass with the size of the unit in kg; 0: the unit of the study."""
@@ -38,56 +38,52 @@ def read_masses_table(path: Path, mass_unit_kg: float) -> tuple[TableMass, ...]:
 
     Raises
     ------
-    FemtuneError : ``configuration.masses-file``, with the line; errors of several lines are reported together
+    FemtuneError : ``configuration.masses-file``, with the line
+    FemtuneErrors : of several lines
     """
     try:
         text = read_table_text(path)
     except NotATable as error:
-        raise _error(path, None, "configuration.masses-file", reason=str(error)) from error
+        raise _error(path, error.line, "configuration.masses-file", reason=str(error)) from error
     if not 2 <= len(text.rows) <= _MOST:
         raise _error(path, None, "configuration.masses-file/lines", lines=len(text.rows), most=_MOST)
     heads = list(text.rows[0])
-    unit = _check_heads(path, heads) / mass_unit_kg or 1.0
+    unit = _check_heads(path, text.lines[0], heads) / mass_unit_kg or 1.0
     rows = zip(text.lines[1:], text.rows[1:])
-    return tuple(each(lambda row: _mass(path, row[0], heads, row[1], unit, text.decimal), rows))
+    return tuple(each(lambda row: _mass(path, row[0], heads, row[1], unit, text), rows))
 
 
-def _check_heads(path: Path, heads: list[str]) -> float:
+def _check_heads(path: Path, line: int, heads: list[str]) -> float:
     """The size of the unit of the masses in kg; 0 for that of the study."""
     for head in heads:
         if head not in _KNOWN or heads.count(head) > 1:
             hint = did_you_mean(head, _KNOWN)
-            raise _error(path, 1, "configuration.masses-file/heading", head=head[:40], hint=hint)
+            raise _error(path, line, "configuration.masses-file/heading", head=head[:40], hint=hint)
     given = [head for head in heads if head in _MASSES]
     if "node" not in heads or len(given) != 1:
-        raise _error(path, 1, "configuration.masses-file/columns")
+        raise _error(path, line, "configuration.masses-file/columns")
     return _MASSES[given[0]]
 
 
-def _mass(
-    path: Path, line: int, heads: Sequence[str], cells: Sequence[str], unit: float, decimal: Callable[[str], str]
-) -> TableMass:
+def _mass(path: Path, line: int, heads: Sequence[str], cells: Sequence[str], unit: float, text: TableText) -> TableMass:
     if len(cells) != len(heads):
         raise _error(path, line, "configuration.masses-file/fields", fields=len(cells), headings=len(heads))
-    row = {head: cell if head == "label" else decimal(cell) for head, cell in zip(heads, cells)}
+    row = dict(zip(heads, cells))
     node = row["node"]
     if not (node.isascii() and node.isdigit() and 0 < len(node) <= 18 and int(node)):
         raise _error(path, line, "configuration.masses-file/number", text=node[:40], head="node")
-    mass = _number(path, line, row, next(head for head in heads if head in _MASSES))
+    mass = _number(path, line, text, row, next(head for head in heads if head in _MASSES))
     if mass < 0.0:
         raise _error(path, line, "configuration.masses-file/negative", mass=mass)
-    x, y, z = (_number(path, line, row, name) for name in _OFFSETS)
+    x, y, z = (_number(path, line, text, row, name) for name in _OFFSETS)
     return TableMass(int(node), mass * unit, (x, y, z), row.get("label", ""), line)
 
 
-def _number(path: Path, line: int, row: Mapping[str, str], head: str) -> float:
-    text = row.get(head, "0")
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.inf
+def _number(path: Path, line: int, text: TableText, row: Mapping[str, str], head: str) -> float:
+    cell = row.get(head, "0")
+    value = text.number(cell)
     if not math.isfinite(value):
-        raise _error(path, line, "configuration.masses-file/number", text=text[:40], head=head)
+        raise _error(path, line, "configuration.masses-file/number", text=cell[:40], head=head)
     return value
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from femtune.errors import FemtuneError, Where, did_you_mean, each
-from femtune.files.table_text import NotATable, read_table_text
+from femtune.files.table_text import NotATable, TableText, read_table_text
 from femtune.testdata import WireFrame
 
 _PLACE = ("node", "x", "y", "z")
@@ -27,12 +26,13 @@ def read_points(path: Path) -> WireFrame:
 
     Raises
     ------
-    FemtuneError : ``test.points``, with the line; errors of several lines are reported together
+    FemtuneError : ``test.points``, with the line
+    FemtuneErrors : of several lines
     """
     try:
         text = read_table_text(path)
     except NotATable as error:
-        raise _error(path, None, "test.points", reason=str(error)) from error
+        raise _error(path, error.line, "test.points", reason=str(error)) from error
     lines, rows = text.lines, text.rows
     if not 2 <= len(rows) <= _MOST:
         raise _error(path, None, "test.points", reason=f"the table has {len(rows)} lines")
@@ -41,7 +41,7 @@ def read_points(path: Path) -> WireFrame:
     first: dict[float, int] = {}
 
     def numbers(row: tuple[int, tuple[str, ...]]) -> list[float]:
-        found = _numbers(path, row[0], heads, [text.decimal(cell) for cell in row[1]])
+        found = _numbers(path, row[0], heads, row[1], text)
         node = found[heads.index("node")]
         if node in first:
             raise _error(path, row[0], "test.points/node-twice", node=int(node), first=first[node])
@@ -73,21 +73,17 @@ def _check_heads(path: Path, line: int, heads: list[str]) -> None:
         raise _error(path, line, "test.points/columns")
 
 
-def _numbers(path: Path, line: int, heads: list[str], cells: Sequence[str]) -> list[float]:
+def _numbers(path: Path, line: int, heads: list[str], cells: Sequence[str], text: TableText) -> list[float]:
     if len(cells) != len(heads):
         raise _error(path, line, "test.points/fields", fields=len(cells), headings=len(heads))
-    return [_number(path, line, head, cell) for head, cell in zip(heads, cells)]
+    return [_number(path, line, head, cell, text) for head, cell in zip(heads, cells)]
 
 
-def _number(path: Path, line: int, head: str, text: str) -> float:
-    if head == "node" and not (text.isascii() and text.isdigit() and 0 < int(text[:18]) < 2**31):
-        raise _error(path, line, "test.points/number", text=text[:40], head=head)
-    try:
-        value = float(text) if "_" not in text else math.inf
-    except ValueError:
-        value = math.inf
-    if not abs(value) < 1e30:
-        raise _error(path, line, "test.points/number", text=text[:40], head=head)
+def _number(path: Path, line: int, head: str, cell: str, text: TableText) -> float:
+    value = text.number(cell)
+    no_node = head == "node" and not (cell.isascii() and cell.isdigit() and 0 < int(cell[:18]) < 2**31)
+    if no_node or not abs(value) < 1e30:
+        raise _error(path, line, "test.points/number", text=cell[:40], head=head)
     return value
 
 

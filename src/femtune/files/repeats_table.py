@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Where, each
-from femtune.files.table_text import NotATable, read_table_text
+from femtune.files.table_text import NotATable, TableText, read_table_text
 
 _GAPS = {"", "-", "nan", "na", "n/a"}
 
@@ -30,36 +30,33 @@ def read_repeats_table(path: Path) -> RepeatsTable:
 
     Raises
     ------
-    FemtuneError : ``quantify.file`` for what is no table of numbers, with the line; errors of several lines are
-        reported together
+    FemtuneError : ``quantify.file`` for what is no table of numbers, with the line
+    FemtuneErrors : of several lines
     """
     try:
         text = read_table_text(path)
     except NotATable as error:
-        raise _error(path, None, "quantify.file/no-table", reason=str(error)) from error
+        raise _error(path, error.line, "quantify.file/no-table", reason=str(error)) from error
     if len(text.rows) < 2:
         raise _error(path, None, "quantify.file/no-values")
     heads = text.rows[0]
 
     def numbers(row: tuple[int, tuple[str, ...]]) -> list[float]:
-        return _numbers(path, row[0], [text.decimal(cell) for cell in row[1]], heads)
+        return _numbers(path, row[0], row[1], heads, text)
 
     return RepeatsTable(heads, np.array(each(numbers, zip(text.lines[1:], text.rows[1:]))))
 
 
-def _numbers(path: Path, line: int, cells: Sequence[str], heads: tuple[str, ...]) -> list[float]:
+def _numbers(path: Path, line: int, cells: Sequence[str], heads: tuple[str, ...], text: TableText) -> list[float]:
     if len(cells) != len(heads):
         raise _error(path, line, "quantify.file/number-of-fields", fields=len(cells), headings=len(heads))
-    return [_number(path, line, cell, head) for cell, head in zip(cells, heads)]
+    return [_number(path, line, cell, head, text) for cell, head in zip(cells, heads)]
 
 
-def _number(path: Path, line: int, cell: str, head: str) -> float:
+def _number(path: Path, line: int, cell: str, head: str, text: TableText) -> float:
     if cell.lower() in _GAPS:
-        return float("nan")
-    try:
-        value = float(cell)
-    except ValueError:
-        value = float("inf")
+        return math.nan
+    value = text.number(cell)
     if math.isfinite(value):
         return value
     raise _error(path, line, "quantify.file/not-finite", text=cell[:40], heading=head)

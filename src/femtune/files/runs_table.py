@@ -21,15 +21,14 @@ import numpy as np
 from femtune._optional import require
 from femtune.arrays import Flags, Reals
 from femtune.dofs import Dof, DofSet, parse_dof
-from femtune.errors import FemtuneError, Where, each
-from femtune.files.table_text import NotATable, read_table_text
+from femtune.errors import FemtuneError, Where, raise_together
+from femtune.files.table_text import LARGEST_BYTES, NotATable, TableText, read_table_text
 from femtune.files.whole_file import write_whole
 
 _FREQUENCY = re.compile(r"f(\d+)_hz")
 _SHAPE = re.compile(r"shape(\d+)_(\d+(?:S|R?[XYZ]))")
 _GAPS = {"", "-", "nan", "na", "n/a"}
 _PARQUET = (".parquet", ".pq")
-_MOST_BYTES = 1 << 30
 STATE = "state"
 
 LARGEST_HZ = 1e12
@@ -107,29 +106,35 @@ def read_runs_table(path: Path) -> RunsTable:
     Raises
     ------
     FemtuneError : ``runs.table`` in its variants, ``install.missing`` without the library for Parquet
+    FemtuneErrors : ``runs.table`` of several lines
     """
     if path.suffix.lower() in _PARQUET:
         return _read_parquet(path)
     try:
-        text = read_table_text(path, _MOST_BYTES)
+        text = read_table_text(path)
     except NotATable as error:
-        raise _error(path, None, "runs.table/unreadable", reason=str(error)) from error
+        raise _error(path, error.line, "runs.table/unreadable", reason=str(error)) from error
     if len(text.rows) < 2:
         raise _error(path, None, "runs.table/no-values")
     heads, rows, numbers = text.rows[0], text.rows[1:], list(text.lines[1:])
     twice = sorted({head for head in heads if heads.count(head) > 1})
     if twice:
         raise _error(path, text.lines[0], "runs.table/heading-twice", heading=twice[0])
-
-    def check_fields(row: tuple[int, tuple[str, ...]]) -> None:
-        if len(row[1]) != len(heads):
-            raise _error(path, row[0], "runs.table/number-of-fields", fields=len(row[1]), headings=len(heads))
-
-    each(check_fields, zip(numbers, rows))
+    raise_together(
+        _error(path, line, "runs.table/number-of-fields", fields=len(row), headings=len(heads))
+        for line, row in zip(numbers, rows)
+        if len(row) != len(heads)
+    )
     cells = {head: [row[j] for row in rows] for j, head in enumerate(heads)}
     states = tuple(cells.pop(STATE, []))
-    columns = each(lambda head: (head, _column(path, head, list(map(text.decimal, cells[head])), numbers)), cells)
-    return _table(path, {head: column for head, column in columns if column is not None}, states, numbers, 1)
+    columns = {head: np.array([_number(text, cell) for cell in column]) for head, column in cells.items()}
+    columns = {head: column for head, column in columns.items() if not _is_text(head, column)}
+    raise_together(
+        _error(path, numbers[i], "runs.table/not-a-number", text=cells[head][i][:40], heading=head)
+        for head, column in columns.items()
+        for i in np.flatnonzero(np.isinf(column))
+    )
+    return _table(path, columns, states, numbers, text.lines[0])
 
 
 def _read_parquet(path: Path) -> RunsTable:
@@ -181,36 +186,18 @@ def _parquet_columns(path: Path, arrow: Any, file: Any, texts: list[str]) -> tup
 
 
 def _check_size(path: Path, n_bytes: int) -> None:
-    if n_bytes > _MOST_BYTES:
-        raise _error(path, None, "runs.table/unreadable", reason="it is larger than 1 GiB")
+    if n_bytes > LARGEST_BYTES:
+        raise _error(path, None, "runs.table/unreadable", reason=f"it is larger than {LARGEST_BYTES // 1_000_000} MB")
 
 
-def _column(path: Path, head: str, texts: list[str], numbers: list[int]) -> Reals | None:
-    """The numbers of a column; None where it is one of text."""
-    found = np.array([_number(text) for text in texts])
-    bad = np.flatnonzero(np.isinf(found))
-    if not bad.size:
-        return found
-    # a name or remark for each run is no number that was mistyped
-    if bad.size == len(texts) and not (_FREQUENCY.fullmatch(head) or _SHAPE.fullmatch(head)):
-        return None
-
-    def refuse(i: int) -> None:
-        raise _error(path, numbers[i], "runs.table/not-a-number", text=texts[i][:40], heading=head)
-
-    each(refuse, bad.tolist())
-    return None
+def _is_text(head: str, column: Reals) -> bool:
+    """A name or remark for each run is no number that was mistyped."""
+    return bool(np.isinf(column).all()) and not (_FREQUENCY.fullmatch(head) or _SHAPE.fullmatch(head))
 
 
-def _number(text: str) -> float:
+def _number(text: TableText, cell: str) -> float:
     """NaN for a gap, infinity for what is no number."""
-    if text.lower() in _GAPS:
-        return math.nan
-    try:
-        value = float(text)
-    except ValueError:
-        return math.inf
-    return value if math.isfinite(value) else math.inf
+    return math.nan if cell.lower() in _GAPS else text.number(cell)
 
 
 def _table(

@@ -10,7 +10,7 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Where, each
-from femtune.files.table_text import NotATable, read_table_text
+from femtune.files.table_text import NotATable, TableText, read_table_text
 
 
 def read_vibration_table(path: Path, outputs: int, *, history: bool = False) -> tuple[Reals, Reals]:
@@ -23,16 +23,17 @@ def read_vibration_table(path: Path, outputs: int, *, history: bool = False) -> 
     Raises
     ------
     FemtuneError : ``vibration.file``, with the line
+    FemtuneErrors : of several lines
     """
     try:
         text = read_table_text(path)
     except NotATable as error:
-        raise _error(path, None, "vibration.file/unreadable", reason=error) from error
-    rows = [(i, [text.decimal(cell) for cell in row]) for i, row in zip(text.lines, text.rows) if any(row)]
-    if rows and not any(_is_text(cell) for cell in rows[0][1]):
+        raise _error(path, error.line, "vibration.file/unreadable", reason=str(error)) from error
+    if text.rows and all(_is_number(text, cell) for cell in text.rows[0]):
         # a file without a heading would lose its first line
-        raise _error(path, rows[0][0], "vibration.file/heading")
-    found = each(lambda row: _numbers(path, *row, outputs), rows[1:])
+        raise _error(path, text.lines[0], "vibration.file/heading")
+    rows = zip(text.lines[1:], text.rows[1:])
+    found = each(lambda row: _numbers(path, *row, text, outputs), rows)
     values = np.array(found).reshape(-1, outputs + 1)
     if len(values) < 2 or np.any(np.diff(values[:, 0]) <= 0.0) or (not history and np.any(values <= 0.0)):
         raise _error(path, None, "vibration.file/times" if history else "vibration.file")
@@ -54,21 +55,14 @@ def read_signal(path: Path) -> tuple[Reals, Reals]:
     return times, values[0]
 
 
-def _is_text(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return True
-    return False
+def _is_number(text: TableText, cell: str) -> bool:
+    return bool(np.isfinite(text.number(cell))) or cell.lower() in ("nan", "inf", "-inf")
 
 
-def _numbers(path: Path, line: int, row: Sequence[str], outputs: int) -> list[float]:
+def _numbers(path: Path, line: int, row: Sequence[str], text: TableText, outputs: int) -> list[float]:
     if len(row) != outputs + 1:
         raise _error(path, line, "vibration.file/columns", given=len(row), outputs=outputs)
-    try:
-        found = [float(cell) for cell in row]
-    except ValueError:
-        found = [np.nan]
+    found = [text.number(cell) for cell in row]
     if not np.all(np.isfinite(found)):
         raise _error(path, line, "vibration.file/number")
     return found
