@@ -80,6 +80,18 @@ def test_a_mode_is_found_where_functions_are_many_and_lines_few() -> None:
         assert np.abs(fit.poles[fit.outside]) / (2 * np.pi) == pytest.approx(25.8, rel=5e-3)
 
 
+@pytest.mark.parametrize(("below", "above"), [(7.6, 25.9), (6.5, 29.0), (7.6, 50.0)])
+def test_weak_modes_stay_in_the_band_beside_strong_ones_outside(below: float, above: float) -> None:
+    """Those outside are a hundred times larger: a fit of two modes is best where both have taken their places."""
+    shapes = 0.5 * np.array([[1.0, 0.9, 0.8, 1.0], [0.6, -1.0, 0.7, -0.9], [0.4, 0.3, -1.0, 0.7]])
+    shapes[:, 1:3] *= 0.1
+    known = Known(np.array([below, 12.0, 18.0, above]), np.array([0.008, 0.005, 0.006, 0.007]), shapes)
+    frfs, start = known.frfs(_LINES, 1e-5), pole_of(known.freq_hz[1:3], known.damping_ratio[1:3])
+    assert np.abs(fit_modes(frfs, start).poles / start - 1.0).max() > 1e-3
+    fit = fit_with_neighbours(frfs, start, None, OUT_OF_BAND)
+    np.testing.assert_allclose(fit.poles[~fit.outside], start, rtol=1e-4)
+
+
 @pytest.mark.slow
 def test_there_are_at_most_so_many_on_one_side(three_modes: Any) -> None:
     """Of five, as many are fitted as may be; the modes inside are far better than without them."""

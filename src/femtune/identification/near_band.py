@@ -7,6 +7,7 @@ several, so further ones are added while these explain more than chance.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,12 +48,17 @@ def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms:
     fit = fit_modes(frfs, start, sd, terms)
     while True:
         sides = [above for above in (False, True) if _number(fit, above=above) < MOST]
-        trials = [trial for above in sides if (trial := search.refined(fit, above=above)) is not None]
-        if not trials:
-            return fit
+        trials = [trial for above in sides if (trial := search.refined(fit, (above,))) is not None]
         # the side that explains more first: what it leaves hides what the other side does
-        before = fit
-        fit = max(trials, key=lambda trial: _gain(trial, before))
+        best = min(trials, key=lambda trial: trial.deviance, default=None)
+        if not fit.outside.any():
+            # beside strong modes on both sides, one alone draws the modes inside to the place of the other
+            both = search.refined(fit, (False, True))
+            if both is not None and (best is None or _explains(both, best)):
+                best = both
+        if best is None:
+            return fit
+        fit = best
 
 
 def _number(fit: ModalFit, *, above: bool) -> int:
@@ -75,23 +81,32 @@ class _Search:
         except np.linalg.LinAlgError:
             return None
 
-    def refined(self, fit: ModalFit, *, above: bool) -> ModalFit | None:
-        """The fit with a mode on one side of the band; None where it explains no more than noise does."""
-        lines, known = fit.measured.freq_hz, fit.poles[fit.outside]
-        if 2 * len(lines) <= 2 * (len(fit.poles) + 1) + len(self.terms):
+    def _has_freedom(self, poles: int) -> bool:
+        """Whether the lines are more than a function has numbers with so many poles."""
+        return 2 * len(self.frfs.freq_hz) > 2 * poles + len(self.terms)
+
+    def refined(self, fit: ModalFit, sides: tuple[bool, ...]) -> ModalFit | None:
+        """The fit with a mode on each of the sides (True: above); None where they explain no more than noise does."""
+        if not self._has_freedom(len(fit.poles) + len(sides)):
             return None
-        gaps = np.array(GAPS)
-        at = lines[-1] * (1.0 + gaps) if above else lines[0] * (1.0 - gaps)
-        typical = max(float(np.median(freq_and_damping(self.start)[1])), _LEAST_DAMPING)
-        grid = pole_of(np.repeat(at, 2), np.tile([typical, 4.0 * typical], len(at)))
-        inside = self._inside(fit)
-        first = ((self.fit(inside, np.append(known, pole), most_steps=0), pole) for pole in grid)
-        tried = [(one.deviance, pole) for one, pole in first if one is not None]
+        known, inside = fit.poles[fit.outside], self._inside(fit)
+        grids = [self._grid(fit.measured.freq_hz, above=above, more=len(sides) == 1) for above in sides]
+        places = [np.array(poles) for poles in itertools.product(*grids)]
+        first = ((self.fit(inside, np.append(known, poles), most_steps=0), poles) for poles in places)
+        tried = [(one.deviance, poles) for one, poles in first if one is not None]
         if not tried:
             return None
         _, best = min(tried, key=lambda one: one[0])
         trial = self.fit(inside, np.append(known, best))
         return trial if trial is not None and _is_sound(trial) and _explains(trial, fit) else None
+
+    def _grid(self, lines: Reals, *, above: bool, more: bool) -> Complexes:
+        """Poles at some distances from the band, damped as the modes are; with `more`, also four times as much."""
+        gaps = np.array(GAPS)
+        at = lines[-1] * (1.0 + gaps) if above else lines[0] * (1.0 - gaps)
+        typical = max(float(np.median(freq_and_damping(self.start)[1])), _LEAST_DAMPING)
+        damping = (typical, 4.0 * typical) if more else (typical,)
+        return pole_of(np.repeat(at, len(damping)), np.tile(damping, len(at)))
 
     def _inside(self, fit: ModalFit) -> Complexes:
         """Where the modes begin: at the fit; at the start before there are neighbours, or if one has left the band."""
@@ -114,9 +129,9 @@ def _is_sound(fit: ModalFit) -> bool:
 
 
 def _explains(trial: ModalFit, fit: ModalFit) -> bool:
-    """Whether two further numbers of the pole and two of each function lower the errors by more than chance."""
+    """Whether two further numbers of each pole and two of each function lower the errors by more than chance."""
     n, u, _ = fit.measured.values.shape
-    return _gain(trial, fit) > float(chdtri(2 + 2 * n * u, CHANCE))
+    return _gain(trial, fit) > float(chdtri((len(trial.poles) - len(fit.poles)) * (2 + 2 * n * u), CHANCE))
 
 
 def _gain(trial: ModalFit, fit: ModalFit) -> float:
