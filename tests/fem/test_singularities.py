@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import scipy.sparse as sp
 
 from femtune.fem.assemble import assemble
-from femtune.fem.singularities import singular_dofs
+from femtune.fem.singularities import empty_dofs, singular_dofs
 from femtune.fem.structure import NodeTable
 from structures.frames import bars, make_structure, rods, scalars
 
@@ -68,3 +69,28 @@ def test_one_stiff_spring_does_not_make_its_neighbours_soft():
     rest = [scalars("spring", [[6 * p + d, -1] for p in range(1, 4) for d in range(6)], "K", [1e10] * 18)]
     lonely = scalars("spring", [[0, -1], [1, -1]], "K", [1e19, 1e4])
     assert found(make_structure(np.arange(12.0).reshape(4, 3), [*rest, lonely])) == {1, 2, 3, 4, 5}
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "mass"),
+    [
+        # a very stiff spring elsewhere, a large mass beside, and masses that are equal to a negative spring
+        ([1e15, 0, 0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0], [0, 0, 0, 0, 0, 0, 1e3, 0, 0, 0, 0, 0]),
+        ([1.0, 0, 0, 0, 0, 0, 0, 0, 1e-20, 0, 0, 0], [0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 0]),
+        ([1.0, 0, 0, 0, 0, 0, 0, 0, -1.0, 0, 0, 0], [0, 0, 0, 0, 0, 0, 1.0, 0, 1.0, 0, 0, 0]),
+    ],
+)
+def test_neither_stiffness_nor_mass_means_none_of_each(stiffness: list[float], mass: list[float]) -> None:
+    nodes = make_structure([[0, 0, 0], [1.0, 0, 0]], []).nodes
+    K, M = (sp.csr_array(np.diag(d)) for d in (stiffness, mass))
+    held = empty_dofs(K, M, np.arange(12), nodes)
+    np.testing.assert_array_equal(held, np.setdiff1d(np.arange(12), [0, 6, 8]))
+
+
+def test_a_skew_direction_without_stiffness_and_mass_is_found() -> None:
+    """A rod and a mass that acts across it, of very different sizes, leave the product of both directions."""
+    nodes = make_structure([[0, 0, 0]], []).nodes
+    along, across = np.array([0.6, 0.0, 0.8]), np.array([0.0, 1.0, 0.0])
+    K, M = np.zeros((2, 6, 6))
+    K[:3, :3], M[:3, :3] = 1e11 * np.outer(along, along), 1e-3 * np.outer(across, across)
+    np.testing.assert_array_equal(empty_dofs(sp.csr_array(K), sp.csr_array(M), np.arange(6), nodes), [0, 3, 4, 5])

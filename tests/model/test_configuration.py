@@ -107,6 +107,17 @@ def test_what_was_held_is_listed():
     assert all(n[-3] == "R" for n in names)
 
 
+def test_a_soft_spring_with_a_stiff_one_elsewhere_is_not_held_without_autospc() -> None:
+    """Node 3 has 1 N/m along Z and mass along X only; node 2 has 1e15 N/m."""
+    cards = [
+        *(card("GRID", i, None, float(i), 0.0, 0.0) for i in (2, 3)),
+        card("CELAS2", 1, 1e15, 2, 1), card("CELAS2", 2, 1.0, 3, 3), card("CMASS2", 3, 1.0, 3, 1),
+        card("PARAM", "AUTOSPC", "NO"),
+    ]  # fmt: skip
+    held = {str(d) for d in at(structure_of(deck(cards, ""))).configured.held_singular}
+    assert {f"{node}{axis}+" for node in (2, 3) for axis in "XYZ"} - held == {"2X+", "3X+", "3Z+"}
+
+
 CODES: dict[str, Configuration] = {
     "configuration.unknown-element": Configuration("BC", elements_off=frozenset({9, 1234})),
     "configuration.unknown-set": Configuration("BC", support_set=44),

@@ -211,6 +211,12 @@ def test_unknown_standard_deviation_of_one_mode():
         problem_of(case, DampingResidual(sd="test")).start(np.zeros(4))
     assert caught.value.code == "residual.no-scatter"
     assert "mode 2" in caught.value.what
+    # before the update, the modes are those that the residual compares
+    assert DampingResidual(sd="test").without_sd(case.test) == (1,)
+    assert OfModes(DampingResidual(sd="test"), ("1", "3")).without_sd(case.test) == ()
+    assert DampingResidual(sd=0.01).without_sd(case.test) == ()
+    unknown = replace(case.test, freq_sd_hz=np.array([np.nan, 0.1, 0.1]))
+    assert ComplexEigenvalueResidual(sd="test").without_sd(unknown) == (0, 1)
     # frequencies do not matter for the damping ratio of a single mode
     known = replace(case, test=replace(case.test, damping_sd=np.full(3, 1e-4), freq_sd_hz=None))
     assert len(problem_of(known, DampingResidual(sd="test")).start(np.zeros(4)).residuals) == 3

@@ -133,13 +133,29 @@ def test_shapes_need_deviations_from_somewhere(beam: Bench) -> None:
     assert "does not give standard deviations of its shapes" in str(error.value)
 
 
-def test_check_names_modes_whose_deviations_the_test_does_not_give(beam: Bench) -> None:
-    """Mode 1 has both deviations, mode 2 that of its frequency only; each warning names the others."""
+_AT_TWO = '[[residual]]\nkind = "shape"\nsd = "test"\nsensors = ["2Z+", "3Z+"]\n'
+
+
+@pytest.mark.parametrize(
+    ("residuals", "modes"),
+    [
+        ('[residuals]\nfrequency_sd = "test"\n', ["modes 3, 4 are"]),
+        # all sensors are compared, and mode 1 has the deviations of two
+        ('[residuals]\nfrequency_sd = "test"\nshape_sd = "test"\n', ["modes 1, 2, 3, 4 are"]),
+        (_AT_TWO + '[[residual]]\nkind = "frequency"\nsd = "test"\n', ["modes 2, 3, 4 are", "modes 3, 4 are"]),
+        (_AT_TWO + 'modes = ["1", "3"]\n', ["modes 3 are"]),
+    ],
+)
+def test_check_names_modes_whose_deviations_the_test_does_not_give(
+    beam: Bench, residuals: str, modes: list[str]
+) -> None:
+    """The table gives mode 1 the deviations of its frequency and of two entries, mode 2 that of its frequency only."""
     (beam.folder / "sd.csv").write_text("mode,dof,sigma\n1,frequency,0.01\n2,frequency,0.01\n1,2Z+,0.01\n1,3Z+,0.01\n")
-    text = '[test]\nfile = "beam.uff"\ndeviations = "sd.csv"\n[residuals]\nfrequency_sd = "test"\n'
-    found = steps.check(beam.study(text + beam.parameters, test=None)).record
-    (lacking,) = [p for p in found.problems if p.code == "residual.no-scatter"]
-    assert "modes 3, 4 are" in lacking.message
+    text = '[test]\nfile = "beam.uff"\ndeviations = "sd.csv"\n'
+    found = steps.check(beam.study(text + residuals + beam.parameters, test=None)).record
+    told = [p.message for p in found.problems if p.code == "residual.no-scatter"]
+    assert len(told) == len(modes)
+    assert all(some in message for some, message in zip(modes, told))
     assert found.errors == 0
 
 

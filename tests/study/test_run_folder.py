@@ -39,6 +39,16 @@ def _results(**more: Any) -> Results:
     return Results.model_validate_json(json.dumps(data))
 
 
+_QUANTIFY = {
+    "configuration": "BC", "method": "perturbation", "status": "converged", "message": "converged", "ok": True,
+    "estimate": "mean and covariance", "repeats": 5, "solutions": 9, "samples": 100, "covariance_error_percent": 1.0,
+    "chance_error_percent": 2.0, "unexplained_percent": 0.0, "agrees": True, "outputs": [], "sentences": ["It agrees."],
+    "repeats_key": None, "covariance_key": None, "cloud_key": None, "parameter_covariance_key": None,
+    "parameters": [{"parameter": "root", "start": 1.0, "mean": 1.1, "sd": 0.1, "correlation": [1.0],
+                    "outside_bounds": False}],
+}  # fmt: skip
+"""Of the first layout: its parameter has no `cosine_distance`."""
+
 _ARRAYS = {"jacobian": np.array([[1.0], [-2.5]])}
 
 
@@ -156,12 +166,16 @@ def test_an_unknown_key_is_damaged(folder: Path) -> None:
     assert "surprise" in str(_code(folder))
 
 
-@pytest.mark.parametrize("version", ["3", "0", "1.1"])
-def test_another_version_is_said(folder: Path, version: str) -> None:
+@pytest.mark.parametrize(
+    ("version", "said"),
+    [("3", "reads versions up to"), ("0", "which no femtune writes"), ("1.1", "which no femtune writes")],
+)
+def test_another_version_is_said(folder: Path, version: str, said: str) -> None:
     _change(folder, schema_version=version)
     error = _code(folder)
     assert error.code == "run.version"
-    assert version in str(error)
+    assert error.facts["version"] == version
+    assert said in error.what
 
 
 @pytest.mark.parametrize("cut", [0, 10, 60, -5])
@@ -218,7 +232,7 @@ def test_arrays_that_unpack_to_more_than_memory_are_refused(tmp_path: Path, monk
 
 @pytest.fixture
 def first_layout(tmp_path: Path) -> Path:
-    """A run folder as femtune wrote it before records had a misfit, and combinations a ratio of standard deviations."""
+    """A run folder as femtune wrote it before records had a misfit, a ratio of standard deviations, or a distance."""
     folder = tmp_path / "first"
     shutil.copytree(Path(__file__).parent / "written_before", folder)
     data = json.loads((folder / "results.json").read_text("utf-8"))
@@ -226,6 +240,7 @@ def first_layout(tmp_path: Path) -> Path:
     data["update"]["residual_counts"] = [{"kind": r["kind"], "count": r["count"]} for r in counts]
     for combination in data["selection"]["undetermined"] + data["selection"]["weakly_determined"]:
         del combination["sd_ratio"]
+    data["quantify"] = _QUANTIFY
     (folder / "results.json").write_text(json.dumps(data), "utf-8")
     return folder
 
@@ -238,6 +253,8 @@ def test_results_of_the_first_layout_are_migrated(first_layout: Path, tmp_path: 
     assert results.selection is not None
     assert [(r.count > 0, r.misfit) for r in results.update.residual_counts] == [(True, None)]
     assert results.selection.undetermined[0].sd_ratio is None
+    assert results.quantify is not None
+    assert [p.cosine_distance for p in results.quantify.parameters] == [None]
     assert (first_layout / "results.json").read_bytes() == text
     # written again they are of the present version
     write_results(tmp_path / "again", results, arrays)

@@ -73,6 +73,7 @@ def test_scatter_is_that_asked_for_and_the_same_again(bench: Bench) -> None:
         ({"sensors": ("2Z",)}, "dof.syntax"),
         ({"path": Path("none/at/all.uff")}, "uff.cannot-write"),
         ({"sensors": ("2Z+", "77S+")}, "uff.cannot-write"),
+        ({"sensors": ("77S+", "77X+")}, "dof.duplicate"),
     ],
 )
 def test_what_cannot_be_written_is_refused_before_anything_is_solved(

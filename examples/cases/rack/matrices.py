@@ -168,6 +168,8 @@ class Matrices:
             if np.abs(step).max() < SETTLED:
                 break
             values |= dict(zip(MODULI, np.exp(x + step).tolist(), strict=True))
+        else:
+            raise RuntimeError(f"the moduli did not settle in {STEPS} steps")
         return Fit(values, float(residuals @ residuals), mac, whole, relative)
 
 

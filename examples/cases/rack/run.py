@@ -556,8 +556,8 @@ def promises(of_models: dict[str, dict[str, tuple[str, str, str, str]]]) -> list
         for names in PROMISES:
             some = [v for name, v in verdicts.items() if name in names]
             broken = [v[3] for v in some if v[2] != "pass"]
-            missing = "kept" if some else "not predicted"
-            cells.append(f"not kept: {', '.join(broken)}" if broken else missing)
+            otherwise = "kept" if some else "not predicted"
+            cells.append(f"not kept: {', '.join(broken)}" if broken else otherwise)
         lines.append(f"| {model} | {' | '.join(cells)} |")
     return [*lines, ""]
 

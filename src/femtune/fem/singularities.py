@@ -1,4 +1,4 @@
-"""DOFs without stiffness, found node by node as Nastran's AUTOSPC does."""
+"""DOFs without stiffness, or without stiffness and mass, found node by node as Nastran's AUTOSPC does."""
 
 from __future__ import annotations
 
@@ -21,38 +21,68 @@ _OUTSTANDING = 1e4
 _ROUNDING = 64 * np.finfo(float).eps
 
 
-def singular_dofs(stiffness: sp.csr_array, free: Integers, nodes: NodeTable, ratio: float = RATIO) -> Integers:
+def singular_dofs(stiffness: sp.csr_array, free: Integers, nodes: NodeTable) -> Integers:
     """g-set DOFs to hold: those nearest to the directions in which a node has no stiffness of its own.
+
+    A direction has none where the principal stiffness is below `RATIO` times the block's largest entry, or times what
+    is usual where that entry stands out: beside one very stiff spring others are soft, not missing. A mechanism of
+    several nodes is not found here.
 
     Parameters
     ----------
     stiffness : (n, n) symmetric, on the free DOFs
     free : (n,) g-set DOFs of its rows
     nodes : to tell a node's translations and rotations
-    ratio : principal stiffness below which a direction counts as free, relative to the block's largest entry, or to
-        what is usual where that entry stands out: beside one very stiff spring others are soft, not missing
+    """
+    blocks, present = _blocks(stiffness, free, 6 * len(nodes.ids))
+    largest = _largest(blocks)
+    found = _without(blocks, present, np.maximum(RATIO * _measure(largest), _ROUNDING * largest))
+    scalar = (free >= 6 * len(nodes.ids)) & (stiffness.diagonal() == 0.0)
+    return np.union1d(found, free[scalar]).astype(np.int64)
 
-    A mechanism of several nodes is not found here.
+
+def empty_dofs(stiffness: sp.csr_array, mass: sp.csr_array, free: Integers, nodes: NodeTable) -> Integers:
+    """g-set DOFs to hold: those nearest to the directions in which a node has neither stiffness nor mass of its own.
+
+    Each matrix is zero there but for rounding of its own entries at the node. Parameters are those of `singular_dofs`.
     """
     n_grid = 6 * len(nodes.ids)
-    blocks, present = _blocks(stiffness, free, n_grid)
-    largest = np.abs(blocks).max(axis=(1, 2), initial=0.0)
+    (of_stiffness, present), (of_mass, _) = (_blocks(matrix, free, n_grid) for matrix in (stiffness, mass))
+    # of magnitudes about 1, so that neither hides the other, and without signs, so that they do not cancel
+    both = _magnitude(of_stiffness) + _magnitude(of_mass)
+    found = _without(both, present, _ROUNDING * _largest(both))
+    scalar = (free >= n_grid) & (stiffness.diagonal() == 0.0) & (mass.diagonal() == 0.0)
+    return np.union1d(found, free[scalar]).astype(np.int64)
+
+
+def _magnitude(blocks: Reals) -> Reals:
+    """(b, 3, 3) with the absolute eigenvalues of the blocks, relative to the largest entry of each."""
+    largest = _largest(blocks)
+    values, vectors = np.linalg.eigh(blocks / np.where(largest > 0.0, largest, 1.0)[:, None, None])
+    return np.asarray((vectors * np.abs(values)[:, None, :]) @ vectors.transpose(0, 2, 1))
+
+
+def _largest(blocks: Reals) -> Reals:
+    return np.asarray(np.abs(blocks).max(axis=(1, 2), initial=0.0))
+
+
+def _without(blocks: Reals, present: NDArray[np.bool_], limits: Reals) -> Integers:
+    """DOFs of grid points nearest to the principal directions of blocks (b, 3, 3) with values up to limits (b,)."""
+    largest = _largest(blocks)
     empty = present & (largest == 0.0)[:, None]
     found = [np.flatnonzero(empty.ravel())]
     checked = np.flatnonzero(largest > 0.0)
     padded = blocks[checked] + np.eye(3) * (~present[checked] * largest[checked, None])[:, None, :]
     values, vectors = np.linalg.eigh(padded)
     # negative stiffness is a fault that the eigen-solution reports, not a missing one that may be held
-    null = np.abs(values) <= np.maximum(ratio * _measure(largest)[checked], _ROUNDING * largest[checked])[:, None]
+    null = np.abs(values) <= limits[checked, None]
     one = null.sum(axis=1) == 1
     # flat plates have one direction at every grid point
     only = np.take_along_axis(vectors[one], np.argmax(null[one], axis=1)[:, None, None], axis=2)[:, :, 0]
     found.append(3 * checked[one] + np.argmax(np.abs(only), axis=1))
     for k in np.flatnonzero(null.any(axis=1) & ~one):
         found.append(3 * checked[k] + _nearest(vectors[k][:, null[k]]))
-    scalar = free >= n_grid
-    found.append(free[scalar & (stiffness.diagonal() == 0.0)])
-    return np.unique(np.concatenate(found)).astype(np.int64)
+    return np.concatenate(found)
 
 
 def _measure(largest: Reals) -> Reals:

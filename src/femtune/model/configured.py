@@ -17,7 +17,7 @@ from femtune.errors import FemtuneError
 from femtune.fem import Structure, join_constraints
 from femtune.fem.elimination import Elimination, eliminate
 from femtune.fem.fields import MatrixKind
-from femtune.fem.singularities import Spin, singular_dofs, spinning_lines
+from femtune.fem.singularities import Spin, empty_dofs, singular_dofs, spinning_lines
 from femtune.fem.values import TableJet
 from femtune.model.configuration import Configuration, check_configuration, held_dofs, mass_terms
 from femtune.model.digests import Identity, Part, digest, identity
@@ -498,14 +498,13 @@ def _without_stiffness(model: ParametricModel, terms: Sequence[TermFunction], el
     A DOF with neither takes part in no mode, but makes the eigenproblem singular.
     """
     nodes, table = model.structure.nodes, _nominal_table(model)
-    blocks = {
-        kind: node_blocks([t for t in terms if t.matrix == kind], elimination, 6 * len(nodes.ids), table)
-        for kind in ("stiffness", *(() if model.structure.hold_singular else ("mass",)))
-    }
+
+    def blocks(kind: MatrixKind) -> sp.csr_array:
+        return node_blocks([t for t in terms if t.matrix == kind], elimination, 6 * len(nodes.ids), table)
+
     if model.structure.hold_singular:
-        return [int(i) for i in singular_dofs(blocks["stiffness"], elimination.free, nodes)]
-    unit = [b / max(np.abs(b.data).max(initial=0.0), np.finfo(float).tiny) for b in blocks.values()]
-    return [int(i) for i in singular_dofs(sp.csr_array(unit[0] + unit[1]), elimination.free, nodes, ratio=0.0)]
+        return [int(i) for i in singular_dofs(blocks("stiffness"), elimination.free, nodes)]
+    return [int(i) for i in empty_dofs(blocks("stiffness"), blocks("mass"), elimination.free, nodes)]
 
 
 def _nominal_table(model: ParametricModel) -> TableJet:

@@ -13,11 +13,11 @@ from femtune.arrays import Reals
 from femtune.correlation import SensorPlacement
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.modal import ModeSet, largest_entries
+from femtune.modal import ModeSet
 from femtune.model import EigenSolution
 from femtune.residuals.asked import Asked, asked_weights, check_asked_mass_scaled
 from femtune.residuals.case import ComparedCase, PairedMode
-from femtune.residuals.pair import PairResidual, unknown_modes
+from femtune.residuals.pair import PairResidual
 from femtune.residuals.weights import ResidualBlock, Weights, as_weights
 
 # ----------------------------------------------------------------------------------------------------
@@ -139,8 +139,6 @@ class ShapeResidual(PairResidual):
     ----------
     weights : standard deviation of an entry of the scaled shape, or weights of the sensors' entries in their order;
         "test": those of the entries of the test (error ``residual.no-scatter`` where it gives none)
-    of_largest : whether `weights` is a fraction of the largest entry of the test shape, as `shape_sd` of a study, and
-        not of the scaled shape
     scaling : see `scaled_difference`
     sensors : those that are compared, as far as the test has them; all where None. Their entries alone are scaled
     placement : errors in the positions and directions of the sensors, whose covariance is added to that of `weights`.
@@ -151,7 +149,6 @@ class ShapeResidual(PairResidual):
     scaling: Scaling = "unit-norm"
     sensors: DofSet | None = None
     placement: SensorPlacement | None = None
-    of_largest: bool = False
     _placed: dict[str, Reals] = field(default_factory=dict, repr=False)
     key = "shape"
     label = "shape"
@@ -180,11 +177,11 @@ class ShapeResidual(PairResidual):
         if self.weights != "test":
             return ()
         if test.shapes_sd is None:
-            return unknown_modes(test, None)
+            return tuple(range(len(test)))
         at = self._places(test.dofs)[1]
         measured, sd = ~np.isnan(test.shapes[at]), test.shapes_sd[at]
         known = ~(measured & np.isnan(sd)).any(axis=0) & (measured & (sd > 0.0)).any(axis=0)
-        return unknown_modes(test, known.astype(float))
+        return tuple(np.flatnonzero(~known).tolist())
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
         """One value for each entry that was measured (one less where the largest is scaled to one).
@@ -204,9 +201,6 @@ class ShapeResidual(PairResidual):
             raise _unmeasured(pair, measured)
         weights = self._of_test(pair, which, at, count) if self.weights == "test" else as_weights(self.weights)
         weights.check_size(count, f"the sensors of mode {pair.label}")
-        if self.of_largest and weights.size is None:
-            fraction = float(largest_entries(test)) / scale_of(test, self.scaling)
-            weights = Weights(fraction * np.asarray(weights.sd, dtype=float))
         weights = self._with_placement(pair, weights, test)
         errors, slopes, kept = scaled_difference(pair.shape[at], pair.shape_gradient[at], test, self.scaling)
         own = weights.of(which[kept])

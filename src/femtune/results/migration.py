@@ -31,8 +31,8 @@ def is_known(version: str) -> bool:
 def migrate(data: dict[str, Any]) -> None:
     """Change the data of a ``results.json`` of a known version, in place, into those of the present version.
 
-    What an earlier version did not record is None afterwards. Data that are no results stay as they are: the check
-    against the schema reports them.
+    What an earlier version did not record is None afterwards, or has the default of its field once it is read. Data
+    that are no results stay as they are: the check against the schema reports them.
     """
     while (version := data["schema_version"]) != SCHEMA_VERSION:
         _MIGRATIONS[version](data)

@@ -23,7 +23,8 @@ _PAGE_HEAD = f"""# results.json
 
 The run folder holds `results.json` with its arrays beside it in `arrays.npz`, the updated deck and `report.html`.
 This page is schema version {SCHEMA_VERSION}; the number rises when a program that reads the file must change.
-femtune also reads files of earlier versions, and sets what they do not contain to `null`; it refuses later versions.
+femtune also reads files of earlier versions, and sets what they do not contain to `null`, or to the default of the
+field; it refuses later versions.
 Numbers are in the units that the study declares unless the name ends in a unit (`freq_hz`). What is not known is
 `null`, with its reason beside it; an absent number is never zero. A field that ends in `_key` names an array.
 `femtune.results.results.json_schema()` returns the same as a JSON schema, `femtune.results.folder.read_results(folder)`

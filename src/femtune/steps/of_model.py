@@ -108,7 +108,7 @@ def modes(
     page = checked_page(report)
     file = None if vtu is None else Path(vtu)
     result = solve_modes(
-        source_of(source), progress, fresh=fresh, count=count, max_hz=max_hz, simulate=simulate, vtu=file, keep=page
+        source_of(source), progress, fresh=fresh, count=count, max_hz=max_hz, simulate=simulate, vtu=file, page=page
     )
     return with_page(result, page, progress)
 
@@ -160,7 +160,7 @@ def plan(
 
     page = checked_page(report)
     files = PlanFiles(*(None if path is None else Path(path) for path in (uff, csv)))
-    result = plan_test(source_of(source), options, progress, fresh=fresh, files=files, units=units, keep=page)
+    result = plan_test(source_of(source), options, progress, fresh=fresh, files=files, units=units, page=page)
     return with_page(result, page, progress)
 
 
@@ -213,7 +213,7 @@ def respond(
     page = checked_page(report)
     file = None if uff is None else Path(uff)
     result = solve_responses(
-        source_of(source), options, progress, fresh=fresh, uff=file, units=units, keep=page,
+        source_of(source), options, progress, fresh=fresh, uff=file, units=units, page=page,
         noise=FrfNoise(scatter, floor, seed),
     )  # fmt: skip
     return with_page(result, page, progress)

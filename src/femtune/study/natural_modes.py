@@ -45,7 +45,7 @@ def solve_modes(
     max_hz: float | None = None,
     simulate: SimulatedTest | None = None,
     vtu: Path | None = None,
-    keep: Path | None = None,
+    page: Path | None = None,
 ) -> ModesResult:
     """Modes of a study, or of a deck, at the initial values of the parameters.
 
@@ -55,7 +55,7 @@ def solve_modes(
     count, max_hz : in place of [modes] of the study and of METHOD of the deck
     simulate : writes the modes as a test would have measured them
     vtu : VTU file of the mesh, the modes and the values of the parameters
-    keep : a file that will be written with what this returns; it must be neither one that is read nor one of the others
+    page : where the report will be written; neither a file that is read nor one of the others
 
     Raises
     ------
@@ -75,7 +75,7 @@ def solve_modes(
             check_vtu(loaded, vtu)
         asked = [path for path in (vtu, None if simulate is None else simulate.path) if path is not None]
         several = [file for path in asked for file in uff_paths(path, loaded)]
-        check_places(loaded, [*([] if keep is None else [keep]), *several], None)
+        check_places(loaded, [*([] if page is None else [page]), *several], None if simulate is None else simulate.path)
         inputs = _each_once(inputs_of(loaded))
     with watch.step("modes"), looking_up(loaded, fresh) as found:
         solved = list(solved_cases(found.study, progress))

@@ -84,7 +84,7 @@ def solve_responses(
     fresh: bool = False,
     uff: Path | None = None,
     units: str | None = None,
-    keep: Path | None = None,
+    page: Path | None = None,
     noise: FrfNoise = NO_NOISE,
 ) -> RespondResult:
     """Responses at the initial values of the parameters.
@@ -94,7 +94,7 @@ def solve_responses(
     options : keys of [response] that take the place of the study's
     uff : Universal File for the FRFs; with several configurations each has its own, with its number in the name
     units : of a deck alone, which tells none
-    keep : a file that will be written with what this returns; it must not be one that was read
+    page : where the report will be written; not a file that was read
     noise : of the FRFs in the file; what is returned has none
 
     Raises
@@ -108,7 +108,7 @@ def solve_responses(
     with watch.step("read"):
         loaded = _read(source, options, units, progress)
         files = [] if uff is None else uff_paths(uff, loaded)
-        _check_files(loaded, [*([] if keep is None else [keep]), *files], uff)
+        _check_files(loaded, [*([] if page is None else [page]), *files], uff)
         inputs = inputs_of(loaded)
     with watch.step("respond"), looking_up(loaded, fresh) as found:
         start = np.zeros(len(loaded.parameters.free))

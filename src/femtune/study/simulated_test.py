@@ -15,13 +15,14 @@ from femtune.files.study_file.kinds import support
 from femtune.files.uff import write_uff_modes
 from femtune.modal import ModeSet, entry_deviations
 from femtune.model.response.rigid import is_rigid
-from femtune.study.respond import check_places, id_line, uff_paths
+from femtune.study.respond import id_line, uff_paths
 from femtune.testdata import ModalTest, WireFrame, sensors_at
 from femtune.units import unit_system
 
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.study import Study
+    from femtune.fem.structure import NodeTable
     from femtune.model import EigenSolution
 
 
@@ -54,7 +55,7 @@ def check_simulated(study: Study, wanted: SimulatedTest) -> None:
     Raises
     ------
     FemtuneError : ``response.units-needed``, ``response.units-given``, ``uff.cannot-write``, ``model.unknown-node``,
-        ``write.overwrites-input``, ``dof.syntax``, ``study.support``, ``response.noise``
+        ``dof.syntax``, ``dof.duplicate``, ``study.support``, ``response.noise``
     """
     if study.units_known and wanted.units is not None:
         raise FemtuneError("response.units-given", where=study.file.where("study", "units"))  # fmt: skip
@@ -65,12 +66,11 @@ def check_simulated(study: Study, wanted: SimulatedTest) -> None:
             raise FemtuneError("response.noise", values={name: getattr(wanted, name)})
     if wanted.seed < 0:
         raise FemtuneError("response.noise/seed", values={"seed": wanted.seed})
-    if wanted.path is not None:
-        check_places(study, uff_paths(wanted.path, study), wanted.path)
     nodes = study.model.structure.nodes
     dofs = sensor_dofs(wanted.sensors)
     for dof in dofs:
         nodes.dof(dof.node, dof.component)
+    _measured(nodes, dofs)
     if wanted.path is not None and 0 < sum(map(nodes.has_scalar, dofs.nodes.tolist())) < len(dofs):
         raise FemtuneError("uff.cannot-write/scalar-point", where=Where(str(wanted.path)))
 
@@ -87,6 +87,11 @@ def _named(text: str) -> Iterable[Dof]:
     if ":" not in text:
         return [parse_dof(text.strip())]
     return [Dof(node, DIRECTIONS[int(c)]) for node, components in support(text) for c in components]
+
+
+def _measured(nodes: NodeTable, dofs: DofSet) -> DofSet:
+    """The sensors, component 1 of a scalar point as the scalar point itself (error ``dof.duplicate``)."""
+    return DofSet(replace(d, direction="S") if nodes.has_scalar(d.node) else d for d in dofs)
 
 
 def write_simulated(study: Study, wanted: SimulatedTest, solutions: Sequence[tuple[StudyCase, EigenSolution]]) -> None:
@@ -108,8 +113,7 @@ def _simulated(
     study: Study, case: StudyCase, solution: EigenSolution, wanted: SimulatedTest, chance: np.random.Generator
 ) -> ModalTest:
     nodes = study.model.structure.nodes
-    # component 1 of a scalar point is the scalar point itself
-    dofs = DofSet(replace(d, direction="S") if nodes.has_scalar(d.node) else d for d in sensor_dofs(wanted.sensors))
+    dofs = _measured(nodes, sensor_dofs(wanted.sensors))
     rows, signs = [nodes.dof(d.node, d.component) for d in dofs], np.array([d.sign for d in dofs])
     elastic = ~is_rigid(solution)[: solution.wanted]
     freq = solution.freq_hz[elastic]

@@ -16,7 +16,7 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.whole_file import write_whole
 from femtune.model.response.rigid import is_rigid
 from femtune.results.shapes import grid_translations
-from femtune.study.respond import check_places, uff_paths
+from femtune.study.respond import uff_paths
 
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
@@ -33,14 +33,13 @@ def check_vtu(study: Study, path: Path) -> None:
 
     Raises
     ------
-    FemtuneError : ``write.vtu``, ``install.missing``, ``write.overwrites-input``
+    FemtuneError : ``write.vtu``, ``install.missing``
     """
     if path.suffix != ".vtu":
         raise FemtuneError("write.vtu/suffix", where=Where(str(path)))
     if not path.parent.is_dir():
         raise FemtuneError("write.vtu", where=Where(str(path)), reason="the folder does not exist")
     check_cells(study, path)
-    check_places(study, uff_paths(path, study), None)
 
 
 def check_cells(study: Study, path: Path) -> None:

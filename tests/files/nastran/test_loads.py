@@ -148,6 +148,7 @@ WRONG = {
     "PLOAD1,3,1,FX,FR,0.,1.,1.,1.": "is no CBAR or CBEAM",
     BAR.format("") + "FE,FR,0.,1.,1.,1.": "no direction of a load",
     BAR.format("") + "FX,LE,0.,1.,4.,1.": "does not lie on the bar",
+    BAR.format("") + "FX,FR,.5,1.,,2.": "P2 is the load at X2",
     "FORCE1,3,1,5.,2,2": "direction of the load is undefined",
     "FORCE,4,1,,1.,1.,0.,0.": "no load card has the set number 3",
     "FORCE,3,99,,1.,1.,0.,0.": "99",
@@ -159,6 +160,13 @@ def test_wrong_loads_are_errors(tmp_path: Path, card: str) -> None:
     with pytest.raises(FemtuneError) as caught:
         build_structure(_deck(tmp_path, card))
     assert WRONG[card] in str(caught.value)
+
+
+@pytest.mark.parametrize(("places", "wrong"), [("0.,1.,1.2", "1.2"), ("-.2,1.,.5", "-.2"), (".5,1.,.2", ".2")])
+def test_the_field_of_a_place_off_the_bar_is_named(tmp_path: Path, places: str, wrong: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        build_structure(_deck(tmp_path, BAR.format("") + f"FX,FR,{places},1."))
+    assert caught.value.values["text"] == repr(wrong)
 
 
 def test_what_is_solved_is_told(tmp_path: Path) -> None:

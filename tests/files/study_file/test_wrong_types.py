@@ -91,6 +91,9 @@ def test_no_message_names_types_of_the_program() -> None:
         ({"test": {"file": "t.uff", "rotation": [[1.0, 0, 0]] * 5}}, "has 5 entries, more than 3", "write 3 entries"),
         ({"validat": {}}, "'validat' is not a key", "did you mean 'validate'?"),
         ({"study": {"units": None}}, "'units' should be text", "quotes"),
+        ({"schema_version": True}, "'schema_version' should be a whole number", ""),
+        ({"schema_version": 1.0}, "'schema_version' should be a whole number", "decimal point"),
+        ({"schema_version": 0}, "'schema_version' should be greater than or equal to 1", "write 1"),
     ],
 )
 def test_what_was_poor(data: dict[str, Any], what: str, hint: str) -> None:

@@ -11,7 +11,7 @@ from femtune.files.nastran.loads import preload_command, preload_request
 _NONLINEAR = (106, 129, 153, 400, 401, 402, 600, 601, 700)
 _BUCKLING = 105
 _CRAIG_BAMPTON = 31
-"""Of MYSTRAN."""
+"""MYSTRAN gives this number to its Craig-Bampton solution."""
 _COMPLEX_MODES = (107, 110)
 
 # commands that change stiffness or mass, with the wording of the warning
@@ -56,6 +56,7 @@ def preloads(deck: Deck) -> dict[str, FemtuneError]:
 
 
 def _all(deck: Deck, preloaded: bool) -> Iterator[Notice]:
+    yield from _other_solutions(deck)
     yield from _preloads(deck, preloaded)
     yield from _nonlinear(deck)
     yield from _complex_modes(deck)
@@ -72,12 +73,19 @@ def _complex_modes(deck: Deck) -> Iterator[Notice]:
         yield Notice("deck.left-out/complex-modes", where=where, request=f"SOL {number}")
 
 
+def _other_solutions(deck: Deck) -> Iterator[Notice]:
+    """Buckling, and modes with fixed interfaces."""
+    where = Where(str(deck.path), record="SOL")
+    if deck.executive.solution_number == _BUCKLING:
+        yield Notice("deck.left-out/buckling", where=where)
+    elif deck.executive.solution_number == _CRAIG_BAMPTON:
+        yield Notice("deck.left-out/fixed-interface", where=where)
+
+
 def _preloads(deck: Deck, preloaded: bool) -> Iterator[Notice]:
     if deck.executive.solution_number == _BUCKLING:
-        yield Notice("deck.left-out/buckling", where=Where(str(deck.path), record="SOL"))
+        # its loads serve the buckling analysis alone
         return
-    if deck.executive.solution_number == _CRAIG_BAMPTON:
-        yield Notice("deck.left-out/fixed-interface", where=Where(str(deck.path), record="SOL"))
     for command in deck.case_control.effective:
         if command.is_preload and not (preloaded and preload_command(deck)):
             yield Notice("deck.left-out/preload", where=command.where, request=preload_request(deck, command))

@@ -242,8 +242,11 @@ class _Loads:
         unit = 1.0 if places == "FR" else 1.0 / float(np.linalg.norm(line))
         first, last = unit * record.real("X1"), unit * record.real("X2", record.real("X1"))
         if not -_BEYOND <= first <= last <= 1.0 + _BEYOND:
-            raise record.error("deck.field-value/place-on-bar", at="X1")
+            raise record.error("deck.field-value/place-on-bar", at="X2" if -_BEYOND <= first <= 1.0 + _BEYOND else "X1")
         loads = np.array([record.real("P1"), record.real("P2", record.real("P1"))])
+        # a zero fills the field of a single load in decks of some preprocessors
+        if first == last and loads[1] not in (0.0, loads[0]):
+            raise record.error("deck.field-value/single-load-on-bar", at="P2")
         forces = _of_bar(line, (first, last), np.outer(scale * loads, frame[:, "XYZ".index(kind[1])]), kind[0] == "M")
         for row, arm, (force, moment) in zip(ends, arms, forces):
             self._at(int(row), force)

@@ -282,8 +282,11 @@ Rotation = Annotated[tuple[Vector, Vector, Vector], checked(_rotation)]
 # What all tables of a study file have in common.
 
 SCHEMA_VERSION = 1
-"""Version of the study file and of the identification file; rises when a file that was valid must be changed."""
-SchemaVersion = Literal[1]
+"""Version of the study file and of the identification file.
+
+Versions count from the first release. A version rises when keys are removed or change their meaning.
+"""
+SchemaVersion = Annotated[int, Field(ge=1, le=SCHEMA_VERSION)]
 
 
 class TomlTable(BaseModel):

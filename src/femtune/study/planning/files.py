@@ -39,7 +39,7 @@ class PlanFiles:
 NO_FILES = PlanFiles()
 
 
-def check_plan_files(study: Study, files: PlanFiles, keep: Path | None) -> None:
+def check_plan_files(study: Study, files: PlanFiles, page: Path | None) -> None:
     """Refuse, before anything is solved, what cannot be written.
 
     Raises
@@ -48,7 +48,7 @@ def check_plan_files(study: Study, files: PlanFiles, keep: Path | None) -> None:
     """
     if files.uff is not None and not study.units_known:
         raise FemtuneError("response.units-needed", where=Where(str(study.file.path)))
-    wanted = [path for path in (keep, *files.written) if path is not None]
+    wanted = [path for path in (page, *files.written) if path is not None]
     if wanted:
         check_places(study, wanted, files.uff)
 

@@ -84,7 +84,7 @@ def plan_test(
     fresh: bool = False,
     files: PlanFiles = NO_FILES,
     units: str | None = None,
-    keep: Path | None = None,
+    page: Path | None = None,
 ) -> PlanResult:
     """A plan at the initial values of the parameters.
 
@@ -94,7 +94,7 @@ def plan_test(
     fresh : do not take solutions from the journal of the study's run folder
     files : a Universal File and a table to write
     units : of a deck alone, which tells none
-    keep : a file that will be written with what this returns; it must not be one that was read
+    page : where the report will be written; not a file that was read
 
     Raises
     ------
@@ -104,7 +104,7 @@ def plan_test(
     arrays: Arrays = {}
     with watch.step("read"):
         study = _read(source, options, units, progress)
-        check_plan_files(study, files, keep)
+        check_plan_files(study, files, page)
         inputs = inputs_of(study)
     table = study.file.plan
     assert table is not None
