@@ -71,11 +71,11 @@ def solve_modes(
         loaded = with_modes_asked(load_study(source, progress), count, max_hz)
         if simulate is not None:
             check_simulated(loaded, simulate)
-        if vtu is not None:
-            check_vtu(loaded, vtu)
         asked = [path for path in (vtu, None if simulate is None else simulate.path) if path is not None]
         several = [file for path in asked for file in uff_paths(path, loaded)]
         check_places(loaded, [*([] if page is None else [page]), *several], None if simulate is None else simulate.path)
+        if vtu is not None:
+            check_vtu(loaded, vtu)
         inputs = _each_once(inputs_of(loaded))
     with watch.step("modes"), looking_up(loaded, fresh) as found:
         solved = list(solved_cases(found.study, progress))
