@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -93,7 +94,12 @@ def test_killed_at_random_moments(bench: Bench, tables: str, seed: int) -> None:
         process = subprocess.Popen([sys.executable, "-c", _RUN, str(study)])
         try:
             process.wait(chance.uniform(0.1, 1.0) * took)
-            break
+            if killed:
+                break
+            # the machine is faster now than in the first run
+            took /= 2.0
+            shutil.rmtree(folder)
+            continue
         except subprocess.TimeoutExpired:
             os.kill(process.pid, signal.SIGKILL)
             process.wait()
@@ -103,7 +109,6 @@ def test_killed_at_random_moments(bench: Bench, tables: str, seed: int) -> None:
             # no finished run is lost, nor written in another way
             assert after[name][: len(kept[name])] == kept[name]
         kept = after
-    assert killed
     steps.run(study)
     assert all(_lines(folder)[name][: len(kept[name])] == kept[name] for name in _FILES)
     _same(folder, whole)
