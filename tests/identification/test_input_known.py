@@ -64,6 +64,7 @@ def test_the_noise_of_a_dead_response_gives_no_mode_and_costs_none(three_modes: 
     assert [n.code for n in found.notices] == ["frf.dead"]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("more", "digits"), [(False, 15), (True, 15), (True, 5)])
 def test_functions_without_noise_are_told_and_not_compared_with_it(three_modes: Any, more: bool, digits: int) -> None:
     """Also where the fit leaves more than rounding, since there are modes outside the band, and of a text file."""

@@ -81,16 +81,13 @@ class _Search:
         except np.linalg.LinAlgError:
             return None
 
-    def _has_freedom(self, poles: int) -> bool:
-        """Whether the lines are more than a function has numbers with so many poles."""
-        return 2 * len(self.frfs.freq_hz) > 2 * poles + len(self.terms)
-
     def refined(self, fit: ModalFit, sides: tuple[bool, ...]) -> ModalFit | None:
         """The fit with a mode on each of the sides (True: above); None where they explain no more than noise does."""
-        if not self._has_freedom(len(fit.poles) + len(sides)):
+        lines = fit.measured.freq_hz
+        if 2 * len(lines) <= 2 * (len(fit.poles) + len(sides)) + len(self.terms):
             return None
         known, inside = fit.poles[fit.outside], self._inside(fit)
-        grids = [self._grid(fit.measured.freq_hz, above=above, more=len(sides) == 1) for above in sides]
+        grids = [self._grid(lines, above=above, more=len(sides) == 1) for above in sides]
         places = [np.array(poles) for poles in itertools.product(*grids)]
         first = ((self.fit(inside, np.append(known, poles), most_steps=0), poles) for poles in places)
         tried = [(one.deviance, poles) for one, poles in first if one is not None]

@@ -136,7 +136,7 @@ def _read_bytes(path: Path) -> bytes:
 def _check_version(path: Path, data: Any) -> None:
     version = data.get("schema_version") if isinstance(data, dict) else None
     if not isinstance(version, str):
-        raise _damaged(path, "the key schema_version is missing")
+        raise _damaged(path, "the key schema_version is missing or is no text")
     if is_known(version):
         return
     newer = _NUMBER.fullmatch(version) is not None and int(version) > int(SCHEMA_VERSION)
