@@ -63,12 +63,14 @@ types: $(VENV)/.stamp-lint  ## mypy
 contract: $(VENV)/.stamp-lint  ## check that packages import only from the layers below
 	@$(BIN)/lint-imports
 
-docs: $(VENV)/.stamp-docs  ## build the documentation; warnings are errors
+docs: $(VENV)/.stamp-docs  ## build the documentation and check its links; warnings are errors
 	@$(SPHINX) -d docs/_build/doctrees docs docs/_build/html
+	@$(BIN)/python .ci/check_links.py docs/_build/html *.md examples/README.md
 	@echo "docs/_build/html/index.html"
 
 internals: $(VENV)/.stamp-docs  ## build the documentation with the reference of all modules
 	@$(SPHINX) -t internals -d docs/_build/internals-doctrees docs docs/_build/internals
+	@$(BIN)/python .ci/check_links.py docs/_build/internals
 	@echo "docs/_build/internals/index.html"
 
 pictures: $(VENV)/.stamp-test  ## draw the pictures of the landing page and the tutorial again
