@@ -90,7 +90,7 @@ def test_killed_at_random_moments(bench: Bench, tables: str, seed: int) -> None:
     folder, whole = bench.folder / "run", bench.folder / "whole"
     folder.rename(whole)
     chance, killed, kept = np.random.default_rng(seed), 0, _lines(folder)
-    while killed < 4:
+    while killed < 3:
         process = subprocess.Popen([sys.executable, "-c", _RUN, str(study)])
         try:
             process.wait(chance.uniform(0.1, 1.0) * took)
