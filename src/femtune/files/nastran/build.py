@@ -56,6 +56,7 @@ from femtune.files.nastran.superelements import (
     Section,
     boundary_pairs,
     increase_notice,
+    moved_basic,
     reduced_matrices,
     superelement_notices,
 )
@@ -165,7 +166,7 @@ def _with_parts(
     case = deck.case_control
     parts, cards, places = [Part(residual, 0, case.spc, case.mpc)], [element_cards], [building.places]
     for number in deck.parts:
-        own = Building(deck.of_section(number), errors=building.errors)
+        own = Building(deck.of_section(number), errors=building.errors, basic=moved_basic(deck, number))
         cards.append(_element_cards(own))
         structure = _structure(own, cards[-1], False, deck)
         parts.append(Part(structure, number, own.deck.case_control.spc, own.deck.case_control.mpc))

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.fem.assembled import AssembledMatrix
 from femtune.fem.fields import MatrixKind
@@ -19,17 +20,21 @@ from femtune.fem.structure import Structure
 from femtune.files.matrices.op4 import op4_names, read_op4
 from femtune.files.matrices.read_matrix import ReadMatrix
 from femtune.files.nastran.building import Building
-from femtune.files.nastran.card import Card
+from femtune.files.nastran.card import Card, CardEntry
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.coordinates import BASIC, CoordinateSystem, system_through
 from femtune.files.nastran.deck import Deck
-from femtune.files.nastran.grids import Grids
+from femtune.files.nastran.grids import Grids, read_grids
 from femtune.files.nastran.lists import read_list
 from femtune.files.nastran.matrices import dmig_names, dmig_upper, scaled_matrix
 
 _IN_ONE_MODEL = ("SESET", "SETREE", "SEELT", "SEQSET", "SEQSET1")
 # what moves or copies a part, or changes how it is joined
-_REFUSED = ("SELOC", "SEMPLN", "RELEASE", "CSUPER", "CSUPEXT")
+_REFUSED = ("SEMPLN", "RELEASE", "CSUPER", "CSUPEXT")
 _PRIMARY, _OP4, _DMIG = "PRIMARY", ("EXTOP4", "MATOP4"), "EXTERNAL"
 _TOLERANCE = 1e-5
+# of the distance of its points
+_SAME_TRIANGLE = 1e-3
 _SEARCHES = ("AUTO", "MANUAL")
 _ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*(?:'([^']*)'|\"([^\"]*)\"|([^\s,'\"]+))(.*)", re.IGNORECASE | re.DOTALL)
 _UNIT = re.compile(r"\bUNIT\s*=?\s*(\d{1,5})", re.IGNORECASE)
@@ -130,6 +135,48 @@ def _bulk_card(deck: Deck, number: int) -> Card | None:
 def _is_external(deck: Deck, number: int) -> bool:
     card = _bulk_card(deck, number)
     return card is not None and card.text(1, _PRIMARY) != _PRIMARY
+
+
+# ----------------------------------------------------------------------------------------------------
+# Parts that SELOC moves: their basic system is another one.
+
+
+def moved_basic(deck: Deck, number: int) -> CoordinateSystem:
+    """The basic system of a part in that of the whole.
+
+    Raises
+    ------
+    FemtuneError : ``deck.superelement`` where the three points of SELOC do not fit those of the main bulk data
+    """
+    card = next((card for card in deck.by_name("SELOC") if card.integer(0) == number), None)
+    if card is None:
+        return BASIC
+    part, main = (_Located(Building(deck.of_section(n))) for n in (number, 0))
+    record = CardEntry(card, CATALOGUE["SELOC"].fields)
+    own = [part.location(record.integer(f"PA{i}"), record) for i in (1, 2, 3)]
+    other = [main.location(record.integer(f"PB{i}"), record) for i in (1, 2, 3)]
+    one, two = system_through(0, "R", *own), system_through(0, "R", *other)
+    gaps = [
+        abs(np.linalg.norm(own[i] - own[j]) - np.linalg.norm(other[i] - other[j])) for i, j in ((0, 1), (0, 2), (1, 2))
+    ]
+    if one is None or two is None or max(gaps) > _SAME_TRIANGLE * np.linalg.norm(own[1] - own[0]):
+        raise FemtuneError("deck.superelement/location", where=card.where(), card=card.record)
+    turn = two.axes @ one.axes.T
+    return CoordinateSystem(0, "R", other[0] - turn @ own[0], turn)
+
+
+class _Located:
+    """Places of GRID and POINT cards of a section."""
+
+    def __init__(self, building: Building) -> None:
+        self.grids = read_grids(building)
+        self.points = {record.integer("ID"): record for record in building.records("POINT")}
+
+    def location(self, number: int, user: CardEntry) -> Reals:
+        record = self.points.get(number)
+        if record is None:
+            return self.grids.location(number, user)
+        return self.grids.systems.get(record.integer("CP", 0), record).point(np.array(record.reals("X1", "X2", "X3")))
 
 
 # ----------------------------------------------------------------------------------------------------
