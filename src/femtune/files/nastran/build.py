@@ -174,7 +174,11 @@ def _with_parts(
         # the sets of a part say how it is reduced, which one notice tells
         building.notices += [n for n in own.notices if not n.code.startswith("deck.dof-set")]
     raise_distinct(building.errors)
-    joined = join(parts, boundary_pairs(deck, [Section(part.number, part.structure) for part in parts]))
+    pairs = boundary_pairs(deck, [Section(part.number, part.structure) for part in parts])
+    try:
+        joined = join(parts, pairs)
+    except OverflowError as error:
+        raise FemtuneError("deck.superelement/large-numbers", where=Where(str(deck.path))) from error
     each = list(zip(parts, joined.increases, cards, places))
     building.places = {part.in_whole(ref, more): at for part, more, _, own in each for ref, at in own.items()}
     building.notices += [increase_notice(deck, part.number, more) for part, more, _, _ in each if more]
