@@ -15,6 +15,10 @@ ONE_THREAD := OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} OPENBLAS_NUM_THREADS=$${OPE
 	MKL_NUM_THREADS=$${MKL_NUM_THREADS:-1}
 # Modules are compiled once, also where the environment forbids it: tests start Python many times.
 PYTEST := $(ONE_THREAD) PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
+# RUN_TESTS marks, options: in a new checkout pytest would take a quarter of a minute to prepare the assertions, so that
+# they show their values. Only tests that failed are run with such assertions, once more.
+RUN_TESTS = $(PYTEST) -m "$(1)" --assert=plain $(2) $(PYTEST_ARGS) || { code=$$?; \
+	[ $$code -ne 1 ] || $(PYTEST) -m "$(1)" --last-failed --last-failed-no-failures none --maxfail 20; exit $$code; }
 SPHINX := $(BIN)/python -m sphinx -q -W --keep-going -j auto -b html
 EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run.py))
 
@@ -34,10 +38,10 @@ demo: $(VENV)/.stamp-test  ## update the model of the benchmark building; prints
 
 # More than four processes would spend more time on the import of the tests than they save.
 test: $(VENV)/.stamp-test  ## the quick tests: a selection of the cases of each family; requires only Python and make
-	@HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-quick} $(PYTEST) -m "not slow" --maxprocesses 4 $(PYTEST_ARGS)
+	@export HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-quick}; $(call RUN_TESTS,not slow,--maxprocesses 4)
 
 test-slow: $(VENV)/.stamp-test  ## the tests that make test omits, except those that take minutes; more random examples
-	@$(PYTEST) -m "(slow or hypothesis) and not long" $(PYTEST_ARGS)
+	@$(call RUN_TESTS,(slow or hypothesis) and not long)
 
 test-long: $(VENV)/.stamp-test  ## the tests that take minutes each: coverage of intervals, levels of tests, thousands of mutants
 	@$(PYTEST) -m long $(PYTEST_ARGS)
@@ -59,12 +63,14 @@ types: $(VENV)/.stamp-lint  ## mypy
 contract: $(VENV)/.stamp-lint  ## check that packages import only from the layers below
 	@$(BIN)/lint-imports
 
-docs: $(VENV)/.stamp-docs  ## build the documentation; warnings are errors
+docs: $(VENV)/.stamp-docs  ## build the documentation and check its links; warnings are errors
 	@$(SPHINX) -d docs/_build/doctrees docs docs/_build/html
+	@$(BIN)/python .ci/check_links.py docs/_build/html *.md examples/README.md
 	@echo "docs/_build/html/index.html"
 
 internals: $(VENV)/.stamp-docs  ## build the documentation with the reference of all modules
 	@$(SPHINX) -t internals -d docs/_build/internals-doctrees docs docs/_build/internals
+	@$(BIN)/python .ci/check_links.py docs/_build/internals
 	@echo "docs/_build/internals/index.html"
 
 pictures: $(VENV)/.stamp-test  ## draw the pictures of the landing page and the tutorial again
@@ -76,9 +82,10 @@ evidence: $(VENV)/.stamp-test  ## run the full examples, which write the tables 
 notebooks: $(VENV)/.stamp-notebooks  ## execute the notebooks as Jupyter does
 	@$(ONE_THREAD) $(BIN)/python examples/notebooks/execute.py
 
-# Two at a time: an example has one thread. What it prints stays together.
+# Two at a time: an example has one thread. What it prints stays together. The longest (subframe, rack) are late in the
+# alphabet, and begin first.
 examples-quick: $(VENV)/.stamp-test  ## run the quick form of every example
-	@printf '%s\n' $(EXAMPLES) | $(ONE_THREAD) xargs -P 2 -I '{}' bash -c \
+	@printf '%s\n' $(EXAMPLES) | sort -r | $(ONE_THREAD) xargs -P 2 -I '{}' bash -c \
 	  'printed="$$($(BIN)/python "$$1" --quick 2>&1)"; code=$$?; printf "== %s\n%s\n" "$$1" "$$printed"; exit $$code' run '{}'
 
 web/node_modules/.stamp: web/package-lock.json web/package.json

@@ -78,6 +78,10 @@ def parse_dof(text: str) -> Dof:
 class DofSet:
     """An ordered set of degrees of freedom without repetition (each direction of a node occurs once).
 
+    Parameters
+    ----------
+    dofs : in their order
+
     Raises
     ------
     FemtuneError : ``dof.duplicate`` if a node and direction occur twice, with any sign

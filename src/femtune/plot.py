@@ -51,7 +51,7 @@ def mac(
     Parameters
     ----------
     result : of `femtune.correlate`; or of an update: the model after the update (``run.before`` has the model
-        before); or a matrix (test modes, model modes)
+        before); or a matrix (test modes, model modes) of values in 0 … 1
     ax : axes to draw on; None: a new figure
     configuration : name of the configuration, if there are several
 

@@ -86,7 +86,7 @@ def point_of(built: BuiltModel, refs: list[FieldRef], relative: bool) -> ModelPo
     return model.at(X[: len(refs)])
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     "card", [*(pytest.param(c, marks=pytest.mark.slow) if c in TAPERED else c for c in CARDS), "PARAM"]
 )

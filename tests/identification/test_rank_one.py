@@ -130,7 +130,7 @@ def test_the_sum_of_squares_is_that_of_a_joint_solution(seed: int) -> None:
     _check_optimum(_random_system(seed, largest=False), 2)
 
 
-@pytest.mark.quick(3, rest="long")
+@pytest.mark.quick(2, rest="long")
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_the_sum_of_squares_is_least(seed: int) -> None:

@@ -30,9 +30,12 @@ DECKS = {
     "deck.circular-coordinates": ("CORD2R,5,6,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nCORD2R,6,5,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"),
     "deck.degenerate-coordinates": "CORD2R,5,,0.,0.,0.,0.,0.,1.\n,0.,0.,2.\n",
     "deck.duplicate-id": _BASE + _BAR + "CBAR,7,3,2,1,0.,1.,0.\n",
-    "deck.superelement": _BASE + "BEGIN SUPER=4\n" + _BASE,
-    "deck.superelement, external": _BASE + "SEBULK,4,EXTOP2,,MANUAL\n",
+    "deck.superelement": _BASE + "SELOC,4,1,2,3,1,2,3\n",
+    "deck.superelement, type": _BASE + "SEBULK,4,EXTOP2,,MANUAL\n",
     "deck.superelement, no part": _BASE + "SEBULK,4,PRIMARY\n",
+    "deck.superelement, not joined": _BASE
+    + "BEGIN SUPER=4\n"
+    + _BASE.replace(",0.,0.,0.", ",9.,0.,0.").replace(",1.,", ",8.,"),
     "deck.preload": "SOL 103\nCEND\nSUBCASE 1\nTEMP(LOAD) = 3\nSUBCASE 2\nMETHOD = 1\nSTATSUB(PRELOAD) = 1\n"
     "BEGIN BULK\nEIGRL,1,,,3\n" + _BASE + "ENDDATA\n",
     "deck.property-type": _BASE + "CBAR,7,8,1,2,0.,1.,0.\n",
@@ -67,6 +70,9 @@ NOTICES = {
     + "CTRIA3,32,12,1,2,3\nPSHELL,12,1,.1,1,,1\nGRID,3,,0.,1.,0.\n",
     "deck.shared-number": _BASE + _BAR + "CONM2,7,2,,3.\n",
     "deck.implausible-ratio": _BASE.replace("2.1+11,,.3", "2.1+11,8.+10,3.") + _BAR,
+    "deck.superelement, parts": _BASE + _BAR + "BEGIN SUPER=4\n" + _BASE + _BAR,
+    "deck.other-section": _BASE + "BEGIN MASSID=4\nCONM2,9,2,,4.\n",
+    "deck.unselected-set": _BASE + "MPC,7,99,1,1.,2,1,-1.\n",
     "deck.superelement, 2": _BASE + "SESET,1,1,2\n",
     "deck.linear-gap": _BASE + "PGAP,12,,,1.+6\nCGAP,7,12,1,2,0.,1.,0.\n",
     "deck.quad-rotations": _BASE + "CQUADR,31,12,1,2,3,4\nPSHELL,12,1,.1\nGRID,3,,1.,1.,0.\nGRID,4,,0.,1.,0.\n",
@@ -141,6 +147,13 @@ def test_page_shows_the_error_of_writing(code: str, ref: FieldRef) -> None:
     with pytest.raises(FemtuneError) as caught:
         plan_edits(built, {ref: 1.0}, {"legs": [7, 8]})
     _check(caught.value, code)
+
+
+def test_page_shows_the_error_of_writing_in_a_part() -> None:
+    built = _built(_BASE + _BAR + "BEGIN SUPER=4\n" + _BASE + _BAR)
+    with pytest.raises(FemtuneError) as caught:
+        plan_edits(built, {FieldRef("PBAR", 43, "I1", "legs"): 1.0}, {"legs": [47]})
+    _check(caught.value, "write.superelement")
 
 
 @pytest.mark.parametrize("value", ["0.0", "-1.0"])

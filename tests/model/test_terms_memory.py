@@ -31,13 +31,14 @@ MODULUS = [FieldRef("MAT1", 1, "E")]
 
 
 @pytest.mark.parametrize(("cells", "refs"), [("quad", THICKNESS[:1]), ("union", [*THICKNESS, *MODULUS]), ("quad", [])])
+@pytest.mark.quick(2, rest="long")
 @pytest.mark.slow
 def test_shells(cells: str, refs: list[FieldRef], monkeypatch: pytest.MonkeyPatch) -> None:
     assert_foreseen(shells(cells), refs, monkeypatch)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("made", ["subframe", "bracket"])
+@pytest.mark.parametrize("made", [pytest.param("subframe", marks=pytest.mark.long), "bracket"])
 def test_structures(made: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Shells in all directions with thicknesses and a modulus, solids with moduli and densities."""
     mesh, refs = MODELS[made]

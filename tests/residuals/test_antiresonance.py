@@ -169,6 +169,7 @@ def test_gaps_and_bands() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.quick(1, rest="long")
 @pytest.mark.parametrize("noise", [2e-5, 2e-4])
 def test_stated_standard_deviations_are_those_of_repeats(noise: float) -> None:
     """Pulls of 40 repeats of four zeros whose FRFs show the poles beside them; some are lost in the larger noise."""

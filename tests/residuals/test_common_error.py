@@ -63,6 +63,7 @@ def test_one_standard_deviation_is_that_of_the_frequencies(form: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.quick(1, rest="long")
 @pytest.mark.parametrize("common_sd", [0.04, 0.0])
 def test_a_wrong_mass_is_covered_where_it_is_allowed_for(common_sd: float) -> None:
     """All masses of the structure are wrong by 8 %, one standard deviation: 4 % of each frequency."""

@@ -196,6 +196,7 @@ def test_what_rests_widens_what_moves(run: RunResult):
     assert mass.sd == pytest.approx(mass.sd_of_data, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_seeds_meet_and_error_sums_fall(run: RunResult):
     damping = run.results.update.stages[2]
     assert [r.start for r in damping.runs] == [(0.02,), (0.004,), (0.06,)]
@@ -204,6 +205,7 @@ def test_seeds_meet_and_error_sums_fall(run: RunResult):
     assert sum(e.after for e in damping.error_sums) < 0.05 * sum(e.before for e in damping.error_sums)
 
 
+@pytest.mark.slow
 def test_the_deck_holds_all_of_it(run: RunResult, folder: Path):
     again = build_structure(read_deck(run.folder / "updated.bdf")).structure.values
     for field, _, truth in TRUTH.values():

@@ -18,11 +18,15 @@ from femtune.model import Configuration, configure, damping_by_mode, parametric_
 from femtune.model.response import frf, make_ports
 from femtune.parameters import ParameterSet
 from femtune.reporting.single_steps import bootstrap_document, subject_of
+from femtune.reporting.source import ReportSource
+from femtune.reporting.view import view_of
 from femtune.residuals import state_at
+from femtune.results.step_results import RunResult
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
 from ..messages.shown import check_shown
+from ..reporting.test_view import unpacked
 from .conftest import CANTILEVER, TRUE, Bench
 
 PARAMETERS = """
@@ -108,6 +112,34 @@ def test_stiffness_is_found_whatever_the_damping(bench: Bench, more: str) -> Non
     page = run.report.read_text(encoding="utf-8") if run.report else ""
     assert "damping of the modes" in page
     assert "identified test" in page
+    _check_curves(run)
+
+
+def _check_curves(run: RunResult) -> None:
+    """One picture has all curves of the test and of the model, with the values of the results."""
+    view = view_of(ReportSource(run.results, run.arrays))
+    (shown,) = view.functions
+    (mapped,), update = run.results.mapped_damping, run.results.update
+    assert update is not None
+    (compared,) = update.frfs
+    assert mapped.before_values_key is not None
+    keys = {
+        "test": mapped.test_values_key, "identified": mapped.identified_values_key,
+        "equalised": compared.test_values_key, "before": mapped.before_values_key, "after": mapped.after_values_key,
+    }  # fmt: skip
+    assert {c.look: unpacked(c.real).shape[1] for c in shown.curves} == {
+        look: run.arrays[key].shape[2] for look, key in keys.items()
+    }
+    for curve in shown.curves:
+        values = run.arrays[keys[curve.look]]
+        for title, real, imaginary in zip(shown.titles, unpacked(curve.real), unpacked(curve.imaginary)):
+            output, _, input_ = title.partition(" by ")
+            own = values[mapped.outputs.index(output), mapped.inputs.index(input_)]
+            np.testing.assert_allclose(real + 1j * imaginary, np.nan_to_num(own), rtol=1e-6, atol=1e-30)
+    # while the update moves, the test stays: as measured, as identified, and with the damping that is compared
+    assert view.history is not None
+    (moving,) = view.history.functions
+    assert (moving.test_look, [c.look for c in moving.beside]) == ("equalised", ["test", "identified"])
 
 
 @pytest.mark.slow

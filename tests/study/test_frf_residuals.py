@@ -19,6 +19,8 @@ from femtune.model import Configuration, configure, constant_damping, parametric
 from femtune.model.response import frf, make_ports
 from femtune.parameters import ParameterSet
 from femtune.reporting.build import build_report
+from femtune.reporting.source import ReportSource
+from femtune.reporting.view import view_of
 from femtune.residuals import FrfResidual
 from femtune.residuals.frf.model_way import settled
 from femtune.testdata import ModalTest, WireFrame
@@ -140,6 +142,7 @@ def test_damping_in_the_resonance_regions_with_modes_and_functions_of_one_file(b
     """Stiffness stays wrong; the model's functions are stretched onto the test's peaks, so that damping comes right."""
     modes = bench.measure(true_deck, *LABELS, count=4)
     assert modes.modes is not None
+    modes = replace(modes, modes=replace(modes.modes, damping_ratio=np.full(4, 0.02)))
     both = replace(modes, frfs=functions(true_deck))
     bench.uff(modes, "both.uff")
     frfs_file = bench.folder / "only.uff"
@@ -149,9 +152,17 @@ def test_damping_in_the_resonance_regions_with_modes_and_functions_of_one_file(b
     bench.write("both.uff", (bench.folder / "both.uff").read_text() + text)
     residual = 'kind = "frf"\naround = "resonances"\naligned = true\nregion_ratio = 0.02\ncount = 20'
     only_damping = PARAMETERS[PARAMETERS.index('[[parameter]]\nname = "loss"') :]
-    update = steps.run(study_of(bench, residual, only_damping, "both.uff")).results.update
+    run = steps.run(study_of(bench, residual, only_damping, "both.uff"))
+    update = run.results.update
     assert update is not None
     assert update.parameters[0].value == pytest.approx(0.03, rel=0.1)
+    # the identified test stays in the picture while the update moves
+    (compared,) = update.frfs
+    assert compared.identified_values_key is not None
+    history = view_of(ReportSource(run.results, run.arrays)).history
+    assert history is not None
+    (moving,) = history.functions
+    assert (moving.test_look, [c.look for c in moving.beside]) == ("test", ["identified"])
 
 
 @pytest.mark.slow

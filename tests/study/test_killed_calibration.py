@@ -90,7 +90,7 @@ def test_killed_at_random_moments(bench: Bench, tables: str, seed: int) -> None:
     folder, whole = bench.folder / "run", bench.folder / "whole"
     folder.rename(whole)
     chance, killed, kept = np.random.default_rng(seed), 0, _lines(folder)
-    while killed < 4:
+    while killed < 3:
         process = subprocess.Popen([sys.executable, "-c", _RUN, str(study)])
         try:
             process.wait(chance.uniform(0.1, 1.0) * took)
@@ -116,7 +116,7 @@ def test_killed_at_random_moments(bench: Bench, tables: str, seed: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of files")
-@pytest.mark.parametrize("limit", [500, 20_000])
+@pytest.mark.parametrize("limit", [pytest.param(500, marks=pytest.mark.long), 20_000])
 def test_a_full_disk_is_told_and_the_run_goes_on_later(bench: Bench, limit: int) -> None:
     """No file may become larger than some bytes, as on a disk that is full when it is reached."""
     study = _study(bench, _STARTS)

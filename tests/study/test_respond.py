@@ -186,7 +186,10 @@ def _functions(deck: Path, outputs: list[str], inputs: list[str], lines: NDArray
 
 def _with_functions(bench: Bench, frfs: FrfSet) -> ModalTest:
     """A file with the modes of the true beam and these functions."""
-    test = replace(bench.measure(bench.truth()), frfs=frfs)
+    test = bench.measure(bench.truth())
+    assert test.modes is not None
+    damped = replace(test.modes, damping_ratio=np.full(len(test.modes), 0.01))
+    test = replace(test, modes=damped, frfs=frfs)
     modes = bench.uff(test).read_text()
     functions = write_uff_frfs(bench.folder / "frfs-only.uff", test).read_text()
     (bench.folder / "beam.uff").write_text(modes + functions[functions.index("    -1\n    58\n") :])
@@ -278,6 +281,14 @@ def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) ->
     assert last > 0.999
     values = run.arrays[after.frfs.values_key]
     assert np.abs(values - frfs.values[:, :, 1:]).max() < 1e-3 * np.abs(frfs.values).max()
+    # the identified modes of the test with the residues of its functions, around these modes
+    assert after.frfs.identified_freq_key is not None
+    lines, identified = (run.arrays[str(k)] for k in (after.frfs.identified_freq_key, after.frfs.identified_values_key))
+    at = np.isin(frfs.freq_hz, lines)
+    assert at.sum() == len(lines) > 50
+    assert np.abs(identified - frfs.values[:, :, at]).max() < 0.02 * np.abs(frfs.values).max()
+    (shown,) = view_of(ReportSource(run.results, run.arrays)).functions
+    assert [c.look for c in shown.curves] == ["test", "identified", "before", "after"]
     written = read_uff(bench.folder / "run" / "frfs.uff", units=SI).test.frfs
     assert written is not None
     np.testing.assert_allclose(written.values, values, atol=1e-11 * np.abs(values).max())

@@ -31,9 +31,10 @@ def chi2(study: Path, values: dict[str, float]) -> float:
     return 2.0 * loaded.problem().start(x).objective
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "residuals",
-    [RESIDUALS, pytest.param(SHAPES, marks=pytest.mark.slow)],
+    [RESIDUALS, SHAPES],
     ids=["frequencies", "principal components"],
 )
 def test_the_truth_is_found_on_a_surrogate(beam: Bench, residuals: str) -> None:

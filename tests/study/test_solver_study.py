@@ -201,7 +201,7 @@ def _without_digits(text: str) -> str:
 @pytest.mark.skipif(os.name != "posix", reason="SIGTERM ends a process of Windows without asking it")
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, name: str) -> None:
-    write(study.parent, FAKE_S="0.3")
+    write(study.parent, FAKE_S="0.1")
     # a job in the background ignores SIGINT and so would its children
     code = "import signal, femtune.cli; signal.signal(signal.SIGINT, signal.default_int_handler); femtune.cli.main()"
     command = [sys.executable, "-c", code, "update", str(study)]

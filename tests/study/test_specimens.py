@@ -108,6 +108,7 @@ def test_joint_calibration_uses_all_data_of_the_common_parameter(beams: RunResul
     assert sum(s.chi_square for s in _found(beams).separate) < sum(s.chi_square_joint for s in _found(beams).separate)
 
 
+@pytest.mark.slow
 def test_frequencies_of_test_and_model_stand_beside_each_other(beams: RunResult) -> None:
     rows = _found(beams).frequencies
     assert {r.configurations for r in rows} == {("A free", "B free", "C free"), ("A loaded", "B loaded", "C loaded")}

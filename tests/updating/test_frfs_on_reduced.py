@@ -180,6 +180,7 @@ def test_a_tolerance_that_is_not_reached_is_said(problem: UpdateProblem) -> None
     assert short.rounds[-1].endswith("above the tolerance of 1e-09")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("x", [np.zeros(3), TRUTH])
 def test_the_jacobian_on_a_reduced_model(found: ReducedUpdate, x: np.ndarray) -> None:
     assert found.search is not None

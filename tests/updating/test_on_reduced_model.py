@@ -78,6 +78,7 @@ def test_what_it_cost_and_how_right_it_is_is_said(case: ComparedCase, found: Red
     assert "within the tolerance" in found.rounds[-1]
 
 
+@pytest.mark.slow
 def test_iterations_are_numbered_on_over_all_searches(found: ReducedUpdate, told: list[Iteration]) -> None:
     assert [i.number for i in found.result.history] == list(range(len(found.result.history)))
     assert told == list(found.result.history)

@@ -65,8 +65,9 @@ def rival(problem: UpdateProblem, x: Reals) -> float:
     return 2.0 * float(found.cost)
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 5, 8))])
-@pytest.mark.parametrize("k", [17, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3, 5, 8])
+@pytest.mark.parametrize("k", [17, pytest.param(30, marks=pytest.mark.long)])
 def test_no_general_solver_ends_lower(seed: int, k: int):
     problem = lattice(seed, k=k)
     result = update(problem, MINIMUM)
@@ -105,7 +106,8 @@ def tower(seed: int, gap: float, storeys: int = 5, modes: int = 6) -> UpdateProb
     return UpdateProblem((case,), model.model.parameters, (FrequencyResidual(0.003), ShapeResidual(0.03)))
 
 
-@pytest.mark.parametrize(("seed", "gap"), [(21, 0.1), pytest.param(3, 0.05, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "gap"), [(21, 0.1), (3, 0.05)])
 def test_modes_whose_pairing_alternates_end_at_a_minimum_as_a_subspace(seed: int, gap: float):
     """The objective with two single modes and with their subspace differ, and each leads to the other."""
     problem = tower(seed, gap)

@@ -224,10 +224,10 @@ test("pictures are saved as they are, and as images", async () => {
 });
 
 test("functions zoom, and their CSV is what the page holds", async (t) => {
-  const path = pages.find((p) => /"functions":\[\{/.test(readFileSync(p, "utf8")));
+  const path = pages.find((p) => /"functions":\[\{"configuration":"[^"]*","ordinate":"[^"]*","titles":\[[^\]]*\],"curves"/.test(readFileSync(p, "utf8")));
   if (!path) return t.skip("no page has frequency response functions");
   const { page, close } = await open(path);
-  const plot = page.locator("svg.plot").first();
+  const plot = page.locator(".live > .functions svg.plot").first();
   await plot.scrollIntoViewIfNeeded();
   const range = async () => (await plot.getAttribute("data-range")).split(" ").map(Number);
   const whole = await range(), box = await plot.boundingBox();
@@ -241,12 +241,43 @@ test("functions zoom, and their CSV is what the page holds", async (t) => {
   await page.keyboard.press("0");
   assert.deepEqual(await range(), whole);
   const saved = page.waitForEvent("download");
-  await page.getByRole("button", { name: "Save the curves as CSV" }).first().click();
+  await page.locator(".live > .functions").getByRole("button", { name: "Save the curves as CSV" }).first().click();
   const rows = fields(await contents(saved)).slice(1);
   const values = (await viewOf(page)).functions[0].curves.at(-1);
   const real = new Float32Array(Uint8Array.from(Buffer.from(values.real.data, "base64")).buffer);
   const last = rows.slice(-values.freq_hz.shape[0]).map((r) => Number(r[2]));
   assert.deepEqual(last, Array.from(real.subarray(0, values.freq_hz.shape[0])));
+  await close();
+});
+
+test("one picture has the test as measured, as identified and with equal damping, and the model before and after", async (t) => {
+  const path = pages.find((p) => /"look":"equalised"/.test(readFileSync(p, "utf8")));
+  if (!path) return t.skip("no page has a test with equal damping");
+  const { page, close } = await open(path);
+  const data = await viewOf(page), held = data.functions.find((f) => f.section === "measured_damping");
+  const words = { test: "test", identified: "identified test", equalised: "test, equal damping", before: "model before", after: "model after", model: "model" };
+  const f4 = (packed) => new Float32Array(Uint8Array.from(Buffer.from(packed.data, "base64")).buffer);
+  for (const [place, looks] of [["#measured_damping", ["test", "identified", "equalised", "before", "after"]], [".iterations", ["test", "identified", "equalised", "before", "model"]]]) {
+    const plot = page.locator(`${place} .functions`).first();
+    assert.deepEqual(await plot.locator("[data-look]").evaluateAll((all) => all.map((e) => e.dataset.look).sort()), looks.toSorted());
+    assert.deepEqual((await plot.locator(".looks label").allTextContents()).toSorted(), looks.map((look) => words[look]).toSorted());
+  }
+  const plot = page.locator("#measured_damping .functions").first();
+  const csv = page.waitForEvent("download");
+  await plot.getByRole("button", { name: "Save the curves as CSV" }).click();
+  const rows = fields(await contents(csv)).slice(1);
+  for (const curve of held.curves) {
+    const [hz, real, imaginary] = [curve.freq_hz, curve.real, curve.imaginary].map(f4);
+    const own = Array.from(hz, (f, i) => [f, real[i], imaginary[i]]).filter(([, a, b]) => a || b);
+    assert.ok(own.length > 10, curve.look);
+    assert.deepEqual(rows.filter((r) => r[0] === words[curve.look]).map((r) => r.slice(1).map(Number)), own);
+  }
+  const book = page.waitForEvent("download");
+  await plot.getByRole("button", { name: "Save the curves as XLSX" }).click();
+  const cells = Array.from((await contents(book)).matchAll(/<row>(.*?)<\/row>/gs), ([, row]) => Array.from(row.matchAll(/<c(?: t="inlineStr")?>(?:<v>(.*?)<\/v>|<is><t [^>]*>(.*?)<\/t><\/is>)<\/c>/gs), ([, number, text]) => number ?? text));
+  assert.deepEqual(cells.slice(1).map(([look, ...values]) => [look, ...values.map(Number)]), rows.map(([look, ...values]) => [look, ...values.map(Number)]));
+  await plot.getByRole("checkbox", { name: "test, equal damping" }).uncheck();
+  assert.equal(await plot.locator("[data-look=equalised]").count(), 0);
   await close();
 });
 

@@ -13,14 +13,14 @@ export interface SceneData {
   test_labels: string[]; test_freq_hz: number[]; test_only: boolean;
   parameters: string[]; slopes: number[][];
 }
-export interface Curve { look: string; freq_hz: Packed; real: Packed; imaginary: Packed }
-export interface Functions { configuration: string; ordinate: string; titles: string[]; curves: Curve[]; note: string }
+export interface Curve { look: string; freq_hz: Packed; real: Packed; imaginary: Packed; phase: boolean }
+export interface Functions { configuration: string; ordinate: string; titles: string[]; curves: Curve[]; note: string; section: string }
 export interface IterationMode {
   configuration: string; test_label: string; test_freq_hz: number; freq_hz: (number | null)[]; mac: (number | null)[];
 }
 export interface IterationFunctions {
   configuration: string; ordinate: string; titles: string[]; phase: boolean; freq_hz: Packed; real: Packed; imaginary: Packed;
-  test_real: Packed; test_imaginary: Packed; note: string;
+  test_real: Packed; test_imaginary: Packed; test_look: string; beside: Curve[]; note: string;
 }
 export interface History {
   iterations: number[]; objective_percent: number[]; parameters: string[]; units: string[]; nominal: number[];

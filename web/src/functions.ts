@@ -1,23 +1,28 @@
 // Frequency response functions to look at closely: magnitude and phase, with a range of frequencies to zoom into.
 
-import { unpack, type Functions } from "./data.ts";
+import { unpack, type Curve, type Functions } from "./data.ts";
 import { choice, fileName, h, save, shown, svg } from "./dom.ts";
 import { pictureButtons } from "./pictures.ts";
 import { csv } from "./tables.ts";
+import { xlsx, XLSX_TYPE } from "./xlsx.ts";
 
 const WIDTH = 860, HEIGHT = 420, LEFT = 74, RIGHT = 12, TOP = 12, SPLIT = 280, LOWER = 306, BOTTOM = 376;
+/** Words, colour, width and dashes of the curves, in the order in which they are drawn. */
 const LOOKS: Record<string, [string, string, number, string]> = {
-  test: ["test", "#e0a06a", 3, ""], identified: ["identified test", "#1d2733", 1.2, "2 2"],
+  test: ["test", "#e0a06a", 3, ""], equalised: ["test, equal damping", "#8a5aa8", 2.2, ""],
   before: ["model before", "#5b6977", 1.2, "5 3"], model: ["model", "#1f5a92", 1.4, ""], after: ["model after", "#1f5a92", 1.4, ""],
+  identified: ["identified test", "#1d2733", 1.2, "2 2"],
 };
+const ORDER = Object.keys(LOOKS);
 
-export interface Line { look: string; freq: Float32Array; real: Float32Array; imaginary: Float32Array }
+/** Values are 0 where there are none; `phase` is false where they are magnitudes. */
+export interface Line { look: string; freq: Float32Array; real: Float32Array; imaginary: Float32Array; phase: boolean }
 
 /** The curves of one function. */
-export function linesOf(data: Functions, k: number): Line[] {
-  return data.curves.map((c) => {
+export function linesOf(curves: Curve[], k: number): Line[] {
+  return curves.map((c) => {
     const freq = unpack(c.freq_hz), n = freq.length;
-    return { look: c.look, freq, real: unpack(c.real).subarray(k * n, (k + 1) * n), imaginary: unpack(c.imaginary).subarray(k * n, (k + 1) * n) };
+    return { look: c.look, phase: c.phase, freq, real: unpack(c.real).subarray(k * n, (k + 1) * n), imaginary: unpack(c.imaginary).subarray(k * n, (k + 1) * n) };
   }).filter((line) => line.real.some((v) => v !== 0) || line.imaginary.some((v) => v !== 0));
 }
 
@@ -46,7 +51,7 @@ export function magnitudes(lines: Line[], low: number, high: number): [number, n
 export interface Source { configuration: string; ordinate: string; titles: string[]; note: string; phase: boolean; lines(k: number): Line[] }
 
 /** Curves that do not change. */
-export const fixed = (data: Functions): Source => ({ ...data, phase: true, lines: (k) => linesOf(data, k) });
+export const fixed = (data: Functions): Source => ({ ...data, phase: true, lines: (k) => linesOf(data.curves, k) });
 
 export class FunctionPlot {
   readonly element: HTMLElement;
@@ -63,9 +68,10 @@ export class FunctionPlot {
     const button = (text: string, words: string, act: () => void) => h("button", { type: "button", "aria-label": words, click: act }, text);
     const name = () => `${data.configuration} ${data.titles[this.which.select.selectedIndex]}`;
     const tools = h("div", { class: "controls" }, this.which.label, this.shownLooks,
-      button("+", "Zoom in", () => this.zoom(0.5)), button("−", "Zoom out", () => this.zoom(2)), button("whole range", "Show the whole range", () => this.set(this.whole)),
+      h("span", { class: "zoom" }, button("+", "Zoom in", () => this.zoom(0.5)), button("−", "Zoom out", () => this.zoom(2)), button("whole range", "Show the whole range", () => this.set(this.whole))),
       ...pictureButtons("frequency response", () => new XMLSerializer().serializeToString(this.drawing), () => [WIDTH, HEIGHT]),
-      button("CSV", "Save the curves as CSV", () => save(fileName(name(), "csv"), new Blob([csv(this.table())], { type: "text/csv" }))));
+      button("CSV", "Save the curves as CSV", () => save(fileName(name(), "csv"), new Blob([csv(this.table())], { type: "text/csv" }))),
+      button("XLSX", "Save the curves as XLSX", () => save(fileName(name(), "xlsx"), new Blob([xlsx(this.table())], { type: XLSX_TYPE }))));
     const note = "Drag over a range of frequencies to zoom into it. Keys: arrows move, + and − zoom, 0 shows the whole range." + (data.note ? ` ${data.note}` : "");
     this.element = h("div", { class: "functions" }, tools, h("div", { class: "scroll" }), h("p", { class: "note" }, note));
     this.element.querySelector(".scroll")!.append(this.drawing);
@@ -95,9 +101,7 @@ export class FunctionPlot {
     if (!(this.whole[1] > this.whole[0])) this.whole = [0, 1];
     this.shownLooks.replaceChildren(...this.lines.map(({ look }) => {
       const box = h("input", { type: "checkbox", checked: !this.hidden.has(look), change: () => { box.checked ? this.hidden.delete(look) : this.hidden.add(look); this.draw(); } });
-      const line = h("i");
-      line.style.backgroundColor = LOOKS[look][1];
-      return h("label", {}, box, line, LOOKS[look][0]);
+      return h("label", {}, box, swatch(look), LOOKS[look][0]);
     }));
     this.set(this.whole);
   }
@@ -175,16 +179,23 @@ export class FunctionPlot {
       text("Hz", [WIDTH - RIGHT, HEIGHT - 6], "end"),
       svg("text", { transform: `translate(14 ${(TOP + SPLIT) / 2}) rotate(-90)`, "text-anchor": "middle", "font-size": 12, fill: "#1d2733" }, this.data.ordinate),
     ];
-    for (const line of lines) {
+    for (const line of [...lines].sort((a, b) => ORDER.indexOf(a.look) - ORDER.indexOf(b.look))) {
       const [, colour, width, dashes] = LOOKS[line.look];
       const style = { fill: "none", stroke: colour, "stroke-width": width, "stroke-dasharray": dashes || undefined, "stroke-linejoin": "round", "clip-path": "url(#frf-clip)" };
       const [upper, lower] = paths(line, low, high, (f) => x(f), (v) => y(v), (d) => p(d));
-      parts.push(svg("path", { d: upper, ...style, "data-look": line.look }), ...(this.data.phase ? [svg("path", { d: lower, ...style, "stroke-width": Math.min(width, 2) })] : []));
+      parts.push(svg("path", { d: upper, ...style, "data-look": line.look }), ...(this.data.phase && line.phase ? [svg("path", { d: lower, ...style, "stroke-width": Math.min(width, 2) })] : []));
     }
     this.drawing.replaceChildren(...parts);
     this.drawing.dataset.range = `${low} ${high}`;
     this.drawing.setAttribute("aria-label", `${this.data.titles[this.which.select.selectedIndex]} from ${shown(low)} to ${shown(high)} Hz: magnitude and phase of ${lines.map((l) => LOOKS[l.look][0]).join(", ")}`);
   }
+}
+
+/** A piece of a curve, for its name. */
+function swatch(look: string): SVGElement {
+  const [, stroke, width, dashes] = LOOKS[look];
+  const line = svg("line", { x1: 0, y1: 5, x2: 22, y2: 5, stroke, "stroke-width": Math.max(width, 1.6), "stroke-dasharray": dashes || undefined });
+  return svg("svg", { width: 24, height: 10, "aria-hidden": "true", class: "swatch" }, svg("rect", { width: 24, height: 10, fill: "#fff" }), line);
 }
 
 /** Magnitude and phase as paths; gaps where a function was not measured, and where the phase jumps. */

@@ -2,19 +2,20 @@
 
 import { unpack, type History, type IterationFunctions } from "./data.ts";
 import { h, labelled, shown } from "./dom.ts";
-import { FunctionPlot, type Line, type Source } from "./functions.ts";
+import { FunctionPlot, linesOf, type Line, type Source } from "./functions.ts";
 import { enhance } from "./tables.ts";
 
-/** Curves of the test, of the model at first, and of the model at the iteration `now()`. */
+/** Curves of the test, of the model at first, and of the model at the iteration `now()`, which comes last. */
 export function curvesAt(data: IterationFunctions, now: () => number): Source {
   const [freq, real, imaginary, testReal, testImaginary] = [data.freq_hz, data.real, data.imaginary, data.test_real, data.test_imaginary].map(unpack);
   const count = data.real.shape[1], n = freq.length;
   const model = (look: string, k: number, at: number): Line => {
     const from = (k * count + at) * n;
-    return { look, freq, real: real.subarray(from, from + n), imaginary: imaginary.subarray(from, from + n) };
+    return { look, phase: data.phase, freq, real: real.subarray(from, from + n), imaginary: imaginary.subarray(from, from + n) };
   };
   const lines = (k: number) => [
-    { look: "test", freq, real: testReal.subarray(k * n, (k + 1) * n), imaginary: testImaginary.subarray(k * n, (k + 1) * n) },
+    ...linesOf(data.beside, k),
+    { look: data.test_look, phase: data.phase, freq, real: testReal.subarray(k * n, (k + 1) * n), imaginary: testImaginary.subarray(k * n, (k + 1) * n) },
     model("before", k, 0), model("model", k, now()),
   ];
   return { configuration: data.configuration, ordinate: data.ordinate, titles: data.titles, note: data.note, phase: data.phase, lines };

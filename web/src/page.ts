@@ -32,9 +32,9 @@ const view = readView();
 for (const table of document.querySelectorAll<HTMLTableElement>(".scroll table")) enhance(table);
 for (const figure of document.querySelectorAll<HTMLElement>("figure")) enhancePicture(figure);
 if (view?.scenes.length) linkPairs(view.scenes.filter((s) => s.test).map((s) => s.configuration));
-if (view?.functions.length) {
-  const several = view.functions.length > 1;
-  const plots = view.functions.flatMap((f) => [...(several ? [h("h3", {}, f.configuration)] : []), new FunctionPlot(fixed(f)).element]);
-  atHead(["responses", "frequency_responses", "fit"], h("h3", {}, "Look closer"), ...plots);
+for (const section of new Set(view?.functions.map((f) => f.section))) {
+  const own = view!.functions.filter((f) => f.section === section);
+  const plots = own.flatMap((f) => [...(own.length > 1 ? [h("h3", {}, f.configuration)] : []), new FunctionPlot(fixed(f)).element]);
+  atHead(section === "responses" ? ["responses", "frequency_responses"] : [section], h("h3", {}, "Look closer"), ...plots);
 }
 if (view?.history) atHead(["convergence"], new Iterations(view.history).element);

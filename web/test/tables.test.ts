@@ -40,7 +40,7 @@ test("ticks are round and inside the range", () => {
 });
 
 test("the range of magnitudes looks at the lines that are shown, and spans six decades at most", () => {
-  const line = { look: "test", freq: Float32Array.of(1, 2, 3), real: Float32Array.of(1e-9, 3, 0), imaginary: Float32Array.of(0, 4, 0) };
+  const line = { look: "test", freq: Float32Array.of(1, 2, 3), real: Float32Array.of(1e-9, 3, 0), imaginary: Float32Array.of(0, 4, 0), phase: true };
   assert.deepEqual(magnitudes([line], 0, 10).map((v) => Number(v.toPrecision(3))), [3.5e-6, 7.5]);
   assert.deepEqual(magnitudes([line], 2.5, 10), [0.1, 1]);
 });

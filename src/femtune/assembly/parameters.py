@@ -13,6 +13,7 @@ from femtune.assembly.error_places import errors_at
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import ALL_MODES, MODAL, with_mode_ratios
 from femtune.fem.fields import FACTORS
+from femtune.fem.joined import Increase
 from femtune.files.damping_catalogue import look_up
 from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE
@@ -305,7 +306,8 @@ def property_of_elements(built: BuiltModel) -> dict[int, int]:
         card = built.deck.cards[at]
         names = CATALOGUE[card.name].fields
         if "PID" in names:
-            found[number] = int(CardEntry(card, names).integer("PID", number))
+            more = built.increases.get(card.superelement, Increase())
+            found[number] = int(CardEntry(card, names).integer("PID", number - more.elements)) + more.cards
     return found
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc, t
+from scipy.special import stdtrit
 
 from femtune.arrays import Flags, Reals
 from femtune.errors import FemtuneError
@@ -103,7 +103,7 @@ def elementary_effects(paths: Reals, responses: Reals) -> ElementaryEffects:
     mean, absolute = (np.sum(e, axis=0, where=there) / count for e in (effects, np.abs(effects)))
     spread, margin = (_deviation(e, there, m) for e, m in ((effects, mean), (np.abs(effects), absolute)))
     freedom = np.maximum(count - 1, 1)
-    return ElementaryEffects(mean, absolute, spread, t.ppf(0.975, freedom) * margin / np.sqrt(count))
+    return ElementaryEffects(mean, absolute, spread, stdtrit(freedom, 0.975) * margin / np.sqrt(count))
 
 
 def _deviation(values: Reals, there: Flags, mean: Reals) -> Reals:
@@ -127,6 +127,8 @@ def sobol_design(factors: int, points: int, seed: int = 0) -> Reals:
     ------
     FemtuneError : ``design.power-of-two``
     """
+    from scipy.stats import qmc  # noqa: PLC0415  slow to import, and every step reads the records of indices
+
     if points < 2 or points & (points - 1):
         raise FemtuneError("design.power-of-two", points=points)
     drawn = qmc.Sobol(2 * factors, bits=64, rng=np.random.default_rng(seed)).random(points)

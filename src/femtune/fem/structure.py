@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +110,7 @@ class ElementBatch:
     dofs : (e, d) g-set DOFs of the element matrices, −1 for ground
     roles : for each value that the coefficients need ("E", "A", …), (e,) positions in the value table
     facts : constant data an element (orientation, offsets, pin flags …), arrays with first axis e
+    settings : fields of `Structure` that have other values for these elements (mass_factor, consistent_mass …)
     """
 
     kind: str
@@ -118,9 +120,14 @@ class ElementBatch:
     dofs: Integers
     roles: Mapping[str, Integers]
     facts: Mapping[str, NDArray] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def within(self, structure: Structure) -> Structure:
+        """The structure with the settings of these elements."""
+        return replace(structure, **self.settings) if self.settings else structure
 
     def some(self, rows: slice | Integers) -> ElementBatch:
         """The batch with some of the elements."""

@@ -21,10 +21,10 @@ class FrfSet:
     Parameters
     ----------
     freq_hz : (k,) frequency lines
-    values : (responses, references, k) complex; NaN where a pair was not measured
+    values : (responses, references, k) complex, in units of motion over force; NaN where a pair was not measured
     responses, references : the DOFs of the first two axes
     kind : one of KINDS
-    coherence : (responses, references, k) or None
+    coherence : (responses, references, k) in 0 … 1, or None
     source : origin of the functions, a text
     response_names, reference_names : names of the axes where some of them are combinations of DOFs, which bear the
         label of the one DOF that they stand for; empty where the labels say all

@@ -61,7 +61,7 @@ class TimeSeries:
 
     Parameters
     ----------
-    values : (channels, samples) real; NaN marks a missing sample
+    values : (channels, samples) real, each row in units of its channel; NaN marks a missing sample
     channels : description of each row; a DOF may occur once in each role
     sampling_hz : samples a second; None where the samples are uneven (then `times_s` says when they are)
     t0_s : time of the first sample

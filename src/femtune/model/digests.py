@@ -84,6 +84,8 @@ def _of_batch(batch: ElementBatch) -> Iterator[Part]:
     for name, fact in batch.facts.items():
         yield from (name, fact)
     yield from ("roles", *batch.roles, _shared(batch))
+    for setting, value in batch.settings.items():
+        yield from (setting, value)
 
 
 def _shared(batch: ElementBatch) -> NDArray[np.uint16]:

@@ -254,7 +254,8 @@ def _functions(made: IdentifyResult) -> Iterator[FunctionsView]:
     curves = tuple(curve_view(look, side.freq_hz, side.values[i, j]) for look, side in sides)
     note = f"The {len(shown)} functions with the poorest fits, of {len(order)}." if left else ""
     unit = frf_unit(found.measured.kind, unit_system(made.record.units))
-    yield FunctionsView("test", f"{found.measured.kind.capitalize()}, {unit}", tuple(titles), curves, note)
+    ordinate = f"{found.measured.kind.capitalize()}, {unit}"
+    yield FunctionsView("test", ordinate, tuple(titles), curves, note, section="fit")
 
 
 def _poles(made: IdentifyResult) -> Iterator[Block]:

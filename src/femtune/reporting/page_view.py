@@ -96,23 +96,28 @@ class SceneView:
 
 @dataclass(frozen=True)
 class CurveView:
-    """Curves of all functions over the same lines: `real` and `imaginary` (functions, lines)."""
+    """Curves of all functions over the same lines: `real` and `imaginary` (functions, lines).
+
+    `look` is one of the curves that web/src/functions.ts draws; `phase` is False where these are magnitudes.
+    """
 
     look: str
     freq_hz: Packed
     real: Packed
     imaginary: Packed
+    phase: bool = True
 
 
 @dataclass(frozen=True)
 class FunctionsView:
-    """Frequency response functions of one configuration."""
+    """Frequency response functions of one configuration, for a section of the page."""
 
     configuration: str
     ordinate: str
     titles: tuple[str, ...]
     curves: tuple[CurveView, ...]
     note: str = ""
+    section: str = "responses"
 
 
 @dataclass(frozen=True)
@@ -129,7 +134,8 @@ class IterationModeView:
 @dataclass(frozen=True)
 class IterationFunctionsView:
     """Compared functions at each iteration: `real` and `imaginary` (functions, iterations, lines), those of the test
-    (functions, lines); 0 where nothing is compared. `phase` is False where these are magnitudes.
+    (functions, lines); 0 where nothing is compared. `phase` is False where these are magnitudes. `test_look` is
+    "equalised" where the test is compared with equal damping; `beside` are curves that do not change.
     """
 
     configuration: str
@@ -141,6 +147,8 @@ class IterationFunctionsView:
     imaginary: Packed
     test_real: Packed
     test_imaginary: Packed
+    test_look: str = "test"
+    beside: tuple[CurveView, ...] = ()
     note: str = ""
 
 

@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from femtune.assembly.drawn_mesh import DrawnMesh, thinned
 from femtune.reporting.figures.shapes import closed, outline
+from femtune.reporting.numbers import percent
 from femtune.reporting.page_view import (
     CurveView,
     FunctionsView,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from femtune.reporting.source import ReportSource
     from femtune.results.correlation import CorrelationResults, ModePairRecord
     from femtune.results.iterations import IterationFrfs
+    from femtune.results.mapped_damping import MappedDamping
     from femtune.results.response import FrfResults, ResponseResults
     from femtune.results.shapes import ModeShapes
     from femtune.results.update import IterationRecord
@@ -459,30 +461,117 @@ def _expanded(source: ReportSource, comparison: CorrelationResults, geometry: _G
 # Frequency response functions, and the update by iterations.
 
 
+@dataclass(frozen=True)
+class _Curves:
+    """Functions of one look: values (outputs, inputs, lines), NaN where there are none."""
+
+    look: str
+    freq_hz: Reals
+    values: NDArray[Any]
+    phase: bool = True
+
+    def of(self, outputs: NDArray[Any], inputs: NDArray[Any]) -> CurveView:
+        """Those of these places, one after another."""
+        return curve_view(self.look, self.freq_hz, self.values[outputs, inputs], self.phase)
+
+
+def _bytes(curves: Iterable[_Curves]) -> int:
+    """Of one function."""
+    return 8 * sum(len(c.freq_hz) for c in curves)
+
+
 def _functions(source: ReportSource) -> Iterable[FunctionsView]:
     found = [r for r in source.results.responses if r.frfs is not None]
-    names = list(dict.fromkeys(r.configuration for r in found))
+    names, damped = list(dict.fromkeys(r.configuration for r in found)), source.results.mapped_damping
+    share = FUNCTION_BYTES // max(1, len(names) + len(damped))
     for name in names:
-        yield _functions_of(source, [r for r in found if r.configuration == name], FUNCTION_BYTES // len(names))
+        yield _functions_of(source, [r for r in found if r.configuration == name], share)
+    for one in damped:
+        yield _with_measured_damping(source, one, share)
 
 
 def _functions_of(source: ReportSource, found: Sequence[ResponseResults], share: int) -> FunctionsView:
     frfs = [r.frfs for r in found if r.frfs is not None]
     last, looks = frfs[-1], ("model",) if len(frfs) == 1 else ("before", "after")
+    curves = [
+        *_known(source, "test", last.test_freq_key, last.test_values_key),
+        *_known(source, "identified", last.identified_freq_key, last.identified_values_key),
+        *(c for look, f in zip(looks, frfs) for c in _known(source, look, f.freq_key, f.values_key)),
+    ]
     order = ordered_pairs(last)
-    curves = [(look, f.freq_key, f.values_key) for look, f in zip(looks, frfs)]
-    if last.test_freq_key and last.test_values_key:
-        curves.insert(0, ("test", last.test_freq_key, last.test_values_key))
-    lines = sum(len(source.arrays[key]) for _, key, _ in curves)
-    shown = order[: max(1, share // max(8 * lines, 1))]
+    shown = order[: max(1, share // max(_bytes(curves), 1))]
     left = len(order) - len(shown)
+    # functions are counted input by input
+    inputs, outputs = np.divmod(np.array(shown, int), len(last.outputs))
     return FunctionsView(
         configuration=found[-1].configuration,
-        ordinate=_ordinate(last),
+        ordinate=_ordinate(last.kind, last.unit),
         titles=tuple(_function_title(last, k) for k in shown),
-        curves=tuple(curve_view(look, source.arrays[f], _rows(source.arrays[v], shown)) for look, f, v in curves),
+        curves=tuple(c.of(outputs, inputs) for c in curves),
         note=f"{left} more functions are in the table and in arrays.npz." if left else "",
     )
+
+
+def _known(
+    source: ReportSource, look: str, freq_key: str | None, values_key: str | None, *, phase: bool = True
+) -> Iterable[_Curves]:
+    freq_hz, values = source.array(freq_key), source.array(values_key)
+    if freq_hz is not None and values is not None:
+        yield _Curves(look, freq_hz, values, phase)
+
+
+def _with_measured_damping(source: ReportSource, found: MappedDamping, share: int) -> FunctionsView:
+    """The test as measured, as identified and with equal damping, and the model with the measured damping."""
+    keys = (("before", found.before_values_key), ("after", found.after_values_key))
+    test, identified = _identified_test(source, found)
+    equal = _equalised(source, found)
+    curves = [
+        test, identified, *(() if equal is None else (equal[0],)),
+        *(c for look, key in keys for c in _known(source, look, found.freq_key, key)),
+    ]  # fmt: skip
+    size = np.nan_to_num(np.abs(test.values)).max(axis=2)
+    order = np.argsort(-size, axis=None, kind="stable")[: max(1, share // max(_bytes(curves), 1))]
+    outputs, inputs = np.unravel_index(order, size.shape)
+    left = size.size - len(order)
+    notes = (
+        "The model has the measured damping of the paired modes.",
+        f"Equal damping: {percent(found.equalised_percent)} %, as in the update." if equal is not None else "",
+        f"The {len(order)} largest functions, of {size.size}." if left else "",
+    )
+    return FunctionsView(
+        configuration=found.configuration,
+        ordinate=_ordinate(found.kind, "" if equal is None else equal[1]),
+        titles=tuple(f"{found.outputs[i]} by {found.inputs[j]}" for i, j in zip(outputs, inputs)),
+        curves=tuple(c.of(outputs, inputs) for c in curves),
+        note=" ".join(filter(None, notes)),
+        section="measured_damping",
+    )
+
+
+def _identified_test(source: ReportSource, found: MappedDamping) -> tuple[_Curves, _Curves]:
+    (test,) = _known(source, "test", found.freq_key, found.test_values_key)
+    (identified,) = _known(source, "identified", found.freq_key, found.identified_values_key)
+    return test, identified
+
+
+def _equalised(source: ReportSource, found: MappedDamping) -> tuple[_Curves, str] | None:
+    """The test with equal damping, by the rows and columns of `found`, and the unit; from the last comparison."""
+    update = source.results.update
+    for frfs in reversed(() if update is None else update.frfs):
+        if frfs.configuration == found.configuration and _has(found, frfs):
+            freq_hz, values = source.arrays[frfs.freq_key], source.arrays[frfs.test_values_key]
+            out = np.full((len(found.outputs), len(found.inputs), len(freq_hz)), complex(np.nan, np.nan))
+            out[_places(found, frfs.outputs, frfs.inputs)] = values
+            return _Curves("equalised", freq_hz, out, frfs.phase), frfs.unit
+    return None
+
+
+def _has(found: MappedDamping, frfs: IterationFrfs) -> bool:
+    return set(frfs.outputs) <= set(found.outputs) and set(frfs.inputs) <= set(found.inputs)
+
+
+def _places(found: MappedDamping, outputs: Sequence[str], inputs: Sequence[str]) -> tuple[NDArray[Any], ...]:
+    return np.ix_([found.outputs.index(o) for o in outputs], [found.inputs.index(i) for i in inputs])
 
 
 def _function_title(frfs: FrfResults, k: int) -> str:
@@ -490,14 +579,9 @@ def _function_title(frfs: FrfResults, k: int) -> str:
     return f"{pair.output} by {pair.input}" + (" (driving point)" if pair.driving_point else "")
 
 
-def _rows(values: NDArray[Any], shown: Sequence[int]) -> NDArray[Any]:
-    """(functions, lines) of values (outputs, inputs, lines): functions are counted input by input."""
-    return values.transpose(1, 0, 2).reshape(-1, values.shape[2])[list(shown)]
-
-
-def curve_view(look: str, freq_hz: Reals, values: NDArray[Any]) -> CurveView:
+def curve_view(look: str, freq_hz: Reals, values: NDArray[Any], phase: bool = True) -> CurveView:
     """Curves of `values` (functions, lines), 0 where not measured."""
-    return CurveView(look, single(freq_hz), single(np.real(values)), single(np.imag(values)))
+    return CurveView(look, single(freq_hz), single(np.real(values)), single(np.imag(values)), phase)
 
 
 def _history(source: ReportSource) -> HistoryView | None:
@@ -518,8 +602,8 @@ def _history(source: ReportSource) -> HistoryView | None:
     )
 
 
-def _ordinate(frfs: FrfResults | IterationFrfs) -> str:
-    return frfs.kind.capitalize() + (f", {frfs.unit}" if frfs.unit else "")
+def _ordinate(kind: str, unit: str) -> str:
+    return kind.capitalize() + (f", {unit}" if unit else "")
 
 
 def _iteration_functions(source: ReportSource, frfs: IterationFrfs, share: int) -> IterationFunctionsView:
@@ -528,10 +612,12 @@ def _iteration_functions(source: ReportSource, frfs: IterationFrfs, share: int) 
     iterations, _, inputs, lines = values.shape
     thin = slice(None, None, -(-8 * iterations * lines // share))
     whole_, count = values[..., thin], values.shape[1] * inputs
-    room = max(1, share // (8 * iterations * whole_.shape[3]))
+    beside = _beside(source, frfs)
+    room = max(1, share // (8 * iterations * whole_.shape[3] + _bytes(beside)))
     shown = sorted(set(np.linspace(0, count - 1, min(room, count)).round().astype(int).tolist()))
     model = whole_.reshape(iterations, count, -1)[:, shown].transpose(1, 0, 2)
-    beside = test[..., thin].reshape(count, -1)[shown]
+    compared = test[..., thin].reshape(count, -1)[shown]
+    places = np.divmod(np.array(shown), inputs)
     left = count - len(shown)
     notes = (
         "Magnitudes alone are compared." if not frfs.phase else "",
@@ -540,16 +626,27 @@ def _iteration_functions(source: ReportSource, frfs: IterationFrfs, share: int) 
     )
     return IterationFunctionsView(
         configuration=frfs.configuration,
-        ordinate=_ordinate(frfs),
+        ordinate=_ordinate(frfs.kind, frfs.unit),
         titles=tuple(f"{frfs.outputs[k // inputs]} by {frfs.inputs[k % inputs]}" for k in shown),
         phase=frfs.phase,
         freq_hz=single(freq[thin]),
         real=single(model.real),
         imaginary=single(model.imag),
-        test_real=single(beside.real),
-        test_imaginary=single(beside.imag),
+        test_real=single(compared.real),
+        test_imaginary=single(compared.imag),
+        test_look="equalised" if any(c.look == "test" for c in beside) else "test",
+        beside=tuple(c.of(*places) for c in beside),
         note=" ".join(filter(None, notes)),
     )
+
+
+def _beside(source: ReportSource, frfs: IterationFrfs) -> tuple[_Curves, ...]:
+    """The identified test, and the test as measured where one with equal damping is compared."""
+    for found in source.results.mapped_damping:
+        if found.configuration == frfs.configuration and _has(found, frfs):
+            at = _places(found, frfs.outputs, frfs.inputs)
+            return tuple(replace(c, values=c.values[at]) for c in _identified_test(source, found))
+    return tuple(_known(source, "identified", frfs.identified_freq_key, frfs.identified_values_key))
 
 
 def _iteration_modes(history: Sequence[IterationRecord]) -> Iterable[IterationModeView]:

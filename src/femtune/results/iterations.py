@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.dofs import DofSet
 from femtune.results.base import Record
+from femtune.results.identified_frfs import identified_frfs
 from femtune.results.response import frf_unit
 
 if TYPE_CHECKING:
     from femtune.residuals.frf.fitted import FittedFrfs
+    from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
     from femtune.updating import Iteration
 
@@ -40,12 +43,20 @@ class IterationFrfs(Record):
     history; NaN where nothing is compared."""
     test_values_key: str
     """Key of the values that they are compared with, shape (outputs, inputs, lines): measured or equalised ones."""
+    identified_freq_key: str | None = None
+    """Key of the measured lines around the identified modes of the test; None if it has no modes with damping, and
+    with [equalise], where `MappedDamping` has the identified test."""
+    identified_values_key: str | None = None
+    """Key of the FRFs of these modes, shape (outputs, inputs, these lines); residues fitted to the measured values."""
     unit: str = ""
     """Unit of translations over forces; empty where the units are not known, and in older results."""
 
 
 def iteration_frfs(
-    history: Sequence[Iteration], units: UnitSystem | None, arrays: dict[str, NDArray]
+    history: Sequence[Iteration],
+    units: UnitSystem | None,
+    arrays: dict[str, NDArray],
+    identified: Mapping[str, ModalTest],
 ) -> tuple[IterationFrfs, ...]:
     """A record for each set of functions that is compared somewhere in the history; none without FRF residuals.
 
@@ -55,13 +66,15 @@ def iteration_frfs(
     ----------
     units : of the functions; None where they are not known
     arrays : gets the lines and the values
+    identified : tests by configuration, whose identified modes are shown beside the measured functions
     """
     sets: dict[tuple, list[tuple[int, FittedFrfs]]] = {}
     for number, iteration in enumerate(history):
         for found in iteration.functions:
             sets.setdefault(_key(found), []).append((number, found))
     records = (_record(i, found, len(history), arrays) for i, found in enumerate(sets.values(), 1))
-    return tuple(r if units is None else r.model_copy(update={"unit": frf_unit(r.kind, units)}) for r in records)
+    whole = [_with_identified(r, identified.get(r.configuration), arrays) for r in records]
+    return tuple(r if units is None else r.model_copy(update={"unit": frf_unit(r.kind, units)}) for r in whole)
 
 
 def _key(found: FittedFrfs) -> tuple:
@@ -96,6 +109,19 @@ def _record(
         values_key=f"{prefix}_values",
         test_values_key=f"{prefix}_test_values",
     )
+
+
+def _with_identified(record: IterationFrfs, test: ModalTest | None, arrays: dict[str, NDArray]) -> IterationFrfs:
+    """With the FRFs of the identified modes, where the test has modes."""
+    found = None if test is None or test.frfs is None else identified_frfs(test.frfs, test.modes)
+    if test is None or test.frfs is None or found is None:
+        return record
+    rows, columns = DofSet.parse(record.outputs), DofSet.parse(record.inputs)
+    at = np.ix_(rows.align(test.frfs.responses)[0], columns.align(test.frfs.references)[0])
+    prefix = record.freq_key.removesuffix("_hz")
+    arrays |= {f"{prefix}_identified_hz": found[0], f"{prefix}_identified_values": found[1][at].astype(np.complex64)}
+    keys = {"identified_freq_key": f"{prefix}_identified_hz", "identified_values_key": f"{prefix}_identified_values"}
+    return record.model_copy(update=keys)
 
 
 def _kept(shape: tuple[int, ...], iterations: int) -> list[int]:

@@ -28,6 +28,7 @@ from femtune.model.response import matrix_ports
 from femtune.model.response.modal_damping import is_proportional, may_be_negative
 from femtune.results.base import Alert, ModelVersion, Record
 from femtune.results.correlation import array_prefix
+from femtune.results.identified_frfs import identified_frfs
 from femtune.results.model import alert_of
 from femtune.results.shapes import ModeShapes, complex_mode_shapes, shape_rows
 
@@ -126,6 +127,10 @@ class FrfResults(Record):
     """Key of the measured lines; None without measured functions."""
     test_values_key: str | None = None
     """Key of the measured values, in this kind, shape (outputs, inputs, measured lines); NaN where not measured."""
+    identified_freq_key: str | None = None
+    """Key of the measured lines around the identified modes of the test; None if it has no modes with damping."""
+    identified_values_key: str | None = None
+    """Key of the FRFs of these modes, shape (outputs, inputs, these lines); residues fitted to the measured values."""
     pairs: tuple[FrfPair, ...]
     """Every function, input by input."""
     fdac: tuple[FdacResults, ...] = ()
@@ -470,8 +475,12 @@ def _frf_results(
 ) -> FrfResults:
     table, measured = request.table, request.measured
     arrays |= {f"{prefix}_hz": request.freq_hz, f"{prefix}_values": values}
+    identified = None
     if measured is not None:
         arrays |= {f"{prefix}_test_hz": measured.freq_hz, f"{prefix}_test_values": measured.values}
+        identified = identified_frfs(measured, None if request.case.test is None else request.case.test.modes)
+    if identified is not None:
+        arrays |= dict(zip((f"{prefix}_identified_hz", f"{prefix}_identified_values"), identified))
     return FrfResults(
         kind=table.kind,
         unit=_unit(study, table),
@@ -485,6 +494,8 @@ def _frf_results(
         values_key=f"{prefix}_values",
         test_freq_key=None if measured is None else f"{prefix}_test_hz",
         test_values_key=None if measured is None else f"{prefix}_test_values",
+        identified_freq_key=None if identified is None else f"{prefix}_identified_hz",
+        identified_values_key=None if identified is None else f"{prefix}_identified_values",
         pairs=tuple(_pairs(request, values)),
         fdac=() if measured is None else tuple(_fdac(request, measured, values, prefix, arrays)),
     )

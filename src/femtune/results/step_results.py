@@ -168,7 +168,8 @@ class InfoResult(StepResult):
 class ModesResult(OfConfigurations["ModelModes"]):
     """Natural modes of each configuration, at the initial values of the parameters.
 
-    `report` is the page that was written, None without one.
+    `records` are those of results.json, ``modes``; `remarks` what a user should know; `shapes` gives the shapes by
+    configuration, `whole` the results and their arrays; `report` is the page that was written, None without one.
     """
 
     shapes: Callable[[], Mapping[str, ModeSet]] = field(kw_only=True)
@@ -235,7 +236,7 @@ class PlanResult(StepResult):
     """A planned test: sensors, and what they are worth for the target modes.
 
     `record` is that of results.json, ``plan``; `results` has it with the facts of the model, `arrays` the arrays by
-    key, `files` the files that were written, `report` the page, None without one.
+    key, `files` the files that were written, `report` the page, None without one; `remarks` what a user should know.
     """
 
     record: PlanResults
@@ -321,7 +322,7 @@ class ScreenResult(StepResult):
     """Effects of the parameters on the natural frequencies, by designed runs.
 
     `record` is that of results.json, ``screen``; `results` has it with the facts of the study, `arrays` the arrays by
-    key, `files` the files that were written, `report` the page, None without one.
+    key, `files` the files that were written, `report` the page, None without one; `remarks` what a user should know.
     """
 
     record: ScreenResults
@@ -369,7 +370,7 @@ class SearchResult(StepResult):
     """The minimum of the squared residuals within the bounds, by a search of the whole box.
 
     `record` is that of results.json, ``search``; `results` has it with the facts of the study, `arrays` the arrays by
-    key, `report` the page, None without one.
+    key, `report` the page, None without one; `remarks` what a user should know.
     """
 
     record: GlobalSearchResults
@@ -421,7 +422,7 @@ class CandidatesResult(StepResult):
     """Candidate models, each updated from the same test, and their comparison.
 
     `record` is that of results.json, ``candidates``; `results` has it with the facts of the study, `arrays` the arrays
-    by key, `report` the page, None without one.
+    by key, `report` the page, None without one; `remarks` what a user should know.
     """
 
     record: CandidatesResults
@@ -461,8 +462,9 @@ class CandidatesResult(StepResult):
 class RespondResult(OfConfigurations["ResponseResults"]):
     """Frequency responses, complex modes and static displacements of each configuration.
 
-    `results` holds the records in the schema of results.json, `arrays` the arrays by key, `files` the Universal Files
-    that were written, `report` the page, None without one.
+    `records` are those of results.json, ``responses``, and `results` holds them in its schema; `arrays` the arrays by
+    key, `files` the Universal Files that were written, `report` the page, None without one; `remarks` what a user
+    should know.
     """
 
     results: Results = field(kw_only=True)
@@ -552,7 +554,11 @@ def frf_set(record: FrfResults, arrays: Arrays) -> FrfSet:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CorrelateResult(OfConfigurations["CorrelationResults"]):
-    """Test against model in each configuration with a test; `arrays` by the keys of the records, `files` written."""
+    """Test against model in each configuration with a test.
+
+    `records` are those of results.json, ``correlations``, `arrays` by their keys; `files` were written; `remarks` what
+    a user should know.
+    """
 
     arrays: Arrays = field(kw_only=True)
     files: tuple[Path, ...] = field(default=(), kw_only=True)

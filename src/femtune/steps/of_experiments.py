@@ -47,6 +47,8 @@ def screen(
     ------
     FemtuneError : ``screen.*``, ``design.*``, ``study.no-parameters``, ``eigen.*``, and errors in the files
 
+    Source: Morris (1991); Sobol' (2001); Saltelli and others (2010).
+
     Examples
     --------
     >>> import femtune as ft
@@ -100,6 +102,8 @@ def search(
     Raises
     ------
     FemtuneError : ``search.*``, ``surrogate.*``, ``study.no-test``, ``study.no-parameters``, and as `correlate`
+
+    Source: Sacks and others (1989); Storn and Price (1997).
 
     Examples
     --------

@@ -143,6 +143,8 @@ def plan(
     ------
     FemtuneError : ``plan.*``, and as `modes`
 
+    Source: Kammer (1991).
+
     Examples
     --------
     >>> import femtune as ft
@@ -245,6 +247,7 @@ def simulate(
     frequency_scatter : standard deviation of each frequency, relative to it
     shape_scatter : standard deviation at each sensor, relative to the largest entry of the shape
     seed : of the random errors
+    progress : receives progress reports
 
     Raises
     ------

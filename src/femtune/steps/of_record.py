@@ -41,6 +41,8 @@ def identify(
     ------
     FemtuneError : ``record.*``, ``uff.*``, ``identify.*``, ``run.unwritable``
 
+    Source: McKelvey, Akcay and Ljung (1996); Guillaume and others (2003).
+
     Examples
     --------
     >>> import femtune as ft

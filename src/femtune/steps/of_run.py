@@ -69,6 +69,8 @@ def update(
     FemtuneError : errors in the study, its files or the run folder; ``run.locked`` where another run is
         at work there. Once the parameters are found results.json is written, whatever happens to the deck afterwards
 
+    Source: Mottershead, Link and Friswell (2011).
+
     Examples
     --------
     >>> import femtune as ft
@@ -154,6 +156,8 @@ def bootstrap(
     ------
     FemtuneError : as `update`; ``bootstrap.*`` where the study compares other data than FRFs, or has no optimum
 
+    Source: Efron and Tibshirani (1993); Wu (1986).
+
     Examples
     --------
     >>> import femtune as ft
@@ -198,6 +202,8 @@ def candidates(
     Raises
     ------
     FemtuneError : ``candidates.*``, and as `update`
+
+    Source: Beck and Yuen (2004); Goulet and Smith (2013).
 
     Examples
     --------

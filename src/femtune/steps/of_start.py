@@ -72,6 +72,10 @@ def check(source: Path | str, *, progress: Progress = silent) -> CheckResult:
     source : a study file, or a deck
     progress : receives progress reports
 
+    Raises
+    ------
+    FemtuneError : ``study.missing-file`` where the file is not there; mistakes in it are in the result
+
     Examples
     --------
     >>> import femtune as ft

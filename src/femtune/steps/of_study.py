@@ -58,6 +58,8 @@ def correlate(
     FemtuneError : ``study.no-test``, ``correlate.*``, ``eigen.*``, ``uff.cannot-write``, ``write.overwrites-input``,
         and errors in the files
 
+    Source: Allemang and Brown (1982); Lieven and Ewins (1988).
+
     Examples
     --------
     >>> import femtune as ft
@@ -109,13 +111,16 @@ def compare(
     first, second : models, or the paths of decks
     count : number of modes of the first model, and a few less than of the second one, rigid-body modes included
     units : length-mass-s of decks, which do not state them
-    tolerance : largest distance of two points that are compared; None: a hundredth of the diagonal of the first model
+    tolerance : largest distance of two points that are compared, in the unit of length of the decks; None: a hundredth
+        of the diagonal of the first model
     points : number of points at most, which are spread over the structure
     progress : receives progress reports
 
     Raises
     ------
     FemtuneError : ``correlate.no-common-points``, ``response.units-needed``, ``eigen.*``, and errors in the files
+
+    Source: Allemang and Brown (1982).
 
     Examples
     --------
@@ -169,6 +174,8 @@ def select(
     ------
     FemtuneError : ``study.no-parameters``, and as `correlate`
 
+    Source: Friswell and Mottershead (1995).
+
     Examples
     --------
     >>> import femtune as ft
@@ -219,6 +226,8 @@ def quantify(
     Raises
     ------
     FemtuneError : ``quantify.no-repeats`` without [quantify], and others of ``quantify.*``
+
+    Source: Govers and Link (2010); Silva and others (2016).
 
     Examples
     --------

@@ -298,7 +298,8 @@ def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     study = found.study or run.study
     known_after = fisher_results(study, found.result.after, "after", found.known, found.result.active)
     units = study.file.study.unit_system if study.units_known else None
-    frfs = iteration_frfs(found.result.history, units, arrays)
+    identified = {c.name: c.test for c in study.cases if c.test is not None} if study.file.equalise is None else {}
+    frfs = iteration_frfs(found.result.history, units, arrays, identified)
     alerts = (*known.alerts, *found.alerts)
     return {"parameters": found, "fisher": known_after, "iteration_frfs": frfs, "alerts": alerts}
 

@@ -20,7 +20,6 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
-from scipy.stats import qmc
 
 from femtune.arrays import Reals
 from femtune.surrogates.correlations import CORRELATIONS, NO_CORRELATION, CorrelationFunction, KernelSum
@@ -235,6 +234,8 @@ class _Likelihood:
 
 def _fitted(u: Reals, y: Reals, rules: KrigingRules) -> KrigedResponse:
     """The response at the largest likelihood of several starts."""
+    from scipy.stats import qmc  # noqa: PLC0415  slow to import, and every step reads the rules
+
     likelihood = _Likelihood.of(u, y, rules)
     noise = likelihood.noise
     if likelihood.kind is None or np.ptp(y) == 0.0:

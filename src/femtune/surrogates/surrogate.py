@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Protocol, Self
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
@@ -102,7 +102,7 @@ class Surrogate:
 
     def interval(self, x: Reals, level: float = 0.95) -> tuple[Reals, Reals]:
         """Two (k, m) limits between which a run at each point lies with a probability, by Student's t."""
-        wide = stats.t.ppf(0.5 + 0.5 * level, [fit.freedom for fit in self.fits]) * self.predict_sd(x)
+        wide = stdtrit([fit.freedom for fit in self.fits], 0.5 + 0.5 * level) * self.predict_sd(x)
         middle = self.predict(x)
         if self.rules.logarithms:
             return middle * np.exp(-wide), middle * np.exp(wide)

@@ -33,7 +33,7 @@ def lowest(structure: Structure, n: int) -> Reals:
 
 def _free(s: Structure) -> tuple[Elimination, sp.csr_array, sp.csr_array]:
     """The free DOFs of the selected supports and equations, with K and M on the g-set."""
-    stiffness, mass = assemble(s, "stiffness"), assemble(s, "mass")
+    stiffness, mass = (assemble(s, kind) + _given(s, kind) for kind in ("stiffness", "mass"))
     held = set(s.permanent.tolist())
     held |= set(s.support_sets[s.default_support_set].tolist()) if s.default_support_set is not None else set()
     mpc = [s.multipoint_sets[s.default_multipoint_set]] if s.default_multipoint_set is not None else []
@@ -43,6 +43,15 @@ def _free(s: Structure) -> tuple[Elimination, sp.csr_array, sp.csr_array]:
         more = singular_dofs((one.T.T @ stiffness @ one.T).tocsr(), one.free, s.nodes)
         one = eliminate(s.nodes.n_dofs, rows, held | set(more.tolist()), s.nodes.describe)
     return one, stiffness, mass
+
+
+def _given(s: Structure, kind: str) -> sp.csr_array:
+    """Sum of the matrices that no element made, each with its factor."""
+    found = sp.csr_array((s.nodes.n_dofs,) * 2)
+    for matrix in (m for m in s.assembled if m.kind == kind):
+        factor = s.values.values[matrix.roles["FACTOR"]] if matrix.roles else 1.0
+        found = found + factor * (matrix.upper + sp.triu(matrix.upper, 1).T)
+    return sp.csr_array(found)
 
 
 def frequencies(structure: Structure) -> Reals:

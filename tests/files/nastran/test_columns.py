@@ -18,7 +18,7 @@ from .mutations import mutant
 from .whole_decks import DECKS
 
 DeckOf = Callable[..., Deck]
-MUTANTS, MANY = 10, 300
+MUTANTS, MANY = 10, 100
 ODD = (
     "",
     "1",

@@ -179,12 +179,17 @@ def test_superelements_are_marked(deck_of: DeckOf) -> None:
     assert deck.notices == ()
 
 
-@pytest.mark.parametrize(
-    "line", ["BEGIN BULK SUPER=3", "begin bulk super = 3 ", "BEGIN BULK,SUPER=3", "BEGIN AUXMODEL=3"]
-)
+@pytest.mark.parametrize("line", ["BEGIN BULK SUPER=3", "begin bulk super = 3 ", "BEGIN BULK,SUPER=3", "BEGIN SUPER 3"])
 def test_superelements_in_the_form_with_bulk(deck_of: DeckOf, line: str) -> None:
     deck = deck_of(f"BEGIN BULK\nGRID,1\n{line}\nGRID,1\nBEGIN BULK SUPER=0\nGRID,2\nENDDATA\n")
     assert [card.superelement for card in deck.cards] == [0, 3, 0]
+
+
+@pytest.mark.parametrize("line", ["BEGIN SUPER=3 MASSID=300", "BEGIN MASSID=2", "BEGIN AUXMODEL=3"])
+def test_sections_that_are_no_part_of_the_model(deck_of: DeckOf, line: str) -> None:
+    deck = deck_of(f"BEGIN BULK\nGRID,1\n{line}\nGRID,1\nBEGIN BULK SUPER=0\nGRID,2\nENDDATA\n")
+    assert [card.text(0) for card in deck.by_name("GRID")] == ["1", "2"]
+    assert (deck.parts, [line.number for line in deck.aside]) == ({}, [3])
 
 
 def test_deck_without_cend(deck_of: DeckOf) -> None:

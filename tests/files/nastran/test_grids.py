@@ -94,7 +94,7 @@ def test_errors(deck_of: DeckOf, line: str, code: str) -> None:
     assert error.value.where.line == 4
 
 
-@pytest.mark.parametrize("selection", ["SPC=3", "MPC=3", "METHOD=3"])
+@pytest.mark.parametrize("selection", ["SPC=3", "METHOD=3"])
 def test_selected_sets_must_exist(deck_of: DeckOf, selection: str) -> None:
     with pytest.raises(FemtuneError) as error:
         built(deck_of(f"SOL 103\nCEND\n{selection}\nBEGIN BULK\n{POINTS}MPC,1,1,1,1.,2,1,1.\nENDDATA\n"))

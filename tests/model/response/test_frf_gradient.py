@@ -42,6 +42,7 @@ def test_by_complex_difference(method: Method) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.quick(5, rest="long")
 @every_way
 @pytest.mark.parametrize("damping", [constant_damping(0.03), rising(0.03, 5.0), as_hysteretic(rising(0.03, 5.0))])
 def test_with_modal_damping(method: Method, damping: DampingRatios) -> None:

@@ -80,7 +80,7 @@ def contributions(batch: ElementBatch, structure: Structure) -> list[Contributio
     Factors of whole matrices and offsets of ends are those values of the batch that `with_factors` and `with_offsets`
     made of them.
     """
-    kernel = KINDS[batch.kind].kernel
+    kernel, structure = KINDS[batch.kind].kernel, batch.within(structure)
     parts = with_moved_ends(kernel, batch, structure) if has_offsets(batch) else kernel(batch, structure)
     return _with_losses(parts, batch)
 
@@ -89,7 +89,7 @@ def pieces(batch: ElementBatch, structure: Structure) -> Iterator[list[Contribut
     """The same, a few elements at a time, so that a large batch takes little memory."""
     by_pieces = KINDS[batch.kind].pieces
     if by_pieces is not None:
-        return (_with_losses(parts, batch) for parts in by_pieces(batch, structure))
+        return (_with_losses(parts, batch) for parts in by_pieces(batch, batch.within(structure)))
     starts = range(0, len(batch), PIECE)
     return (_piece(batch.some(slice(start, start + PIECE)), structure, start) for start in starts)
 

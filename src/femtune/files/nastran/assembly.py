@@ -107,8 +107,12 @@ def _error(cut: FieldLine, code: str, **facts: Any) -> FemtuneError:
 
 
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,7}")
-# BEGIN BULK, BEGIN SUPER = 2, BEGIN BULK SUPER = 2
-_BEGIN = re.compile(r"\s*BEGIN\b[\s,]*(?:BULK\b[\s,]*)?(?:[A-Z]+\s*=?\s*(\d{1,9}))?", re.IGNORECASE)
+# BEGIN BULK, BEGIN SUPER = 2, BEGIN BULK SUPER = 2, BEGIN SUPER = 2 MASSID = 3
+_BEGIN = re.compile(r"\s*BEGIN\b", re.IGNORECASE)
+_SUPER = re.compile(r"\bSUPER\s*=?\s*(\d{1,9})", re.IGNORECASE)
+# mass increments, auxiliary models, contact and module data
+_ASIDE = re.compile(r"\b(?:MASSID|AUXMODEL|ARBMODEL|FLXBDY|MODULE|TRMC|UDS)\b", re.IGNORECASE)
+_NOT_OF_THE_MODEL = -1
 # data in columns 9 to 72 without commas, tabs and comments; at the most a lone + in columns 73 to 80
 _PLAIN_COLUMNS = re.compile(r"[^,=\t$\r\n]{0,64}(?: {0,7}\+)? *(?:\r\n?|\n)?")
 _PLAIN_HEAD = re.compile(r" *[A-Z][A-Z0-9_]* *", re.IGNORECASE)
@@ -121,11 +125,15 @@ _MOST_ERRORS = 20
 
 @dataclass(frozen=True)
 class Bulk:
-    """Cards in the order of the deck, what the user should know about their lines, and BEGIN SUPER lines by number."""
+    """Cards in the order of the deck, what the user should know about their lines, and BEGIN SUPER lines by number.
+
+    `aside` are the BEGIN lines of sections that are no part of the model.
+    """
 
     cards: tuple[Card, ...]
     notices: tuple[Notice, ...]
     parts: Mapping[int, SourceLine]
+    aside: tuple[SourceLine, ...] = ()
 
 
 def read_bulk(lines: Iterable[SourceLine]) -> Bulk:
@@ -144,7 +152,7 @@ def read_bulk(lines: Iterable[SourceLine]) -> Bulk:
                 assembly.take(line, body)
     assembly.finish()
     parts = {number: line for number, line in assembly.begins.items() if number}
-    return Bulk(tuple(assembly.cards), tuple(assembly.notices), parts)
+    return Bulk(tuple(assembly.cards), tuple(assembly.notices), parts, tuple(assembly.aside))
 
 
 class _Assembly:
@@ -160,6 +168,7 @@ class _Assembly:
         self.text: list[SourceLine] = []
         self.superelement = 0
         self.begins: dict[int, SourceLine] = {}
+        self.aside: list[SourceLine] = []
         self.asking: list[_Part] = []
         self.apart: list[_Part] = []
 
@@ -199,7 +208,7 @@ class _Assembly:
         begin = _BEGIN.match(body) if body.lstrip()[:1] in "bB" else None
         if begin:
             self._close()
-            self._begin(begin, line)
+            self._begin(line, body)
             return
         cut = split_line(line, body)
         self._note_width(cut, body)
@@ -306,8 +315,13 @@ class _Assembly:
     def _replicate(self, cut: FieldLine) -> None:
         self.cards.extend(replicate(self.cards, cut, self.superelement))
 
-    def _begin(self, begin: re.Match[str], line: SourceLine) -> None:
-        self.superelement = int(begin[1] or 0)
+    def _begin(self, line: SourceLine, body: str) -> None:
+        if _ASIDE.search(body):
+            self.superelement = _NOT_OF_THE_MODEL
+            self.aside.append(line)
+            return
+        number = _SUPER.search(body)
+        self.superelement = int(number[1]) if number else 0
         self.begins.setdefault(self.superelement, line)
 
     def _note_width(self, cut: FieldLine, body: str) -> None:

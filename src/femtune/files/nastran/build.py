@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.fem.fields import FieldRef
+from femtune.fem.joined import Increase, Part, join
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.files.nastran.bars import read_bars
 from femtune.files.nastran.bends import read_bends
@@ -51,7 +52,13 @@ from femtune.files.nastran.scalar_elements import read_dampers, read_rods, read_
 from femtune.files.nastran.shear_panels import read_shear_panels
 from femtune.files.nastran.shells import read_shells
 from femtune.files.nastran.solids import read_solids
-from femtune.files.nastran.superelements import check_superelements
+from femtune.files.nastran.superelements import (
+    Section,
+    boundary_pairs,
+    increase_notice,
+    reduced_matrices,
+    superelement_notices,
+)
 from femtune.files.nastran.surplus import surplus_fields
 from femtune.modal.beside import ModesBeside
 from femtune.model.damping import ModalDamping
@@ -76,6 +83,7 @@ class BuiltModel:
     modal_damping : the table that SDAMPING selects, None without one
     damping_tables : all tables of modal damping (TABDMP1) by number
     beside : modes of the external solver of a study beside those of its deck, by input, where they were compared
+    increases : what was added to the numbers of superelements in parts, by the number of the superelement
     """
 
     deck: Deck
@@ -89,6 +97,7 @@ class BuiltModel:
     modal_damping: ModalDamping | None = None
     damping_tables: Mapping[int, ModalDamping] = field(default_factory=dict)
     beside: tuple[ModesBeside, ...] = ()
+    increases: Mapping[int, Increase] = field(default_factory=dict)
 
 
 def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = True) -> BuiltModel:
@@ -104,12 +113,16 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
     ------
     FemtuneError : what is wrong with the deck, all that was found together (codes ``deck.…``)
     """
-    building = Building(deck)
-    building.notices += check_superelements(deck)
+    building = Building(deck.of_section(0) if deck.parts else deck)
+    building.notices += superelement_notices(deck)
     cards = take_inventory(deck)
     _report_cards(building, cards, allow_missing, preloaded)
     element_cards = _element_cards(building)
     structure = _structure(building, element_cards, preloaded)
+    increases: dict[int, Increase] = {}
+    if deck.parts:
+        structure, element_cards, increases = _with_parts(building, deck, structure, element_cards)
+    structure = _with_selected_sets(building, structure)
     method = _eigen_method(building)
     reference = _mass_reference(building)
     tables = damping_tables(building)
@@ -122,7 +135,8 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
         raise FemtuneError("deck.no-points", where=where, values={"cards": len(deck.cards)})
     notices = (*deck.notices, *building.notices)
     return BuiltModel(
-        deck, structure, notices, cards, building.places, element_cards, method, reference, damping, tables
+        deck, structure, notices, cards, building.places, element_cards, method, reference, damping, tables,
+        increases=increases,
     )  # fmt: skip
 
 
@@ -141,21 +155,59 @@ def _report_cards(building: Building, cards: tuple[CardUse, ...], allow_missing:
         building.errors.errors += [*map(missing_error, missing), *preloads(building.deck).values()]
 
 
-def _structure(building: Building, element_cards: Mapping[int, int], preloaded: bool) -> Structure:
+def _with_parts(
+    building: Building, deck: Deck, residual: Structure, element_cards: Mapping[int, int]
+) -> tuple[Structure, dict[int, int], dict[int, Increase]]:
+    """The whole of a deck with superelements in parts: structure, card of each element, and increases of numbers.
+
+    Values, errors and notices of the parts are gathered too.
+    """
+    case = deck.case_control
+    parts, cards, places = [Part(residual, 0, case.spc, case.mpc)], [element_cards], [building.places]
+    for number in deck.parts:
+        own = Building(deck.of_section(number), errors=building.errors)
+        cards.append(_element_cards(own))
+        structure = _structure(own, cards[-1], False, deck)
+        parts.append(Part(structure, number, own.deck.case_control.spc, own.deck.case_control.mpc))
+        places.append(own.places)
+        # the sets of a part say how it is reduced, which one notice tells
+        building.notices += [n for n in own.notices if not n.code.startswith("deck.dof-set")]
+    raise_distinct(building.errors)
+    joined = join(parts, boundary_pairs(deck, [Section(part.number, part.structure) for part in parts]))
+    each = list(zip(parts, joined.increases, cards, places))
+    building.places = {part.in_whole(ref, more): at for part, more, _, own in each for ref, at in own.items()}
+    building.notices += [increase_notice(deck, part.number, more) for part, more, _, _ in each if more]
+    merged = {n + more.elements: at for _, more, found, _ in reversed(each) for n, at in found.items()}
+    return joined.structure, merged, {part.number: more for part, more, _, _ in each}
+
+
+def _with_selected_sets(building: Building, structure: Structure) -> Structure:
+    """The structure with the sets that case control selects, which must exist (error ``deck.missing-set``)."""
+    supports, multipoint = structure.support_sets, structure.multipoint_sets
+    check_selected(building, "SPC", structure.default_support_set, supports)
+    equations = selected_equations(building, structure.default_multipoint_set, multipoint)
+    preload = structure.preload
+    if preload is not None:
+        check_selected(building, "SPC", preload.support_set, supports)
+        check_selected(building, "MPC", preload.multipoint_set, multipoint)
+    return replace(structure, default_multipoint_set=equations)
+
+
+def _structure(
+    building: Building, element_cards: Mapping[int, int], preloaded: bool, whole: Deck | None = None
+) -> Structure:
+    """The structure of the main bulk data, or of a superelement of the whole deck."""
     deck = building.deck
     grids = read_grids(building)
     batches = add_nonstructural_mass(building, grids.table, _batches(building, grids))
     damping = overall_damping(building)
     direct = (*read_direct_matrices(building, grids), *read_general_elements(building, grids))
+    if whole is not None:
+        with building.errors.catch():
+            direct += tuple(reduced_matrices(building, grids, whole))
     supports = read_supports(building, grids)
     multipoint = read_multipoint_sets(building, grids)
-    case = deck.case_control
-    check_selected(building, "SPC", case.spc, supports)
-    equations = selected_equations(building, case.mpc, multipoint)
     preload = read_preload(building, grids, batches) if preloaded else None
-    if preload is not None:
-        check_selected(building, "SPC", preload.support_set, supports)
-        check_selected(building, "MPC", preload.multipoint_set, multipoint)
     return Structure(
         nodes=grids.table,
         values=building.values.table(),
@@ -164,8 +216,8 @@ def _structure(building: Building, element_cards: Mapping[int, int], preloaded: 
         multipoint_sets=multipoint,
         support_sets=supports,
         permanent=permanent_constraints(building, grids),
-        default_support_set=case.spc,
-        default_multipoint_set=equations,
+        default_support_set=deck.case_control.spc,
+        default_multipoint_set=deck.case_control.mpc,
         mass_factor=mass_factor(building),
         consistent_mass=coupled_mass(building),
         hold_singular=hold_singular(building),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.nastran.lines import parse_integer
@@ -76,7 +76,8 @@ class CaseControl:
     `subcases` are all subcase numbers, `used` the one taken (None where there is none); `others` are the
     commands without a meaning here, kept as they stand; `effective` are those of them that apply to the used subcase.
     `loading` names the steps before the used one in the same subcase, in each of which the structure is loaded, and
-    `preload` is the static subcase that STATSUB takes as preload.
+    `preload` is the static subcase that STATSUB takes as preload. `of_superelements` are the selections of subcases
+    that SUPER assigns to superelements, with the numbers of these.
     """
 
     spc: int | None = None
@@ -96,6 +97,11 @@ class CaseControl:
     preload: StaticSubcase | None = None
     parameter_lines: tuple[SourceLine, ...] = ()
     notices: tuple[Notice, ...] = ()
+    of_superelements: tuple[tuple[IntegerList, CaseControl], ...] = ()
+
+    def of_superelement(self, number: int) -> CaseControl:
+        """What the first subcase of a superelement selects; without one what the used subcase selects."""
+        return next((case for numbers, case in self.of_superelements if number in numbers), self)
 
     @property
     def other_counts(self) -> dict[str, int]:
@@ -186,10 +192,20 @@ class _Level:
         return words[-1] if words else ""
 
     @property
-    def of_superelement(self) -> bool:
-        """Whether SUPER assigns the level to one superelement."""
+    def superelements(self) -> IntegerList | None:
+        """Numbers that SUPER assigns the level to, of a SET or one; None without SUPER."""
         words = [c.value for level in self.path for c in level.others if c.name == "SUPER"]
-        return bool(words) and (parse_integer(words[-1].split(",")[0].strip()) or 0) > 0
+        word = words[-1].split(",")[0].strip().upper() if words else ""
+        number = parse_integer(word)
+        if number is None:
+            return IntegerList(every=True) if word == "ALL" else None
+        sets = {n: numbers for level in self.path for n, numbers in level.sets.items()}
+        return sets.get(number, IntegerList((number,)))
+
+    @property
+    def of_superelement(self) -> bool:
+        """Whether SUPER assigns the level to superelements and not to the residual structure."""
+        return self.superelements is not None and 0 not in self.superelements
 
     @property
     def has_no_modes(self) -> bool:
@@ -257,18 +273,25 @@ class _CaseControlReading:
 
     def result(self) -> CaseControl:
         level, notices = self._chosen()
+        others = ((other.superelements, other) for other in self.subcases)
+        assigned = tuple((numbers, self._control(other, ())) for numbers, other in others if numbers is not None)
+        return replace(self._control(level, notices), of_superelements=assigned)
+
+    def _control(self, level: _Level, notices: tuple[Notice, ...]) -> CaseControl:
         used = {name: command for above in level.path for name, command in above.commands.items()}
         selected = {name: used[name].number if name in used else None for name in _SELECTIONS}
         if not self.method_is_modal or level.has_no_modes:
             selected["METHOD"] = None
-        texts = {name.lower(): used[name].value if name in used else "" for name in _TITLES}
+        title, subtitle, label = (used[name].value if name in used else "" for name in _TITLES)
         return CaseControl(
             spc=selected["SPC"],
             mpc=selected["MPC"],
             method=selected["METHOD"],
             nsm=selected["NSM"],
             damping=selected["SDAMPING"],
-            **texts,
+            title=title,
+            subtitle=subtitle,
+            label=label,
             sets={number: numbers for above in level.path for number, numbers in above.sets.items()},
             subcases=tuple(subcase.begin.number for subcase in self.subcases if subcase.begin),
             used=level.own[0].begin.number if level.own and level.own[0].begin else None,

@@ -179,6 +179,11 @@ BNDFRE1   other     C
 SUPORT1   other     SID
 USET      other     SNAME
 USET1     other     SNAME C
+EXTRN     other     ID C
+SEBULK    other     SEID TYPE RSEID METHOD TOL LOC UNITNO
+SECONCT   other     SEIDA SEIDB TOL LOC - - - -
+SEBNDRY   other     SEIDA SEIDB
+SEEXCLD   other     SEIDA SEIDB
 NSM       other     SID TYPE
 NSM1      other     SID TYPE VALUE
 NSML      other     SID TYPE
@@ -200,6 +205,7 @@ _STARTS = {
 _OPEN_NAMES = """
     SPOINT CORD1R CORD1C CORD1S PCOMP PCOMPG PBEAM PBARL PBEAML PBCOMP PBUSH PBUSH1D RSPLINE GENEL RBE2 RBE1 RBE3 MPC
     MPCADD SPC1 SPCADD ASET1 OMIT1 BSET1 CSET1 QSET1 BNDFIX1 BNDFRE1 USET1 NSM NSM1 NSML NSML1 NSMADD EIGRL TABDMP1
+    EXTRN SECONCT SEBNDRY SEEXCLD
 """
 _OPEN = frozenset(_OPEN_NAMES.split())
 # numbers of fields where a card has more than those that are read: allowable stresses, thermal expansion, pairs

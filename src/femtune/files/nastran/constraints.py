@@ -105,12 +105,35 @@ _LARGEST_RATIO = 1e30
 def read_multipoint_sets(building: Building, grids: Grids) -> dict[int, ConstraintRows]:
     """Equations of each MPC set, those of MPCADD included."""
     parts: dict[int, list[ConstraintRows]] = {}
+    used, left_out = _used_equations(building), set()
     for record in building.records("MPC"):
         with building.errors.catch():
-            parts.setdefault(record.integer("SID"), []).append(_equation(record, grids))
+            number = record.integer("SID")
+            try:
+                parts.setdefault(number, []).append(_equation(record, grids))
+            except FemtuneError as error:
+                if error.code != "deck.unknown-grid" or number in used:
+                    raise
+                # Nastran does not read sets that are not selected
+                if number not in left_out:
+                    building.notices.append(_unused(record, number, error))
+                left_out.add(number)
+    parts = {number: rows for number, rows in parts.items() if number not in left_out}
     for number, members in read_unions(building, "MPCADD", set(parts)).items():
         parts[number] = [rows for member in members for rows in parts[member]]
     return {number: join_constraints(rows) for number, rows in parts.items()}
+
+
+def _used_equations(building: Building) -> set[int]:
+    """Numbers of the MPC sets that case control selects, directly or by MPCADD; all that an MPCADD names."""
+    case = building.deck.case_control
+    subcases = (case, case.preload) if case.preload else (case,)
+    named = {n for record in building.records("MPCADD") for n in listed_numbers(record, record.card.fields[1:])}
+    return named | {subcase.mpc for subcase in subcases if subcase.mpc is not None}
+
+
+def _unused(record: CardEntry, number: int, error: FemtuneError) -> Notice:
+    return Notice("deck.unselected-set", where=record.where, number=number, grid=error.facts.get("number"))
 
 
 def _equation(record: CardEntry, grids: Grids) -> ConstraintRows:

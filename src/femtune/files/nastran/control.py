@@ -57,9 +57,8 @@ def check_selected(building: Building, kind: str, number: int | None, known: Col
 
 
 def selected_equations(building: Building, number: int | None, known: Collection[int]) -> int | None:
-    """MPC set that case control selects; a deck without any equations may select one, as Nastran has it."""
-    if number is None or known:
-        check_selected(building, "MPC", number, known)
+    """MPC set that case control selects; without such equations none apply, as Nastran has it."""
+    if number is None or number in known:
         return number
     building.notices.append(
         Notice("deck.missing-set/no-mpc-cards", where=Where(str(building.deck.path), record="MPC"), number=number)

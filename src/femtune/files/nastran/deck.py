@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 from femtune.errors import FemtuneError, Notice, Where
-from femtune.files.nastran.assembly import Bulk, read_bulk
+from femtune.files.nastran.assembly import read_bulk
 from femtune.files.nastran.card import Card
 from femtune.files.nastran.case_control import CaseControl, read_case_control
 from femtune.files.nastran.lines import parse_integer
@@ -51,7 +51,8 @@ class Deck:
 
     `files` are all files, the main one first; `cards` are in the order of reading with INCLUDEs in their
     place; `params` holds for each PARAM the value that counts (the last one; case control before bulk data); `parts`
-    are the BEGIN SUPER lines by the number of their superelement.
+    are the BEGIN SUPER lines by the number of their superelement, `aside` those of sections that are no part of the
+    model. `section` is the number of the part that `names` is limited to, 0 for the main bulk data, None for all.
     """
 
     path: Path
@@ -62,6 +63,15 @@ class Deck:
     params: Mapping[str, DeckParameter]
     notices: tuple[Notice, ...]
     parts: Mapping[int, SourceLine] = field(default_factory=dict)
+    aside: tuple[SourceLine, ...] = ()
+    section: int | None = None
+
+    def of_section(self, number: int) -> Deck:
+        """The deck limited to one part, 0 for the main bulk data, with the PARAMs and selections of that part."""
+        bulk = [card for card in self.cards if card.superelement == number and card.name == "PARAM"]
+        params, _ = _params(self.case_control, bulk)
+        case = self.case_control.of_superelement(number) if number else self.case_control
+        return replace(self, section=number, params=params, case_control=case)
 
     @property
     def files(self) -> tuple[SourceFile, ...]:
@@ -73,7 +83,8 @@ class Deck:
         """Cards by name, names in the order in which they occur."""
         by_name: dict[str, list[Card]] = {}
         for card in self.cards:
-            by_name.setdefault(card.name, []).append(card)
+            if card.superelement >= 0 if self.section is None else card.superelement == self.section:
+                by_name.setdefault(card.name, []).append(card)
         return {name: tuple(cards) for name, cards in by_name.items()}
 
     def by_name(self, name: str) -> tuple[Card, ...]:
@@ -95,11 +106,12 @@ def read_deck(path: str | Path) -> Deck:
     executive = _executive(lines)
     case_control = read_case_control(case, executive.solution_number != _BUCKLING)
     bulk = read_bulk(bulk_lines)
-    params, repeated = _params(case_control, bulk)
+    # those of a part count in that part
+    params, repeated = _params(case_control, [c for c in bulk.cards if c.name == "PARAM" and not c.superelement])
     has_sections = bool(bulk_lines) and _BEGIN.match(bulk_lines[0].text) is not None
     end = _check_end(source, has_sections)
     notices = (*source.notices, *case_control.notices, *bulk.notices, *repeated, *end)
-    return Deck(Path(path), source, executive, case_control, bulk.cards, params, notices, bulk.parts)
+    return Deck(Path(path), source, executive, case_control, bulk.cards, params, notices, bulk.parts, bulk.aside)
 
 
 _Lines = tuple[SourceLine, ...]
@@ -123,6 +135,9 @@ def _sections(source: DeckSource) -> tuple[_Lines, _Lines, _Lines]:
     bulk = lines[begin:]
     if cend is not None:
         return lines[:cend], lines[cend + 1 : begin], bulk
+    if "SUPER" in lines[begin].text.upper() and not any(_EXECUTIVE.match(line.text) for line in lines[:begin]):
+        # bulk data alone, with parts
+        return (), (), lines
     executive = tuple(line for line in lines[:begin] if _EXECUTIVE.match(line.text))
     return executive, tuple(line for line in lines[:begin] if not _EXECUTIVE.match(line.text)), bulk
 
@@ -140,11 +155,11 @@ def _executive(lines: _Lines) -> Executive:
     return Executive(lines, found[0] if found else "")
 
 
-def _params(case_control: CaseControl, bulk: Bulk) -> tuple[dict[str, DeckParameter], list[Notice]]:
+def _params(case_control: CaseControl, in_bulk: list[Card]) -> tuple[dict[str, DeckParameter], list[Notice]]:
     in_case = read_bulk(case_control.parameter_lines).cards
     params: dict[str, DeckParameter] = {}
     notices = []
-    for card in [*(card for card in bulk.cards if card.name == "PARAM"), *in_case]:
+    for card in [*in_bulk, *in_case]:
         name, value = card.text(0), card.text(1)
         if name in params and params[name].value != value:
             notices.append(

@@ -119,7 +119,8 @@ def _sources(built: BuiltModel, index: int) -> str:
 def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> FemtuneError:
     cards = built.deck.by_name(ref.card)
     numbers = [record.card.text(record.start) for card in cards for record in records_of(card)]
-    if str(ref.id) not in numbers:
+    known = any((r.card, r.id) == (ref.card, ref.id) for r in built.fields)
+    if str(ref.id) not in numbers and not known:
         hint = did_you_mean(str(ref.id), numbers[:50]) or None
         return FemtuneError("study.unknown-field/no-card", where=where, hint=hint, card=ref.card, number=ref.id)
     if ref.name.startswith("DIM"):

@@ -17,6 +17,7 @@ from femtune.files.nastran.card import LARGEST_COORDINATE, Card, CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.columns import Columns, columns_of
 from femtune.files.nastran.coordinates import CoordinateSystem, CoordinateSystems
+from femtune.files.nastran.lines import parse_integer, parse_real
 
 # ----------------------------------------------------------------------------------------------------
 # GRID cards of a large deck, read by whole columns.
@@ -178,10 +179,30 @@ def read_grids(building: Building) -> Grids:
     # GRDSET gives defaults that whole columns don't know
     plain = None if building.deck.by_name("GRDSET") else plain_grids(building.deck.by_name("GRID"))
     records = _grid_records(building) if plain is None else plain.records
-    grids = Grids(records, building.by_number(systems, "coordinate system"), plain)
+    grids = Grids(records, building.by_number(_distinct(building, systems), "coordinate system"), plain)
     _check_systems(building, grids)
     grids.table = _node_table(building, grids)
     return grids
+
+
+def _distinct(building: Building, systems: list[CardEntry]) -> list[CardEntry]:
+    """Coordinate systems without those that are defined again with the same data, as files of superelements do."""
+    found: dict[tuple[str, ...], CardEntry] = {}
+    for record in systems:
+        key = record.name, *(_spelled(record.card.text(record.at(name))) for name in record.names)
+        if key in found:
+            number = f"coordinate system {record.card.text(record.start)}"
+            building.notices.append(
+                Notice("deck.repeated-grid/system", where=record.where, level="info", system=number)
+            )
+        found.setdefault(key, record)
+    return list(found.values())
+
+
+def _spelled(text: str) -> str:
+    """One spelling for each number; blank is zero."""
+    number = parse_real(text) if parse_integer(text) is None else float(parse_integer(text) or 0)
+    return text if text and number is None else str(number or 0.0)
 
 
 def _check_systems(building: Building, grids: Grids) -> None:

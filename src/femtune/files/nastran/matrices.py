@@ -165,10 +165,19 @@ def read_direct_matrices(building: Building, grids: Grids) -> tuple[AssembledMat
     """The matrices that case control selects; each has a factor in the value table, ``MATRIX STIFF``."""
     found: list[AssembledMatrix] = []
     commands = {c.name: c for c in building.deck.case_control.effective if c.name in KINDS}
+    elsewhere = _in_other_parts(building.deck)
     for command in commands.values():
         with building.errors.catch():
-            found += [_matrix(building, grids, command, *part) for part in _parts(command)]
+            parts = [part for part in _parts(command) if part[1] not in elsewhere]
+            found += [_matrix(building, grids, command, *part) for part in parts]
     return tuple(found)
+
+
+def _in_other_parts(deck: Deck) -> set[str]:
+    """Names of matrices of which only other superelements have DMIG cards; a selection may hold for all of them."""
+    if deck.section is None:
+        return set()
+    return {card.text(0) for card in deck.cards if card.name == "DMIG"} - set(dmig_names(deck))
 
 
 def _parts(command: CaseCommand) -> Iterator[tuple[float, str]]:
@@ -188,10 +197,21 @@ def _number(text: str) -> float | None:
 
 def _matrix(building: Building, grids: Grids, command: CaseCommand, factor: float, name: str) -> AssembledMatrix:
     kind, param = KINDS[command.name]
-    found = dmig_matrix(building.deck, name)
-    upper = _upper(found, grids) * real_param(building, param, 1.0)
+    upper = dmig_upper(building.deck, name, grids) * real_param(building, param, 1.0)
+    return scaled_matrix(building, kind, f"{command.name} {name}", upper, name, factor)
+
+
+def scaled_matrix(
+    building: Building, kind: MatrixKind, label: str, upper: sp.csr_array, name: str, factor: float = 1.0
+) -> AssembledMatrix:
+    """A matrix with a factor in the value table, ``MATRIX KAAX``; `upper` is its upper triangle on the g-set."""
     position = building.values.add(FieldRef("MATRIX", 0, name), factor)
-    return AssembledMatrix(kind, f"{command.name} {name}", upper, {"FACTOR": position}, _factor)
+    return AssembledMatrix(kind, label, upper, {"FACTOR": position}, _factor)
+
+
+def dmig_upper(deck: Deck, name: str, grids: Grids) -> sp.csr_array:
+    """Upper triangle of a DMIG matrix on the g-set (errors of `dmig_matrix`)."""
+    return _upper(dmig_matrix(deck, name), grids)
 
 
 def _upper(found: Dmig, grids: Grids) -> sp.csr_array:

@@ -1,36 +1,69 @@
-"""What a deck says of superelements: parts and those of other runs are refused, others are solved as one model."""
+"""Superelements: the parts of a deck, where they are joined, their reduced matrices, and what is refused."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
 from femtune.errors import FemtuneError, Notice, Where
+from femtune.fem.assembled import AssembledMatrix
+from femtune.fem.fields import MatrixKind
+from femtune.fem.joined import Increase, Point
+from femtune.fem.structure import Structure
+from femtune.files.matrices.op4 import op4_names, read_op4
+from femtune.files.matrices.read_matrix import ReadMatrix
+from femtune.files.nastran.building import Building
+from femtune.files.nastran.card import Card
 from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.grids import Grids
+from femtune.files.nastran.lists import read_list
+from femtune.files.nastran.matrices import dmig_names, dmig_upper, scaled_matrix
 
-_IN_ONE_MODEL = ("SESET", "SETREE", "SEELT", "SEQSET", "SEQSET1", "CSUPEXT", "RELEASE")
-_IN_PARTS = ("SECONCT", "SEBNDRY", "SELOC", "SEMPLN")
-_EXTERNAL = ("EXTERNAL", "EXTOP2", "EXTOP4", "MATRIX", "MATDB", "MATOP4")
+_IN_ONE_MODEL = ("SESET", "SETREE", "SEELT", "SEQSET", "SEQSET1")
+# what moves or copies a part, or changes how it is joined
+_REFUSED = ("SELOC", "SEMPLN", "RELEASE", "CSUPER", "CSUPEXT")
+_PRIMARY, _OP4, _DMIG = "PRIMARY", ("EXTOP4", "MATOP4"), "EXTERNAL"
+_TOLERANCE = 1e-5
+_SEARCHES = ("AUTO", "MANUAL")
+_ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*(?:'([^']*)'|\"([^\"]*)\"|([^\s,'\"]+))(.*)", re.IGNORECASE | re.DOTALL)
+_UNIT = re.compile(r"\bUNIT\s*=?\s*(\d{1,5})", re.IGNORECASE)
+# names under which EXTSEOUT writes the matrices of the boundary
+_NAMES: tuple[tuple[MatrixKind, tuple[str, ...]], ...] = (
+    ("stiffness", ("KXX", "KAA", "KAAX")),
+    ("mass", ("MXX", "MAA", "MAAX")),
+    ("viscous", ("BXX1", "BXX", "BAA", "BAAX")),
+    ("hysteretic", ("K4XX1", "K4XX", "K4AA", "K4AAX")),
+)
+_NEEDED = ("stiffness", "mass")
 
 
-def check_superelements(deck: Deck) -> list[Notice]:
-    """A notice where the deck divides its one model.
+def superelement_notices(deck: Deck) -> list[Notice]:
+    """A notice where the deck is divided; parts are solved as they are, without the reduction that Nastran makes.
 
     Raises
     ------
-    FemtuneError : ``deck.superelement`` for parts, and for superelements of other runs
+    FemtuneError : ``deck.superelement`` for what is not read
     """
-    external = next((c for c in deck.by_name("SEBULK") if c.text(1).startswith(_EXTERNAL)), None)
-    if external is not None:
-        raise FemtuneError("deck.superelement/external", where=external.where(), card=external.record)
+    _refuse(deck)
+    aside = [
+        Notice("deck.other-section", where=Where(line.file, line.number), section=line.body.strip())
+        for line in deck.aside
+    ]
+    return aside + _of_division(deck)
+
+
+def _of_division(deck: Deck) -> list[Notice]:
     if deck.parts:
+        names = ", ".join(map(str, list(deck.parts)[:10])) + (" …" if len(deck.parts) > 10 else "")
         number, line = next(iter(deck.parts.items()))
-        count = f"{len(deck.parts)} superelement{'s' if len(deck.parts) > 1 else ''}"
         where = Where(line.file, line.number, f"BEGIN SUPER {number}")
-        raise FemtuneError("deck.superelement", where=where, count=count, number=number)
-    missing = next(iter(deck.by_name("SEBULK")), None)
-    if missing is not None:
-        raise FemtuneError("deck.superelement/no-part", where=missing.where(), card=missing.record)
-    joined = next((deck.by_name(name)[0] for name in _IN_PARTS if deck.by_name(name)), None)
-    if joined is not None:
-        raise FemtuneError("deck.superelement/external", where=joined.where(), card=joined.record)
+        return [_whole_parts(deck, where, names)]
     card = next((deck.by_name(name)[0] for name in _IN_ONE_MODEL if deck.by_name(name)), None)
     if card is not None:
         return [Notice("deck.superelement/whole", where=card.where(), by=card.name)]
@@ -41,3 +74,287 @@ def check_superelements(deck: Deck) -> list[Notice]:
         return []
     divided = next((c for c in deck.by_name("GRID") if not c.blank(7) and c.text(7) != "0"), None)
     return [] if divided is None else [Notice("deck.superelement/whole", where=command.where, by="SEID of GRID")]
+
+
+def increase_notice(deck: Deck, number: int, more: Increase) -> Notice:
+    """How the numbers of a superelement are increased, because other parts have them too."""
+    line = deck.parts[number]
+    groups = ("points", more.points), ("elements", more.elements), ("properties and materials", more.cards)
+    named = ", ".join(name for name, by in groups if by)
+    by = max(by for _, by in groups)
+    where = Where(line.file, line.number, f"BEGIN SUPER {number}")
+    return Notice("deck.superelement/numbers", where=where, level="info", number=number, groups=named, increase=by)
+
+
+def _whole_parts(deck: Deck, where: Where, names: str) -> Notice:
+    """Without component modes Nastran reduces a part statically, which may change the frequencies much."""
+    dynamic = {card.superelement for card in deck.cards if card.name in ("QSET", "QSET1", "SENQSET")}
+    listed = {int(card.integer(0, 0)) for card in deck.by_name("SENQSET")} if deck.by_name("SENQSET") else set()
+    static = [n for n in deck.parts if n not in dynamic | listed and not _is_external(deck, n)]
+    if static:
+        numbers = ", ".join(map(str, static[:10]))
+        return Notice("deck.superelement/static", where=where, parts=names, static=numbers)
+    return Notice("deck.superelement/parts", where=where, level="info", parts=names)
+
+
+def _refuse(deck: Deck) -> None:
+    card = next((deck.by_name(name)[0] for name in _REFUSED if deck.by_name(name)), None)
+    if card is not None:
+        raise FemtuneError("deck.superelement", where=card.where(), card=card.record)
+    if deck.aside and any(c.name == "MASSSET" for c in deck.case_control.effective):
+        line = deck.aside[0]
+        raise FemtuneError(
+            "deck.superelement/mass-increment", where=Where(line.file, line.number), section=line.body.strip()
+        )
+    for card in deck.by_name("SEBULK"):
+        kind = card.text(1, _PRIMARY)
+        if kind not in (_PRIMARY, *_OP4, _DMIG):
+            raise FemtuneError("deck.superelement/type", where=card.where(1), card=card.record, kind=kind)
+        if card.text(3, "AUTO") not in _SEARCHES:
+            raise card.error("deck.field-value/superelement-search", index=3)
+        if card.integer(0) not in deck.parts:
+            raise FemtuneError("deck.superelement/no-part", where=card.where(), card=card.record, kind=kind)
+    joined = next((c for name in ("SECONCT", "SEBNDRY", "SEEXCLD") for c in deck.by_name(name)), None)
+    if joined is not None and not deck.parts:
+        raise FemtuneError("deck.superelement/no-part", where=joined.where(), card=joined.record, kind=_PRIMARY)
+    if deck.parts and deck.case_control.preload is not None:
+        number, line = next(iter(deck.parts.items()))
+        raise FemtuneError("deck.superelement/preload", where=Where(line.file, line.number, f"BEGIN SUPER {number}"))
+
+
+def _bulk_card(deck: Deck, number: int) -> Card | None:
+    """SEBULK card of a superelement."""
+    return next((card for card in deck.by_name("SEBULK") if card.integer(0, 0) == number), None)
+
+
+def _is_external(deck: Deck, number: int) -> bool:
+    card = _bulk_card(deck, number)
+    return card is not None and card.text(1, _PRIMARY) != _PRIMARY
+
+
+# ----------------------------------------------------------------------------------------------------
+# Where parts are joined: pairs of SECONCT cards, and points in one place where SEBULK does not exclude the search.
+
+
+@dataclass(frozen=True)
+class Section:
+    """Structure of a part, or of the residual structure (number 0), with its numbers."""
+
+    number: int
+    structure: Structure
+
+
+def boundary_pairs(deck: Deck, sections: Sequence[Section]) -> list[tuple[Point, Point]]:
+    """Pairs of points that are joined, of which each is the index of its section and its number.
+
+    Raises
+    ------
+    FemtuneError : ``deck.superelement`` for points that do not exist, lie apart, or are ambiguous
+    """
+    at = {section.number: i for i, section in enumerate(sections)}
+    pairs = [pair for card in deck.by_name("SECONCT") for pair in _listed_pairs(card, at, sections)]
+    for i in range(len(sections)):
+        for j in range(i + 1, len(sections)):
+            pairs += _found_pairs(deck, sections, i, j)
+    joined = {i for pair in pairs for i, _ in pair}
+    for i, section in enumerate(sections):
+        if section.number and i not in joined:
+            line = deck.parts[section.number]
+            where = Where(line.file, line.number, f"BEGIN SUPER {section.number}")
+            raise FemtuneError("deck.superelement/not-joined", where=where, number=section.number)
+    return pairs
+
+
+def _listed_pairs(card: Card, at: dict[int, int], sections: Sequence[Section]) -> Iterator[tuple[Point, Point]]:
+    numbers = card.integer(0), card.integer(1, 0)
+    unknown = next((n for n in numbers if n not in at), None)
+    if unknown is not None:
+        raise FemtuneError("deck.superelement/unknown", where=card.where(), card=card.record, number=unknown)
+    check, tolerance = card.text(3, "YES") != "NO", card.real(2, _TOLERANCE)
+    i, j = (at[n] for n in numbers)
+    for a, b in _pairs(card):
+        places = []
+        for k, number in ((i, a), (j, b)):
+            nodes = sections[k].structure.nodes
+            if not (nodes.has_grid(number) or nodes.has_scalar(number)):
+                raise FemtuneError(
+                    "deck.superelement/no-point", where=card.where(), card=card.record, point=number,
+                    number=sections[k].number,
+                )  # fmt: skip
+            places.append(nodes.xyz[nodes.position(number)] if nodes.has_grid(number) else None)
+        one, other = places
+        if (one is None) != (other is None):
+            raise FemtuneError("deck.superelement/point-kinds", where=card.where(), card=card.record, one=a, other=b)
+        if check and one is not None and other is not None and (gap := float(np.linalg.norm(one - other))) > tolerance:
+            raise FemtuneError(
+                "deck.superelement/apart", where=card.where(), card=card.record, one=a, other=b, distance=gap,
+                tolerance=tolerance,
+            )  # fmt: skip
+        yield (i, a), (j, b)
+
+
+def _pairs(card: Card) -> Iterator[tuple[int, int]]:
+    """Pairs of the continuations: ``A1 B1 A2 B2 …``, or ``A1 THRU A2 B1 THRU B2`` on a line of its own."""
+    for start in range(8, len(card.fields), 8):
+        if card.text(start + 1) == "THRU":
+            one, other = (
+                read_list([card.text(k) for k in range(at, at + 3)], card.where(at)).expand()
+                for at in (start, start + 3)
+            )
+            if len(one) != len(other):
+                raise card.error("deck.field-value/superelement-pairs", index=start)
+            yield from zip(one, other)
+            continue
+        for at in range(start, start + 8, 2):
+            if not card.blank(at) or not card.blank(at + 1):
+                yield card.integer(at), card.integer(at + 1)
+
+
+def _found_pairs(deck: Deck, sections: Sequence[Section], i: int, j: int) -> Iterator[tuple[Point, Point]]:
+    """Points of two sections in one place."""
+    cards = [_bulk_card(deck, sections[k].number) for k in (i, j) if sections[k].number]
+    searched = [card for card in cards if card is None or card.text(3, "AUTO") == "AUTO"]
+    if not searched:
+        return
+    tolerance = max(_TOLERANCE if card is None else card.real(4, _TOLERANCE) for card in searched)
+    own, other = ((k, _candidates(deck, sections[k], sections[m].number)) for k, m in ((i, j), (j, i)))
+    if not len(own[1]) or not len(other[1]):
+        return
+    xyz = [
+        sections[k].structure.nodes.xyz[np.searchsorted(sections[k].structure.nodes.ids, numbers)]
+        for k, numbers in (own, other)
+    ]
+    near = cKDTree(xyz[0]).query_ball_tree(cKDTree(xyz[1]), tolerance)
+    taken: dict[int, int] = {}
+    for row, found in enumerate(near):
+        for to in found:
+            a, b = int(own[1][row]), int(other[1][to])
+            if len(found) > 1 or to in taken:
+                twice = [int(other[1][k]) for k in found[:2]] if len(found) > 1 else [taken[to], a]
+                raise FemtuneError(
+                    "deck.superelement/ambiguous", where=_where(deck, sections, i, j), one=sections[i].number,
+                    other=sections[j].number, points=" and ".join(map(str, twice)),
+                )  # fmt: skip
+            taken[to] = a
+            yield (i, a), (j, b)
+
+
+def _where(deck: Deck, sections: Sequence[Section], i: int, j: int) -> Where:
+    line = deck.parts[sections[j].number]
+    return Where(line.file, line.number, f"BEGIN SUPER {sections[j].number}")
+
+
+def _candidates(deck: Deck, section: Section, other: int) -> np.ndarray:
+    """Grid points of a section that may be joined to another one: of SEBNDRY, or all, without those of SEEXCLD."""
+    ids = section.structure.nodes.ids
+    listed = _listed(deck, "SEBNDRY", section.number, other)
+    if listed is not None:
+        ids = np.array([n for n in ids.tolist() if n in listed], np.int64)
+    left_out = _listed(deck, "SEEXCLD", section.number, other)
+    return ids if left_out is None else np.array([n for n in ids.tolist() if n not in left_out], np.int64)
+
+
+def _listed(deck: Deck, name: str, number: int, other: int) -> set[int] | None:
+    cards = [
+        card for card in deck.by_name(name)
+        if card.integer(0) == number and (card.text(1) == "ALL" or card.integer(1, other) == other)
+    ]  # fmt: skip
+    if not cards:
+        return None
+    return {n for card in cards for n in read_list(card.fields[2:], card.where()).expand()}
+
+
+# ----------------------------------------------------------------------------------------------------
+# Reduced matrices of external superelements, on the boundary that EXTRN lists.
+
+
+def reduced_matrices(building: Building, grids: Grids, whole: Deck) -> list[AssembledMatrix]:
+    """Stiffness, mass and damping of an external superelement that another run reduced; nothing for other parts.
+
+    Raises
+    ------
+    FemtuneError : ``deck.superelement`` (no file, no such matrix, another size), ``matrices.*``
+    """
+    deck = building.deck
+    card = _bulk_card(whole, deck.section or 0)
+    kind = _PRIMARY if card is None else card.text(1, _PRIMARY)
+    if card is None or kind == _PRIMARY:
+        return []
+    if kind == _DMIG:
+        return list(_of_dmig(building, grids, card))
+    path = _assigned(whole, card)
+    names = [header.name for header in op4_names(path)]
+    dofs = _boundary(building, grids, card)
+    found = []
+    for matrix, known in _NAMES:
+        name = next((n for n in known if n in names), None)
+        if name is None and matrix in _NEEDED:
+            shown = ", ".join(names[:10])
+            raise FemtuneError(
+                "deck.superelement/no-matrix", where=Where(str(path)), card=card.record, wanted=known[0], names=shown
+            )
+        if name is not None:
+            given = read_op4(path, name)
+            if given.size == len(dofs):
+                found.append(
+                    scaled_matrix(building, matrix, f"{card.record} {name}", _placed(given, dofs, grids), name)
+                )
+            elif matrix in _NEEDED or given.size > 1:
+                raise FemtuneError(
+                    "deck.superelement/size", where=Where(str(path)), name=name, rows=given.size, boundary=len(dofs)
+                )
+    return found
+
+
+def _of_dmig(building: Building, grids: Grids, card: Card) -> Iterator[AssembledMatrix]:
+    """Matrices of DMIG cards that case control does not select: K2GG and M2GG name those of most runs."""
+    selected = any(c.name in ("K2GG", "M2GG") for c in building.deck.case_control.effective)
+    names = dmig_names(building.deck)
+    for matrix, known in () if selected else _NAMES:
+        name = next((n for n in known if n in names), None)
+        if name is not None:
+            upper = dmig_upper(building.deck, name, grids)
+            yield scaled_matrix(building, matrix, f"{card.record} {name}", upper, name)
+        elif matrix in _NEEDED:
+            raise FemtuneError(
+                "deck.superelement/no-matrix", where=card.where(), card=card.record, wanted=known[-1],
+                names=", ".join(names[:10]) or "no DMIG cards",
+            )  # fmt: skip
+
+
+def _assigned(deck: Deck, card: Card) -> Path:
+    """File that ASSIGN gives to the unit of a SEBULK card."""
+    unit = card.integer(6, 0)
+    lines = [line.body for line in deck.executive.lines]
+    for i, body in enumerate(lines):
+        match = _ASSIGN.match(body.strip())
+        if match is None:
+            continue
+        # a comma at the end goes on with the next line
+        rest = match[4] + (lines[i + 1] if match[4].rstrip().endswith(",") and i + 1 < len(lines) else "")
+        given = _UNIT.search(rest)
+        if given and int(given[1]) == unit:
+            return Path(deck.path).parent / (match[1] or match[2] or match[3])
+    raise FemtuneError("deck.superelement/no-file", where=card.where(), card=card.record, unit=unit)
+
+
+def _boundary(building: Building, grids: Grids, card: Card) -> list[int]:
+    """g-set DOFs of the rows of the matrices, in the order of EXTRN."""
+    records = building.records("EXTRN")
+    if not records:
+        raise FemtuneError("deck.superelement/no-boundary", where=card.where(), card=card.record)
+    dofs = []
+    for record in records:
+        for at in range(0, len(record.card.fields), 2):
+            if not record.card.blank(at):
+                number = record.card.integer(at)
+                dofs += [grids.dof(number, int(c), record) for c in record.card.component(at + 1, "0")]
+    return dofs
+
+
+def _placed(matrix: ReadMatrix, dofs: Sequence[int], grids: Grids) -> sp.csr_array:
+    n, at, entries = grids.table.n_dofs, np.array(dofs), sp.coo_array(matrix.upper)
+    row, col = at[entries.row], at[entries.col]
+    upper = sp.csr_array((entries.data, (np.minimum(row, col), np.maximum(row, col))), shape=(n, n))
+    upper.sort_indices()
+    return upper

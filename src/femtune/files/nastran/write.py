@@ -332,6 +332,10 @@ class _Copying:
         built = self.planning.built
         card = built.element_cards[number]
         names = CATALOGUE[built.deck.cards[card].name].fields
+        if built.deck.cards[card].superelement:
+            # the numbers of a part are not those of its cards
+            element = built.deck.cards[card]
+            raise FemtuneError("write.superelement", where=element.where(), element=number, part=element.superelement)
         copies = {m[1]: self._copy(_Copy(m, self._changes(m, number)), number) for m in materials}
         new = tuple((old, copy) for old, copy in sorted(copies.items()) if copy)
         if new and own is None:

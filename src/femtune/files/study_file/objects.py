@@ -83,7 +83,7 @@ class Parameter(ParameterEntry, _Checked):
     absolute : the parameter is the value of the field, in units of the deck, instead of a factor
     elements, region : elements for which the field is changed; default: all that use it: ``"201 THRU 208"``,
         ``{"properties": [3]}``
-    sd, mean : prior standard deviation and mean
+    sd, mean : prior standard deviation and mean, in units of `lower`
     prior, prior_name : catalogue that holds the prior, and the name of the entry
     tie : an expression of other parameters, instead of bounds: "2.0*E"
     individual : whether each specimen has its own value
@@ -137,14 +137,17 @@ class Configuration(ConfigurationEntry, _Checked):
     test : a `ModalTest`, or the path of its file; None without a test
     specimen : name of the specimen, where nominally identical structures were tested
     test_units : length-mass-s of the test, if its file does not state them
-    masses : added masses: ``[{"node": 12, "mass": 0.5}]``
+    masses, masses_file : added masses: ``[{"node": 12, "mass": 0.5}]``, or a table of them
     elements_off : elements that are absent: "201 THRU 208"
     components, interface : the components that are present, and "fixed" where their interface is supported
     spc, mpc : sets of supports and of multipoint constraints, in place of those of the deck
     supports_added, supports_removed : ``["12:123"]``
-    weighed_mass : of the structure in this state
+    weighed_mass : of the structure in this state, in units of the study
     use : "update", or "validation" for a test that the update must not see
-    words : further keys: mode_labels, leave_out, pairs, rotation, origin, records
+    rotation, origin : axes of the test in the model: rows of a rotation, dimensionless, and a point in the unit of
+        length of the study
+    mode_labels, leave_out, pairs, records, deviations : which modes of the test, how they are paired, and their scatter
+    runs, solver : table of runs of another solver in this configuration, and its keys in place of those of [solver]
 
     Raises
     ------
@@ -182,6 +185,12 @@ class FrequencyResidual(FrequencyResidualEntry, _Checked):
     modes : labels of test modes; None: all
     configuration : name, if the study has several
 
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
+    Source: Mottershead, Link and Friswell (2011).
+
     Examples
     --------
     >>> import femtune as ft
@@ -201,6 +210,12 @@ class ComplexEigenvalueResidual(ComplexEigenvalueResidualEntry, _Checked):
     covariance : instead of `sd`, of all frequencies in Hz and all damping ratios of the test; "test": that of the test
     modes, configuration : as for `FrequencyResidual`
 
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
+    Source: Friswell and Mottershead (1995), section 7.
+
     Examples
     --------
     >>> import femtune as ft
@@ -219,6 +234,12 @@ class DampingResidual(DampingResidualEntry, _Checked):
     sd : relative standard deviation; "test": that of the test
     covariance : instead of `sd`, of all damping ratios of the test; "test": from that of the test
     modes, configuration : as for `FrequencyResidual`
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
+    Source: Friswell and Mottershead (1995), section 7.
 
     Examples
     --------
@@ -242,6 +263,12 @@ class ShapeResidual(ShapeResidualEntry, _Checked):
     modes, configuration : as for `FrequencyResidual`
     mass_scaled : True if the test shapes have unit modal mass though its file does not say so
 
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
+    Source: Mottershead, Link and Friswell (2011).
+
     Examples
     --------
     >>> import femtune as ft
@@ -259,6 +286,10 @@ class StrainResidual(StrainResidualEntry, _Checked):
     ----------
     sensors : labels of the strain gauges
     sd, covariance, scaling, modes, configuration, mass_scaled : as for `ShapeResidual`
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
 
     Examples
     --------
@@ -279,6 +310,12 @@ class MacResidual(MacResidualEntry, _Checked):
     form : "root" √(1 − MAC)/√MAC, "ratio" (1 − MAC)/MAC or "difference" 1 − MAC
     modes, configuration : as for `FrequencyResidual`
 
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
+    Source: Allemang and Brown (1982).
+
     Examples
     --------
     >>> import femtune as ft
@@ -298,6 +335,12 @@ class FlexibilityResidual(FlexibilityResidualEntry, _Checked):
     part : "matrix" or "diagonal"
     modes, configuration, mass_scaled : as for `ShapeResidual`
 
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
+    Source: Pandey and Biswas (1994).
+
     Examples
     --------
     >>> import femtune as ft
@@ -315,6 +358,12 @@ class DynamicResidual(DynamicResidualEntry, _Checked):
     ----------
     sd : of a force, for a shape scaled to a largest entry of one
     modes, configuration : as for `FrequencyResidual`
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
+    Source: Friswell and Mottershead (1995), equation error.
 
     Examples
     --------
@@ -336,10 +385,18 @@ class FrfResidual(FrfResidualEntry, _Checked):
     form : "log-complex", "log-magnitude" or "linear"
     around : "band", or "resonances": lines around the resonances of the test
     sd, floor, averages : standard deviation of a function, in units of `form`
-    output_sd, angle_sd_deg : that of single outputs, and that of the rotation of sensors
+    output_sd, angle_sd_deg : that of single outputs, relative, and that of the rotation of sensors in degrees
     method, ratio, ratios, residual_vectors, count, max_hz : how the model's functions are computed
-    modes, most, bandwidths, lines, aligned, region_ratio : which lines are compared
+    leave_out_modes_hz : natural frequencies of modes that the FRFs of the model leave out
+    modes, most, lines, aligned, region_ratio : which lines are compared
+    bandwidths : width of the range around a resonance relative to its half-power bandwidth 2ζf
     configuration : name, if the study has several
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
+    Source: Mottershead, Link and Friswell (2011).
 
     Examples
     --------
@@ -358,8 +415,17 @@ class AntiresonanceResidual(AntiresonanceResidualEntry, _Checked):
     ----------
     sd : standard deviation, relative; "test": the standard deviation of each fit
     outputs, inputs, from_hz, to_hz, count, max_hz : as for `FrfResidual`
-    frequency_gate, mac_gate, depth, half_width, most_damping, above_noise : criteria for detection and pairing
+    half_width : lines on each side of a minimum that the zero is fitted to
+    frequency_gate : largest relative difference of the frequencies of a pair
+    mac_gate : smallest MAC of the responses at a pair, 0 … 1
+    depth : largest ratio of the magnitude at a minimum to that of the smaller adjacent peak
+    most_damping : largest loss factor of the fitted zero, dimensionless
+    above_noise : smallest ratio of the adjacent peaks to the noise of the lines there
     configuration : name, if the study has several
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
 
     Examples
     --------
@@ -377,11 +443,15 @@ class StaticDisplacementResidual(DisplacementResidualEntry, _Checked):
     Parameters
     ----------
     name : of the load case
-    forces : force by DOF, ``{"5Z+": 100.0}``
-    displacements : measured displacement by DOF
+    forces : force by DOF in units of the study, ``{"5Z+": 100.0}``
+    displacements : measured displacement by DOF, in the unit of length of the study
     sd : relative to the largest displacement
     covariance : instead of `sd`
     configuration : name, if the study has several
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
 
     Examples
     --------
@@ -402,6 +472,10 @@ class StaticForceResidual(ForceResidualEntry, _Checked):
     name, forces, displacements, configuration : as for `StaticDisplacementResidual`
     sd : of a force
 
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
     Examples
     --------
     >>> import femtune as ft
@@ -420,6 +494,10 @@ class MassResidual(MassResidualEntry, _Checked):
     mass : in units of the study
     sd : relative
     configuration : name, if the study has several
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
 
     Examples
     --------
@@ -440,6 +518,10 @@ class CentreOfGravityResidual(CentreResidualEntry, _Checked):
     sd : a length
     configuration : name, if the study has several
 
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
+
     Examples
     --------
     >>> import femtune as ft
@@ -456,9 +538,13 @@ class InertiaResidual(InertiaResidualEntry, _Checked):
     Parameters
     ----------
     ixx, iyy, izz, ixy, ixz, iyz : measured entries, in mass·length² of the study
-    about : reference point
+    about : reference point, in the unit of length of the study
     sd : relative to the largest entry
     configuration : name, if the study has several
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-key``, ``study.type``, ``study.value`` …, all errors together
 
     Examples
     --------

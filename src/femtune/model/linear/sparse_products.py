@@ -17,6 +17,8 @@ from femtune.model.solvers import pardiso
 
 LIBRARY_FROM = 50_000
 """Entries from which the threaded library is worth its start."""
+DENSE_UP_TO = 100
+"""Rows up to which a full array is multiplied: to make a sparse matrix ready takes longer than a hundred products."""
 _NEARLY, _DENSE = 1.25, 0.9
 """Entries a row of a nearly diagonal matrix, at most; part of a pattern without zeros from which on these may stay."""
 _SUCCESS, _PLAIN, _BY_ROWS, _FROM_ZERO = 0, 10, 101, 0
@@ -42,8 +44,11 @@ def product(matrix: SymmetricMatrix, block: int = 0) -> Product:
     `block` is the usual number of columns where many products will be requested: the library may then keep a copy of
     the matrix in the order that it likes best.
     """
-    lean = without_zeros(matrix)
     n = matrix.shape[0]
+    if n <= DENSE_UP_TO:
+        array = matrix.full().toarray()
+        return Product(matrix.shape, lambda x: column_major(np.asarray(array @ x)))
+    lean = without_zeros(matrix)
     if lean.nnz <= _NEARLY * n:
         return Product(matrix.shape, _NearlyDiagonal.of(lean))
     if lean.nnz >= LIBRARY_FROM and pardiso.library() is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 _COLUMNS = 16
 """Columns of a product at a time, so that there is one further array of the size of the result, and no more."""
+_SMALL = 20_000
+"""Entries of a pattern up to which that of both triangles is kept; in small models it takes longer than the factors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +76,12 @@ class BothTriangles:
     @classmethod
     def of(cls, indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> BothTriangles:
         """From the pattern of the upper triangle."""
+        if len(indices) <= _SMALL:
+            return _known(indptr.astype(np.int32).tobytes(), indices.astype(np.int32).tobytes())
+        return cls._found(indptr, indices)
+
+    @classmethod
+    def _found(cls, indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> BothTriangles:
         n = len(indptr) - 1
         # places count from one, since the sum of sparse matrices leaves zeros out
         upper = sp.csr_array((np.arange(1, len(indices) + 1, dtype=np.int32), indices, indptr), shape=(n, n))
@@ -84,6 +93,11 @@ class BothTriangles:
         """The whole matrix from the numbers of its upper triangle."""
         n = len(self.indptr) - 1
         return sp.csr_array((data[self.source], self.indices, self.indptr), shape=(n, n))
+
+
+@lru_cache(maxsize=16)
+def _known(indptr: bytes, indices: bytes) -> BothTriangles:
+    return BothTriangles._found(np.frombuffer(indptr, np.int32), np.frombuffer(indices, np.int32))
 
 
 def symmetric(matrix: sp.sparray) -> SymmetricMatrix:

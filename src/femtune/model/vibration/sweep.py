@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.signal import lfilter
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
@@ -110,6 +109,8 @@ def transient_response(transfer: ModalTransfer, signals: Reals, step_s: float) -
     ------
     FemtuneError : ``vibration.inputs``
     """
+    from scipy.signal import lfilter  # noqa: PLC0415  slow to import, and wanted here alone
+
     signals = np.atleast_2d(np.asarray(signals, dtype=float))
     if len(signals) != len(transfer.inputs):
         raise FemtuneError("vibration.inputs", given=len(signals), inputs=len(transfer.inputs))

@@ -246,7 +246,10 @@ def _panel(source: ReportSource, found: Sequence[ResponseResults], k: int) -> Fr
     pair = last.pairs[k]
     looks = ("model",) if len(found) == 1 else ("before", "after")
     curves = [_curve(source, r.frfs, look, k) for r, look in zip(found, looks) if r.frfs is not None]
-    test = _test_curve(source, last, k)
+    test = (
+        *_test_curve(source, last, k, "test", last.test_freq_key, last.test_values_key),
+        *_test_curve(source, last, k, "identified", last.identified_freq_key, last.identified_values_key),
+    )
     turns = any("R" in label or "S" in label for label in (pair.output, pair.input))
     unit = f", {last.unit}" if last.unit and not turns else ""
     # the measured curve lies under the model's
@@ -260,8 +263,10 @@ def _curve(source: ReportSource, frfs: FrfResults, look: str, k: int) -> FrfCurv
     return FrfCurve(look, lines, values[k % len(frfs.outputs), k // len(frfs.outputs)])
 
 
-def _test_curve(source: ReportSource, frfs: FrfResults, k: int) -> Iterable[FrfCurve]:
-    values, lines = source.array(frfs.test_values_key), source.array(frfs.test_freq_key)
+def _test_curve(
+    source: ReportSource, frfs: FrfResults, k: int, look: str, freq_key: str | None, values_key: str | None
+) -> Iterable[FrfCurve]:
+    values, lines = source.array(values_key), source.array(freq_key)
     if values is None or lines is None:
         return
     model = source.array(frfs.freq_key)
@@ -269,7 +274,7 @@ def _test_curve(source: ReportSource, frfs: FrfResults, k: int) -> Iterable[FrfC
     curve = values[k % len(frfs.outputs), k // len(frfs.outputs)]
     inside = (lines >= model[0]) & (lines <= model[-1])
     if np.isfinite(curve[inside]).any():
-        yield FrfCurve("test", lines[inside], curve[inside])
+        yield FrfCurve(look, lines[inside], curve[inside])
 
 
 def frf_table(found: Sequence[ResponseResults], order: Sequence[int], *, folded: bool = False) -> Table:

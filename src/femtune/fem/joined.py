@@ -1,0 +1,312 @@
+"""One structure from several that have numbers of their own, joined at pairs of points (superelements in parts)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from femtune.arrays import Integers
+from femtune.fem.assembled import AssembledMatrix
+from femtune.fem.fields import FieldRef
+from femtune.fem.structure import ConstraintRows, ElementBatch, NodeTable, Structure, join_constraints
+from femtune.fem.values import Derived, ValueTable
+
+# what kernels read of a structure, which may differ among the parts
+_SETTINGS = ("mass_factor", "consistent_mass", "lumped_along", "drilling", "normals_within")
+# of the size of the model: points that are joined elsewhere keep their places
+_SAME_PLACE = 1e-6
+
+
+@dataclass(frozen=True)
+class Increase:
+    """What is added to the numbers of a part, so that each is there once: of points, elements, and of other cards."""
+
+    points: int = 0
+    elements: int = 0
+    cards: int = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.points or self.elements or self.cards)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A structure that is joined to others.
+
+    Parameters
+    ----------
+    structure : with numbers of its own
+    number : of the superelement, 0 for the residual structure
+    support_set, multipoint_set : sets that are active in the part; None takes those of the same number as elsewhere
+    """
+
+    structure: Structure
+    number: int = 0
+    support_set: int | None = None
+    multipoint_set: int | None = None
+
+    def is_of_element(self, ref: FieldRef) -> bool:
+        """Whether a value stands on the card of an element, whose number it has."""
+        return self.structure.element_kinds.get(ref.id) == ref.card
+
+    def in_whole(self, ref: FieldRef, more: Increase) -> FieldRef:
+        """Name of a value of the part in the whole."""
+        if ref.id or not self.number:
+            return replace(ref, id=ref.id + (more.elements if self.is_of_element(ref) else more.cards))
+        # of the whole part: PARAM G, the factor of a matrix
+        return replace(ref, name=f"{ref.name}.{self.number}")
+
+
+Point = tuple[int, int]
+"""Index of a part, and number of a point in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where rows and DOFs of a part lie in the whole: `rows` of its grid points, `dofs` of its g-set."""
+
+    rows: Integers
+    dofs: Integers
+
+    def row(self, at: Integers) -> Integers:
+        return np.asarray(np.where(at < 0, -1, self.rows[at]))
+
+    def dof(self, at: Integers) -> Integers:
+        return np.asarray(np.where(at < 0, -1, self.dofs[at]))
+
+
+@dataclass(frozen=True)
+class Joined:
+    """The whole, and what was added to the numbers of each part."""
+
+    structure: Structure
+    increases: tuple[Increase, ...]
+
+
+def join(parts: Sequence[Part], pairs: Iterable[tuple[Point, Point]]) -> Joined:
+    """One structure from parts, the residual structure first.
+
+    Points that are joined become one where they lie in one place and have the same displacement frame; otherwise
+    equations make their displacements and rotations equal. A number that stands in two parts is increased in the later
+    one by the number of the superelement times a power of ten.
+
+    Parameters
+    ----------
+    parts : the parts; settings of the first are those of the whole, the elements of others keep their own
+    pairs : points that are joined
+    """
+    joined = _Joining(parts, pairs)
+    return Joined(joined.structure(), joined.increases)
+
+
+class _Joining:
+    """One assembly of parts."""
+
+    def __init__(self, parts: Sequence[Part], pairs: Iterable[tuple[Point, Point]]) -> None:
+        self.parts = parts
+        self.step = 10 ** len(str(max(1, *(_largest(part.structure) for part in parts))))
+        self.same, self.tied = self._classes(pairs)
+        self.increases = self._increases()
+        self.nodes, self.places = self._nodes()
+        self.starts = np.cumsum([0, *(len(p.structure.values.refs) for p in parts)])
+
+    def _classes(self, pairs: Iterable[tuple[Point, Point]]) -> tuple[dict[Point, Point], list[tuple[Point, Point]]]:
+        """The point that stands for each that is joined, and pairs that equations join."""
+        stands: dict[Point, Point] = {}
+
+        def first(point: Point) -> Point:
+            while point in stands:
+                point = stands[point]
+            return point
+
+        for a, b in pairs:
+            one, other = sorted((first(a), first(b)))
+            if one != other:
+                stands[other] = one
+        found = {point: first(point) for point in stands}
+        tied = [(point, of) for point, of in found.items() if not self._alike(point, of)]
+        apart = {point for point, _ in tied}
+        return {point: of for point, of in found.items() if point not in apart}, tied
+
+    def _alike(self, a: Point, b: Point) -> bool:
+        one, other = (self.parts[i].structure.nodes for i, _ in (a, b))
+        if one.has_scalar(a[1]) or other.has_scalar(b[1]):
+            return True
+        i, j = one.position(a[1]), other.position(b[1])
+        reach = _SAME_PLACE * max(float(np.abs(t.xyz).max(initial=0.0)) for t in (one, other))
+        near = float(np.abs(one.xyz[i] - other.xyz[j]).max()) <= reach
+        return near and bool(np.allclose(one.frames[i], other.frames[j], atol=1e-9))
+
+    def _increases(self) -> tuple[Increase, ...]:
+        points: set[int] = set()
+        elements: set[int] = set()
+        cards: set[tuple[str, int]] = set()
+        found = []
+        for i, part in enumerate(self.parts):
+            own_points = {n for n in _points(part.structure) if (i, n) not in self.same}
+            own_elements = _elements(part.structure)
+            own_cards = {(r.card, r.id) for r in part.structure.values.refs if r.id and not part.is_of_element(r)}
+            more = part.number * self.step
+            increase = Increase(
+                more * (not own_points.isdisjoint(points)),
+                more * (not own_elements.isdisjoint(elements)),
+                more * (not own_cards.isdisjoint(cards)),
+            )
+            points |= {n + increase.points for n in own_points}
+            elements |= {n + increase.elements for n in own_elements}
+            cards |= {(card, n + increase.cards) for card, n in own_cards}
+            found.append(increase)
+        return tuple(found)
+
+    def _nodes(self) -> tuple[NodeTable, list[_Places]]:
+        own = [
+            np.array([(i, r) not in self.same for r in part.structure.nodes.ids.tolist()], bool)
+            for i, part in enumerate(self.parts)
+        ]
+        tables = [part.structure.nodes for part in self.parts]
+        ids = [t.ids[keep] + more.points for t, keep, more in zip(tables, own, self.increases)]
+        scalars = [
+            [n + more.points for n in t.scalar_points.tolist() if (i, n) not in self.same]
+            for i, (t, more) in enumerate(zip(tables, self.increases))
+        ]
+        numbers = np.concatenate(ids)
+        order = np.argsort(numbers, kind="stable")
+        nodes = NodeTable(
+            numbers[order],
+            np.concatenate([t.xyz[keep] for t, keep in zip(tables, own)])[order],
+            np.concatenate([t.frames[keep] for t, keep in zip(tables, own)])[order],
+            np.array(sorted(n for some in scalars for n in some), np.int64),
+        )
+        return nodes, [self._place(i, nodes) for i in range(len(self.parts))]
+
+    def _number(self, point: Point) -> int:
+        """Number in the whole."""
+        i, number = self.same.get(point, point)
+        return number + self.increases[i].points
+
+    def _place(self, i: int, nodes: NodeTable) -> _Places:
+        table = self.parts[i].structure.nodes
+        rows = np.array([nodes.position(self._number((i, n))) for n in table.ids.tolist()], np.int64)
+        grid = (6 * rows[:, None] + np.arange(6)).ravel()
+        scalar = [nodes.dof(self._number((i, n)), 0) for n in table.scalar_points.tolist()]
+        return _Places(rows, np.concatenate([grid, np.array(scalar, np.int64)]))
+
+    def structure(self) -> Structure:
+        main = self.parts[0]
+        each = list(zip(self.parts, self.increases, self.places, self.starts.tolist()))
+        rigid = [_rows(part.structure.rigid, place, more.elements) for part, more, place, _ in each]
+        kinds = [{n + m.elements: kind for n, kind in p.structure.element_kinds.items()} for p, m, _, _ in each]
+        return replace(
+            main.structure,
+            nodes=self.nodes,
+            values=self._values(),
+            batches=tuple(self._batch(b, *of) for of in each for b in of[0].structure.batches),
+            rigid=join_constraints([*rigid, self._ties()]),
+            multipoint_sets=self._equations(),
+            support_sets=self._supports(),
+            permanent=np.unique(np.concatenate([place.dof(p.structure.permanent) for p, _, place, _ in each])),
+            default_support_set=self._default("support_set"),
+            default_multipoint_set=self._default("multipoint_set"),
+            element_kinds={n: kind for some in reversed(kinds) for n, kind in some.items()},
+            dof_sets={name: np.sort(self.places[0].dof(at)) for name, at in main.structure.dof_sets.items()},
+            assembled=tuple(self._assembled(m, *of[2:]) for of in each for m in of[0].structure.assembled),
+        )
+
+    def _default(self, name: str) -> int | None:
+        """Number of the selected set: that of the residual structure, or of the first part that has one."""
+        return next((n for part in self.parts if (n := getattr(part, name)) is not None), None)
+
+    def _supports(self) -> dict[int, Integers]:
+        chosen = self._default("support_set")
+        found: dict[int, list[Integers]] = {} if chosen is None else {chosen: []}
+        for part, place in zip(self.parts, self.places):
+            for number, dofs in part.structure.support_sets.items():
+                active = number == part.support_set
+                if active or number != chosen:
+                    found.setdefault(chosen if active and chosen is not None else number, []).append(place.dof(dofs))
+        return {n: np.unique(np.concatenate([np.zeros(0, np.int64), *dofs])) for n, dofs in found.items()}
+
+    def _equations(self) -> dict[int, ConstraintRows]:
+        chosen = self._default("multipoint_set")
+        found: dict[int, list[ConstraintRows]] = {} if chosen is None else {chosen: []}
+        for part, place in zip(self.parts, self.places):
+            for number, rows in part.structure.multipoint_sets.items():
+                active = number == part.multipoint_set
+                if active or number != chosen:
+                    found.setdefault(chosen if active and chosen is not None else number, []).append(_rows(rows, place))
+        return {n: join_constraints(rows) for n, rows in found.items()}
+
+    def _ties(self) -> ConstraintRows:
+        """Equations that give a point the displacements and rotations of another, each in its own frame."""
+        found = []
+        for a, b in self.tied:
+            rows = [self.places[i].rows[self.parts[i].structure.nodes.position(n)] for i, n in (a, b)]
+            turn = self.nodes.frames[rows[0]].T @ self.nodes.frames[rows[1]]
+            block = np.kron(np.eye(2), turn)
+            own, other = (6 * row + np.arange(6) for row in rows)
+            at, to = np.nonzero(block)
+            equations = np.arange(6)
+            found.append(
+                ConstraintRows(
+                    own,
+                    np.concatenate([equations, at]),
+                    np.concatenate([own, other[to]]),
+                    np.concatenate([np.ones(6), -block[at, to]]),
+                    np.zeros(6, np.int64),
+                )
+            )
+        return join_constraints(found)
+
+    def _values(self) -> ValueTable:
+        tables = [part.structure.values for part in self.parts]
+        refs = [
+            part.in_whole(ref, more)
+            for part, more in zip(self.parts, self.increases)
+            for ref in part.structure.values.refs
+        ]
+        derived = [
+            Derived(d.target + start, d.function, tuple(s + start for s in d.sources))
+            for table, start in zip(tables, self.starts.tolist())
+            for d in table.derived
+        ]
+        return ValueTable(tuple(refs), np.concatenate([t.values for t in tables]), tuple(derived))
+
+    def _batch(self, batch: ElementBatch, part: Part, more: Increase, place: _Places, start: int) -> ElementBatch:
+        whole = self.parts[0].structure
+        own = {name: getattr(part.structure, name) for name in _SETTINGS}
+        return replace(
+            batch,
+            ids=batch.ids + more.elements,
+            nodes=place.row(batch.nodes),
+            dofs=place.dof(batch.dofs),
+            roles={name: at + start for name, at in batch.roles.items()},
+            settings={name: value for name, value in own.items() if value != getattr(whole, name)},
+        )
+
+    def _assembled(self, matrix: AssembledMatrix, place: _Places, start: int) -> AssembledMatrix:
+        n, entries = self.nodes.n_dofs, sp.coo_array(matrix.upper)
+        row, col = place.dofs[entries.row], place.dofs[entries.col]
+        upper = sp.csr_array((entries.data, (np.minimum(row, col), np.maximum(row, col))), shape=(n, n))
+        upper.sort_indices()
+        return replace(matrix, upper=upper, roles={name: at + start for name, at in matrix.roles.items()})
+
+
+def _rows(rows: ConstraintRows, place: _Places, more: int = 0) -> ConstraintRows:
+    owner = np.where(rows.owner > 0, rows.owner + more, rows.owner)
+    return replace(rows, dependent=place.dof(rows.dependent), dof=place.dof(rows.dof), owner=owner)
+
+
+def _points(structure: Structure) -> list[int]:
+    return [*structure.nodes.ids.tolist(), *structure.nodes.scalar_points.tolist()]
+
+
+def _elements(structure: Structure) -> set[int]:
+    return {*structure.element_kinds, *(int(n) for b in structure.batches for n in b.ids)}
+
+
+def _largest(structure: Structure) -> int:
+    numbers = [*_points(structure), *_elements(structure), *(ref.id for ref in structure.values.refs)]
+    return max(numbers, default=1)
