@@ -415,7 +415,57 @@ SPC1    1       123456  1       4
 ENDDATA
 """
 
+PARTS = """SOL 103
+CEND
+METHOD = 1
+SPC = 1
+SUBCASE 1
+SUPER = 0
+SUBCASE 2
+SUPER = 3
+BEGIN BULK
+EIGRL,1,,,4
+GRID,1,,0.,0.,0.
+GRID,2,,1.,0.,0.
+GRID,3,,1.,1.,0.
+CBAR,1,1,1,2,0.,1.,0.
+CBAR,2,1,2,3,1.,0.,0.
+PBAR,1,1,1.-3,1.-6,2.-6,2.-6
+MAT1,1,2.1+11,,.3,7850.
+SPC1,1,123456,1
+POINT,11,,1.,0.,0.
+POINT,12,,2.,0.,0.
+POINT,13,,1.,0.,1.
+SELOC,3,1,2,9,11,12,13
+SEBULK,3,PRIMARY,,AUTO,1.-4
+SEBULK,5,PRIMARY,,MANUAL
+SECONCT,5,0,1.-3,NO,,,,
+,1,3,2,2
+SEBNDRY,3,0,1,THRU,2
+SEEXCLD,3,5,ALL
+BEGIN SUPER = 3
+GRID,1,,0.,5.,0.
+GRID,2,,0.,6.,0.
+GRID,9,,0.,5.,1.
+GRID,4,,0.,7.,.5
+CBAR,1,1,1,2,1.,0.,0.
+CBAR,2,1,2,4,1.,0.,0.
+RBE2,3,2,123456,9
+PBAR,1,1,2.-3,1.-6,2.-6,2.-6
+MAT1,1,2.1+11,,.3,7850.
+SPC1,1,123,4
+EXTRN,1,123456
+BEGIN BULK SUPER = 5
+GRID,1,,1.,1.,0.
+GRID,2,,1.,0.,0.
+CROD,1,7,1,2
+PROD,7,1,1.-4
+MAT1,1,7.+10,,.3,2700.
+ENDDATA
+"""
+
 DECKS = {
+    "parts": {"deck.bdf": PARTS},
     "frame": {"deck.bdf": FRAME, "more.inc": MORE},
     "beams": {"deck.bdf": BEAMS},
     "shells": {"deck.bdf": SHELLS},

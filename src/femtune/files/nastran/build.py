@@ -178,7 +178,8 @@ def _with_parts(
     try:
         joined = join(parts, pairs)
     except OverflowError as error:
-        raise FemtuneError("deck.superelement/large-numbers", where=Where(str(deck.path))) from error
+        line = next(iter(deck.parts.values()))
+        raise FemtuneError("deck.superelement/large-numbers", where=Where(line.file, line.number)) from error
     each = list(zip(parts, joined.increases, cards, places))
     building.places = {part.in_whole(ref, more): at for part, more, _, own in each for ref, at in own.items()}
     building.notices += [increase_notice(deck, part.number, more) for part, more, _, _ in each if more]

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from femtune.arrays import Reals
+from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.fem.assembled import AssembledMatrix
 from femtune.fem.fields import MatrixKind
@@ -25,6 +25,7 @@ from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.coordinates import BASIC, CoordinateSystem, system_through
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.grids import Grids, read_grids
+from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.files.nastran.matrices import dmig_names, dmig_upper, scaled_matrix
 
 _IN_ONE_MODEL = ("SESET", "SETREE", "SEELT", "SEQSET", "SEQSET1")
@@ -244,7 +245,8 @@ def _pairs(card: Card) -> Iterator[tuple[int, int]]:
     """Pairs of the continuations: ``A1 B1 A2 B2 …``, or ``A1 THRU A2 B1 THRU B2`` on a line of its own."""
     for start in range(8, len(card.fields), 8):
         if card.text(start + 1) == "THRU":
-            one, other = (_numbers(card, [card.text(k) for k in range(at, at + 3)]) for at in (start, start + 3))
+            user = CardEntry(card, CATALOGUE[card.name].fields)
+            one, other = (listed_numbers(user, [card.text(k) for k in range(at, at + 3)]) for at in (start, start + 3))
             if len(one) != len(other):
                 raise card.error("deck.field-value/superelement-pairs", index=start)
             yield from zip(one, other)
@@ -288,28 +290,22 @@ def _where(deck: Deck, sections: Sequence[Section], i: int, j: int) -> Where:
     return Where(line.file, line.number, f"BEGIN SUPER {sections[j].number}")
 
 
-def _candidates(deck: Deck, section: Section, other: int) -> np.ndarray:
+def _candidates(deck: Deck, section: Section, other: int) -> Integers:
     """Grid points of a section that may be joined to another one: of SEBNDRY, or all, without those of SEEXCLD."""
     ids = section.structure.nodes.ids
     listed = _listed(deck, "SEBNDRY", section.number, other)
-    if listed is not None:
-        ids = np.array([n for n in ids.tolist() if n in listed], np.int64)
+    if listed:
+        ids = np.array([n for n in ids.tolist() if any(n in some for some in listed)], np.int64)
     left_out = _listed(deck, "SEEXCLD", section.number, other)
-    return ids if left_out is None else np.array([n for n in ids.tolist() if n not in left_out], np.int64)
+    return np.array([n for n in ids.tolist() if not any(n in some for some in left_out)], np.int64) if left_out else ids
 
 
-def _listed(deck: Deck, name: str, number: int, other: int) -> set[int] | None:
-    cards = [
-        card for card in deck.by_name(name)
+def _listed(deck: Deck, name: str, number: int, other: int) -> list[IntegerList]:
+    return [
+        read_list(card.fields[2:], card.where())
+        for card in deck.by_name(name)
         if card.integer(0) == number and (card.text(1) == "ALL" or card.integer(1, other) == other)
-    ]  # fmt: skip
-    if not cards:
-        return None
-    return {n for card in cards for n in _numbers(card, card.fields[2:])}
-
-
-def _numbers(card: Card, fields: Sequence[str]) -> list[int]:
-    return listed_numbers(CardEntry(card, CATALOGUE[card.name].fields), fields)
+    ]
 
 
 # ----------------------------------------------------------------------------------------------------
