@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 import numpy as np
 
 from femtune import steps
+from femtune.assembly.cases import StudyCase
 from femtune.assembly.study import load_study
 from femtune.model import solve_modes
 from femtune.model.response import frf, make_ports
@@ -83,7 +84,7 @@ def study(tests: Sequence[Measured], files: dict[str, str], size: Size) -> str:
     head = (
         '[study]\ntitle = "Exhaust system, bottom-up"\ndeck = "exhaust.bdf"\nunits = "m-kg-s"\n\n'
         "[modes]\ncount = 26\n\n"
-        f"[residuals]\nfrequency_sd = {NOISE.frequency!r}\nshape_sd = {NOISE.shape!r}\n\n"
+        f'[residuals]\nfrequency_sd = {NOISE.frequency!r}\nshape_sd = {NOISE.shape!r}\nshape_sd_of = "scaled-shape"\n\n'
         "[update]\nmax_iterations = 30\ntolerance = 1e-6\n\n[sensors]\nby_id = true\n"
     )
     blocks = [head, *(_configuration(one, files[one.name]) for one in tests), *map(_parameter, KNOWN)]
@@ -166,14 +167,14 @@ def solve(exhaust: Exhaust, size: Size, seed: int, folder: Path) -> Found:
     tests = simulated_tests(exhaust, deck, seed, NOISE, size.step_hz)
     (folder / "study.toml").write_text(study(tests, write_tests(tests, folder), size), encoding="utf-8")
     run = steps.update(folder / "study.toml")
-    found = Found(seed, run, tuple(curves(folder / "study.toml", run, one) for one in tests[1:]))
+    cases = {case.name: case for case in load_study(folder / "study.toml").cases}
+    found = Found(seed, run, tuple(curves(cases[one.name], run, one) for one in tests[1:]))
     check(found)
     return found
 
 
-def curves(path: Path, run: RunResult, one: Measured) -> Curves:
+def curves(case: StudyCase, run: RunResult, one: Measured) -> Curves:
     """The last output over the first input, as in the chapter's Figure 30."""
-    case = next(c for c in load_study(path).cases if c.name == one.name)
     measured, parameters = one.test.frfs, case.configured.model.parameters
     assert measured is not None
     assert run.results.update is not None

@@ -108,6 +108,14 @@ def fit_modes(
     return _as_fit(problem, found, now, steps, converged, outside)
 
 
+def deviance_at(frfs: FrfSet, poles: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> float:
+    """The `deviance` of a fit that keeps its poles; arguments and errors as of `fit_modes`."""
+    used = complete_lines(frfs)
+    _check_start(poles, used, terms)
+    kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
+    return _deviance(_Problem(used, kept, terms).solve(poles), len(used.freq_hz), sd is not None)
+
+
 def _check_start(poles: Complexes, frfs: FrfSet, terms: tuple[str, ...]) -> None:
     if not len(poles):
         raise FemtuneError("identify.no-poles")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,31 +65,6 @@ LEAST_NOISE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
-    """F functions at given poles, q columns.
-
-    Parameters
-    ----------
-    coefficients : (F, q) of the basis
-    squares : (F,) sums of squared errors, by the lines' weights
-    variance : (F,) of one real part at weight 1
-    own : (F, m, 2, 2) covariances of (Re R, Im R) at unit variance, for given poles
-    pole_effect : (F, m, 2, 2m) their change with (Re λ, Im λ)
-    normal, gradient : (2m, 2m), (2m,) of a Gauss-Newton step of (Re λ, Im λ)
-    shares : (m,) sum over the functions of gᵀN⁻¹g of each pole, g and N being their parts of gradient and normal matrix
-    """
-
-    coefficients: Reals
-    squares: Reals
-    variance: Reals
-    own: Reals
-    pole_effect: Reals
-    normal: Reals
-    gradient: Reals
-    shares: Reals
-
-
-@dataclass(frozen=True, eq=False)
 class _WeightGroup:
     """Functions that share their weights of lines."""
 
@@ -97,6 +74,49 @@ class _WeightGroup:
     effect: Reals
     inner: Reals
     slopes_by_errors: Reals
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """F functions at given poles, q columns. What only the end of a fit asks for is made when it is asked for.
+
+    Parameters
+    ----------
+    coefficients : (F, q) of the basis
+    squares : (F,) sums of squared errors, by the lines' weights
+    variance : (F,) of one real part at weight 1
+    normal, gradient : (2m, 2m), (2m,) of a Gauss-Newton step of (Re λ, Im λ)
+    parts : the fits of functions that share their weights, in order
+    """
+
+    coefficients: Reals
+    squares: Reals
+    variance: Reals
+    normal: Reals
+    gradient: Reals
+    parts: Sequence[_WeightGroup]
+
+    @property
+    def _poles(self) -> int:
+        return len(self.gradient) // 2
+
+    @cached_property
+    def own(self) -> Reals:
+        """(F, m, 2, 2) covariances of (Re R, Im R) at unit variance, for given poles."""
+        m = self._poles
+        return np.concatenate([np.repeat(_blocks(p.own, m)[None], len(p.coefficients), axis=0) for p in self.parts])
+
+    @cached_property
+    def pole_effect(self) -> Reals:
+        """(F, m, 2, 2m) their change with (Re λ, Im λ)."""
+        return np.concatenate([_effects(part, self._poles) for part in self.parts])
+
+    @cached_property
+    def shares(self) -> Reals:
+        """(m,) sum over the functions of gᵀN⁻¹g of each pole, for their parts g and N of gradient and normal matrix."""
+        ends = np.cumsum([len(part.coefficients) for part in self.parts])
+        weights = np.split(1.0 / self.variance, ends[:-1])
+        return np.asarray(sum(_shares(part, w, self._poles) for part, w in zip(self.parts, weights)))
 
 
 def solve_residues(values: Complexes, basis: PartialFractions, weights: Reals | None) -> Solved:
@@ -114,10 +134,9 @@ def solve_residues(values: Complexes, basis: PartialFractions, weights: Reals | 
         level = np.ones(len(values)) if weights is None else weights[:, 0] / weights[0, 0]
         parts = [_part(values, basis, line)]
         variance = _variances(values, parts[0], basis) if weights is None else level**-2.0
-        return _together(parts, [np.arange(len(values))], variance, basis)
+        return _together(parts, variance)
     assert weights is not None
-    parts = [_part(values[[f]], basis, weights[f]) for f in range(len(values))]
-    return _together(parts, [np.array([f]) for f in range(len(values))], np.ones(len(values)), basis)
+    return _together([_part(values[[f]], basis, weights[f]) for f in range(len(values))], np.ones(len(values)))
 
 
 def _part(values: Complexes, basis: PartialFractions, line: Reals) -> _WeightGroup:
@@ -142,23 +161,24 @@ def _variances(values: Complexes, part: _WeightGroup, basis: PartialFractions) -
     return np.maximum(part.squares / freedom, np.maximum(least, np.finfo(float).tiny))
 
 
-def _together(parts: list[_WeightGroup], at: list[NDArray], variance: Reals, basis: PartialFractions) -> Solved:
-    m = basis.slopes.shape[1] // 4
+def _together(parts: Sequence[_WeightGroup], variance: Reals) -> Solved:
+    m = parts[0].inner.shape[0] // 4
     normal, gradient = np.zeros((2, m, 2, m)), np.zeros((2, m))
-    for part, f in zip(parts, at):
-        c = part.coefficients[:, : 2 * m].reshape(-1, 2, m)
-        product = np.einsum("fpr,fqs,f->prqs", c, c, 1.0 / variance[f], optimize=True)
+    ends = np.cumsum([len(part.coefficients) for part in parts])
+    for part, w in zip(parts, np.split(1.0 / variance, ends[:-1])):
+        c = part.coefficients[:, : 2 * m]
+        weighted = c * w[:, None]
+        product = (weighted.T @ c).reshape(2, m, 2, m)
         normal += np.einsum("aprbqs,prqs->arbs", part.inner.reshape(2, 2, m, 2, 2, m), product)
-        gradient += np.einsum("aprf,fpr,f->ar", part.slopes_by_errors.reshape(2, 2, m, -1), c, 1.0 / variance[f])
+        slopes = part.slopes_by_errors.reshape(2, 2, m, -1)
+        gradient += np.einsum("aprf,fpr->ar", slopes, weighted.reshape(-1, 2, m))
     return Solved(
         np.concatenate([part.coefficients for part in parts]),
         np.concatenate([part.squares for part in parts]),
         variance,
-        np.concatenate([np.repeat(_blocks(part.own, m)[None], len(f), axis=0) for part, f in zip(parts, at)]),
-        np.concatenate([_effects(part, m) for part in parts]),
         normal.reshape(2 * m, 2 * m),
         gradient.reshape(2 * m),
-        np.sum([_shares(part, 1.0 / variance[f], m) for part, f in zip(parts, at)], axis=0),
+        parts,
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from femtune.arrays import Complexes, Reals
-from femtune.identification.modal_fit import ModalFit, fit_modes
+from femtune.identification.modal_fit import ModalFit, deviance_at, fit_modes
 from femtune.modal import FrfSet, freq_and_damping, pole_of
 
 GAPS = (0.003, 0.01, 0.03, 0.1, 0.25)
@@ -74,12 +74,19 @@ class _Search:
     sd: Reals | None
     terms: tuple[str, ...]
 
-    def fit(self, inside: Complexes, neighbours: Complexes, **steps: int) -> ModalFit | None:
+    def fit(self, inside: Complexes, neighbours: Complexes) -> ModalFit | None:
         """None where neighbours come so close to each other that their residues are not unique."""
         try:
-            return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours, **steps)
+            return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours)
         except np.linalg.LinAlgError:
             return None
+
+    def _deviance(self, poles: Complexes) -> float:
+        """Of the poles as they are; infinite where their residues are not unique."""
+        try:
+            return deviance_at(self.frfs, poles, self.sd, self.terms)
+        except np.linalg.LinAlgError:
+            return float("inf")
 
     def refined(self, fit: ModalFit, sides: tuple[bool, ...]) -> ModalFit | None:
         """The fit with a mode on each of the sides (True: above); None where they explain no more than noise does."""
@@ -89,11 +96,10 @@ class _Search:
         known, inside = fit.poles[fit.outside], self._inside(fit)
         grids = [self._grid(lines, above=above, more=len(sides) == 1) for above in sides]
         places = [np.array(poles) for poles in itertools.product(*grids)]
-        first = ((self.fit(inside, np.append(known, poles), most_steps=0), poles) for poles in places)
-        tried = [(one.deviance, poles) for one, poles in first if one is not None]
-        if not tried:
+        deviances = [self._deviance(np.concatenate([inside, known, poles])) for poles in places]
+        best = places[int(np.argmin(deviances))]
+        if not np.isfinite(min(deviances)):
             return None
-        _, best = min(tried, key=lambda one: one[0])
         trial = self.fit(inside, np.append(known, best))
         return trial if trial is not None and _is_sound(trial) and _explains(trial, fit) else None
 

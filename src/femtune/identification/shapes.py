@@ -15,7 +15,6 @@ from femtune.identification.modal_fit import ModalFit
 from femtune.identification.mode_checks import ModeRemark, collinearity_remarks, damping_remarks, mass_remarks
 from femtune.modal import FrfSet, ModeSet, freq_and_damping
 from femtune.modal.shape_criteria import turn_to_real_axis
-from femtune.modal.subspace import mostly_real
 from femtune.testdata.checks import mean_phase_deviation_deg, phase_collinearity
 
 # ----------------------------------------------------------------------------------------------------
@@ -75,10 +74,10 @@ def scaled_shapes(fit: ModalFit, points: Sequence[DrivingPoint] = (), real: bool
     real : turn each shape to the phase in which it is most nearly real, and keep the real part
     """
     m = len(fit.poles)
-    made = [_scaled(fit.residues[:, :, r], fit.poles[r], points, real) for r in range(m)]
+    made = _scaled(np.moveaxis(fit.residues, 2, 0), fit.poles, points, real)
     sd = [_sd(fit, r, points, real) for r in range(m)]
     return ScaledShapes(
-        np.column_stack(made),
+        made.T,
         np.column_stack(sd),
         bool(points),
         np.array([_mass_sign(fit.residues[:, :, r], fit.poles[r], points) for r in range(m)]),
@@ -86,21 +85,35 @@ def scaled_shapes(fit: ModalFit, points: Sequence[DrivingPoint] = (), real: bool
     )
 
 
-def _scaled(residue: Complexes, pole: complex, points: Sequence[DrivingPoint], real: bool) -> NDArray:
-    u = np.linalg.svd(residue, full_matrices=False)[0][:, 0]
-    u = mostly_real(u) if real else u * turn_to_real_axis(u)
+def _scaled(residues: NDArray, poles: NDArray, points: Sequence[DrivingPoint], real: bool) -> NDArray:
+    """(s, n) the scaled shapes of residue matrices (s, n, u) and their poles (s,)."""
+    # one column a shape from here on
+    leading = _leading(residues).T
+    turned = leading * turn_to_real_axis(leading)
+    u: NDArray = turned.real if real else turned
+    largest = np.take_along_axis(u, np.abs(u).argmax(axis=0)[None], axis=0)[0]
     if not points:
-        return u / u[np.argmax(np.abs(u))]
-    square = _square_of_scale(u, residue, pole, points)
-    scale = np.sqrt(abs(square.real)) if real else np.sqrt(square)
-    return scale * u * np.sign(u[np.argmax(np.abs(u))].real or 1.0)
+        return np.asarray((u / largest).T)
+    square = _square_of_scale(u, residues, poles, points)
+    scale = np.sqrt(np.abs(square.real)) if real else np.sqrt(square)
+    return np.asarray((scale * u * np.where(largest.real < 0.0, -1.0, 1.0)).T)
 
 
-def _square_of_scale(u: NDArray, residue: Complexes, pole: complex, points: Sequence[DrivingPoint]) -> complex:
-    """α² of least squares of α² u_i u_d = 2iω_d R_id."""
+def _leading(residues: NDArray) -> Complexes:
+    """(s, n) leading left singular vectors: references are few, and so are the rows of RᴴR."""
+    _, n, u = residues.shape
+    adjoint = residues.conj().swapaxes(1, 2)
+    if u > n:
+        return np.asarray(np.linalg.eigh(residues @ adjoint)[1][:, :, -1])
+    found = (residues @ np.linalg.eigh(adjoint @ residues)[1][:, :, -1:])[:, :, 0]
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
+def _square_of_scale(u: NDArray, residues: NDArray, poles: NDArray, points: Sequence[DrivingPoint]) -> Complexes:
+    """(s,) α² of least squares of α² u_i u_d = 2iω_d R_id, for shapes u (n, s)."""
     model = np.concatenate([u * u[p.response] * p.sign for p in points])
-    wanted = np.concatenate([2j * pole.imag * residue[:, p.reference] for p in points])
-    return complex(np.vdot(model, wanted) / np.vdot(model, model).real)
+    wanted = np.concatenate([2j * poles.imag * residues[:, :, p.reference].T for p in points])
+    return np.asarray(np.sum(model.conj() * wanted, axis=0) / np.sum(np.abs(model) ** 2, axis=0))
 
 
 def _mass_sign(residue: Complexes, pole: complex, points: Sequence[DrivingPoint]) -> float:
@@ -133,42 +146,44 @@ def _slopes(residue: Complexes, pole: complex, points: Sequence[DrivingPoint], r
 
     Central differences; the second last axis is real and imaginary part of the shape.
     """
-    base = _scaled(residue, pole, points, real)
+    base = _scaled(residue[None], np.array([pole]), points, real)[0]
     n, u = residue.shape
-    step = 1e-6 * np.abs(residue).max()
-    by_residue = np.zeros((n, n * u, 2, 2))
-    for c in range(n * u):
-        for part, unit in enumerate((1.0, 1j)):
-            change = np.zeros((n, u), complex)
-            change.flat[c] = step * unit
-            by_residue[:, c, :, part] = _difference(base, residue, change, pole, 0.0, points, real) / (2.0 * step)
-    by_pole = np.zeros((n, 2, 2))
-    for part, unit in enumerate((1.0, 1j)):
-        move = 1e-6 * abs(pole) * unit
-        none = np.zeros_like(residue)
-        by_pole[:, :, part] = _difference(base, residue, none, pole, move, points, real) / (2e-6 * abs(pole))
-    return by_residue, by_pole
+    step, move = 1e-6 * np.abs(residue).max(), 1e-6 * abs(pole)
+    units, still = np.array([1.0, 1j]), np.zeros(2)
+    by_residue = np.zeros((n, n, u, 2, 2))
+    for i in range(n):
+        # a response at a time: all of them together are large where there are many
+        changes = np.zeros((u, 2, n, u), complex)
+        changes[range(u), :, i, range(u)] = step * units
+        found = _differences(base, residue, changes.reshape(2 * u, n, u), pole, np.tile(still, u), points, real)
+        by_residue[:, i] = found.reshape(n, 2, u, 2).transpose(0, 2, 1, 3) / (2.0 * step)
+    unchanged = np.zeros((2, n, u))
+    by_pole = _differences(base, residue, unchanged, pole, move * units, points, real) / (2.0 * move)
+    return by_residue.reshape(n, n * u, 2, 2), by_pole
 
 
-def _difference(
+def _differences(
     base: NDArray,
     residue: Complexes,
-    change: Complexes,
+    changes: NDArray,
     pole: complex,
-    move: complex,
+    moves: NDArray,
     points: Sequence[DrivingPoint],
     real: bool,
 ) -> Reals:
-    """Difference of the two sides, real and imaginary parts, with the sign of the shape in the middle."""
-    sides = [_scaled(residue + s * change, pole + s * move, points, real) for s in (1.0, -1.0)]
+    """(n, 2, s) difference of the two sides of each of s changes (s, n, u) and moves (s,) of the pole.
+
+    Real and imaginary parts, with the sign of the shape in the middle.
+    """
+    sides = [_scaled(residue + s * changes, pole + s * moves, points, real) for s in (1.0, -1.0)]
     if points:
-        sides = [side * np.sign(np.vdot(base, side).real) for side in sides]
+        sides = [side * np.sign((side @ base.conj()).real)[:, None] for side in sides]
     else:
         # the largest entry stays 1, even where another one is as large
         largest = np.argmax(np.abs(base))
-        sides = [side / side[largest] for side in sides]
+        sides = [side / side[:, [largest]] for side in sides]
     gap = sides[0] - sides[1]
-    return np.column_stack([gap.real, gap.imag])
+    return np.stack([gap.T.real, gap.T.imag], axis=1)
 
 
 NOT_ONE_SHAPE = 0.95

@@ -153,7 +153,7 @@ class ModelPoint:
 
     @cached_property
     def _values(self) -> list[NDArray | None]:
-        """Values of the coefficients, without their derivatives."""
+        """Values of the coefficients: much less work than with derivatives where parameters are many."""
         table = self._table.without_derivatives()
         terms = (p.term for p in self.configured.projected)
         return [t.coefficient(table).value if t.coefficient else None for t in terms]
@@ -165,7 +165,7 @@ class ModelPoint:
         data = np.zeros(len(model.indices), dtype=self.x.dtype if np.iscomplexobj(self.x) else float)
         for i, projected in enumerate(model.projected):
             if projected.term.matrix == kind:
-                c = self._weights(i, part)
+                c = self.weights(i, part)
                 if c.any():
                     data += projected.spread @ c
         return SymmetricMatrix(data, model.indices, model.indptr)
@@ -176,8 +176,8 @@ class ModelPoint:
             name = {"stiffness": "stiffness", "viscous": "viscous damping", "hysteretic": "structural damping"}[kind]
             raise FemtuneError("table.no-frequency", matrix=name)
 
-    def _weights(self, i: int, part: tuple[int, ...]) -> NDArray:
-        """(n_columns,) coefficients of a projected term, or their derivatives."""
+    def weights(self, i: int, part: tuple[int, ...]) -> NDArray:
+        """(n_columns,) coefficients of the projected term `i`, or their derivatives by the parameters `part`."""
         if not part:
             values = self._values[i]
             return np.ones(1) if values is None else values

@@ -99,9 +99,11 @@ def _forces(solution: EigenSolution, members: list[int]) -> tuple[NDArray, NDArr
 
 def _outside(solution: EigenSolution, members: list[int], forces: NDArray) -> NDArray:
     """Part of Φ′ outside the cluster, (n, c, k)."""
-    gaps, out = inverse_gaps(solution, [members]), np.empty_like(forces)
+    gaps, out = inverse_gaps(solution, [members]), np.zeros_like(forces)
+    # a damping, or what is in another part of the structure, does not move the modes
+    acts = np.flatnonzero(forces.any(axis=(0, 1)))
     for j, member in enumerate(members):
-        out[:, j, :] = outside(solution, solution.eigenvalues[[member]], gaps[:, [j]], forces[:, j, :])
+        out[:, j, acts] = outside(solution, solution.eigenvalues[[member]], gaps[:, [j]], forces[:, j, acts])
     return out
 
 

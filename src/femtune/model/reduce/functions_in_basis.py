@@ -95,7 +95,7 @@ def _all_modes(system: _System, s: Complexes, count: int) -> FunctionsInBasis:
     both, b = fields(system.stiffness, s, forces), system.stiffness.inputs.shape[1]
     x, y = both[:, :, :b], np.swapaxes(both[:, :, b:], 1, 2)
     gradient = np.zeros((len(s), y.shape[1], b, count), complex)
-    for p in range(count):
+    for p in system.acting(count):
         for weight, matrix in system.changes(p, s):
             gradient[..., p] -= weight[:, None, None] * (y @ (matrix @ x))
     return FunctionsInBasis(np.asarray(system.stiffness.outputs @ x), gradient)
@@ -119,7 +119,7 @@ def _some_modes(
     seen = [ports.inputs.T, ports.outputs, (point.viscous @ Q).T, (point.hysteretic @ Q).T]
     outside = reduced_derivative(modes, members, np.vstack(seen)).outside
     driven, moved, viscous, hysteretic = np.split(outside, np.cumsum([len(rows) for rows in seen[:-1]]))
-    for p in range(count):
+    for p in system.acting(count):
         own = [(weight, Q.T @ matrix @ Q) for weight, matrix in system.weighted(p, s)]
         # the subspace stays orthogonal in K and M as it turns, and modal damping is diagonal in it: these add nothing
         turned = [(s, viscous[:, :, p]), (np.full(len(s), 1j), hysteretic[:, :, p])]
@@ -170,6 +170,16 @@ class _System:
         inputs, outputs = vectors.T @ ports.inputs, ports.outputs @ vectors
         reduced = ReducedStiffness(basis, viscous, hysteretic, inputs, outputs)
         return cls(modes, vectors, reduced, near, rates)
+
+    def acting(self, count: int) -> Iterator[int]:
+        """Those of the first parameters that change the model: none that belong to another specimen."""
+        point, rates = self.modes.point, self.rates
+        kinds = (
+            point.stiffness_derivatives, point.mass_derivatives, point.viscous_derivatives, point.hysteretic_derivatives
+        )  # fmt: skip
+        for p in range(count):
+            if any(of[p].any() for of in kinds) or (rates is not None and rates.gradients[:, p].any()):
+                yield p
 
     def damping_of(self, vectors: Reals, at: Integers) -> tuple[Reals, Reals]:
         """QᵀĈQ and QᵀĤQ with modal damping, of the modes Q (r, m) at the positions `at` (m,)."""
@@ -265,7 +275,7 @@ def _split(system: _System, s: Complexes, count: int) -> FunctionsInBasis:
     driven, far_driven = np.moveaxis(x, 0, 1).reshape(n, k * b), np.moveaxis(far_x, 0, 1).reshape(r - n, q * b)
     far_seen = np.ascontiguousarray(far_y.reshape(q * a, r - n).T)
     left = far_y @ system.vectors[:, n:].T
-    for p in range(count):
+    for p in system.acting(count):
         at_lines = np.zeros((n, k, b), complex)
         coupled, back, rest = np.zeros((n, q, b), complex), np.zeros((q, a, n), complex), np.zeros((q, a, b), complex)
         rows = []

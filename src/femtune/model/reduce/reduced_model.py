@@ -6,7 +6,7 @@ model within the span of V.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,7 +19,6 @@ from femtune.fem.fields import MatrixKind
 from femtune.model.configuration import Configuration
 from femtune.model.configured import ConfiguredModel, ModelPoint
 from femtune.model.products import projections
-from femtune.parameters.jet import Jet
 
 KINDS: tuple[MatrixKind, ...] = ("stiffness", "mass", "viscous", "hysteretic")
 
@@ -78,33 +77,26 @@ class ReducedPoint:
         """Number of free parameters."""
         return self.full.n_parameters
 
-    def _matrices(self, kind: MatrixKind, weights: Callable[[Jet], NDArray], constant: NDArray) -> NDArray:
-        """(m, r, r) Σ weight · VᵀK_iV of a kind for m weights of each column of a term.
-
-        Parameters
-        ----------
-        weights : (m, n_columns) of a term's coefficients
-        constant : (m,) of terms without coefficient
-        """
+    def _matrices(self, kind: MatrixKind, parts: Sequence[tuple[int, ...]]) -> NDArray:
+        """(m, r, r) VᵀKV of a kind, or its derivatives, by the parameters of each of m parts."""
         r = self.model.order
-        out = np.zeros((len(constant), r * r), dtype=complex if np.iscomplexobj(self.x) else float)
+        out = np.zeros((len(parts), r * r), dtype=complex if np.iscomplexobj(self.x) else float)
         for i, values in self.model.terms.items():
             if self.model.configured.projected[i].term.matrix == kind:
-                jet = self.full.coefficients[i]
-                some = constant[:, None] if jet is None else weights(jet)
+                some = np.array([self.full.weights(i, part) for part in parts])
                 if some.any():
                     out += _weighed(some, values.reshape(len(values), r * r))
-        return out.reshape(len(constant), r, r)
+        return out.reshape(len(parts), r, r)
 
     def _value(self, kind: MatrixKind) -> NDArray:
-        return np.asarray(self._matrices(kind, lambda jet: jet.value[None], np.ones(1))[0])
+        return np.asarray(self._matrices(kind, [()])[0])
 
     def _first(self, kind: MatrixKind) -> tuple[NDArray, ...]:
-        return tuple(self._matrices(kind, lambda jet: jet.grad.T, np.zeros(self.n_parameters)))
+        return tuple(self._matrices(kind, [(i,) for i in range(self.n_parameters)]))
 
     def second_derivative(self, kind: MatrixKind, i: int, j: int) -> NDArray:
         """∂²/∂x_i∂x_j of K, M, C, or of the part of H that materials and elements make."""
-        return np.asarray(self._matrices(kind, lambda jet: jet.hess[None, :, i, j], np.zeros(1))[0])
+        return np.asarray(self._matrices(kind, [(i, j)])[0])
 
     @cached_property
     def stiffness(self) -> NDArray:

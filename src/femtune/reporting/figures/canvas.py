@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 # matplotlib measures with the font that it brings; readers see a sans-serif of their own, which is narrower
 _MEASURED = "'DejaVu Sans'"
 
+_SVG_DPI = 72.0
+"""Dots per inch of matplotlib's SVG."""
 _COLOURS = 64
 """Different colours of pixels: more of them than shades that an eye tells apart would make the file larger."""
 
@@ -61,6 +63,12 @@ def draw_svg(width_in: float, height_in: float, draw: Callable[[Figure], None], 
         canvas.FigureCanvasSVG(figure)
         draw(figure)
         _plain_powers(figure)
+        layout = figure.get_layout_engine()
+        if layout is not None:
+            # saving would draw the whole figure once more, unseen, to arrange it
+            figure.set_dpi(_SVG_DPI)
+            layout.execute(figure)
+            figure.set_layout_engine(None)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
     return buffer.getvalue().replace(_MEASURED, FONT)
 
