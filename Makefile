@@ -156,7 +156,7 @@ mutants: $(VENV)/.stamp-test  ## mutation test of the numerical code; takes half
 	@$(PIP) coverage
 	@HYPOTHESIS_PROFILE=quick $(ONE_THREAD) $(BIN)/python benchmarks/mutation/run.py --marked "not slow" $(or $(BENCH_ARGS),--evidence docs/evidence)
 
-readers: $(VENV)/.stamp-readers  ## install the libraries for OP2, Ansys, HDF5, Parquet and VTU files, and CMA-ES
+readers: $(VENV)/.stamp-readers  ## install the libraries for OP2, Ansys, HDF5, Parquet and VTU files, CMA-ES, and the light factorisation
 
 release-check:  ## the check-list of a release: build, metadata, empty environments of every Python, tutorial, licences
 	@python="$$($(FIND_PYTHON))"; "$$python" .ci/release.py
@@ -185,8 +185,8 @@ $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 	@touch $@
 
 $(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
-	@echo "installing the libraries for OP2, Ansys, HDF5, Parquet and VTU files, and CMA-ES into $(VENV)"
-	@$(PIP) -e '.[op2,ansys,hdf5,parquet,vtu,search]'
+	@echo "installing the libraries for OP2, Ansys, HDF5, Parquet and VTU files, CMA-ES and the light factorisation into $(VENV)"
+	@$(PIP) -e '.[light,op2,ansys,hdf5,parquet,vtu,search]'
 	@touch $@
 
 $(VENV)/.stamp-notebooks: pyproject.toml $(VENV)/.stamp-test

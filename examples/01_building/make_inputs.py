@@ -143,7 +143,7 @@ def study(model: str = "M8", folder: str = "run") -> str:
         *(_configuration(name) for name in p.MEASURED),
         "[sensors]\nby_id = true",
         *_parameters(p.MODELS[model]),
-        "[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.1",
+        '[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.1\nshape_sd_of = "scaled-shape"',
         f'[output]\nfolder = "{folder}"',
     ]
     return "\n\n".join(parts) + "\n"

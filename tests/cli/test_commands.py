@@ -252,7 +252,7 @@ def test_solvers_as_data(invoke: Invoke) -> None:
     result = invoke("info", "--solvers", "--json")
     assert result.exit_code == 0
     names = [facts["name"] for facts in json.loads(result.stdout)]
-    assert names == ["PARDISO", "MUMPS", "CHOLMOD", "SuperLU", "SLEPc"]
+    assert names == ["PARDISO", "MUMPS", "CHOLMOD", "RSLAB", "SuperLU", "SLEPc"]
 
 
 @pytest.mark.parametrize("before", [None, "own"])

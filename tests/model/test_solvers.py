@@ -235,7 +235,7 @@ def test_cholmod_gives_indefinite_and_complex_matrices_to_another(monkeypatch: p
 @pytest.mark.slow
 def test_the_list_tells_of_each_solver() -> None:
     found = {facts.name: facts for facts in solver_list.solver_list()}
-    assert list(found) == ["PARDISO", "MUMPS", "CHOLMOD", "SuperLU", "SLEPc"]
+    assert list(found) == ["PARDISO", "MUMPS", "CHOLMOD", "RSLAB", "SuperLU", "SLEPc"]
     for name, facts in found.items():
         assert facts.at_hand == (not facts.why_not)
         assert facts.licence

@@ -31,6 +31,17 @@ def test_dofs_held_although_autospc_is_off_are_an_alert(beam: Bench) -> None:
     check_shown("model.held-without-autospc", f"[{told.code}] {told.sentence}")
 
 
+def test_preload_and_modes_beyond_the_count_are_told(beam: Bench) -> None:
+    case = "SUBCASE 1\nSPC = 1\nLOAD = 7\nSUBCASE 2\nSTATSUB(PRELOAD) = 1"
+    text = beam.text.replace("SPC = 1\nMETHOD = 1", f"METHOD = 1\n{case}", 1)
+    beam.write("beam.bdf", text.replace("ENDDATA", "FORCE,7,5,,1.,1.,0.,0.\nENDDATA"))
+    (modes,) = steps.modes(beam.folder / "beam.bdf", count=2).records
+    told = {a.code: f"[{a.code}] {a.sentence}" for a in modes.alerts}
+    assert modes.rigid_body_modes > 2
+    for code in ("model.preload", "eigen.whole-group"):
+        check_shown(code, told[code])
+
+
 @pytest.mark.slow
 def test_missing_enddata_is_an_alert(beam: Bench) -> None:
     beam.write("beam.bdf", beam.text.replace("ENDDATA\n", ""))

@@ -84,7 +84,7 @@ def study(tests: Sequence[Measured], files: dict[str, str], size: Size) -> str:
     head = (
         '[study]\ntitle = "Exhaust system, bottom-up"\ndeck = "exhaust.bdf"\nunits = "m-kg-s"\n\n'
         "[modes]\ncount = 26\n\n"
-        f"[residuals]\nfrequency_sd = {NOISE.frequency!r}\nshape_sd = {NOISE.shape!r}\n\n"
+        f'[residuals]\nfrequency_sd = {NOISE.frequency!r}\nshape_sd = {NOISE.shape!r}\nshape_sd_of = "scaled-shape"\n\n'
         "[update]\nmax_iterations = 30\ntolerance = 1e-6\n\n[sensors]\nby_id = true\n"
     )
     blocks = [head, *(_configuration(one, files[one.name]) for one in tests), *map(_parameter, KNOWN)]

@@ -44,6 +44,7 @@ count = {COUNT}
 [residuals]
 frequency_sd = {SD}
 shape_sd = {SHAPE_SD}
+shape_sd_of = "scaled-shape"
 """
 FACTOR = """
 [[parameter]]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.assembly.error_places import errors_at
 from femtune.correlation import pair_modes
-from femtune.errors import FemtuneError, did_you_mean
+from femtune.errors import FemtuneError, Where, did_you_mean, raise_together
 from femtune.files.repeats_table import read_repeats_table
 from femtune.files.uff import read_uff
 from femtune.modal import ModeSet
@@ -20,6 +20,8 @@ from femtune.uncertainty import statistics_of_repeats
 from femtune.units import unit_system
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.study import Study
     from femtune.dofs import DofSet
@@ -67,7 +69,7 @@ def read_repeats(study: Study, table: QuantifyTable) -> Repeats:
     paths = [study.file.path_of(name) for name in table.repeats]
     with errors_at(study.file.where("quantify", "repeats")):
         if len(paths) == 1 and paths[0].suffix.lower() in _TABLES and not table.shapes:
-            return Repeats(case, _of_table(study, case, table, read_repeats_table(paths[0])))
+            return Repeats(case, _of_table(study, case, table, read_repeats_table(paths[0]), paths[0]))
         if table.shapes and paths[0].suffix.lower() in _TABLES:
             raise FemtuneError("quantify.shapes", where=study.file.where("quantify", "shapes"))
         found = [_of_uff(study, case, path) for path in paths]
@@ -91,24 +93,33 @@ def _case(study: Study, table: QuantifyTable) -> StudyCase:
     )  # fmt: skip
 
 
-def _of_table(study: Study, case: StudyCase, table: QuantifyTable, found: RepeatsTable) -> NDArray[np.float64]:
+def _of_table(
+    study: Study, case: StudyCase, table: QuantifyTable, found: RepeatsTable, path: Path
+) -> NDArray[np.float64]:  # fmt: skip
     assert case.compared is not None
     labels = case.compared.test.labels
     heads = table.columns or tuple(h.removeprefix("mode ").strip() for h in found.heads)
     _check_columns(study, heads, found, labels, given=bool(table.columns))
     hz = np.full((len(found.values), len(labels)), np.nan)
-    for column, head in enumerate(heads):
-        if head:
-            _check_frequencies(found.values[:, column], head)
-            hz[:, labels.index(head)] = found.values[:, column]
+    used = [column for column, head in enumerate(heads) if head]
+    hz[:, [labels.index(heads[column]) for column in used]] = found.values[:, used]
+    _check_frequencies(found, used, heads, path)
     return hz
 
 
-def _check_frequencies(hz: NDArray[np.float64], label: str) -> None:
+def _check_frequencies(found: RepeatsTable, used: list[int], heads: Sequence[str], path: Path) -> None:
     """Refuse what no structure does: zero, negative and astronomic frequencies; gaps (NaN) may stand."""
-    bad = np.flatnonzero((hz <= 0.0) | (hz > _HIGHEST_HZ))
-    if bad.size:
-        raise FemtuneError("quantify.file", repeat=bad[0] + 1, mode=label, frequency_hz=hz[bad[0]])
+    hz = found.values[:, used]
+    raise_together(
+        FemtuneError(
+            "quantify.file",
+            where=Where(str(path), found.lines[row]),
+            repeat=row + 1,
+            mode=heads[used[column]],
+            frequency_hz=hz[row, column],
+        )
+        for row, column in np.argwhere((hz <= 0.0) | (hz > _HIGHEST_HZ)).tolist()
+    )
 
 
 def _check_columns(

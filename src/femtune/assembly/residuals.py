@@ -56,6 +56,11 @@ class AskedOf:
         return self.comparison.short
 
     @property
+    def of_largest(self) -> bool:
+        """Whether the standard deviation of shapes is relative to the largest entry of each."""
+        return self.comparison.of_largest
+
+    @property
     def modes(self) -> ModeSet:
         """The modes of the configuration's test (error ``study.no-test``)."""
         if self.tested is None:
@@ -142,6 +147,12 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
     return replace(case, compared=_compared(file, case, found, scaled))
 
 
+_QUANTITIES = {
+    "frequency": "frequencies", "shape": "shapes", "strain": "strain shapes", "damping": "damping ratios",
+    "complex-eigenvalue": "frequencies and damping ratios",
+}  # fmt: skip
+
+
 def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:
     """A warning for each residual with the deviations of the test, which lacks those of modes that may be paired."""
     if case.compared is None:
@@ -153,7 +164,12 @@ def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:
         if labels:
             some = ", ".join(labels[:8]) + (" …" if len(labels) > 8 else "")
             place = Where(str(file.path))
-            found.append(Notice("residual.no-scatter/of-modes", where=place, configuration=case.name, modes=some))
+            quantity = _QUANTITIES.get(residual.key, residual.label)
+            found.append(
+                Notice(
+                    "residual.no-scatter/of-modes", where=place, configuration=case.name, modes=some, quantity=quantity
+                )
+            )
     return tuple(dict.fromkeys(found))
 
 

@@ -19,10 +19,11 @@ _GAPS = {"", "-", "nan", "na", "n/a"}
 
 @dataclass(frozen=True)
 class RepeatsTable:
-    """Headings (m,) and values (n, m); NaN where a field is empty or says nan."""
+    """Headings (m,), values (n, m) and lines (n,) of the file; a value is NaN where a field is empty or says nan."""
 
     heads: tuple[str, ...]
     values: NDArray[np.float64]
+    lines: tuple[int, ...]
 
 
 def read_repeats_table(path: Path) -> RepeatsTable:
@@ -44,7 +45,8 @@ def read_repeats_table(path: Path) -> RepeatsTable:
     def numbers(row: tuple[int, tuple[str, ...]]) -> list[float]:
         return _numbers(path, row[0], row[1], heads, text)
 
-    return RepeatsTable(heads, np.array(each(numbers, zip(text.lines[1:], text.rows[1:]))))
+    values = np.array(each(numbers, zip(text.lines[1:], text.rows[1:])))
+    return RepeatsTable(heads, values, tuple(text.lines[1:]))
 
 
 def _numbers(path: Path, line: int, cells: Sequence[str], heads: tuple[str, ...], text: TableText) -> list[float]:

@@ -64,7 +64,7 @@ def read_table_text(path: Path, largest: int = LARGEST_BYTES) -> TableText:
     except OSError as error:
         raise NotATable(error.strerror or str(error)) from error
     except UnicodeDecodeError as error:
-        raise NotATable("it is not a text file in UTF-8") from error
+        raise NotATable("it is not text in UTF-8 (Latin-1, for example): save it as CSV in UTF-8") from error
     # DOS programs end a file with Ctrl-Z
     text = text.rstrip("\n\x1a")
     if _BINARY.search(text):

@@ -1,7 +1,7 @@
 """Standard deviations of measured mode shapes, stated relative to the largest entry of each shape.
 
-This is the meaning of `shape_sd` in [validate] and [plan] of a study, of the scatter of simulated tests, and of the
-files of standard deviations. `shape_sd` in [residuals] refers to the scaled shape instead, by default of unit norm.
+This is the meaning of `shape_sd` in [residuals], [validate] and [plan] of a study, of the scatter of simulated tests,
+and of files of standard deviations. `sd` of a [[residual]] table of shapes refers to the scaled shape instead.
 """
 
 from __future__ import annotations

@@ -61,6 +61,11 @@ class Asked(Protocol):
         ...
 
     @property
+    def of_largest(self) -> bool:
+        """True where the standard deviation of shapes is relative to the largest entry of each."""
+        ...
+
+    @property
     def placement(self) -> SensorPlacement | None:
         """Errors in the positions and directions of the sensors of the modes; None where the study states none."""
         ...

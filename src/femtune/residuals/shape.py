@@ -143,12 +143,15 @@ class ShapeResidual(PairResidual):
     sensors : those that are compared, as far as the test has them; all where None. Their entries alone are scaled
     placement : errors in the positions and directions of the sensors, whose covariance is added to that of `weights`.
         It is computed from the motion of the model at the first evaluation of a mode, on the full model, and kept
+    of_largest : `weights` is a standard deviation relative to the largest measured entry of each shape, as that of
+        [plan], [validate] and simulated tests
     """
 
     weights: float | Weights | Literal["test"]
     scaling: Scaling = "unit-norm"
     sensors: DofSet | None = None
     placement: SensorPlacement | None = None
+    of_largest: bool = False
     _placed: dict[str, Reals] = field(default_factory=dict, repr=False)
     key = "shape"
     label = "shape"
@@ -170,7 +173,9 @@ class ShapeResidual(PairResidual):
             if asked.modes.shapes_sd is None:
                 raise FemtuneError("residual.no-scatter/shape", where=asked.where(), configuration=asked.name)
             return cls("test", entry.scaling, sensors, placement)
-        return cls(asked_weights(asked, len(sensors), "the sensors"), entry.scaling, sensors, placement)
+        return cls(
+            asked_weights(asked, len(sensors), "the sensors"), entry.scaling, sensors, placement, asked.of_largest
+        )
 
     def without_sd(self, test: ModeSet) -> tuple[int, ...]:
         """See `OfPairs`."""
@@ -199,7 +204,7 @@ class ShapeResidual(PairResidual):
         measured = int((~np.isnan(test)).sum())
         if measured <= (self.scaling != "mass") or not np.nan_to_num(test).any():
             raise _unmeasured(pair, measured)
-        weights = self._of_test(pair, which, at, count) if self.weights == "test" else as_weights(self.weights)
+        weights = self._of_test(pair, which, at, count) if self.weights == "test" else self._given(test)
         weights.check_size(count, f"the sensors of mode {pair.label}")
         weights = self._with_placement(pair, weights, test)
         errors, slopes, kept = scaled_difference(pair.shape[at], pair.shape_gradient[at], test, self.scaling)
@@ -209,6 +214,14 @@ class ShapeResidual(PairResidual):
         covariance = self._covariance(test, weights, which, own)
         block = self.block(pair.case.name, pair.label, values, slopes, own.scale, lost=lost, covariance=covariance)
         return block.whitened() if self.weights == "test" else block
+
+    def _given(self, test: Reals) -> Weights:
+        """The weights, in the scale in which a test shape is compared."""
+        weights = as_weights(self.weights)  # type: ignore[arg-type]
+        if not self.of_largest or weights.sd is None:
+            return weights
+        ratio = float(np.nanmax(np.abs(test))) / scale_of(test, self.scaling)
+        return Weights(np.asarray(weights.sd, dtype=float) * ratio)
 
     def _of_test(self, pair: PairedMode, which: Places, at: Places, count: int) -> Weights:
         """The test's standard deviations of the entries, scaled as its shape is.

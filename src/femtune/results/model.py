@@ -823,7 +823,7 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
     )
 
 
-_OF_THE_COUNT = ("eigen.none-below", "eigen.many-modes")
+_OF_THE_COUNT = ("eigen.none-below", "eigen.many-modes", "eigen.whole-group")
 """Notices on the number of modes that were solved."""
 
 
@@ -850,6 +850,7 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         test_masses=effect,
         alerts=(
             *(alert_of(n) for n in solution.notices if n.code in _OF_THE_COUNT),
+            *_of_preload(name, solution),
             *_of_slow_modes(solution),
             *_of_held_masses(name, solution),
             *_of_held_without_autospc(name, solution),
@@ -881,6 +882,13 @@ def _of_held_without_autospc(name: str, solution: EigenSolution) -> Iterable[Ale
     if held and not configured.model.structure.hold_singular:
         shown = ", ".join(held[:6]) + (" …" if len(held) > 6 else "")
         yield alert("info", "model.held-without-autospc", configuration=name, dofs=shown)
+
+
+def _of_preload(name: str, solution: EigenSolution) -> Iterable[Alert]:
+    """That the modes are those of the loaded structure."""
+    preload = solution.point.configured.model.structure.preload
+    if preload is not None:
+        yield alert("info", "model.preload", configuration=name, request=preload.request)
 
 
 def _of_slow_modes(solution: EigenSolution) -> Iterable[Alert]:

@@ -21,7 +21,8 @@ from femtune.files.nastran.lists import read_list
 T = TypeVar("T")
 
 # products and third powers of values stay numbers, and so do their inverses
-_LARGEST, _SMALLEST = 1e60, 1e-50
+LARGEST_VALUE, _SMALLEST = 1e60, 1e-50
+"""Beyond these a field of a card is an error."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Building:
         if ref not in self.places:
             self.places[ref] = FieldPlace(record.card.position, (record.at(name), *also), flag)
         value = record.real(name, default)
-        if abs(value) > _LARGEST or 0.0 < abs(value) < _SMALLEST:
+        if abs(value) > LARGEST_VALUE or 0.0 < abs(value) < _SMALLEST:
             raise record.error("deck.field-value", at=name)
         return self.values.add(ref, value)
 

@@ -17,11 +17,12 @@ from femtune.fem.elements.shear_panel import SHEAR_PANEL
 from femtune.fem.preload import Preload
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran.bars import element_frame
-from femtune.files.nastran.building import Building, listed_numbers
+from femtune.files.nastran.building import LARGEST_VALUE, Building, listed_numbers
 from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.case_control import CaseCommand
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.grids import Grids
+from femtune.files.nastran.surplus import surplus_notice
 
 _POINT = "SID G CID F N1 N2 N3"
 _ALONG = "SID G F G1 G2 G3 G4"
@@ -44,6 +45,7 @@ _FOLLOWING = ("PLOAD", "PLOAD2", "PLOAD4", "FORCE1", "FORCE2", "MOMENT1", "MOMEN
 # cards with loads that LOAD of case control may select, and that are not read
 _OTHERS = ("PLOADX1", "PLOADB3", "RFORCE", "RFORCE1", "SPCD", "SPCR", "ACCEL", "ACCEL1", "LOADCYH", "LOADCYN",
            "LOADCYT", "FORCEAX", "MOMAX", "PRESAX")  # fmt: skip
+_NO_CONTINUATION = ("FORCE", "FORCE1", "FORCE2", "MOMENT", "MOMENT1", "MOMENT2", "GRAV", "PLOAD", "PLOAD1", "SLOAD")
 _BARS = ("CBAR", "CBEAM")
 _WITHOUT_DIFFERENTIAL = (CURVED_BAR.key, SHEAR_PANEL.key, WELD.key)
 
@@ -167,6 +169,12 @@ class _Loads:
         if card.name not in _FIELDS:
             raise _refused(card, self.request, card.name)
         record = CardEntry(card, tuple(_FIELDS[card.name].split()))
+        huge = next((i for i in range(len(card.fields)) if card.is_real(i) and abs(card.real(i)) > LARGEST_VALUE), None)
+        if huge is not None:
+            raise card.error("deck.field-value", index=huge)
+        beyond = [i for i in range(8, len(card.fields)) if not card.blank(i)]
+        if beyond and card.name in _NO_CONTINUATION:
+            self.building.notices.append(surplus_notice(card, beyond))
         if card.name in _FOLLOWING:
             self.following.add(card.name)
         _READERS[card.name](self, record, scale)

@@ -23,7 +23,7 @@ def surplus_fields(deck: Deck) -> list[Notice]:
         if kind is None:
             continue
         found = list(_of_cards(kind, cards))
-        notices += [_notice(card, indices) for card, indices in found[:_MOST_SHOWN]]
+        notices += [surplus_notice(card, indices) for card, indices in found[:_MOST_SHOWN]]
         if len(found) > _MOST_SHOWN:
             rest = len(found) - _MOST_SHOWN
             notices.append(Notice("deck.surplus-field/more", where=found[_MOST_SHOWN][0].where(), rest=rest, name=name))
@@ -66,7 +66,8 @@ def _is_filled(card: Card, index: int) -> bool:
     return not (text := card.lines[line].text[start : start + _WIDTH]).isspace() and bool(text)
 
 
-def _notice(card: Card, indices: Sequence[int]) -> Notice:
+def surplus_notice(card: Card, indices: Sequence[int]) -> Notice:
+    """A warning of filled fields that a card does not have."""
     shown = ", ".join(f"{card.field_name(i)} = '{card.text(i)}'" for i in indices[:_MOST_SHOWN])
     more = f" and {len(indices) - _MOST_SHOWN} more" if len(indices) > _MOST_SHOWN else ""
     return Notice("deck.surplus-field", where=card.where(indices[0]), card=card.record, fields=shown + more)

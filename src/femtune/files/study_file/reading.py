@@ -67,6 +67,10 @@ def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given:
 def check_version(data: dict[str, Any], source: StudyLines) -> None:
     """Refuse a file for a later femtune before its keys are judged (error ``study.version``)."""
     version = data.get("schema_version")
+    if isinstance(version, str) and version.strip().isdecimal():
+        raise source.error(
+            ("schema_version",), "study.version/text", {"schema_version": version}, number=version.strip()
+        )
     if isinstance(version, int) and version > SCHEMA_VERSION:
         values = {"schema_version": version}
         raise source.error(("schema_version",), "study.version", values, supported=SCHEMA_VERSION)

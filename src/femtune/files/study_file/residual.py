@@ -353,6 +353,7 @@ class ResidualsTable(TomlTable):
     shape_form: Literal["difference", "mac"] = "difference"
     frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
     shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
+    shape_sd_of: Literal["largest-entry", "scaled-shape"] = "largest-entry"
     scatter: Literal["stated", "estimated"] = "stated"
     common_frequency_sd: Annotated[float, Field(ge=0, le=1)] = 0.0
 
@@ -370,7 +371,7 @@ class ResidualsTable(TomlTable):
             yield Comparison(MacResidualEntry(kind="mac", sd=self.shape_sd), place, short=True)
         elif self.shape_sd and self._shape_kind != "mac":
             of_shape = ShapeResidualEntry(kind="shape", scaling=self.shape_scaling, sd=self.shape_sd)
-            yield Comparison(of_shape, place, short=True)
+            yield Comparison(of_shape, place, short=True, of_largest=self.shape_sd_of == "largest-entry")
 
     def kinds_of_stage(self, named: tuple[str, ...]) -> frozenset[str]:
         """Kinds that a stage names: "shape" is what shape_form says."""
@@ -379,11 +380,15 @@ class ResidualsTable(TomlTable):
 
 @dataclass(frozen=True)
 class Comparison:
-    """One comparison of a study: its table, and where that stands; `short` for what [residuals] says."""
+    """One comparison of a study: its table, and where that stands; `short` for what [residuals] says.
+
+    `of_largest` says that the standard deviation of a shape is relative to its largest entry.
+    """
 
     entry: ResidualEntry
     place: Place
     short: bool = False
+    of_largest: bool = False
 
 
 # ----------------------------------------------------------------------------------------------------

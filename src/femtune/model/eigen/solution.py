@@ -106,7 +106,11 @@ def solve_modes(
         ``eigen.uncounted``, ``eigen.other-start``
     """
     if max_hz is None:
-        return _solved(point, default_count(point) if count is None else count, None, start)
+        found = _solved(point, default_count(point) if count is None else count, None, start)
+        if count is None or found.wanted <= count:
+            return found
+        whole = Notice("eigen.whole-group", level="info", count=count, wanted=found.wanted)
+        return replace(found, notices=(*found.notices, whole))
     if count is not None:
         return _reaching(point, count, max_hz, start)
     found = _solved(point, None, max_hz, start)

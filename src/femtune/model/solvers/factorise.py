@@ -13,11 +13,12 @@ import scipy.sparse as sp
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.model.linear.symmetric import SymmetricMatrix, symmetric
-from femtune.model.solvers import cholmod, mumps, pardiso
+from femtune.model.solvers import cholmod, mumps, pardiso, rslab
 from femtune.model.solvers.cholmod import CholmodAnalysis
 from femtune.model.solvers.interface import Analysis, Factor, SingularMatrixError
 from femtune.model.solvers.mumps import MumpsAnalysis
 from femtune.model.solvers.pardiso import PardisoAnalysis
+from femtune.model.solvers.rslab import RslabAnalysis
 from femtune.model.solvers.superlu import SuperLuAnalysis
 
 __all__ = ["Analysis", "Factor", "SingularMatrixError", "analyse", "available_solvers", "factorise", "solver_asked"]
@@ -119,12 +120,14 @@ _ANALYSES: dict[str, Callable[[SymmetricMatrix], Analysis]] = {
     "PARDISO": PardisoAnalysis,
     "MUMPS": MumpsAnalysis,
     "CHOLMOD": lambda matrix: CholmodAnalysis(matrix, _otherwise),
+    "RSLAB": RslabAnalysis,
     "SuperLU": SuperLuAnalysis,
 }
 INSTALLATION = {
     "PARDISO": 'pip install "femtune[fast]"',
     "MUMPS": "pip install python-mumps (needs the library, libmumps-seq-dev of Debian, or conda-forge)",
     "CHOLMOD": 'pip install "scikit-sparse<0.5" (needs the library, libsuitesparse-dev of Debian)',
+    "RSLAB": 'pip install "femtune[light]"',
     "SuperLU": "comes with SciPy",
 }
 """How each solver is installed."""
@@ -137,5 +140,6 @@ def available_solvers() -> tuple[str, ...]:
         "PARDISO": pardiso.library() is None,
         "MUMPS": isinstance(mumps.library(), str),
         "CHOLMOD": isinstance(cholmod.library(), str),
+        "RSLAB": isinstance(rslab.library(), str),
     }
     return tuple(name for name in _ANALYSES if not missing.get(name))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,8 +10,9 @@ import scipy
 
 from femtune.errors import FemtuneError
 from femtune.model.distributed import launch
-from femtune.model.solvers import cholmod, mumps, pardiso
+from femtune.model.solvers import cholmod, mumps, pardiso, rslab
 from femtune.model.solvers.factorise import INSTALLATION, available_solvers
+from femtune.model.solvers.threads import threads
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ def solver_list() -> tuple[SolverFacts, ...]:
         ("PARDISO", _pardiso, True, True, "Intel Simplified Software License (proprietary, redistributable)"),
         ("MUMPS", _python_mumps, True, True, "CeCILL-C; python-mumps BSD-2-Clause"),
         ("CHOLMOD", _scikit_sparse, False, False, "GPL-2.0-or-later (supernodal part); scikit-sparse BSD-2-Clause"),
+        ("RSLAB", _rslab, True, True, "MIT"),
         ("SuperLU", _scipy, True, True, "BSD-3-Clause"),
     )
     return (*(_factorisation(*each) for each in facts), _slepc())
@@ -64,15 +65,6 @@ def _factorisation(
     )  # fmt: skip
 
 
-def threads() -> int:
-    """Threads of the libraries: MKL_NUM_THREADS or OMP_NUM_THREADS, else one a core."""
-    for variable in ("MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-        text = os.environ.get(variable, "")
-        if text.isascii() and text.isdigit() and int(text) > 0:
-            return min(int(text), launch.cores())
-    return launch.cores()
-
-
 def _pardiso() -> tuple[str, str]:
     version = _version("mkl")
     if pardiso.library() is not None:
@@ -88,6 +80,11 @@ def _python_mumps() -> tuple[str, str]:
 def _scikit_sparse() -> tuple[str, str]:
     found = cholmod.library()
     return (found, "") if isinstance(found, str) else ("", _version("scikit-sparse"))
+
+
+def _rslab() -> tuple[str, str]:
+    found = rslab.library()
+    return (found, "") if isinstance(found, str) else ("", _version("rslab"))
 
 
 def _scipy() -> tuple[str, str]:

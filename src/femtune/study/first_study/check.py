@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from femtune.assembly.progress import silent
+from femtune.assembly.repeats import read_repeats
 from femtune.assembly.residuals import modes_without_sd
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError, FemtuneErrors, Notice, folded
@@ -182,6 +183,8 @@ class _Checked:
             if study.file.output.vtu and all(case.used is None for case in study.cases):
                 self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
+            if study.file.quantify is not None:
+                read_repeats(study, study.file.quantify)
 
     def _parts(self, data: dict[str, Any], progress: Progress) -> None:
         """The deck and the tests, each by itself."""

@@ -461,7 +461,7 @@ class _Draft:
         self._parameters(text)
         text.table("[residuals]")
         text.key("frequency_sd", FREQUENCY_SD, "relative: measurement and what the model cannot represent")
-        text.key("shape_sd", SHAPE_SD, "of shapes of unit norm")
+        text.key("shape_sd", SHAPE_SD, "of an entry of a shape, relative to its largest entry")
         return text.text
 
     def _modes(self, text: StudyText) -> None:

@@ -177,7 +177,7 @@ _ALIKE, _NO_EFFECT = 0.95, 1e-9
 
 def sensitivities(parameters: ParameterSet, case: ComparedCase, solution: EigenSolution) -> Reals:
     """(n, k) derivatives of frequencies and shapes, in units of their standard deviations and those of the prior."""
-    residuals = (FrequencyResidual(FREQUENCY_SD), ShapeResidual(SHAPE_SD))
+    residuals = (FrequencyResidual(FREQUENCY_SD), ShapeResidual(SHAPE_SD, of_largest=True))
     problem = UpdateProblem((case,), parameters, residuals)
     x = np.zeros(len(parameters.free))
     at = problem.assess(x, [state_at(case, x, solution)])
