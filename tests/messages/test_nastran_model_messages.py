@@ -30,7 +30,7 @@ DECKS = {
     "deck.circular-coordinates": ("CORD2R,5,6,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nCORD2R,6,5,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"),
     "deck.degenerate-coordinates": "CORD2R,5,,0.,0.,0.,0.,0.,1.\n,0.,0.,2.\n",
     "deck.duplicate-id": _BASE + _BAR + "CBAR,7,3,2,1,0.,1.,0.\n",
-    "deck.superelement": _BASE + "SELOC,4,1,2,3,1,2,3\n",
+    "deck.superelement": _BASE + "SEMPLN,4,PLANE,1,2,3\n",
     "deck.superelement, type": _BASE + "SEBULK,4,EXTOP2,,MANUAL\n",
     "deck.superelement, no part": _BASE + "SEBULK,4,PRIMARY\n",
     "deck.superelement, not joined": _BASE

@@ -30,7 +30,7 @@ def test_the_study_is_valid(tmp_path: Path) -> None:
     path = tmp_path / "study.toml"
     for name in ("subframe.bdf", "ID1.uff", "ID2.uff", "ID3.uff"):
         (tmp_path / name).touch()
-    first = study_from_text(family(lab, TEST, 3, Effort(30, 2.0, 3, 9, 100)), path)
+    first = study_from_text(family(lab, TEST, Effort(30, 2.0, 3, 9, 100)), path)
     assert first.equalise is not None
     assert first.bootstrap is not None
     assert (first.update.starts, first.bootstrap.runs) == (3, 100)

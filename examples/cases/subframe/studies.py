@@ -18,6 +18,7 @@ class Effort:
     lines : in a half bandwidth
     starts, samples : of the search
     bootstraps : runs; 0 for none
+    components : that are tested
     """
 
     order: int = 30
@@ -25,6 +26,7 @@ class Effort:
     starts: int = 1
     samples: int = 0
     bootstraps: int = 0
+    components: int = 3
 
 
 def specimen(component: int) -> str:
@@ -32,9 +34,9 @@ def specimen(component: int) -> str:
     return f"ID{component + 1}"
 
 
-def family(lab: Laboratory, test: Compared, components: int, effort: Effort) -> str:
+def family(lab: Laboratory, test: Compared, effort: Effort) -> str:
     """All components jointly and separately, from the values of the deck, with damping equalised on both sides."""
-    names = [specimen(i) for i in range(components)]
+    names = [specimen(i) for i in range(effort.components)]
     return "\n".join([
         head(lab, test.band_hz[1]),
         *(f'[[configuration]]\nname = "{n}"\nspecimen = "{n}"\ntest = "{n}.uff"\n' for n in names),

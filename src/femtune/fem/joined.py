@@ -16,6 +16,7 @@ from femtune.fem.values import Derived, ValueTable
 
 # what kernels read of a structure, which may differ among the parts
 _SETTINGS = ("mass_factor", "consistent_mass", "lumped_along", "drilling", "normals_within")
+_LARGEST_NUMBER = 2**62
 # of the size of the model: points that are joined elsewhere keep their places
 _SAME_PLACE = 1e-6
 
@@ -97,6 +98,10 @@ def join(parts: Sequence[Part], pairs: Iterable[tuple[Point, Point]]) -> Joined:
     ----------
     parts : the parts; settings of the first are those of the whole, the elements of others keep their own
     pairs : points that are joined
+
+    Raises
+    ------
+    OverflowError : a number of a part times that of its superelement is no integer of 64 bits
     """
     joined = _Joining(parts, pairs)
     return Joined(joined.structure(), joined.increases)
@@ -108,6 +113,8 @@ class _Joining:
     def __init__(self, parts: Sequence[Part], pairs: Iterable[tuple[Point, Point]]) -> None:
         self.parts = parts
         self.step = 10 ** len(str(max(1, *(_largest(part.structure) for part in parts))))
+        if self.step * max(1, *(part.number for part in parts)) > _LARGEST_NUMBER:
+            raise OverflowError("numbers of the parts are too large")
         self.same, self.tied = self._classes(pairs)
         self.increases = self._increases()
         self.nodes, self.places = self._nodes()

@@ -27,8 +27,9 @@ from scipy.linalg import qr
 from femtune.arrays import Complexes, Flags, Reals
 from femtune.identification.modal_fit import ModalFit, fit_modes
 from femtune.identification.modal_solve import Solved, modal_basis, real_rows, solve_residues
+from femtune.identification.shapes import as_modes
 from femtune.identification.state_space_fit import SystemFit, system_fit
-from femtune.modal import FrfSet, freq_and_damping, pole_of
+from femtune.modal import FrfSet, ModeSet, freq_and_damping, pole_of
 from femtune.modal.equalise import residue_factors
 
 Drawing = Literal["lines", "entries", "noise"]
@@ -67,6 +68,11 @@ class RedrawnTest:
     def __getstate__(self) -> dict[str, Any]:
         """For another process, which makes the matrices of the steps again."""
         return {name: self.__dict__[name] for name in self.__dataclass_fields__}
+
+    @cached_property
+    def modes(self) -> ModeSet:
+        """The identified modes inside the band."""
+        return as_modes(self.fit)
 
     # ------------------------------------------------------------------------------------------------
     # Draws.

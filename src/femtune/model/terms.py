@@ -627,6 +627,8 @@ def _distinct(columns: list[NDArray]) -> tuple[Integers, Integers]:
     """First of the rows that are alike in all columns, for each kind of row; and the kind of each row."""
     parts = [part for column in {id(c): c for c in columns}.values() for part in np.atleast_2d(column.T)]
     parts = [part for part in parts if (part != part[:1]).any()]
+    if not parts:
+        return np.zeros(min(len(columns[0]), 1), np.int64), np.zeros(len(columns[0]), np.int64)
     key = np.zeros(len(columns[0]), np.uint64)
     for part, odd in zip(parts, _odd_numbers(len(parts))):
         key = (key + np.asarray(part, dtype=part.dtype if part.itemsize == 8 else float).view(np.uint64)) * odd

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from femtune.correlation import pair_modes
 from femtune.correlation.mode_damping import paired_damping
 from femtune.errors import FemtuneError
-from femtune.identification import as_modes
 from femtune.modal import ModeSet
 from femtune.model import EigenSolution, damping_by_mode
 from femtune.model.response import frf
@@ -107,7 +106,7 @@ def measured_damping(residual: FrfResidual, test: RedrawnTest, modes: EigenSolut
     """Damping ratios of an identified test for the modes of a model (error ``correlate.no-damping``)."""
     ports = residual.places.ports(modes.point.configured, residual.measured)
     seen = residual.measured.responses
-    identified = as_modes(test.fit).select_dofs(seen)
+    identified = test.modes.select_dofs(seen)
     count = modes.wanted
     model = ModeSet(modes.freq_hz, np.asarray(ports.outputs @ modes.shapes[:, :count]), seen)
     pairing = pair_modes(identified, model)

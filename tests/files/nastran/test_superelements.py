@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
+from scipy.spatial.transform import Rotation
 
 from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
@@ -88,6 +89,28 @@ def test_parts_with_equal_numbers(deck_of: DeckOf, frame: str, search: str) -> N
         assert values.values[at] == thickness
         assert FieldRef("PSHELL", number, "T") in built.fields
     assert built.deck.cards[built.element_cards[3104]].record == "CBAR 104"
+
+
+@pytest.mark.slow
+def test_a_part_that_is_moved_to_its_place(deck_of: DeckOf) -> None:
+    """A part that was modelled elsewhere and turned; its supports and equations are along its own axes."""
+    there = Rotation.from_rotvec([0.3, -0.5, 0.9]).as_matrix()
+    lines = second(100, 500).split("\n")
+    for i, line in enumerate(lines):
+        if line.startswith("GRID"):
+            fields = line.split(",")
+            moved = there @ np.array([float(x) for x in fields[3:6]]) + [4.0, -3.0, 2.0]
+            fields[3:6] = [f"{x:.12e}" for x in moved]
+            lines[i] = "GRID*,{1},,{3},{4}\n*,{5}".format(*fields)
+    part = "\n".join(lines).replace(",,3.,.1,0.,.05", ",,3.,{:.10},{:.10},{:.10}".format(*there @ [0.1, 0.0, 0.05]))
+    part = part.replace("0.,0.,1.", "{:.10},{:.10},{:.10}".format(*there @ [0.0, 0.0, 1.0]))
+    # the axes of the equation: those of the strip in its place
+    part = part.replace("MPC,", "$MPC,")
+    main = MAIN + "POINT,901,,3.,0.,0.\nPOINT,902,,3.,.5,0.\nPOINT,903,,4.,0.,0.\nSELOC,3,107,108,109,901,902,903\n"
+    built, found = solved(deck_of(main + "BEGIN SUPER=3\n" + part + "ENDDATA\n"))
+    expected = solved(deck_of(MAIN + second(100, 500).replace("MPC,", "$MPC,") + RIGID + "ENDDATA\n"))[1]
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    assert notices(built) == ["static"]
 
 
 @pytest.mark.slow
@@ -173,7 +196,7 @@ def test_listed_modes_of_external_superelements() -> None:
 REFUSED = {
     "part.*not in the deck": "SEBULK,3,EXTOP4,,MANUAL,,,101\n",
     "not supported": "SEBULK,3,MIRROR,4\nBEGIN SUPER=3\n" + second(),
-    "moved, mirrored": "SELOC,3,1,2,3,1,2,3\nBEGIN SUPER=3\n" + second(),
+    "mirrored, released": "SEMPLN,3,PLANE,1,2,3\nBEGIN SUPER=3\n" + second(),
     "has no point in common": "BEGIN SUPER=3\n" + second().replace(",,3.0", ",,3.1"),
     "several points in one place": "BEGIN SUPER=3\n" + second() + "GRID,99,,3.0,.5,0.\n",
     "point 77 of superelement 3": MANUAL.replace(",7,7,", ",77,7,") + "BEGIN SUPER=3\n" + second(),

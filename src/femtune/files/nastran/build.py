@@ -56,6 +56,7 @@ from femtune.files.nastran.superelements import (
     Section,
     boundary_pairs,
     increase_notice,
+    moved_basic,
     reduced_matrices,
     superelement_notices,
 )
@@ -165,7 +166,7 @@ def _with_parts(
     case = deck.case_control
     parts, cards, places = [Part(residual, 0, case.spc, case.mpc)], [element_cards], [building.places]
     for number in deck.parts:
-        own = Building(deck.of_section(number), errors=building.errors)
+        own = Building(deck.of_section(number), errors=building.errors, basic=moved_basic(deck, number))
         cards.append(_element_cards(own))
         structure = _structure(own, cards[-1], False, deck)
         parts.append(Part(structure, number, own.deck.case_control.spc, own.deck.case_control.mpc))
@@ -173,7 +174,11 @@ def _with_parts(
         # the sets of a part say how it is reduced, which one notice tells
         building.notices += [n for n in own.notices if not n.code.startswith("deck.dof-set")]
     raise_distinct(building.errors)
-    joined = join(parts, boundary_pairs(deck, [Section(part.number, part.structure) for part in parts]))
+    pairs = boundary_pairs(deck, [Section(part.number, part.structure) for part in parts])
+    try:
+        joined = join(parts, pairs)
+    except OverflowError as error:
+        raise FemtuneError("deck.superelement/large-numbers", where=Where(str(deck.path))) from error
     each = list(zip(parts, joined.increases, cards, places))
     building.places = {part.in_whole(ref, more): at for part, more, _, own in each for ref, at in own.items()}
     building.notices += [increase_notice(deck, part.number, more) for part, more, _, _ in each if more]

@@ -15,6 +15,7 @@ from femtune.fem.structure import ElementBatch
 from femtune.fem.values import ValueTableBuilder
 from femtune.files.nastran.card import Card, CardEntry, records_of
 from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.coordinates import BASIC, CoordinateSystem
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.lists import read_list
 
@@ -46,13 +47,17 @@ class FieldPlace:
 
 @dataclass
 class Building:
-    """Deck, value table, places of the values, errors and notices of one build."""
+    """Deck, value table, places of the values, errors and notices of one build.
+
+    `basic` is the basic system of the deck, which is another one for a superelement that SELOC moves.
+    """
 
     deck: Deck
     values: ValueTableBuilder = field(default_factory=ValueTableBuilder)
     places: dict[FieldRef, FieldPlace] = field(default_factory=dict)
     errors: ErrorCollector = field(default_factory=ErrorCollector)
     notices: list[Notice] = field(default_factory=list)
+    basic: CoordinateSystem = BASIC
 
     def records(self, *names: str, defaults: CardEntry | None = None) -> list[CardEntry]:
         """All entries of the cards of some names."""

@@ -66,6 +66,8 @@ _LAYOUT = f"""
 GRID      other     ID CP X1 X2 X3 CD PS SEID
 GRDSET    other     - CP - - - CD PS SEID
 SPOINT    other     ID
+POINT     other     ID CP X1 X2 X3
+SELOC     other     SEID PA1 PA2 PA3 PB1 PB2 PB3
 CORD1R    other     CID G1 G2 G3
 CORD1C    other     CID G1 G2 G3
 CORD1S    other     CID G1 G2 G3

@@ -91,12 +91,17 @@ class CoordinateSystems:
     ----------
     records : the cards by number
     grid_location : basic coordinates of a grid point, for CORD1 cards
+    basic : system 0
     """
 
     records: Mapping[int, CardEntry]
     grid_location: Callable[[int, CardEntry], Reals]
-    _known: dict[int, CoordinateSystem | FemtuneError] = field(default_factory=lambda: {0: BASIC})
+    basic: CoordinateSystem = BASIC
+    _known: dict[int, CoordinateSystem | FemtuneError] = field(default_factory=dict)
     _pending: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._known[0] = self.basic
 
     def get(self, cid: int, user: CardEntry) -> CoordinateSystem:
         """The system of a number, asked for by a card.

@@ -16,7 +16,7 @@ from femtune.files.nastran.building import Building, Library, duplicate, listed_
 from femtune.files.nastran.card import LARGEST_COORDINATE, Card, CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.columns import Columns, columns_of
-from femtune.files.nastran.coordinates import CoordinateSystem, CoordinateSystems
+from femtune.files.nastran.coordinates import BASIC, CoordinateSystem, CoordinateSystems
 from femtune.files.nastran.lines import parse_integer, parse_real
 
 # ----------------------------------------------------------------------------------------------------
@@ -95,12 +95,13 @@ class Grids:
     records: Mapping[int, CardEntry]
     system_records: Mapping[int, CardEntry]
     plain: PlainGrids | None = None
+    basic: CoordinateSystem = BASIC
     systems: CoordinateSystems = field(init=False)
     _locations: Library[NDArray[np.float64]] = field(init=False)
     table: NodeTable = field(init=False)
 
     def __post_init__(self) -> None:
-        self.systems = CoordinateSystems(self.system_records, self.location)
+        self.systems = CoordinateSystems(self.system_records, self.location, self.basic)
         self._locations = Library(self._locate)
 
     def location(self, number: int, user: CardEntry) -> NDArray[np.float64]:
@@ -176,10 +177,11 @@ def unknown_grid(number: int, user: CardEntry) -> FemtuneError:
 def read_grids(building: Building) -> Grids:
     """Grid points, scalar points and coordinate systems of the deck."""
     systems = building.records("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
-    # GRDSET gives defaults that whole columns don't know
-    plain = None if building.deck.by_name("GRDSET") else plain_grids(building.deck.by_name("GRID"))
+    # GRDSET gives defaults that whole columns don't know, and plain coordinates are those of the whole model
+    apart = building.deck.by_name("GRDSET") or building.basic is not BASIC
+    plain = None if apart else plain_grids(building.deck.by_name("GRID"))
     records = _grid_records(building) if plain is None else plain.records
-    grids = Grids(records, building.by_number(_distinct(building, systems), "coordinate system"), plain)
+    grids = Grids(records, building.by_number(_distinct(building, systems), "coordinate system"), plain, building.basic)
     _check_systems(building, grids)
     grids.table = _node_table(building, grids)
     return grids

@@ -49,7 +49,7 @@ def _offset(record: CardEntry, grids: Grids, row: int) -> dict[str, NDArray]:
     """Offset of the centre of gravity and axes of the inertia; with CID −1 it is given as a point in basic."""
     x = np.array(record.reals("X1", "X2", "X3"))
     if record.integer("CID", 0) == -1:
-        return {"offset": x - grids.table.xyz[row], "frame": np.eye(3)}
+        return {"offset": grids.basic.point(x) - grids.table.xyz[row], "frame": grids.basic.axes}
     frame = _axes(record, grids, row)
     return {"offset": frame @ x, "frame": frame}
 

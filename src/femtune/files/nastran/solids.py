@@ -152,8 +152,10 @@ def _other_shape(record: CardEntry, numbers: Sequence[int]) -> str:
 
 def _axes(record: CardEntry, section: SolidSection, nodes: Sequence[int], grids: Grids) -> Reals:
     """(3, 3) material axes, as columns in the basic frame, at the centre of an element."""
-    if section.isotropic or section.axes == 0:
+    if section.isotropic:
         return _BASIC
+    if section.axes == 0:
+        return grids.basic.axes
     corners = grids.table.xyz[list(nodes[: _SHAPES[record.name].corners])]
     if section.axes > 0:
         return grids.systems.get(section.axes, record).frame(corners.mean(axis=0))

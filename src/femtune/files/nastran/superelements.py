@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.fem.assembled import AssembledMatrix
 from femtune.fem.fields import MatrixKind
@@ -18,18 +19,21 @@ from femtune.fem.joined import Increase, Point
 from femtune.fem.structure import Structure
 from femtune.files.matrices.op4 import op4_names, read_op4
 from femtune.files.matrices.read_matrix import ReadMatrix
-from femtune.files.nastran.building import Building
-from femtune.files.nastran.card import Card
+from femtune.files.nastran.building import Building, listed_numbers
+from femtune.files.nastran.card import Card, CardEntry
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.coordinates import BASIC, CoordinateSystem, system_through
 from femtune.files.nastran.deck import Deck
-from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.lists import read_list
+from femtune.files.nastran.grids import Grids, read_grids
 from femtune.files.nastran.matrices import dmig_names, dmig_upper, scaled_matrix
 
 _IN_ONE_MODEL = ("SESET", "SETREE", "SEELT", "SEQSET", "SEQSET1")
 # what moves or copies a part, or changes how it is joined
-_REFUSED = ("SELOC", "SEMPLN", "RELEASE", "CSUPER", "CSUPEXT")
+_REFUSED = ("SEMPLN", "RELEASE", "CSUPER", "CSUPEXT")
 _PRIMARY, _OP4, _DMIG = "PRIMARY", ("EXTOP4", "MATOP4"), "EXTERNAL"
 _TOLERANCE = 1e-5
+# of the distance of its points
+_SAME_TRIANGLE = 1e-3
 _SEARCHES = ("AUTO", "MANUAL")
 _ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*(?:'([^']*)'|\"([^\"]*)\"|([^\s,'\"]+))(.*)", re.IGNORECASE | re.DOTALL)
 _UNIT = re.compile(r"\bUNIT\s*=?\s*(\d{1,5})", re.IGNORECASE)
@@ -115,7 +119,8 @@ def _refuse(deck: Deck) -> None:
         if card.integer(0) not in deck.parts:
             raise FemtuneError("deck.superelement/no-part", where=card.where(), card=card.record, kind=kind)
     joined = next((c for name in ("SECONCT", "SEBNDRY", "SEEXCLD") for c in deck.by_name(name)), None)
-    if joined is not None and not deck.parts:
+    joined = next((c for c in deck.by_name("SELOC") if c.integer(0) not in deck.parts), joined)
+    if joined is not None and (not deck.parts or joined.name == "SELOC"):
         raise FemtuneError("deck.superelement/no-part", where=joined.where(), card=joined.record, kind=_PRIMARY)
     if deck.parts and deck.case_control.preload is not None:
         number, line = next(iter(deck.parts.items()))
@@ -130,6 +135,48 @@ def _bulk_card(deck: Deck, number: int) -> Card | None:
 def _is_external(deck: Deck, number: int) -> bool:
     card = _bulk_card(deck, number)
     return card is not None and card.text(1, _PRIMARY) != _PRIMARY
+
+
+# ----------------------------------------------------------------------------------------------------
+# Parts that SELOC moves: their basic system is another one.
+
+
+def moved_basic(deck: Deck, number: int) -> CoordinateSystem:
+    """The basic system of a part in that of the whole.
+
+    Raises
+    ------
+    FemtuneError : ``deck.superelement`` where the three points of SELOC do not fit those of the main bulk data
+    """
+    card = next((card for card in deck.by_name("SELOC") if card.integer(0) == number), None)
+    if card is None:
+        return BASIC
+    part, main = (_Located(Building(deck.of_section(n))) for n in (number, 0))
+    record = CardEntry(card, CATALOGUE["SELOC"].fields)
+    own = [part.location(record.integer(f"PA{i}"), record) for i in (1, 2, 3)]
+    other = [main.location(record.integer(f"PB{i}"), record) for i in (1, 2, 3)]
+    one, two = system_through(0, "R", *own), system_through(0, "R", *other)
+    gaps = [
+        abs(np.linalg.norm(own[i] - own[j]) - np.linalg.norm(other[i] - other[j])) for i, j in ((0, 1), (0, 2), (1, 2))
+    ]
+    if one is None or two is None or max(gaps) > _SAME_TRIANGLE * np.linalg.norm(own[1] - own[0]):
+        raise FemtuneError("deck.superelement/location", where=card.where(), card=card.record)
+    turn = two.axes @ one.axes.T
+    return CoordinateSystem(0, "R", other[0] - turn @ own[0], turn)
+
+
+class _Located:
+    """Places of GRID and POINT cards of a section."""
+
+    def __init__(self, building: Building) -> None:
+        self.grids = read_grids(building)
+        self.points = {record.integer("ID"): record for record in building.records("POINT")}
+
+    def location(self, number: int, user: CardEntry) -> Reals:
+        record = self.points.get(number)
+        if record is None:
+            return self.grids.location(number, user)
+        return self.grids.systems.get(record.integer("CP", 0), record).point(np.array(record.reals("X1", "X2", "X3")))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -197,10 +244,7 @@ def _pairs(card: Card) -> Iterator[tuple[int, int]]:
     """Pairs of the continuations: ``A1 B1 A2 B2 …``, or ``A1 THRU A2 B1 THRU B2`` on a line of its own."""
     for start in range(8, len(card.fields), 8):
         if card.text(start + 1) == "THRU":
-            one, other = (
-                read_list([card.text(k) for k in range(at, at + 3)], card.where(at)).expand()
-                for at in (start, start + 3)
-            )
+            one, other = (_numbers(card, [card.text(k) for k in range(at, at + 3)]) for at in (start, start + 3))
             if len(one) != len(other):
                 raise card.error("deck.field-value/superelement-pairs", index=start)
             yield from zip(one, other)
@@ -224,19 +268,19 @@ def _found_pairs(deck: Deck, sections: Sequence[Section], i: int, j: int) -> Ite
         sections[k].structure.nodes.xyz[np.searchsorted(sections[k].structure.nodes.ids, numbers)]
         for k, numbers in (own, other)
     ]
-    near = cKDTree(xyz[0]).query_ball_tree(cKDTree(xyz[1]), tolerance)
+    # two neighbours tell whether a point is the only one
+    gaps, near = cKDTree(xyz[1]).query(xyz[0], k=2, distance_upper_bound=max(tolerance, 0.0) * (1.0 + 1e-12))
     taken: dict[int, int] = {}
-    for row, found in enumerate(near):
-        for to in found:
-            a, b = int(own[1][row]), int(other[1][to])
-            if len(found) > 1 or to in taken:
-                twice = [int(other[1][k]) for k in found[:2]] if len(found) > 1 else [taken[to], a]
-                raise FemtuneError(
-                    "deck.superelement/ambiguous", where=_where(deck, sections, i, j), one=sections[i].number,
-                    other=sections[j].number, points=" and ".join(map(str, twice)),
-                )  # fmt: skip
-            taken[to] = a
-            yield (i, a), (j, b)
+    for row in np.flatnonzero(np.isfinite(gaps[:, 0])).tolist():
+        to, a = int(near[row, 0]), int(own[1][row])
+        if np.isfinite(gaps[row, 1]) or to in taken:
+            twice = [int(other[1][k]) for k in near[row]] if np.isfinite(gaps[row, 1]) else [taken[to], a]
+            raise FemtuneError(
+                "deck.superelement/ambiguous", where=_where(deck, sections, i, j), one=sections[i].number,
+                other=sections[j].number, points=" and ".join(map(str, twice)),
+            )  # fmt: skip
+        taken[to] = a
+        yield (i, a), (j, int(other[1][to]))
 
 
 def _where(deck: Deck, sections: Sequence[Section], i: int, j: int) -> Where:
@@ -261,7 +305,11 @@ def _listed(deck: Deck, name: str, number: int, other: int) -> set[int] | None:
     ]  # fmt: skip
     if not cards:
         return None
-    return {n for card in cards for n in read_list(card.fields[2:], card.where()).expand()}
+    return {n for card in cards for n in _numbers(card, card.fields[2:])}
+
+
+def _numbers(card: Card, fields: Sequence[str]) -> list[int]:
+    return listed_numbers(CardEntry(card, CATALOGUE[card.name].fields), fields)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -283,6 +331,8 @@ def reduced_matrices(building: Building, grids: Grids, whole: Deck) -> list[Asse
     if kind == _DMIG:
         return list(_of_dmig(building, grids, card))
     path = _assigned(whole, card)
+    if not path.is_file():
+        raise FemtuneError("matrices.unreadable/missing", where=Where(str(path)))
     names = [header.name for header in op4_names(path)]
     dofs = _boundary(building, grids, card)
     found = []

@@ -13,6 +13,8 @@ from femtune.files.nastran.sections import SHAPES
 
 _MOST_SHOWN = 5
 _OF_LINE, _WIDTH, _FIRST = 8, 8, 8
+# columns before field 10
+_TAIL = 72
 
 
 def surplus_fields(deck: Deck) -> list[Notice]:
@@ -32,9 +34,10 @@ def surplus_fields(deck: Deck) -> list[Notice]:
 
 
 def _of_cards(kind: CardKind, cards: Sequence[Card]) -> Iterator[tuple[Card, list[int]]]:
+    blanks = kind.blanks
     for card in cards:
         length = _length(kind, card)
-        filled = [i for i in _candidates(kind, card, length) if _is_filled(card, i)]
+        filled = [i for i in _candidates(kind, card, length, blanks) if _is_filled(card, i)]
         if filled:
             yield card, filled
 
@@ -47,14 +50,14 @@ def _length(kind: CardKind, card: Card) -> int | None:
     return None if shape is None else _OF_LINE + len(shape.dimensions) + 1
 
 
-def _candidates(kind: CardKind, card: Card, length: int | None) -> Iterable[int]:
+def _candidates(kind: CardKind, card: Card, length: int | None, blanks: tuple[int, ...]) -> Iterable[int]:
     """Positions that must be blank."""
     count = _OF_LINE * len(card.lines) if card.plain else len(card.fields)
     if kind.name == "MPC":
         # terms stand in pairs, between blank fields at the end of a line and at the start of the next
         return [i for i in range(7, count) if i % _OF_LINE in (0, 7)]
     beyond = () if length is None else range(length, count)
-    return [*(i for i in kind.blanks if i < count), *beyond]
+    return [*(i for i in blanks if i < count), *beyond] if blanks else beyond
 
 
 def _is_filled(card: Card, index: int) -> bool:
@@ -77,6 +80,8 @@ def _of_tails(cards: Sequence[Card]) -> Iterator[Notice]:
     """Numbers with a decimal point in field 10, which is for names of continuations."""
     for card in cards:
         for line in () if card.plain or card.replicated else card.lines:
+            if len(line.text) <= _TAIL and "," not in line.text and "\t" not in line.text:
+                continue
             tail = split_line(line, line.body).tail
             if "." in tail and not tail.startswith("+") and parse_real(tail) is not None:
                 where = Where(line.file, line.number, card.record)
