@@ -58,7 +58,12 @@ def test_what_was_not_tested_is_no_pass(data: dict[str, Any], arrays: dict[str, 
     assert (cells[-1], cells[-2].split("; ")[1]) == ("pass", "not tested in 1 of 2")
 
 
-def test_the_summary_names_changes_and_what_stays_open(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+@pytest.mark.parametrize("modes", [True, False])
+def test_the_summary_names_changes_and_what_stays_open(
+    modes: bool, data: dict[str, Any], arrays: dict[str, Any]
+) -> None:
+    """Also where FRFs or masses alone are compared."""
+    data["correlations"] = data["correlations"] if modes else []
     headings = [b.text for b in review(_source(data, arrays)) if isinstance(b, Heading)]
     assert [h for h in headings if h in ("Verdict", "What changed", "What stays open")] == [
         "Verdict", "What changed", "What stays open",

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 MOTION_BYTES = 2_800_000
 """Bytes of all motions of the model; base64 makes them a third larger."""
-FUNCTION_BYTES = 1_500_000
+FUNCTION_BYTES = 1_000_000
 """Bytes of all frequency response functions."""
 ITERATION_BYTES = 800_000
 """Bytes of the functions at all iterations."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -39,9 +40,13 @@ class IdentifiedValues:
 
     def change(self, functions: Complexes) -> Reals:
         """Change of the residuals, in their order, with other equalised FRFs of the test."""
-        new, old = functions[self.at], self.test.equalised[self.at]
+        new, old = functions[self.at], self._here
         moved = (old - new if self.form == "linear" else np.log(old / new)) / self.sd
         return moved.real if self.form == "log-magnitude" else np.concatenate([moved.real, moved.imag])
+
+    @cached_property
+    def _here(self) -> Complexes:
+        return np.asarray(self.test.equalised[self.at])
 
 
 @dataclass(frozen=True, eq=False)

@@ -177,13 +177,14 @@ def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:
     rows, left = np.split(S, ends[1:-1]), np.split(at.residuals, ends[1:-1])
     identified = [b.samples is not None and b.samples.identified is not None for b in at.weighted]
     mine = [i for i, is_so in enumerate(identified) if is_so]
+    own = np.concatenate([rows[i] for i in mine])
     # an orthonormal basis of what the parameters can do to these residuals
-    basis = np.linalg.qr(np.concatenate([rows[i] for i in mine]) @ directions.T)[0]
+    basis = np.linalg.qr(own @ directions.T)[0]
     sums, squares = np.zeros((_DRAWS, S.shape[1])), np.zeros(_DRAWS)
     for i in range(_DRAWS):
         changes = drawn_changes(at.weighted, "noise", np.random.default_rng(i))
         found = np.concatenate([change for change in changes if change is not None])
-        sums[i] = found @ np.concatenate([rows[j] for j in mine])
+        sums[i] = found @ own
         squares[i] = _square_outside(found, basis)
     others = sum((rows[i].T @ rows[i] for i, is_so in enumerate(identified) if not is_so), np.zeros((S.shape[1],) * 2))
     square = _square_outside(np.concatenate([left[i] for i in mine]), basis)

@@ -24,7 +24,9 @@ _MOST_VALUES = 16
 
 def review(source: ReportSource) -> list[Block]:
     """Key numbers and alerts, the verdict, changed values, open questions."""
-    open_ = [*undetermined(source), *not_tested(source)] if source.results.correlations else []
+    # a study may compare FRFs or masses alone, without modes
+    compared = source.results.correlations or source.results.update
+    open_ = [*undetermined(source), *not_tested(source)] if compared else []
     return [
         *summary(source),
         *_verdict(source),
