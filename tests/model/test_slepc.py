@@ -259,9 +259,9 @@ def test_settings_of_petsc_are_named_where_it_fails(tmp_path: Path, monkeypatch:
 
 
 def test_a_model_that_is_too_small_for_slepc_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not solve_modes(spring_net(3), 2).notices
+    assert not solve_modes(spring_net(3), 3).notices
     monkeypatch.setenv("FEMTUNE_EIGENSOLVER", "slepc")
-    (notice,) = solve_modes(spring_net(3), 2).notices
+    (notice,) = solve_modes(spring_net(3), 3).notices
     assert notice.code == "slepc.not-used"
     assert "9 DOFs" in str(notice)
     assert "400 DOFs" in str(notice)

@@ -174,10 +174,12 @@ class _System:
     def acting(self, count: int) -> Iterator[int]:
         """Those of the first parameters that change the model: none that belong to another specimen."""
         point, rates = self.modes.point, self.rates
-        kinds = (
-            point.stiffness_derivatives, point.mass_derivatives, point.viscous_derivatives, point.hysteretic_derivatives
-        )  # fmt: skip
         for p in range(count):
+            # not before: a point that serves an estimate of the error has no derivatives
+            kinds = (
+                point.stiffness_derivatives, point.mass_derivatives,
+                point.viscous_derivatives, point.hysteretic_derivatives,
+            )  # fmt: skip
             if any(of[p].any() for of in kinds) or (rates is not None and rates.gradients[:, p].any()):
                 yield p
 
