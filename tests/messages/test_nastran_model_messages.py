@@ -33,6 +33,7 @@ DECKS = {
     "deck.superelement": _BASE + "SEMPLN,4,PLANE,1,2,3\n",
     "deck.superelement, type": _BASE + "SEBULK,4,EXTOP2,,MANUAL\n",
     "deck.superelement, no part": _BASE + "SEBULK,4,PRIMARY\n",
+    "deck.superelement, number": _BASE + "BEGIN SUPER=two\n" + _BASE,
     "deck.superelement, not joined": _BASE
     + "BEGIN SUPER=4\n"
     + _BASE.replace(",0.,0.,0.", ",9.,0.,0.").replace(",1.,", ",8.,"),
@@ -71,6 +72,7 @@ NOTICES = {
     "deck.shared-number": _BASE + _BAR + "CONM2,7,2,,3.\n",
     "deck.implausible-ratio": _BASE.replace("2.1+11,,.3", "2.1+11,8.+10,3.") + _BAR,
     "deck.superelement, parts": _BASE + _BAR + "BEGIN SUPER=4\n" + _BASE + _BAR,
+    "deck.superelement, again": _BASE + _BAR + "BEGIN SUPER=4\n" + _BASE + "BEGIN SUPER=4\n" + _BAR,
     "deck.other-section": _BASE + "BEGIN MASSID=4\nCONM2,9,2,,4.\n",
     "deck.unselected-set": _BASE + "MPC,7,99,1,1.,2,1,-1.\n",
     "deck.superelement, 2": _BASE + "SESET,1,1,2\n",

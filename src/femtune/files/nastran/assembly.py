@@ -109,7 +109,8 @@ def _error(cut: FieldLine, code: str, **facts: Any) -> FemtuneError:
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,7}")
 # BEGIN BULK, BEGIN SUPER = 2, BEGIN BULK SUPER = 2, BEGIN SUPER = 2 MASSID = 3
 _BEGIN = re.compile(r"\s*BEGIN\b", re.IGNORECASE)
-_SUPER = re.compile(r"\bSUPER\s*=?\s*(\d{1,9})", re.IGNORECASE)
+_SUPER = re.compile(r"\bSUPER\b[\s=]*([^\s,$]*)", re.IGNORECASE)
+_PART_NUMBER = re.compile(r"[0-9]{1,9}")
 # mass increments, auxiliary models, contact and module data
 _ASIDE = re.compile(r"\b(?:MASSID|AUXMODEL|ARBMODEL|FLXBDY|MODULE|TRMC|UDS)\b", re.IGNORECASE)
 _NOT_OF_THE_MODEL = -1
@@ -320,9 +321,15 @@ class _Assembly:
             self.superelement = _NOT_OF_THE_MODEL
             self.aside.append(line)
             return
-        number = _SUPER.search(body)
-        self.superelement = int(number[1]) if number else 0
-        self.begins.setdefault(self.superelement, line)
+        part, where = _SUPER.search(body), Where(line.file, line.number, body.strip())
+        if part and not _PART_NUMBER.fullmatch(part[1]):
+            self.superelement = _NOT_OF_THE_MODEL
+            raise FemtuneError("deck.superelement/number", where=where, text=part[1] or "blank")
+        self.superelement = int(part[1]) if part else 0
+        first = self.begins.setdefault(self.superelement, line)
+        if self.superelement and first is not line:
+            again = Notice("deck.superelement/again", where=where, number=self.superelement, line=first.number)
+            self.notices.append(again)
 
     def _note_width(self, cut: FieldLine, body: str) -> None:
         if beyond_last_column(cut, body):

@@ -69,8 +69,10 @@ def take_inventory(deck: Deck) -> tuple[CardUse, ...]:
 
 
 def _read_here(deck: Deck, name: str) -> bool:
-    """Whether case control selects loads of a preload, or adds matrices of DMIG cards."""
-    matrices = any(c.name in ("K2GG", "M2GG", "B2GG", "K42GG") for c in deck.case_control.effective)
+    """Whether case control selects loads of a preload, or adds matrices of DMIG cards, or a superelement has them."""
+    matrices = any(c.name in ("K2GG", "M2GG", "B2GG", "K42GG") for c in deck.case_control.effective) or any(
+        card.text(1) == "EXTERNAL" for card in deck.by_name("SEBULK")
+    )
     return is_read(deck, name) or (name == "DMIG" and matrices)
 
 
