@@ -34,7 +34,7 @@ class Increase:
 
 
 @dataclass(frozen=True)
-class Part:
+class StructurePart:
     """A structure that is joined to others.
 
     Parameters
@@ -87,7 +87,7 @@ class Joined:
     increases: tuple[Increase, ...]
 
 
-def join(parts: Sequence[Part], pairs: Iterable[tuple[Point, Point]]) -> Joined:
+def join(parts: Sequence[StructurePart], pairs: Iterable[tuple[Point, Point]]) -> Joined:
     """One structure from parts, the residual structure first.
 
     Points that are joined become one where they lie in one place and have the same displacement frame; otherwise
@@ -110,7 +110,7 @@ def join(parts: Sequence[Part], pairs: Iterable[tuple[Point, Point]]) -> Joined:
 class _Joining:
     """One assembly of parts."""
 
-    def __init__(self, parts: Sequence[Part], pairs: Iterable[tuple[Point, Point]]) -> None:
+    def __init__(self, parts: Sequence[StructurePart], pairs: Iterable[tuple[Point, Point]]) -> None:
         self.parts = parts
         self.step = 10 ** len(str(max(1, *(_largest(part.structure) for part in parts))))
         if self.step * max(1, *(part.number for part in parts)) > _LARGEST_NUMBER:
@@ -281,7 +281,9 @@ class _Joining:
         ]
         return ValueTable(tuple(refs), np.concatenate([t.values for t in tables]), tuple(derived))
 
-    def _batch(self, batch: ElementBatch, part: Part, more: Increase, place: _Places, start: int) -> ElementBatch:
+    def _batch(
+        self, batch: ElementBatch, part: StructurePart, more: Increase, place: _Places, start: int
+    ) -> ElementBatch:
         whole = self.parts[0].structure
         own = {name: getattr(part.structure, name) for name in _SETTINGS}
         return replace(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.fem.fields import FieldRef
-from femtune.fem.joined import Increase, Part, join
+from femtune.fem.joined import Increase, StructurePart, join
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.files.nastran.bars import read_bars
 from femtune.files.nastran.bends import read_bends
@@ -53,7 +53,7 @@ from femtune.files.nastran.shear_panels import read_shear_panels
 from femtune.files.nastran.shells import read_shells
 from femtune.files.nastran.solids import read_solids
 from femtune.files.nastran.superelements import (
-    Section,
+    BulkSection,
     boundary_pairs,
     increase_notice,
     moved_basic,
@@ -164,17 +164,17 @@ def _with_parts(
     Values, errors and notices of the parts are gathered too.
     """
     case = deck.case_control
-    parts, cards, places = [Part(residual, 0, case.spc, case.mpc)], [element_cards], [building.places]
+    parts, cards, places = [StructurePart(residual, 0, case.spc, case.mpc)], [element_cards], [building.places]
     for number in deck.parts:
         own = Building(deck.of_section(number), errors=building.errors, basic=moved_basic(deck, number))
         cards.append(_element_cards(own))
         structure = _structure(own, cards[-1], False, deck)
-        parts.append(Part(structure, number, own.deck.case_control.spc, own.deck.case_control.mpc))
+        parts.append(StructurePart(structure, number, own.deck.case_control.spc, own.deck.case_control.mpc))
         places.append(own.places)
         # the sets of a part say how it is reduced, which one notice tells
         building.notices += [n for n in own.notices if not n.code.startswith("deck.dof-set")]
     raise_distinct(building.errors)
-    pairs = boundary_pairs(deck, [Section(part.number, part.structure) for part in parts])
+    pairs = boundary_pairs(deck, [BulkSection(part.number, part.structure) for part in parts])
     try:
         joined = join(parts, pairs)
     except OverflowError as error:

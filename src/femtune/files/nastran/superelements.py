@@ -185,14 +185,14 @@ class _Located:
 
 
 @dataclass(frozen=True)
-class Section:
+class BulkSection:
     """Structure of a part, or of the residual structure (number 0), with its numbers."""
 
     number: int
     structure: Structure
 
 
-def boundary_pairs(deck: Deck, sections: Sequence[Section]) -> list[tuple[Point, Point]]:
+def boundary_pairs(deck: Deck, sections: Sequence[BulkSection]) -> list[tuple[Point, Point]]:
     """Pairs of points that are joined, of which each is the index of its section and its number.
 
     Raises
@@ -213,7 +213,7 @@ def boundary_pairs(deck: Deck, sections: Sequence[Section]) -> list[tuple[Point,
     return pairs
 
 
-def _listed_pairs(card: Card, at: dict[int, int], sections: Sequence[Section]) -> Iterator[tuple[Point, Point]]:
+def _listed_pairs(card: Card, at: dict[int, int], sections: Sequence[BulkSection]) -> Iterator[tuple[Point, Point]]:
     numbers = card.integer(0), card.integer(1, 0)
     unknown = next((n for n in numbers if n not in at), None)
     if unknown is not None:
@@ -256,7 +256,7 @@ def _pairs(card: Card) -> Iterator[tuple[int, int]]:
                 yield card.integer(at), card.integer(at + 1)
 
 
-def _found_pairs(deck: Deck, sections: Sequence[Section], i: int, j: int) -> Iterator[tuple[Point, Point]]:
+def _found_pairs(deck: Deck, sections: Sequence[BulkSection], i: int, j: int) -> Iterator[tuple[Point, Point]]:
     """Points of two sections in one place."""
     cards = [_bulk_card(deck, sections[k].number) for k in (i, j) if sections[k].number]
     searched = [card for card in cards if card is None or card.text(3, "AUTO") == "AUTO"]
@@ -285,12 +285,12 @@ def _found_pairs(deck: Deck, sections: Sequence[Section], i: int, j: int) -> Ite
         yield (i, a), (j, int(other[1][to]))
 
 
-def _where(deck: Deck, sections: Sequence[Section], i: int, j: int) -> Where:
+def _where(deck: Deck, sections: Sequence[BulkSection], i: int, j: int) -> Where:
     line = deck.parts[sections[j].number]
     return Where(line.file, line.number, f"BEGIN SUPER {sections[j].number}")
 
 
-def _candidates(deck: Deck, section: Section, other: int) -> Integers:
+def _candidates(deck: Deck, section: BulkSection, other: int) -> Integers:
     """Grid points of a section that may be joined to another one: of SEBNDRY, or all, without those of SEEXCLD."""
     ids = section.structure.nodes.ids
     listed = _listed(deck, "SEBNDRY", section.number, other)
