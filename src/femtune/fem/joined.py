@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +15,7 @@ from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ConstraintRows, ElementBatch, NodeTable, Structure, join_constraints
 from femtune.fem.values import Derived, ValueTable
 
+S = TypeVar("S")
 # what kernels read of a structure, which may differ among the parts
 _SETTINGS = ("mass_factor", "consistent_mass", "lumped_along", "drilling", "normals_within")
 _LARGEST_NUMBER = 2**62
@@ -227,24 +229,28 @@ class _Joining:
         return next((n for part in self.parts if (n := getattr(part, name)) is not None), None)
 
     def _supports(self) -> dict[int, Integers]:
-        chosen = self._default("support_set")
-        found: dict[int, list[Integers]] = {} if chosen is None else {chosen: []}
-        for part, place in zip(self.parts, self.places):
-            for number, dofs in part.structure.support_sets.items():
-                active = number == part.support_set
-                if active or number != chosen:
-                    found.setdefault(chosen if active and chosen is not None else number, []).append(place.dof(dofs))
+        found = self._by_number("support_set", lambda part: part.structure.support_sets, _Places.dof)
         return {n: np.unique(np.concatenate([np.zeros(0, np.int64), *dofs])) for n, dofs in found.items()}
 
     def _equations(self) -> dict[int, ConstraintRows]:
-        chosen = self._default("multipoint_set")
-        found: dict[int, list[ConstraintRows]] = {} if chosen is None else {chosen: []}
-        for part, place in zip(self.parts, self.places):
-            for number, rows in part.structure.multipoint_sets.items():
-                active = number == part.multipoint_set
-                if active or number != chosen:
-                    found.setdefault(chosen if active and chosen is not None else number, []).append(_rows(rows, place))
+        found = self._by_number(
+            "multipoint_set", lambda part: part.structure.multipoint_sets, lambda place, rows: _rows(rows, place)
+        )
         return {n: join_constraints(rows) for n, rows in found.items()}
+
+    def _by_number(
+        self, name: str, sets: Callable[[StructurePart], Mapping[int, S]], placed: Callable[[_Places, S], S]
+    ) -> dict[int, list[S]]:
+        """Sets of all parts by number; those that are selected, whatever their numbers, have that of the default."""
+        chosen = self._default(name)
+        found: dict[int, list[S]] = {} if chosen is None else {chosen: []}
+        for part, place in zip(self.parts, self.places):
+            for number, members in sets(part).items():
+                active = number == getattr(part, name)
+                if active or number != chosen:
+                    key = chosen if active and chosen is not None else number
+                    found.setdefault(key, []).append(placed(place, members))
+        return found
 
     def _ties(self) -> ConstraintRows:
         """Equations that give a point the displacements and rotations of another, each in its own frame."""

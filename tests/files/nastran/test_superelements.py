@@ -175,6 +175,7 @@ def test_external_superelement_of_dmig_cards(deck_of: DeckOf, form: str) -> None
     built, found = solved(deck_of(case + bulk + grids + cards + "ENDDATA\n"))
     np.testing.assert_allclose(found[:10], expected[:10], rtol=1e-7)
     assert FieldRef("MATRIX", 0, names[0] + ".3") in built.structure.values.refs
+    assert not [n for n in built.notices if n.code == "deck.ignored-cards"]
     assert notices(built) == ["parts"]
 
 
