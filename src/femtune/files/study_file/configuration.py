@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from femtune.files.formats import ModesFormatKey
 from femtune.files.study_file.kinds import (
     Command,
     DeckName,
     ElementsOff,
     Inertia,
-    ModesFormatName,
     NamesFile,
     NotNegative,
     Number,
@@ -101,7 +101,7 @@ class ConfigurationSolver(TomlTable):
     templates: tuple[TemplateName, ...] | None = None
     files: tuple[SolverFileName, ...] | None = None
     result: Text | None = None
-    format: ModesFormatName | None = None
+    format: ModesFormatKey | None = None
     mass: Positive | None = None
 
 

@@ -333,6 +333,3 @@ Command = Annotated[
     Field(min_length=1),
     BeforeValidator(_words),
 ]
-ModesFormatName = Literal[
-    "abaqus-dat", "ansys-rst", "calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"
-]

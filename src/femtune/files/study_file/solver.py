@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from femtune.errors import FemtuneError
+from femtune.files.formats import ModesFormatKey
 from femtune.files.study_file.kinds import (
     Command,
-    ModesFormatName,
     NotNegative,
     Positive,
     SolverFileName,
@@ -29,7 +29,7 @@ class SolverTable(TomlTable):
     deck_name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$")] = "model.bdf"
     files: tuple[SolverFileName, ...] = ()
     result: Text
-    format: ModesFormatName
+    format: ModesFormatKey
     timeout_s: Positive = 3600.0
     retries: Annotated[int, Field(ge=0, le=100)] = 1
     error_texts: tuple[Text, ...] = ()
