@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.files.study_file.kinds import (
     ByNode,
+    DeckName,
     DofLabel,
     NotNegative,
     Number,
@@ -29,7 +30,7 @@ class StudyTable(TomlTable):
     """[study]: title, deck and units."""
 
     title: Text
-    deck: Text | None = None
+    deck: DeckName | None = None
     units: Units
     allow_ignored: tuple[Text, ...] = ()
     journal: bool = True
