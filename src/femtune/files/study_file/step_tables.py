@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.files.study_file.kinds import (
     ByNode,
+    DeckName,
     DofLabel,
     NotNegative,
     Number,
@@ -28,8 +29,11 @@ Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
 class StudyTable(TomlTable):
     """[study]: title, deck and units."""
 
+    only_configuration: ClassVar[str] = "as the deck"
+    """Name of the configuration of a study without [[configuration]]."""
+
     title: Text
-    deck: Text | None = None
+    deck: DeckName | None = None
     units: Units
     allow_ignored: tuple[Text, ...] = ()
     journal: bool = True
