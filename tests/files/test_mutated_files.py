@@ -21,7 +21,7 @@ from femtune.dofs import Dof
 from femtune.errors import FemtuneError
 from femtune.files.identification_file import read_identify_file
 from femtune.files.matrices.listed_modes import read_listed_modes
-from femtune.files.matrices.registry import read_matrix
+from femtune.files.matrices.read import read_matrix
 from femtune.files.modes.nastran_text import read_punch
 from femtune.files.points_table import read_points
 from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs, read_record

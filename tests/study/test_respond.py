@@ -307,7 +307,7 @@ def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) ->
     study.write_text(other)
     changed = steps.respond(study)
     assert changed.records != (before,)
-    assert changed.remarks == ("2 of 3 solutions from the journal of an earlier run",)
+    assert tuple(map(str, changed.remarks)) == ("2 of 3 solutions from the journal of an earlier run",)
 
 
 def test_a_tip_load(bench: Bench) -> None:

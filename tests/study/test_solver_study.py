@@ -21,7 +21,7 @@ import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.executor.interface import usable_cores
-from femtune.files.modes.registry import read_modes
+from femtune.files.modes.read import read_modes
 from femtune.files.nastran.lines import format_real
 from femtune.modal import ModeSet
 from femtune.runs.process import begun, run_process

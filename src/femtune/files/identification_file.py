@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.files.formats import RecordFormatKey
 from femtune.files.study_file.kinds import DofLabel, Positive, SchemaVersion, Text, TomlTable, Units
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, toml_data, toml_text
@@ -35,7 +36,7 @@ class IdentifyTable(TomlTable):
     geometry: Text | None = None
     lines: Annotated[tuple[NodePath, ...], Field(max_length=100_000)] = ()
     units: Units = "m-kg-s"
-    format: Literal["text", "numpy", "matlab", "hdf5", "wav", "uff"] | None = None
+    format: RecordFormatKey | None = None
     variable: Text | None = None
     sampling_hz: Positive | None = None
     band_hz: tuple[Hertz, Hertz] | None = None

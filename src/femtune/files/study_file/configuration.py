@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from femtune.files.formats import ModesFormatKey
 from femtune.files.study_file.kinds import (
     Command,
     ElementsOff,
     Inertia,
-    ModesFormatName,
     NotNegative,
     Number,
     Positive,
@@ -95,7 +95,7 @@ class ConfigurationSolver(TomlTable):
     templates: tuple[Text, ...] | None = None
     files: tuple[Text, ...] | None = None
     result: Text | None = None
-    format: ModesFormatName | None = None
+    format: ModesFormatKey | None = None
     mass: Positive | None = None
 
 

@@ -306,6 +306,3 @@ def _words(value: object) -> object:
 
 
 Command = Annotated[tuple[Text, ...], Field(min_length=1), BeforeValidator(_words)]
-ModesFormatName = Literal[
-    "abaqus-dat", "ansys-rst", "calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"
-]

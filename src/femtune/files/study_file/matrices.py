@@ -8,12 +8,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, StringConstraints
 
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.formats import MatrixFormatKey
 from femtune.files.study_file.kinds import Components, Elements, GroupName, Number, Text, TomlTable
 from femtune.files.study_file.runs import is_of_runs
 from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
-Format = Literal["op4", "op2", "dmig", "abaqus", "calculix", "matrix-market", "ansys"]
 
 
 class ModelTable(TomlTable):
@@ -35,7 +35,7 @@ class MatrixEntry(TomlTable):
     kind: Literal["stiffness", "mass", "viscous", "hysteretic"]
     file: Text
     record: Text | None = None
-    format: Format | None = None
+    format: MatrixFormatKey | None = None
     factor: float = 1.0
     at: dict[str, float] = Field(default_factory=dict)
 

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import Command, ModesFormatName, NotNegative, Positive, Text, TomlTable
+from femtune.files.formats import ModesFormatKey
+from femtune.files.study_file.kinds import Command, NotNegative, Positive, Text, TomlTable
 from femtune.files.study_file.source import StudyLines, table, tables
 
 
@@ -20,7 +21,7 @@ class SolverTable(TomlTable):
     deck_name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$")] = "model.bdf"
     files: tuple[Text, ...] = ()
     result: Text
-    format: ModesFormatName
+    format: ModesFormatKey
     timeout_s: Positive = 3600.0
     retries: Annotated[int, Field(ge=0, le=100)] = 1
     error_texts: tuple[Text, ...] = ()
