@@ -17,7 +17,7 @@ from femtune.errors import ErrorCollector, FemtuneError, Notice
 from femtune.files.matrices.calculix import read_dof_list
 from femtune.files.matrices.listed_modes import read_listed_modes
 from femtune.files.matrices.placement import INPUT_SUFFIXES, place_matrices, read_points
-from femtune.files.matrices.registry import read_matrix
+from femtune.files.matrices.read import read_matrix
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.case_control import CaseControl
 from femtune.files.nastran.deck import Deck, Executive, read_deck

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 
 from femtune.assembly.error_places import errors_at
 from femtune.dofs import Dof, DofSet
-from femtune.errors import FemtuneError, Notice, Where, did_you_mean
+from femtune.errors import FemtuneError, Notice, did_you_mean
 from femtune.fem import NodeTable
 from femtune.files.matrices.placement import read_points
 from femtune.files.nastran.build import BuiltModel
@@ -46,18 +45,9 @@ def build_of_runs(file: StudyFile) -> BuiltModel:
     FemtuneError : ``runs.*``, ``matrices.points`` for the grid points
     """
     assert file.runs is not None
-    for name in sources(file):
-        if not os.path.exists(file.path_of(str(name))):
-            raise FemtuneError("runs.table/absent", where=_place_of_table(file, name), file=name)
     tables = [read_runs_table(file.path_of(str(name))) for name in sources(file)]
     with errors_at(file.where("runs")):
         return built_of_tables(file, tables)
-
-
-def _place_of_table(file: StudyFile, name: Hashable) -> Where:
-    """The line of the study that names a table."""
-    own = [i for i, entry in enumerate(file.configuration) if entry.runs == name]
-    return file.where("configuration", own[0], "runs") if own else file.where("runs", "file")
 
 
 def sources(file: StudyFile) -> tuple[Hashable, ...]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.assembly.cases import sensor_tolerance
 from femtune.assembly.plausible_sections import slow_modes
+from femtune.errors import Notice
 from femtune.fem.checks import (
     grounding_elements,
     mass_properties,
@@ -35,7 +36,6 @@ from femtune.results.neutral_axis import of_neutral_axis
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.study import Study
-    from femtune.errors import Notice
     from femtune.fem import FieldRef, Structure
     from femtune.fem.checks import (
         MassProperties,
@@ -567,12 +567,12 @@ def _beside_deck(found: ModesBeside) -> BesideDeck:
     return BesideDeck(configuration=found.configuration, derivatives=found.derivatives, modes=modes)
 
 
-def shapes_remark(built: BuiltModel) -> tuple[str, ...]:
-    """That elements are out of shape, as one sentence; none where all are within the limits."""
+def shapes_remark(built: BuiltModel) -> tuple[Notice, ...]:
+    """That elements are out of shape, in one sentence; none where all are within the limits."""
     shapes = _element_shapes(built)
     if not any(t.beyond for t in shapes.tests):
         return ()
-    return (f"shapes of elements: {shapes.sentence}; femtune info lists them",)
+    return (Notice("", f"shapes of elements: {shapes.sentence}; femtune info lists them", level="info"),)
 
 
 def _element_shapes(built: BuiltModel) -> ElementShapes:

@@ -8,22 +8,22 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, StringConstraints
 
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.kinds import Components, Elements, GroupName, Number, Text, TomlTable
+from femtune.files.formats import MatrixFormatKey
+from femtune.files.study_file.kinds import Components, Elements, GroupName, NamesFile, Number, Text, TomlTable
 from femtune.files.study_file.runs import is_of_runs
 from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
-Format = Literal["op4", "op2", "dmig", "abaqus", "calculix", "matrix-market", "ansys"]
 
 
 class ModelTable(TomlTable):
     """[model]: grid points and rows of the matrices, and the modes that their solver listed."""
 
-    grid: Text | None = None
-    dofs: Text | None = None
+    grid: Annotated[Text, NamesFile("file of grid points")] | None = None
+    dofs: Annotated[Text, NamesFile("list of DOFs")] | None = None
     hold_singular: bool = False
     listed_hz: tuple[Annotated[float, Field(ge=0)], ...] = ()
-    listing: Text | None = None
+    listing: Annotated[Text, NamesFile("list of modes")] | None = None
     listed_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
     polynomial_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
 
@@ -33,9 +33,9 @@ class MatrixEntry(TomlTable):
 
     name: Name
     kind: Literal["stiffness", "mass", "viscous", "hysteretic"]
-    file: Text
+    file: Annotated[Text, NamesFile("file of a matrix")]
     record: Text | None = None
-    format: Format | None = None
+    format: MatrixFormatKey | None = None
     factor: float = 1.0
     at: dict[str, float] = Field(default_factory=dict)
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from femtune.files.study_file.kinds import Text, TomlTable
+from femtune.files.study_file.kinds import NamesFile, Text, TomlTable
 from femtune.uncertainty.kinds import CovarianceEstimate, MissingValues, OutputWeighting, QuantifyMethod
 
 
@@ -20,6 +20,7 @@ class SelectTable(TomlTable):
 
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
+RepeatsName = Annotated[Text, NamesFile("file of repeats")]
 RepeatNumber = Annotated[int, Field(ge=1)]
 
 
@@ -31,7 +32,7 @@ def _listed(value: object) -> object:
 class QuantifyTable(TomlTable):
     """[quantify]: repeated tests of one configuration, and the estimation of mean and covariance."""
 
-    repeats: Annotated[tuple[Text, ...], BeforeValidator(_listed), Field(min_length=1)]
+    repeats: Annotated[tuple[RepeatsName, ...], BeforeValidator(_listed), Field(min_length=1)]
     columns: tuple[str, ...] = ()
     configuration: Text | None = None
     method: QuantifyMethod = "second-order"

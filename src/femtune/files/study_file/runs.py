@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import Text, TomlTable
+from femtune.files.study_file.kinds import RunsName, TomlTable
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables
 from femtune.files.study_file.validation import FRF_LIMITS
 from femtune.surrogates.kinds import SurrogateMethod
@@ -17,7 +17,7 @@ from femtune.surrogates.kinds import SurrogateMethod
 class RunsModelTable(TomlTable):
     """[runs]: the table, and the polynomials or surrogates that are fitted to it."""
 
-    file: Text
+    file: RunsName
     method: Literal["polynomial", SurrogateMethod] = "polynomial"
     degree: Annotated[int, Field(ge=0, le=20)] | None = None
     crossed: bool = True

@@ -8,7 +8,16 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import Command, ModesFormatName, NotNegative, Positive, Text, TomlTable
+from femtune.files.formats import ModesFormatKey
+from femtune.files.study_file.kinds import (
+    Command,
+    NotNegative,
+    Positive,
+    SolverFileName,
+    TemplateName,
+    Text,
+    TomlTable,
+)
 from femtune.files.study_file.source import StudyLines, table, tables
 
 
@@ -16,11 +25,11 @@ class SolverTable(TomlTable):
     """[solver]: command, input and output files, and when a run is tried again."""
 
     command: Command
-    templates: tuple[Text, ...] = ()
+    templates: tuple[TemplateName, ...] = ()
     deck_name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$")] = "model.bdf"
-    files: tuple[Text, ...] = ()
+    files: tuple[SolverFileName, ...] = ()
     result: Text
-    format: ModesFormatName
+    format: ModesFormatKey
     timeout_s: Positive = 3600.0
     retries: Annotated[int, Field(ge=0, le=100)] = 1
     error_texts: tuple[Text, ...] = ()

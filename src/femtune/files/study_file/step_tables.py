@@ -10,6 +10,7 @@ from femtune.correlation.kinds import ExpansionMethod
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.files.study_file.kinds import (
     ByNode,
+    DeckName,
     DofLabel,
     NotNegative,
     Number,
@@ -33,7 +34,7 @@ class StudyTable(TomlTable):
     """[study]: title, deck and units."""
 
     title: Text
-    deck: Text | None = None
+    deck: DeckName | None = None
     units: Units
     allow_ignored: tuple[Text, ...] = ()
     journal: bool = True
