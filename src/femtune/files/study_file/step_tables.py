@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -32,6 +32,9 @@ Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
 
 class StudyTable(TomlTable):
     """[study]: title, deck and units."""
+
+    only_configuration: ClassVar[str] = "as the deck"
+    """Name of the configuration of a study without [[configuration]]."""
 
     title: Text
     deck: DeckName | None = None
