@@ -38,7 +38,7 @@ def full(folder: Path) -> StudyFile:
 
 
 def test_paths_are_relative_to_the_study(full: StudyFile, folder: Path) -> None:
-    assert full.deck_path == folder / "building.bdf"
+    assert full.path_of("building.bdf") == folder / "building.bdf"
     assert full.output_folder == folder / "out" / "run"
     assert full.path == folder / "study.toml"
 
