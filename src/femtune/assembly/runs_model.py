@@ -19,7 +19,8 @@ from femtune.files.runs_table import RunsTable, read_runs_table
 from femtune.files.study_file import MEASURED, ModesTable
 from femtune.modal import ModeSet
 from femtune.model.imported.from_runs import FittedRuns, Runs, fit_configurations, seen_modes
-from femtune.surrogates import TRENDS, ChaosRules, KrigingRules, RadialRules
+from femtune.surrogates import ChaosRules, KrigingRules, RadialRules
+from femtune.surrogates.kinds import SURROGATES, TRENDS
 from femtune.testdata import ModalTest
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from femtune.surrogates import SurrogateRules
 
 
-_NAMES = {"kriging": "Kriging", "radial-basis": "radial basis functions", "chaos": "polynomial chaos"}
 _TYPICAL = 0.9
 """Part of the runs of a table that has as many visible modes as are used; the others are left out."""
 
@@ -202,9 +202,9 @@ def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
         "mode": worst + 1,
     }
     poor = not size.max() <= asked.tolerance
-    if asked.method in _NAMES:
+    if asked.method in SURROGATES:
         code = "runs.poor-fit/surrogate" if poor else "runs.fitted/surrogate"
-        facts["method"] = _NAMES[asked.method]
+        facts["method"] = SURROGATES[asked.method].label
     else:
         code = "runs.poor-fit" if poor else "runs.fitted"
     return [*found, Notice(code, where=where, level="warning" if poor else "info", **facts)]

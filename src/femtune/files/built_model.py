@@ -31,12 +31,12 @@ class BuiltModel:
     ----------
     files : all files, the main one first
     structure : the model
-    notices : what the user should know, those of the reader first
-    mode_count : number of modes that the model has, None where they have to be solved
-    modal_damping : damping ratios over frequency that belong to the model, None without them
+    notices : notices for the user, those of the reader first
+    mode_count : number of modes that the runs of a model have, or None
+    modal_damping : the table that SDAMPING selects, or None
     damping_tables : all tables of modal damping by number
-    beside : modes of the external solver of a study beside those of its deck, by input, where they were compared
-    cards : every card name with its count, the place of the first and what became of it
+    beside : comparison of the modes of a study's external solver with those of its deck, by input
+    cards : every card name with its count, the place of the first card, and its use
     fields : place in the deck of each value
     element_cards : index in `Deck.cards` of each element's card, by element number
     """

@@ -11,6 +11,7 @@ from femtune.errors import FemtuneError
 from femtune.files.study_file.kinds import RunsName, TomlTable
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables
 from femtune.files.study_file.validation import FRF_LIMITS
+from femtune.surrogates.kinds import SurrogateMethod
 
 
 class RunsModelTable(TomlTable):
@@ -20,7 +21,7 @@ class RunsModelTable(TomlTable):
     """Name of the configuration of a study without [[configuration]]."""
 
     file: RunsName
-    method: Literal["polynomial", "kriging", "radial-basis", "chaos"] = "polynomial"
+    method: Literal["polynomial", SurrogateMethod] = "polynomial"
     degree: Annotated[int, Field(ge=0, le=20)] | None = None
     crossed: bool = True
     correlation: Literal["gaussian", "matern-5/2"] = "gaussian"
