@@ -169,7 +169,7 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
 
 
 def build_allowing(deck: Deck, names: Collection[str]) -> BuiltDeck:
-    """The structure of a deck of which a study allows cards and commands to be ignored; errors as above."""
+    """The structure of a deck whose cards and commands a study may permit to be ignored; errors as above."""
     return build_structure(deck, bool(names), "STATSUB" not in {name.upper() for name in names})
 
 
