@@ -18,9 +18,9 @@ from femtune.results.step_results import CandidatesResult
 from femtune.study.candidates import CANDIDATES_FILE, Population
 from femtune.updating.sensitivity_method import moving_parameters
 
-from .cantilever import EI, LABELS, TRUE, Bench, measured
+from .cantilever import EI, LABELS, TRUE, Bench, bounded, measured
 
-THREE = EI + '\n[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\nlower = 0.5\nupper = 2.0\n'
+THREE = f"{EI}\n{bounded('mass', 'CONM2 9 M')}"
 CASES = """
 [[configuration]]
 name = "empty"
@@ -194,7 +194,7 @@ def test_several_starts_and_processes_give_the_same(two: Bench) -> None:
 def test_combinations_that_the_data_leave_open(two: Bench) -> None:
     """Modulus and density of the bare beam have the same effect; of one configuration none is left out."""
     fields = {"E": "MAT1 1 E", "rho": "MAT1 1 RHO"}
-    free = [f'[[parameter]]\nname = "{n}"\nfields = ["{f}"]\nlower = 0.5\nupper = 2.0\n' for n, f in fields.items()]
+    free = [bounded(name, field) for name, field in fields.items()]
     candidate = '[[candidate]]\nname = "E and rho"\nparameters = ["E", "rho"]\n'
     bare = CASES.partition('\n[[configuration]]\nname = "loaded"')[0]
     found = steps.candidates(two.study("\n".join([bare, *free, candidate]), test=None))

@@ -142,7 +142,7 @@ def test_an_update_without_stages_uses_the_components_too(spans: Path, tmp_path:
         ("elements = [5, 6, 7]", 'elements = "200 THRU 300"', "component right has no element"),
         ("max_hz = 30.0", "max_hz = 0.0", "max_hz"),
         ("elements = [5, 6, 7]", "elements = [5, 6, 7]\nmodes = 3", "modes"),
-        ('name = "right"\nelements', 'name = "left"\nelements', "is already used by the entry on line"),
+        ('name = "right"\nelements', 'name = "left"\nelements', "entry on line"),
         ('components = ["left"]', 'components = ["lefft"]', "the study has no component 'lefft'"),
         ('components = ["left"]', "components = []", "'components' is empty"),
         ('components = ["left"]', 'components = ["left", "right"]', "lists all components"),

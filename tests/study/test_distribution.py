@@ -177,5 +177,5 @@ def test_the_bound_that_makes_a_thickness_positive_does(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(text.replace("lower = -0.5", f"lower = {limit + 1e-3}"))
     assert steps.modes(tmp_path / "study.toml").freq_hz[0] > 0.0
     (tmp_path / "study.toml").write_text(text.replace("lower = -0.5", f"lower = {limit - 1e-3}"))
-    with pytest.raises(FemtuneError, match="times its value in the deck"):
+    with pytest.raises(FemtuneError, match="in the deck"):
         steps.modes(tmp_path / "study.toml")

@@ -269,7 +269,7 @@ def test_the_command_says_the_same(record, tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('frfs = "a.unv"', "must have exactly one of record"),
+        ('frfs = "a.unv"', "exactly one of record"),
         ("band = [1.0, 2.0]", "band_hz"),
         ("band_hz = [9.0, 2.0]", "the frequency band is empty"),
         ('methods = ["SSI"]', "should be one of"),

@@ -129,9 +129,12 @@ def test_an_empty_folder_is_no_run_folder(tmp_path: Path) -> None:
     assert _code(tmp_path).code == "run.missing"
 
 
-@pytest.mark.parametrize("cut", [0, 1, 10, 500, -2])
-def test_truncated_json_is_damaged(folder: Path, cut: int) -> None:
-    path = folder / "results.json"
+@pytest.mark.parametrize(
+    ("name", "cut"),
+    [*(("results.json", cut) for cut in (0, 1, 10, 500, -2)), *(("arrays.npz", cut) for cut in (0, 10, 60, -5))],
+)
+def test_a_truncated_file_is_damaged(folder: Path, name: str, cut: int) -> None:
+    path = folder / name
     path.write_bytes(path.read_bytes()[:cut])
     assert _code(folder).code == "run.damaged"
 
@@ -176,13 +179,6 @@ def test_another_version_is_said(folder: Path, version: str, said: str) -> None:
     assert error.code == "run.version"
     assert error.facts["version"] == version
     assert said in error.what
-
-
-@pytest.mark.parametrize("cut", [0, 10, 60, -5])
-def test_a_truncated_archive_is_damaged(folder: Path, cut: int) -> None:
-    path = folder / "arrays.npz"
-    path.write_bytes(path.read_bytes()[:cut])
-    assert _code(folder).code == "run.damaged"
 
 
 def _archive(folder: Path, name: str, content: bytes) -> None:

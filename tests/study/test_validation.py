@@ -11,15 +11,9 @@ from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.results.step_results import RunResult
 
-from .cantilever import Bench
+from .cantilever import Bench, bounded
 
-HALF = """
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
-"""
+HALF = "\n" + bounded("root", "PBAR 1 I1")
 
 
 def _validation(run: RunResult) -> Any:

@@ -102,4 +102,4 @@ def test_a_wrong_sign_is_told_once_the_model_is_solved(bench: Bench) -> None:
 def test_the_terminal_names_the_held_outputs(bench: Bench) -> None:
     noisy(bench, {"5Y+": 0.05})
     run = steps.run(study(bench, "worst = 1"))
-    assert "are held out of the update: 5Y+ (" in str(short_form(ReportSource(run.results, run.arrays)))
+    assert ": 5Y+ (" in str(short_form(ReportSource(run.results, run.arrays)))
