@@ -29,7 +29,7 @@ class Size:
     lines: int
 
 
-_SIZES = {"card": Size(3, 40), "residual": Size(2, 60), "reader": Size(2, 60)}
+_SIZES = {"card": Size(3, 40), "residual": Size(3, 60), "reader": Size(2, 60)}
 
 
 def _followed(name: str, package: Path) -> tuple[set[str], int]:
