@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from femtune.results.base import Alert, CitationRecord, Provenance, Record, StudyFacts, descriptions
+from femtune.docstrings import attribute_docstrings
+from femtune.results.base import Alert, CitationRecord, Provenance, Record, StudyFacts
 from femtune.results.bootstrap import BootstrapResults
 from femtune.results.candidates import CandidatesResults
 from femtune.results.correlation import CorrelationResults
@@ -116,7 +117,7 @@ def json_schema() -> dict[str, Any]:
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Results.model_json_schema()}
     for record in record_types():
         properties = (schema if record is Results else schema["$defs"][record.__name__])["properties"]
-        for name, text in descriptions(record).items():
+        for name, text in attribute_docstrings(record).items():
             properties[name]["description"] = text
     return schema
 

@@ -7,7 +7,7 @@ import re
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
-from femtune.results.base import descriptions
+from femtune.docstrings import attribute_docstrings
 from femtune.results.results import SCHEMA_VERSION, record_types
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ reads a folder. The page is written by `python -m femtune.results.schema_page`.
 
 
 def _record_section(record: type[Record]) -> str:
-    texts = descriptions(record)
+    texts = attribute_docstrings(record)
     rows = [
         f"| `{name}` | {_type_text(field.annotation)} | {_in_json_words(texts.get(name, ''))} |"
         for name, field in record.model_fields.items()

@@ -13,7 +13,7 @@ from femtune.steps.pages import checked_page, with_page
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
-    from femtune.files.study_file.objects import Parameter
+    from femtune.files.study_file.parameter import Parameter
     from femtune.results.step_results import ScreenResult, SearchResult
 
 

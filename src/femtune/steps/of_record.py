@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from femtune.arguments import checked
 from femtune.assembly.progress import silent
-from femtune.files.study_file.objects import plain
+from femtune.files.study_file.python_table import plain
 from femtune.steps.pages import REPORT_FILE
 from femtune.study.identification.run import identify as find_modes
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.files.study_file import StudyFile
-    from femtune.files.study_file.objects import Parameter
+    from femtune.files.study_file.parameter import Parameter
 
 
 @checked

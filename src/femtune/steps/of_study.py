@@ -25,7 +25,7 @@ from femtune.study.solutions import looking_up
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
-    from femtune.files.study_file.objects import Parameter
+    from femtune.files.study_file.parameter import Parameter
     from femtune.units import UnitSystem
 
 

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable
-from typing import Annotated, Any, Literal, TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, StringConstraints
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    StringConstraints,
+    WithJsonSchema,
+)
 from pydantic_core import PydanticCustomError
 
 from femtune.dofs import parse_dof
@@ -15,6 +24,7 @@ from femtune.errors import FemtuneError, Where
 from femtune.fem.fields import FACTORS, FieldRef, amplitude_ref, factor_ref, generic_ref
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList, read_list
+from femtune.files.study_file.source import is_integer, is_number
 from femtune.parameters import parse_expression
 from femtune.units import SI, unit_system
 
@@ -48,16 +58,6 @@ def _guarded(function: Callable[[T], T]) -> Callable[[T], T]:
             raise PydanticCustomError("femtune", "{error}", {"error": error}) from error
 
     return run
-
-
-def is_integer(value: object) -> bool:
-    """True for an integer of TOML; its booleans are integers in Python and not meant."""
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def is_number(value: object) -> bool:
-    """True for an integer or float of TOML, whatever its size."""
-    return is_integer(value) or isinstance(value, float)
 
 
 def element_list(value: str | tuple[int, ...]) -> IntegerList:
@@ -252,6 +252,16 @@ def _covariance(value: object) -> None:
         raise FemtuneError("study.type/covariance")
 
 
+_NUMBERED = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "integer", "minimum": 1}}]}
+_VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+_ROWS = {"type": "array", "items": {"type": "array", "items": {"type": "number"}}}
+_NOT_NEGATIVE = {"type": "number", "minimum": 0}
+
+if TYPE_CHECKING:
+    Listed = Sequence
+else:
+    Listed = tuple[T, ...]
+"""A list of TOML, kept as a tuple; in Python a table may be made with any sequence."""
 Text = Annotated[str, StringConstraints(min_length=1)]
 SpecimenName = Annotated[str, checked(_specimen_name)]
 Number = Annotated[int, Field(gt=0, lt=10**18)]
@@ -261,20 +271,37 @@ Spread = Annotated[float, checked(_spread)]
 Vector = tuple[float, float, float]
 Units = Annotated[str, checked(unit_system)]
 DofLabel = Annotated[str, checked(parse_dof)]
-Elements = Annotated[str | tuple[int, ...], read_by(element_list)]
-Numbers = Annotated[str | tuple[int, ...], read_by(number_list)]
-ElementsOff = Annotated[str | tuple[int, ...], read_by(off_list)]
+Elements = Annotated[str | Listed[int], read_by(element_list), WithJsonSchema(_NUMBERED)]
+Numbers = Annotated[str | Listed[int], read_by(number_list), WithJsonSchema(_NUMBERED)]
+ElementsOff = Annotated[str | Listed[int], read_by(off_list), WithJsonSchema(_NUMBERED)]
 Support = Annotated[str, checked(support)]
 FieldText = Annotated[str, checked(field_reference)]
 GroupName = Annotated[str, checked(_group_name)]
 Components = Annotated[str, checked(_components)]
 Expression = Annotated[str, checked(parse_expression)]
-Weight = Annotated[float | Literal["l-curve", "gcv"], read_by(_weight)]
-FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
-Covariance = Annotated[tuple[tuple[float, ...], ...] | str, read_by(_covariance)]
-ByNode = Annotated[float | dict[int, float], read_by(_by_node)]
+Weight = Annotated[
+    float | Literal["l-curve", "gcv"],
+    read_by(_weight),
+    WithJsonSchema({"anyOf": [_NOT_NEGATIVE, {"enum": ["l-curve", "gcv"]}]}),
+]
+FrequencySd = Annotated[
+    float | str, read_by(_frequency_sd), WithJsonSchema({"anyOf": [_NOT_NEGATIVE, {"const": "test"}]})
+]
+Covariance = Annotated[
+    Listed[Listed[float]] | str, read_by(_covariance), WithJsonSchema({"anyOf": [_ROWS, {"const": "test"}]})
+]
+ByNode = Annotated[
+    float | dict[int, float],
+    read_by(_by_node),
+    BeforeValidator(numbered),
+    WithJsonSchema({"anyOf": [_NOT_NEGATIVE, {"type": "object", "additionalProperties": _NOT_NEGATIVE}]}),
+]
 """A number, or one for some test nodes."""
-Inertia = Annotated[Vector | tuple[Vector, Vector, Vector], read_by(_inertia)]
+Inertia = Annotated[
+    Vector | tuple[Vector, Vector, Vector],
+    read_by(_inertia),
+    WithJsonSchema({"anyOf": [_VECTOR, {"type": "array", "items": _VECTOR, "minItems": 3, "maxItems": 3}]}),
+]
 Rotation = Annotated[tuple[Vector, Vector, Vector], checked(_rotation)]
 
 
@@ -295,6 +322,20 @@ class TomlTable(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
 
+def tables_by_kind(annotation: Any) -> dict[str, type[BaseModel]]:
+    """The tables that a key `kind` chooses from, by that kind; none for a key of one table or of other values."""
+    found = list(tables_in(annotation))
+    return {get_args(t.model_fields["kind"].annotation)[0]: t for t in found} if len(found) > 1 else {}
+
+
+def tables_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The tables among the types of a key."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from tables_in(part)
+
+
 def _words(value: object) -> object:
     """A command as one text is split as a shell would, and nothing in it is replaced."""
     if not isinstance(value, str):
@@ -305,7 +346,12 @@ def _words(value: object) -> object:
         raise ValueError(f"the command cannot be split into words: {error}") from error
 
 
-Command = Annotated[tuple[Text, ...], Field(min_length=1), BeforeValidator(_words)]
+Command = Annotated[
+    Listed[Text],
+    Field(min_length=1),
+    BeforeValidator(_words),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
+]
 ModesFormatName = Literal[
     "abaqus-dat", "ansys-rst", "calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"
 ]
