@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
 import pictures
 from error_pages import write_error_pages
+from format_tables import write_format_tables
 from sphinx.util import logging
 
 import femtune
@@ -85,5 +86,6 @@ write_error_pages(
     Path(femtune.__file__).parent / "messages",
     _DOCS.parent / "tests" / "messages" / "shown",
 )
+write_format_tables(_DOCS)
 if not pictures.are_current():
     logging.getLogger(__name__).warning("docs/_static/pictures were made from another tutorial: run make pictures")

@@ -34,7 +34,7 @@ import femtune as ft
 from femtune.fem.fields import FieldRef
 from femtune.files.deviations import deviations_text, with_deviations
 from femtune.files.identification_file import read_identify_file
-from femtune.files.matrices.registry import read_matrix
+from femtune.files.matrices.read import read_matrix
 from femtune.files.nastran import build_structure, read_deck
 from femtune.files.records import read_frfs, read_record
 from femtune.files.repeats_table import read_repeats_table

@@ -16,7 +16,7 @@ import numpy as np
 
 import femtune as ft
 from femtune.dofs import DofSet
-from femtune.files.modes.registry import read_modes
+from femtune.files.modes.read import read_modes
 from femtune.modal import ModeSet
 from femtune.runs.process import begun, run_process
 from femtune.testdata import ModalTest, WireFrame

@@ -17,6 +17,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
+Mark = Callable[[str], str]
+"""How a code is shown: in colour on a terminal, as it is elsewhere."""
 Item = TypeVar("Item")
 Made = TypeVar("Made")
 
@@ -157,7 +159,11 @@ class FemtuneError(Exception):
         return _copied, (type(self), self.args, self.__dict__)
 
     def __str__(self) -> str:
-        lines = [f"[{self.code}] {self.what}"]
+        return self.text()
+
+    def text(self, mark: Mark = str) -> str:
+        """All that is said of it; `mark` shows the code."""
+        lines = [self.what]
         if str(self.where or ""):
             lines.append(f"  at {self.where}")
         lines += [f"  {name} = {value}" for name, value in self.values.items()]
@@ -165,7 +171,8 @@ class FemtuneError(Exception):
         lines += [f"  {notice}" for notice in self.notices]
         if self.hint:
             lines += ["", f"hint: {self.hint}"]
-        return printable("\n".join(lines))
+        rest = printable("\n".join(lines))
+        return f"{mark(f'[{self.code}]')} {rest}"
 
 
 def _copied(kind: type[FemtuneError], args: tuple[Any, ...], state: dict[str, Any]) -> FemtuneError:
@@ -181,8 +188,9 @@ class FemtuneErrors(FemtuneError):  # noqa: N818
         self.errors = tuple(errors)
         super().__init__(self.errors[0].code, f"{len(self.errors)} problems found")
 
-    def __str__(self) -> str:
-        return "\n\n".join([f"{len(self.errors)} problems:", *map(str, self.errors)])
+    def text(self, mark: Mark = str) -> str:
+        """That of each error."""
+        return "\n\n".join([f"{len(self.errors)} problems:", *(error.text(mark) for error in self.errors)])
 
 
 class _Catching(AbstractContextManager[None]):
@@ -263,7 +271,9 @@ def each(make: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
 class Notice:
     """A remark that does not stop the analysis.
 
-    `level` is "info" or "warning"; the wording is that of the registry, filled with `facts`, or `what` as it is given.
+    `level` is "info", "warning" or "problem"; the wording is that of the registry, filled with `facts`, or `what` as it
+    is given. A fact that needs no explanation has the code "". `repeated` is the number of further notices of the same
+    kind for which this one stands.
     """
 
     code: str
@@ -271,6 +281,7 @@ class Notice:
     where: Where | None = None
     level: str = "warning"
     facts: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    repeated: int = 0
 
     def __init__(
         self, code: str, what: str | None = None, where: Where | None = None, level: str = "warning", **facts: Any
@@ -287,17 +298,24 @@ class Notice:
             object.__setattr__(self, name, value)
 
     def __str__(self) -> str:
+        return self.text()
+
+    def text(self, mark: Mark = str) -> str:
+        """The sentence with its code, as `mark` shows it, and its place."""
+        code = f"{mark(f'[{self.code}]')} " if self.code else ""
         place = f" at {self.where}" if str(self.where or "") else ""
-        return printable(f"[{self.code}] {self.what}{place}")
+        more = f"; and {self.repeated} more of this kind" if self.repeated else ""
+        return code + printable(f"{self.what}{place}{more}")
 
 
-def folded(notices: Iterable[Notice]) -> list[str]:
-    """Texts of notices: the first of each kind in full, with the number of the others."""
+def folded(notices: Iterable[Notice]) -> list[Notice]:
+    """The first notice of each kind, with the number of the others."""
     loud = list(notices)
+    first = {n.code: copy(n) for n in reversed(loud)}
     counts = Counter(n.code for n in loud)
-    first = {n.code: n for n in reversed(loud)}
-    more = {code: f"; and {count - 1} more of this kind" if count > 1 else "" for code, count in counts.items()}
-    return [f"{first[code]}{more[code]}" for code in counts]
+    for code, count in counts.items():
+        object.__setattr__(first[code], "repeated", count - 1)
+    return [first[code] for code in counts]
 
 
 @contextmanager

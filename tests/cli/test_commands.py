@@ -15,6 +15,8 @@ import pytest
 from click.testing import Result
 
 import femtune
+from femtune.errors import Notice
+from femtune.journal.journal import from_journal
 
 Invoke = Callable[..., Result]
 
@@ -192,7 +194,9 @@ def test_what_came_from_the_journal_is_said_beside_the_result(
 
     def step(path: Path, fresh: bool, **options: Any) -> Any:
         asked.append(fresh)
-        return SimpleNamespace(**{**vars(given(path, **options)), "remarks": ("12 of 30 \x1b solutions",)})
+        return SimpleNamespace(
+            **{**vars(given(path, **options)), "remarks": (Notice("", "12 of 30 \x1b solutions", level="info"),)}
+        )
 
     setattr(steps, name, step)
     result = invoke(name, study, "--json")
@@ -208,8 +212,7 @@ def test_a_run_says_what_came_from_the_journal(invoke: Invoke, steps: Any, study
 
     def step(path: Path, **options: Any) -> Any:
         found = given(path, **options)
-        text = "12 of 30 solutions from the journal of an earlier run"
-        return SimpleNamespace(**{**vars(found), "remarks": () if options["fresh"] else (text,)})
+        return SimpleNamespace(**{**vars(found), "remarks": () if options["fresh"] else from_journal(12, 18)})
 
     setattr(steps, name, step)
     assert invoke(name, study).stderr == "12 of 30 solutions from the journal of an earlier run\n"

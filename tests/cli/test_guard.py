@@ -17,7 +17,7 @@ from click.testing import Result
 
 from femtune.cli import running
 from femtune.cli.guard import CRASH_FILE, coloured
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, FemtuneErrors
 
 Invoke = Callable[..., Result]
 
@@ -37,8 +37,9 @@ def test_code_is_red_on_a_terminal(invoke: Invoke, steps: Any, study: Path) -> N
 
 
 def test_every_code_of_several_errors_is_coloured() -> None:
-    assert click.unstyle(coloured("2 problems:\n\n[a.b] x\n\n[c-d.e] y")).count("[") == 2
-    assert coloured("[a.b] x\n\n[c-d.e] y").count("\x1b[31m") == 2
+    both = FemtuneErrors([FemtuneError("a.b", "x"), FemtuneError("c-d.e", "y", hint="[f.g] is no code")])
+    assert click.unstyle(coloured(both)) == str(both) == "2 problems:\n\n[a.b] x\n\n[c-d.e] y\n\nhint: [f.g] is no code"
+    assert coloured(both).count("\x1b[31m") == 2
 
 
 def test_fault_leaves_one_line_and_a_file_here(invoke: Invoke, steps: Any, study: Path) -> None:

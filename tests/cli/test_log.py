@@ -15,7 +15,7 @@ from click.testing import Result
 from tests.cli.conftest import Outcome
 
 from femtune.assembly.progress import silent
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 
 Invoke = Callable[..., Result]
 _TIME = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ "
@@ -35,7 +35,10 @@ def _warns(steps: Any, name: str) -> None:
     def step(path: Path, **options: Any) -> Any:
         found = given(path, **options)
         record = SimpleNamespace(alerts=ALERTS)
-        remarks = ("[deck.ignored] PARAM ignored", "12 solutions from the journal")
+        remarks = (
+            Notice("deck.ignored", "PARAM ignored"),
+            Notice("", "12 solutions from the journal", level="info"),
+        )
         return SimpleNamespace(**{**vars(found), "record": record, "records": (record,), "remarks": remarks})
 
     setattr(steps, name, step)

@@ -15,13 +15,13 @@ from scipy.sparse import coo_array
 from tests.files.matrices.matrices_by_hand import full, symmetric_example
 from tests.files.nastran.mutant_trial import time_limit
 from tests.files.nastran.mutations import mutant
-from tests.files.study_file.test_study_reading import FULL as STUDY
+from tests.files.study_file.whole_study import STUDY
 
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError
 from femtune.files.identification_file import read_identify_file
 from femtune.files.matrices.listed_modes import read_listed_modes
-from femtune.files.matrices.registry import read_matrix
+from femtune.files.matrices.read import read_matrix
 from femtune.files.modes.nastran_text import read_punch
 from femtune.files.points_table import read_points
 from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs, read_record

@@ -15,7 +15,7 @@ from femtune.errors import FemtuneError
 from femtune.files.matrices.calculix import read_dof_list
 from femtune.files.matrices.listed_modes import read_listed_modes
 from femtune.files.matrices.placement import read_points
-from femtune.files.matrices.registry import read_matrix
+from femtune.files.matrices.read import read_matrix
 
 
 def message(read: Callable[[], object], folder: Path) -> str:

@@ -383,8 +383,8 @@ def test_a_file_after_an_update_that_there_is_not(tmp_path: Path) -> None:
     path.write_text(
         f'[study]\ntitle = "a"\ndeck = "{example_deck(tmp_path).name}"\nunits = "m-kg-s"\n[output]\nvtu = true\n'
     )
-    (text,) = ft.check(path).texts
-    check_shown("study.no-update", text.replace(str(path), "/home/anna/study.toml"))
+    (remark,) = ft.check(path).remarks
+    check_shown("study.no-update", str(remark).replace(str(path), "/home/anna/study.toml"))
 
 
 @pytest.mark.parametrize("what", ["missing", "not TOML"])

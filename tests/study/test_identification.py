@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from tests.messages.shown import check_shown
+from tests.reporting.packed import unpacked
 from tests.reporting.page_scripts import without_own_scripts
-from tests.reporting.test_view import unpacked
 
 from femtune.cli import main
 from femtune.dofs import Dof, DofSet

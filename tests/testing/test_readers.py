@@ -17,7 +17,7 @@ import scipy.sparse as sp
 import femtune as ft
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.damping_catalogue import read_catalogue
-from femtune.files.matrices.registry import read_matrix
+from femtune.files.matrices.read import read_matrix
 from femtune.files.records import read_record
 from femtune.files.repeats_table import read_repeats_table
 from femtune.files.study_file import read_study_file

@@ -133,8 +133,8 @@ def check(path: Path, as_json: bool, quiet: bool) -> None:
     if as_json:
         click.echo(out.as_text(result.record))
     else:
-        for text in result.texts:
-            click.echo(f"{coloured(text)}\n", err=True)
+        for said in (*result.errors, *result.remarks):
+            click.echo(f"{coloured(said)}\n", err=True)
         if not quiet:
             click.echo(printable(repr(result).partition("\n")[0].partition(": ")[2]))
     if not result.ok:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import platform
-import re
 import signal
 import sys
 import tempfile
@@ -22,13 +21,11 @@ import click
 
 from femtune import __version__
 from femtune.cli.log import RESULTS
-from femtune.errors import FemtuneError, printable
+from femtune.errors import FemtuneError, Notice, printable
 
 BAD_INPUT, FAULT, INTERRUPTED, TERMINATED = 2, 70, 130, 143
 
 CRASH_FILE = "femtune-crash.txt"
-
-MESSAGE_CODE = re.compile(r"^\[[a-z0-9-]+\.[a-z0-9-]+\]", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -152,7 +149,7 @@ def _end(ctx: click.Context, code: int) -> NoReturn:
 
 def _refused(ctx: click.Context, error: FemtuneError) -> NoReturn:
     RESULTS.error("%s", error)
-    click.echo(coloured(str(error)), err=True)
+    click.echo(coloured(error), err=True)
     _end(ctx, BAD_INPUT)
 
 
@@ -174,9 +171,9 @@ def _out_of_memory(short: MemoryError) -> FemtuneError:
     return FemtuneError("model.memory/exhausted-at", values=values, allocation=str(short).splitlines()[0])
 
 
-def coloured(text: str) -> str:
-    """Codes in red; click removes the colour where no terminal shows it."""
-    return MESSAGE_CODE.sub(lambda code: click.style(code[0], fg="red", bold=True), text)
+def coloured(said: FemtuneError | Notice) -> str:
+    """Its text with codes in red; click removes the colour where no terminal shows it."""
+    return said.text(lambda code: click.style(code, fg="red", bold=True))
 
 
 def _interrupted(ctx: click.Context, asked: KeyboardInterrupt) -> NoReturn:

@@ -19,7 +19,7 @@ from typing import Any
 import click
 
 from femtune import __version__
-from femtune.errors import FemtuneError, printable
+from femtune.errors import FemtuneError, Notice, printable
 
 PROGRESS = logging.getLogger("femtune.progress")
 RESULTS = logging.getLogger("femtune.results")
@@ -95,16 +95,16 @@ def is_verbose(context: click.Context) -> bool:
 
 
 def log_results(result: Any) -> None:
-    """Sentences and alerts of a result."""
+    """Remarks and alerts of a result."""
     for remark in getattr(result, "remarks", ()):
-        RESULTS.warning(remark)
-    for level, told in alerts_of(result):
-        RESULTS.log(logging.INFO if level == "info" else logging.WARNING, told)
+        RESULTS.warning(str(remark))
+    for alert in alerts_of(result):
+        RESULTS.log(logging.INFO if alert.level == "info" else logging.WARNING, str(alert))
 
 
-def alerts_of(result: Any) -> list[tuple[str, str]]:
-    """Level and text of every alert of a result: of the run, or of each record, each once."""
+def alerts_of(result: Any) -> list[Notice]:
+    """Every alert of a result: of the run, or of each record, each once."""
     of_run = getattr(getattr(result, "results", None), "alerts", None)
     records: Sequence[Any] = getattr(result, "records", None) or (getattr(result, "record", None),)
     alerts: list[Any] = [a for r in records for a in getattr(r, "alerts", ())] if of_run is None else list(of_run)
-    return list(dict.fromkeys((str(a.level), f"[{a.code}] {a.sentence}") for a in alerts))
+    return list(dict.fromkeys(Notice(a.code, a.sentence, level=a.level) for a in alerts))

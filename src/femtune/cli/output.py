@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from femtune.cli.guard import MESSAGE_CODE, coloured
+from femtune.cli.guard import coloured
 from femtune.cli.log import alerts_of, log_results
 from femtune.cli.running import load
 from femtune.errors import printable
@@ -29,22 +29,19 @@ PIPE_WIDTH = 160
 
 
 def say(result: Any, quiet: bool) -> None:
-    """Sentences beside the result, on standard error; with `quiet` warnings and problems only, each of them.
-
-    What is neither, such as the number of solutions from the journal, begins with no code.
-    """
+    """Remarks beside the result, on standard error; with `quiet` warnings and problems only, each of them."""
     warn(result, quiet)
-    told = [remark for remark in getattr(result, "remarks", ()) if not quiet or MESSAGE_CODE.match(remark)]
-    for text in told:
-        click.echo(coloured(printable(text)), err=True)
+    for remark in getattr(result, "remarks", ()):
+        if not quiet or remark.level != "info":
+            click.echo(coloured(remark), err=True)
 
 
 def warn(result: Any, quiet: bool) -> None:
     """Alerts of a result to the log; with `quiet`, where no table has them, warnings and problems to standard error."""
     log_results(result)
-    for level, text in alerts_of(result) if quiet else ():
-        if level != "info":
-            click.echo(coloured(printable(text)), err=True)
+    for alert in alerts_of(result) if quiet else ():
+        if alert.level != "info":
+            click.echo(coloured(alert), err=True)
 
 
 def show(document: str, path: Path, record: Any, *more: Any, as_json: bool, quiet: bool, data: Any = None) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from femtune.dofs import Dof, parse_dof
 from femtune.errors import FemtuneError, Notice, Where
+from femtune.files.formats import RECORD_FORMATS
 from femtune.files.points_table import read_points
 from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs
 from femtune.files.uff import UffFile, read_uff
@@ -21,7 +22,8 @@ from femtune.units import UnitSystem, unit_system
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
 
-UNIVERSAL = (".uff", ".unv")
+UNIVERSAL = RECORD_FORMATS["uff"].suffixes
+"""Extensions of Universal Files."""
 
 
 @dataclass(frozen=True, eq=False)

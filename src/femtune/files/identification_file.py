@@ -9,9 +9,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
-from femtune.files.study_file.kinds import DofLabel, Positive, SchemaVersion, Text, TomlTable, Units
+from femtune.files.formats import RecordFormatKey
+from femtune.files.study_file.kinds import DofLabel, NamesFile, Positive, SchemaVersion, Text, TomlTable, Units
 from femtune.files.study_file.problems import problems
-from femtune.files.study_file.reading import check_version, toml_data, toml_text
+from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
 from femtune.files.study_file.step_tables import OutputTable
 
@@ -24,6 +25,8 @@ OUTPUT_ONLY = ("SSI-cov", "SSI-data", "ERA", "FDD", "TFIE")
 MethodWord = Literal["N4SID", "pLSCF", "SSI-cov", "SSI-data", "ERA", "FDD", "TFIE"]
 NodePath = Annotated[tuple[Annotated[int, Field(ge=1, le=2**31)], ...], Field(min_length=2)]
 Hertz = Annotated[float, Field(ge=0, le=1e12)]
+RecordName = Annotated[Text, NamesFile("record")]
+FrfsName = Annotated[Text, NamesFile("file of FRFs")]
 
 
 class IdentifyTable(TomlTable):
@@ -31,21 +34,21 @@ class IdentifyTable(TomlTable):
 
     title: Text | None = None
     """Title of the report. Default: the name of the file. Example: `"Building, state BC"`"""
-    record: Text | None = None
+    record: RecordName | None = None
     """Time histories: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5 (`pip install "femtune[hdf5]"`), WAV. Example:
     `"bc.csv"`"""
-    frfs: Text | tuple[Text, ...] | None = None
+    frfs: FrfsName | tuple[FrfsName, ...] | None = None
     """Instead of `record`: measured FRFs (motion over force): UFF 58, ASCII or binary, one or several files of one
     test; or arrays and tables with [`[functions]`](#functions): .mat, .npy, .npz, HDF5, CSV and other text. Example:
     `"frf.unv"`"""
-    geometry: Text | None = None
+    geometry: Annotated[Text, NamesFile("geometry")] | None = None
     """Points and directions of the sensors: a Universal File, or a [table](guide/tests-in.md#tables-of-points) with the
     heading `node,x,y,z`. Default: those of the Universal File. Example: `"points.csv"`"""
     lines: Annotated[tuple[NodePath, ...], Field(max_length=100_000)] = ()
     """Trace lines between points, each a list of nodes. Example: `[[1, 2, 3], [3, 4]]`"""
     units: Units = "m-kg-s"
     """Units of length, mass and time, if a Universal File does not state them. Example: `"mm-t-s"`"""
-    format: Literal["text", "numpy", "matlab", "hdf5", "wav", "uff"] | None = None
+    format: RecordFormatKey | None = None
     """Format of the record: `"text"`, `"numpy"`, `"matlab"`, `"hdf5"`, `"wav"` or `"uff"`. Default: from the extension.
     Example: `"text"`"""
     variable: Text | None = None
@@ -114,9 +117,9 @@ class SetupEntry(TomlTable):
 
     name: Text | None = None
     """Name of the set-up in messages. Default: its number. Example: `"roof"`"""
-    record: Text | None = None
+    record: RecordName | None = None
     """Time histories of this set-up; either this or `frfs`. Example: `"setup1.npy"`"""
-    frfs: Text | None = None
+    frfs: FrfsName | None = None
     """FRFs of this set-up; either this or `record`. Example: `"setup1.unv"`"""
     sampling_hz: Positive | None = None
     """Sampling frequency of this set-up, Hz. Default: that of `[identify]`. Example: `200.0`"""
@@ -192,10 +195,10 @@ class FunctionEntry(TomlTable):
 class LevelEntry(TomlTable):
     """[[level]]: the same measurement at another level of the force."""
 
-    record: Text | None = None
+    record: RecordName | None = None
     """Time histories of this level, if `[identify]` has a `record`, with the same channels. Example:
     `"sweep_5N.csv"`"""
-    frfs: Text | None = None
+    frfs: FrfsName | None = None
     """FRFs of this level, if `[identify]` has `frfs`. Example: `"frf_5N.unv"`"""
     force: Positive
     """Level of the force, positive, in any unit; only the ratios of the levels are used. Example: `5.0`"""
@@ -288,7 +291,9 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
     data = toml_data(text, file)
     source = StudyLines(str(file), line_numbers(text), PAGE)
     check_version(data, source)
-    errors = [*_rules(data, source)]
+    # a file that is absent is told by its reader, which knows what it needs; a pipe would be waited for without end
+    unfit = missing_files(IdentifyFile, data, source, file.parent, absent=False)
+    errors = [*_rules(data, source), *unfit]
     try:
         found = IdentifyFile.model_validate(data)
     except ValidationError as findings:

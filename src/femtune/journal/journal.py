@@ -121,15 +121,15 @@ class Journal:
         return damaged if self.stopped is None else (*damaged, self.stopped)
 
     @property
-    def sentence(self) -> str:
-        """How much came from an earlier run; "" where nothing did."""
-        known = self.recalled.total()
-        return from_journal(known, self.solved.total()) if known else ""
+    def reused(self) -> tuple[Notice, ...]:
+        """How much came from an earlier run; none where nothing did."""
+        return from_journal(self.recalled.total(), self.solved.total())
 
 
-def from_journal(recalled: int, solved: int) -> str:
-    """How much of a run came from an earlier one, in words."""
-    return f"{recalled} of {recalled + solved} solutions from the journal of an earlier run"
+def from_journal(recalled: int, solved: int) -> tuple[Notice, ...]:
+    """How much of a run came from an earlier one; none where nothing did."""
+    told = f"{recalled} of {recalled + solved} solutions from the journal of an earlier run"
+    return (Notice("", told, level="info"),) if recalled else ()
 
 
 def open_journal(run_folder: Path, most_gib: float, *, writes: bool = True, fresh: bool = False) -> Journal:

@@ -23,6 +23,7 @@ from femtune.modal import FrfSet
 from femtune.results.tables import Rows, rows_of, text_of
 
 if TYPE_CHECKING:
+    from femtune.errors import Notice
     from femtune.modal import ModeSet
     from femtune.results.base import Alert, ModelVersion
     from femtune.results.candidates import CandidatesResults
@@ -72,12 +73,13 @@ def _one_line(text: str) -> str:
 class OfConfigurations(StepResult, Sequence[R], Generic[R]):
     """One record a configuration: by position, or by the name of the configuration.
 
-    `records` are those of results.json, `remarks` are sentences beside the result: what the reader of the deck warns
-    of, and how many solutions came from the journal of an earlier run.
+    `records` are those of results.json, `remarks` are notices beside the result: what the reader of the deck warns of,
+    and how many solutions came from the journal of an earlier run. Each has `code`, `level` and `what`; `str` gives its
+    text.
     """
 
     records: tuple[R, ...]
-    remarks: tuple[str, ...] = field(default=(), kw_only=True)
+    remarks: tuple[Notice, ...] = field(default=(), kw_only=True)
 
     @overload
     def __getitem__(self, which: int | str) -> R: ...
@@ -225,7 +227,7 @@ class ModesResult(OfConfigurations["ModelModes"]):
             shown = ", ".join(f"{f:.5g}" for f in m.freq_hz[:6]) + (" …" if len(m.freq_hz) > 6 else "")
             rigid = f", {m.rigid_body_modes} of them rigid-body modes" if m.rigid_body_modes else ""
             found.append(f"{m.configuration}: {len(m.freq_hz)} modes{rigid}: {shown} Hz")
-        return [*found, *(a.sentence for m in self.records for a in m.alerts), *self.remarks]
+        return [*found, *(a.sentence for m in self.records for a in m.alerts), *map(str, self.remarks)]
 
     def _table(self) -> Rows:
         return self.frequencies
@@ -242,7 +244,7 @@ class PlanResult(StepResult):
     record: PlanResults
     results: Results
     arrays: Arrays
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Notice, ...] = ()
     files: tuple[Path, ...] = ()
     report: Path | None = None
 
@@ -310,7 +312,7 @@ class PlanResult(StepResult):
             f"{self.record.configuration}: {', '.join(counts)} sensors for {len(self.record.modes)} target modes",
             f"largest AutoMAC {chosen.auto_mac:.3f}, condition number {condition}",
             *(f"{a.level}: {a.sentence}" for a in self.record.alerts),
-            *self.remarks,
+            *map(str, self.remarks),
         ]
 
     def _table(self) -> Rows:
@@ -328,7 +330,7 @@ class ScreenResult(StepResult):
     record: ScreenResults
     results: Results
     arrays: Arrays
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Notice, ...] = ()
     files: tuple[Path, ...] = ()
     report: Path | None = None
 
@@ -359,7 +361,12 @@ class ScreenResult(StepResult):
 
     def _sentences(self) -> list[str]:
         alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
-        return [f"{self.record.design}, {self.record.runs} runs", *self.record.sentences, *alerts, *self.remarks]
+        return [
+            f"{self.record.design}, {self.record.runs} runs",
+            *self.record.sentences,
+            *alerts,
+            *map(str, self.remarks),
+        ]
 
     def _table(self) -> Rows:
         return self.effects
@@ -376,7 +383,7 @@ class SearchResult(StepResult):
     record: GlobalSearchResults
     results: Results
     arrays: Arrays
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Notice, ...] = ()
     report: Path | None = None
 
     @property
@@ -411,7 +418,12 @@ class SearchResult(StepResult):
 
     def _sentences(self) -> list[str]:
         alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
-        return [f"{self.record.method} on the {self.record.on}", *self.record.sentences, *alerts, *self.remarks]
+        return [
+            f"{self.record.method} on the {self.record.on}",
+            *self.record.sentences,
+            *alerts,
+            *map(str, self.remarks),
+        ]
 
     def _table(self) -> Rows:
         return self.parameters
@@ -428,7 +440,7 @@ class CandidatesResult(StepResult):
     record: CandidatesResults
     results: Results
     arrays: Arrays
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Notice, ...] = ()
     report: Path | None = None
 
     @property
@@ -452,7 +464,7 @@ class CandidatesResult(StepResult):
 
     def _sentences(self) -> list[str]:
         alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
-        return [f"{len(self.record.candidates)} models", *self.record.sentences, *alerts, *self.remarks]
+        return [f"{len(self.record.candidates)} models", *self.record.sentences, *alerts, *map(str, self.remarks)]
 
     def _table(self) -> Rows:
         return self.candidates
@@ -538,7 +550,7 @@ class RespondResult(OfConfigurations["ResponseResults"]):
                 r.loads
             )
             found.append(f"{r.configuration}: {'; '.join(parts)}")
-        return [*found, *self.remarks]
+        return [*found, *map(str, self.remarks)]
 
     def _table(self) -> Rows:
         return self.functions or self.displacements
@@ -660,7 +672,7 @@ class CorrelateResult(OfConfigurations["CorrelationResults"]):
             if worst is not None:
                 text += f"; largest frequency error {worst.freq_error_percent:+.3g} % (mode {worst.test_label})"
             found.append(text + (f"; lowest MAC {min(macs):.3f}" if macs else ""))
-        return [*found, *self.remarks]
+        return [*found, *map(str, self.remarks)]
 
     def _table(self) -> Rows:
         return self.pairs
@@ -675,7 +687,7 @@ class SelectResult(StepResult):
 
     record: SelectionResults
     arrays: Arrays = field(repr=False)
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Notice, ...] = ()
 
     @property
     def parameters(self) -> Rows:
@@ -709,7 +721,7 @@ class SelectResult(StepResult):
 
     def _sentences(self) -> list[str]:
         of = f"{self.record.rank} of {len(self.record.column_labels)} combinations of parameters are determined"
-        return [of, *self.record.sentences, *self.remarks]
+        return [of, *self.record.sentences, *map(str, self.remarks)]
 
     def _table(self) -> Rows:
         return self.parameters
@@ -724,7 +736,7 @@ class QuantifyResult(StepResult):
 
     record: QuantifyResults
     arrays: Arrays = field(repr=False)
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Notice, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -759,7 +771,7 @@ class QuantifyResult(StepResult):
 
     def _sentences(self) -> list[str]:
         r = self.record
-        return [f"{r.status}, {r.repeats} repeats of {r.configuration}", *r.sentences, *self.remarks]
+        return [f"{r.status}, {r.repeats} repeats of {r.configuration}", *r.sentences, *map(str, self.remarks)]
 
     def _table(self) -> Rows:
         return self.parameters
@@ -798,14 +810,14 @@ class RunResult(StepResult):
         return "" if self.results.update is None else self.results.update.message
 
     @property
-    def remarks(self) -> tuple[str, ...]:
+    def remarks(self) -> tuple[Notice, ...]:
         """Number of solutions from the journal of an earlier run."""
         journal = self.results.journal
-        if journal is None or not journal.recalled:
+        if journal is None:
             return ()
         from femtune.journal.journal import from_journal  # noqa: PLC0415
 
-        return (from_journal(journal.recalled, journal.solved),)
+        return from_journal(journal.recalled, journal.solved)
 
     @property
     def values(self) -> dict[str, float]:

@@ -16,7 +16,8 @@ from typing import Literal
 import numpy as np
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.modes.registry import ERROR_TEXTS, ModesFormat, read_modes
+from femtune.files.formats import MODES_FORMATS, ModesFormatKey
+from femtune.files.modes.read import read_modes
 from femtune.files.modes.solved import SolvedModes
 from femtune.files.runs_table import LARGEST_HZ
 from femtune.runs import folders
@@ -39,7 +40,7 @@ class ResultFile:
     """A file that the solver writes, and its format."""
 
     name: str
-    format: ModesFormat
+    format: ModesFormatKey
 
 
 @dataclass(frozen=True)
@@ -245,7 +246,7 @@ class ExternalSolver:
             return Failure(FailureKind.LICENCE, refused, place)
         if code is None:
             return Failure(FailureKind.TIME_OUT, f"ended after {self.timeout_s:g} s", place)
-        error = _line_with(texts, (*self.error_texts, *ERROR_TEXTS[self.result.format]))
+        error = _line_with(texts, (*self.error_texts, *MODES_FORMATS[self.result.format].error_texts))
         if error:
             return Failure(FailureKind.ERROR_TEXT, error, place)
         if code != 0:

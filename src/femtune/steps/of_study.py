@@ -14,7 +14,7 @@ from femtune.arguments import checked
 from femtune.assembly.described import Model, StudySource, Test, source_of, units_word
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study, read_study
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.study_file import with_expansion
 from femtune.results.solved import nominal
 from femtune.results.step_results import CorrelateResult, QuantifyResult, SelectResult
@@ -86,7 +86,7 @@ def correlate(
     with looking_up(study, fresh) as found:
         records = model_records(found.study, "before", nominal(study), {}, arrays, progress).correlations
     written = write_expanded_files(study, records, arrays, files)
-    remarks = [f"[{a.code}] {a.sentence}" for record in records for a in record.alerts if a.level != "info"]
+    remarks = [Notice(a.code, a.sentence, level=a.level) for r in records for a in r.alerts if a.level != "info"]
     return CorrelateResult(records, arrays=arrays, remarks=(*found.remarks, *remarks), files=tuple(written))
 
 
@@ -144,12 +144,10 @@ def compare(
     more = None if count is None else {"count": count + MORE_MODES}
     result = correlate(second, test, sensors={"by_id": True}, modes=more, units=units, progress=progress)
     table = np.column_stack([found.first, found.second, found.distance])
-    told = (
-        f"{len(found.distance)} points are compared; the mean distance between the meshes is "
-        f"{found.distance.mean():.3g}, the largest {found.distance.max():.3g}."
-    )
+    distances = f"{found.distance.mean():.3g}, the largest {found.distance.max():.3g}."
+    told = f"{len(found.distance)} points are compared; the mean distance between the meshes is {distances}"
     arrays = {**result.arrays, "common_points": table}
-    return replace(result, arrays=arrays, remarks=(told, *result.remarks))
+    return replace(result, arrays=arrays, remarks=(Notice("", told, level="info"), *result.remarks))
 
 
 @checked

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.assembly.study import solved_by
-from femtune.errors import FemtuneError, folded
+from femtune.errors import FemtuneError, Notice, folded
 from femtune.journal.journal import JOURNAL_FOLDER, open_journal
 from femtune.results.journal import JournalResults, SolutionCount
 
@@ -24,7 +24,7 @@ class LookedUp:
     """A study whose solutions are taken from the journal where it has them, and the remarks on that."""
 
     study: Study
-    remarks: list[str]
+    remarks: list[Notice]
 
 
 @contextmanager
@@ -43,11 +43,11 @@ def looking_up(study: Study, fresh: bool) -> Iterator[LookedUp]:
     try:
         yield found
     except FemtuneError as error:
-        for text in found.remarks:
-            error.add_note(text)
+        for remark in found.remarks:
+            error.add_note(str(remark))
         raise
     if journal is not None:
-        found.remarks.extend(text for text in (journal.sentence, *map(str, journal.notices)) if text)
+        found.remarks.extend((*journal.reused, *journal.notices))
 
 
 def _journaled(study: Study, journal: Journal) -> Study:
@@ -57,7 +57,7 @@ def _journaled(study: Study, journal: Journal) -> Study:
     return solved_by(study, JournaledSolver(journal))
 
 
-def warnings_of(study: Study) -> list[str]:
+def warnings_of(study: Study) -> list[Notice]:
     """What the reader warns of, the first of each kind with the number of the others."""
     return folded(n for n in (*study.built.notices, *study.notices) if n.level != "info")
 

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from femtune.files.matrices import text_blocks
 from femtune.files.matrices.calculix import read_dof_list
 from femtune.files.matrices.listed_modes import read_listed_modes
-from femtune.files.matrices.registry import format_of, read_matrix
+from femtune.files.matrices.read import format_of, read_matrix
 
 from .matrices_by_hand import full, symmetric_example
 
@@ -101,7 +101,7 @@ _PRINTED = """
 import sys
 import numpy as np
 from femtune.errors import FemtuneError
-from femtune.files.matrices.registry import read_matrix
+from femtune.files.matrices.read import read_matrix
 
 try:
     read_matrix(sys.argv[1])

@@ -10,8 +10,9 @@ import scipy.sparse as sp
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
+from femtune.files.formats import MODES_FORMATS
 from femtune.files.matrices.ansys import read_ansys
-from femtune.files.modes.registry import READERS, ModesFormat, read_modes
+from femtune.files.modes.read import read_modes
 
 _DAT = """
      E I G E N V A L U E   O U T P U T
@@ -95,14 +96,14 @@ _ABAQUS = """
 """
 
 _TABLE = "# frequencies\n1.0, 2.0\nmass 2.5\n5X 0.5 1\n5Y- 1 1\n7RZ+ 1 2\nparticipation RY 3 -4\nend\n"
-_WHOLE: dict[ModesFormat, str] = {
+_WHOLE: dict[str, str] = {
     "abaqus-dat": _ABAQUS, "calculix-dat": _DAT, "calculix-frd": _frd(), "nastran-f06": _f06(),
     "nastran-punch": _punch(), "table": _TABLE,
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("format", _WHOLE)
-def test_frequencies(format: ModesFormat, tmp_path: Path) -> None:
+def test_frequencies(format: str, tmp_path: Path) -> None:
     (tmp_path / "modes").write_text(_WHOLE[format])
     np.testing.assert_allclose(read_modes(tmp_path / "modes", format).freq_hz, [1.0, 2.0], rtol=1e-6)
 
@@ -117,7 +118,7 @@ def test_shapes_of_calculix(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("format", "scale"), [("nastran-f06", [0.5, 1.0]), ("nastran-punch", [1.0, 1.0])])
-def test_shapes_of_nastran_are_of_unit_modal_mass(format: ModesFormat, scale: list[float], tmp_path: Path) -> None:
+def test_shapes_of_nastran_are_of_unit_modal_mass(format: str, scale: list[float], tmp_path: Path) -> None:
     (tmp_path / "a").write_text(_WHOLE[format])
     found = read_modes(tmp_path / "a", format)
     np.testing.assert_array_equal(found.nodes, [5, 6])
@@ -171,7 +172,7 @@ def test_missing_forces_are_not_taken_for_zero(forces: tuple[float, float, float
 
 
 @pytest.mark.parametrize("format", [f for f in _WHOLE if f != "nastran-punch"])
-def test_a_file_that_is_cut_anywhere_is_refused(format: ModesFormat, tmp_path: Path) -> None:
+def test_a_file_that_is_cut_anywhere_is_refused(format: str, tmp_path: Path) -> None:
     """Cut at the end of a line, as a solver that was killed leaves it, and inside one."""
     text, path = _WHOLE[format].rstrip(), tmp_path / "modes"
     at = [i for i, c in enumerate(text) if c == "\n"]
@@ -215,16 +216,16 @@ def test_a_negative_eigenvalue_is_no_frequency(tmp_path: Path) -> None:
         ("table", "1.0 2.0\n", "cut"),
     ],
 )
-def test_what_is_wrong_is_said(format: ModesFormat, text: str, name: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_said(format: str, text: str, name: str, tmp_path: Path) -> None:
     (tmp_path / "modes").write_text(text)
     with pytest.raises(FemtuneError) as caught:
         read_modes(tmp_path / "modes", format)
     check_shown(f"external.output, {name}", str(caught.value).replace(str(tmp_path), "FOLDER"))
 
 
-@pytest.mark.parametrize("format", READERS)
+@pytest.mark.parametrize("format", MODES_FORMATS.keys)
 @pytest.mark.slow
-def test_absent_files_and_bytes_of_another_kind(format: ModesFormat, tmp_path: Path) -> None:
+def test_absent_files_and_bytes_of_another_kind(format: str, tmp_path: Path) -> None:
     extras = {"nastran-op2": ("pyyeti", "op2"), "ansys-rst": ("ansys.mapdl.reader", "ansys")}
     if format in extras:
         pytest.importorskip(extras[format][0], reason=f"the extra {extras[format][1]} is not installed")

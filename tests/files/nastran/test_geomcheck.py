@@ -77,8 +77,10 @@ def test_info_lists_elements_out_of_shape(tmp_path: Path) -> None:
 
 
 def test_modes_name_the_tests_that_elements_do_not_pass(tmp_path: Path) -> None:
-    (remark,) = (r for r in steps.modes(_deck(tmp_path, "GEOMCHECK Q4_WARP=.5\n"), count=7).remarks if "shape" in r)
-    assert remark == (
+    (remark,) = (
+        r for r in steps.modes(_deck(tmp_path, "GEOMCHECK Q4_WARP=.5\n"), count=7).remarks if "shape" in r.what
+    )
+    assert str(remark) == (
         "shapes of elements: of 2 elements, some are beyond the limits of Q4_SKEW, Q4_IAMIN, Q4_IAMAX; "
         "femtune info lists them"
     )

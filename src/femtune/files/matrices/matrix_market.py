@@ -38,11 +38,6 @@ class _Header:
         return self.values + (2 if self.coordinate else 0)
 
 
-def is_matrix_market(start: bytes) -> bool:
-    """True for the first bytes of such a file."""
-    return start.lower().startswith(_BANNER)
-
-
 def read_matrix_market(path: Path, name: str | None = None) -> ReadMatrix:
     """The matrix of a file; its symmetry is that of the banner, and of the numbers.
 

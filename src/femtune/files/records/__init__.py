@@ -6,8 +6,8 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.files.records.frf_file import FunctionColumn, FunctionLayout, read_frfs
-    from femtune.files.records.read import FORMATS, ChannelColumn, read_record
+    from femtune.files.records.read import ChannelColumn, read_record
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
-__all__ = ["FORMATS", "ChannelColumn", "FunctionColumn", "FunctionLayout", "read_frfs", "read_record"]
+__all__ = ["ChannelColumn", "FunctionColumn", "FunctionLayout", "read_frfs", "read_record"]

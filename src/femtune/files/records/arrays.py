@@ -17,7 +17,9 @@ from femtune._optional import require
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.records.table import RecordTable, as_columns, problem
 
-_RATES = ("fs", "sampling_hz", "sampling_rate", "sample_rate", "samplerate", "srate")
+NamedArrays = Mapping[str, Any]
+"""Arrays of a file by name: of numpy, or made into them when they are used."""
+_RATE_NAMES = ("fs", "sampling_hz", "sampling_rate", "sample_rate", "samplerate", "srate")
 
 
 LARGEST_EXPANSION, LARGEST_BYTES = 20.0, 1 << 28
@@ -25,37 +27,30 @@ LARGEST_EXPANSION, LARGEST_BYTES = 20.0, 1 << 28
 _MOST_NAMES, _DEEPEST = 10_000, 20
 
 
-def read_npy(path: Path, variable: str | None = None) -> RecordTable:
-    """One array, or that called `variable` of an .npz; Python objects in it are refused."""
-    return _table(path, npy_arrays(path), variable)
-
-
-def read_mat(path: Path, variable: str | None = None) -> RecordTable:
-    """A variable of a MATLAB file, of version 7.3 too."""
-    if _is_hdf5(path):
-        return read_hdf5(path, variable)
-    return _table(path, mat_arrays(path), variable)
-
-
-def read_hdf5(path: Path, variable: str | None = None) -> RecordTable:
-    """A dataset of an HDF5 file; groups are written with slashes or dots."""
-    with hdf5_arrays(path) as arrays:
-        return _table(path, arrays, variable)
-
-
 @contextmanager
-def arrays_of(path: Path, format: str) -> Iterator[Mapping[str, Any]]:
-    """All arrays of a file by name, fields of structures with dots; those of HDF5 are read when they are used.
+def open_npy(path: Path) -> Iterator[NamedArrays]:
+    """The array of an .npy, called "", or those of an .npz; Python objects in them are refused.
 
     Raises
     ------
     FemtuneError : ``record.file``, ``record.too-large``
     """
-    if format == "hdf5" or (format == "matlab" and _is_hdf5(path)):
-        with hdf5_arrays(path) as arrays:
+    yield _npy_arrays(path)
+
+
+@contextmanager
+def open_mat(path: Path) -> Iterator[NamedArrays]:
+    """The variables of a MATLAB file of any version; fields of structures as ``a.b``.
+
+    Raises
+    ------
+    FemtuneError : ``record.file``, ``record.too-large``
+    """
+    if _is_hdf5(path):
+        with open_hdf5(path) as arrays:
             yield arrays
     else:
-        yield npy_arrays(path) if format == "numpy" else mat_arrays(path)
+        yield _mat_arrays(path)
 
 
 def _is_hdf5(path: Path) -> bool:
@@ -65,8 +60,7 @@ def _is_hdf5(path: Path) -> bool:
     return b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520])
 
 
-def npy_arrays(path: Path) -> dict[str, np.ndarray]:
-    """The array of an .npy, called "", or those of an .npz."""
+def _npy_arrays(path: Path) -> dict[str, np.ndarray]:
     try:
         _check_zip(path)
         # a stream of our own: numpy leaves the file of a broken archive open
@@ -80,7 +74,7 @@ def npy_arrays(path: Path) -> dict[str, np.ndarray]:
         raise problem(path, "record.file", first_line=_first_line(bad)) from bad
 
 
-def mat_arrays(path: Path) -> dict[str, Any]:
+def _mat_arrays(path: Path) -> dict[str, Any]:
     """Arrays of a MATLAB file before version 7.3; fields of structures as ``a.b``, elements as ``a(2).b``, ``c{3}``."""
     from scipy.io import loadmat  # noqa: PLC0415  half a second that no other step wants
 
@@ -117,8 +111,13 @@ def _flatten(found: dict[str, Any], name: str, array: Any, depth: int) -> None:
 
 
 @contextmanager
-def hdf5_arrays(path: Path) -> Iterator[Mapping[str, Any]]:
-    """Datasets of numbers by name; an open file, whose datasets are read when they are used."""
+def open_hdf5(path: Path) -> Iterator[NamedArrays]:
+    """Datasets of numbers by name, groups with slashes or dots; each is read when it is used.
+
+    Raises
+    ------
+    FemtuneError : ``record.file``, ``record.too-large``
+    """
     h5py = require("h5py", extra="hdf5")
     found: dict[str, _Dataset] = {}
 
@@ -208,7 +207,8 @@ def _first_line(bad: BaseException) -> str:
     return str(bad).splitlines()[0][:120] if str(bad) else type(bad).__name__
 
 
-def _table(path: Path, arrays: Mapping[str, Any], variable: str | None) -> RecordTable:
+def table_of(path: Path, arrays: NamedArrays, variable: str | None) -> RecordTable:
+    """The array of a name as a table of columns; without a name the only one that can be meant."""
     values = as_columns(np.asarray(arrays[_wanted(path, arrays, variable)]), path)
     return RecordTable(values, ("",) * len(values), _rate(arrays), None, str(path))
 
@@ -239,7 +239,7 @@ def _rate(arrays: Mapping[str, Any]) -> float | None:
     """A single positive number whose name says that it is a sampling rate."""
     for name, array in arrays.items():
         last = name.lower().replace("/", ".").rsplit(".", 1)[-1]
-        if last in _RATES and getattr(array, "size", 0) == 1 and array.dtype.kind in "iuf":
+        if last in _RATE_NAMES and getattr(array, "size", 0) == 1 and array.dtype.kind in "iuf":
             rate = float(np.asarray(array).reshape(()))
             return rate if np.isfinite(rate) and rate > 0.0 else None
     return None

@@ -17,14 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import Dof, DofSet
-from femtune.files.records.arrays import arrays_of, named
-from femtune.files.records.read import format_of, position_of
+from femtune.files.records.arrays import named
+from femtune.files.records.read import format_named, position_of
 from femtune.files.records.table import RecordTable, problem
-from femtune.files.records.text import read_text
 from femtune.modal import FrfSet
 
 AXES = ("frequency", "response", "reference", "function", "part")
-_ARRAYS = ("numpy", "matlab", "hdf5")
 
 
 @dataclass(frozen=True)
@@ -88,12 +86,12 @@ def read_frfs(path: Path, layout: FunctionLayout) -> FrfSet:
     """
     if not path.is_file():
         raise problem(path, "record.missing")
-    format = layout.format or format_of(path)
-    if format == "text":
-        return _of_text(read_text(path), layout, path)
-    if format not in _ARRAYS:
-        raise problem(path, "frf.layout/format", format=format)
-    with arrays_of(path, format) as arrays:
+    format = format_named(path, layout.format)
+    if format.has == "columns":
+        return _of_text(format.read_table(path), layout, path)
+    if format.has != "arrays":
+        raise problem(path, "frf.layout/format", format=format.key)
+    with format.open_arrays(path) as arrays:
         return _of_arrays(arrays, layout, path)
 
 

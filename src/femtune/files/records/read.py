@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,24 +10,13 @@ import numpy as np
 
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.records.arrays import read_hdf5, read_mat, read_npy
+from femtune.files.formats import RECORD_FORMATS, RecordFormat
+from femtune.files.records.arrays import table_of
 from femtune.files.records.table import RecordTable, problem
-from femtune.files.records.text import read_text
-from femtune.files.records.waves import UffChannel, read_uff_time, read_wav
 from femtune.modal import Channel, TimeSeries
 
-_ARRAYS: Mapping[str, Callable[[Path, str | None], RecordTable]] = {
-    "numpy": read_npy,
-    "matlab": read_mat,
-    "hdf5": read_hdf5,
-}
-FORMATS = ("text", *_ARRAYS, "wav", "uff")
-_BY_EXTENSION = {
-    ".csv": "text", ".txt": "text", ".dat": "text", ".asc": "text", ".tsv": "text", ".npy": "numpy", ".npz": "numpy",
-    ".mat": "matlab", ".h5": "hdf5", ".hdf5": "hdf5", ".wav": "wav", ".uff": "uff", ".unv": "uff",
-}  # fmt: skip
-
-_SAME_RATE = 1e-3
+_RATE_TOLERANCE = 1e-3
+"""Relative difference up to which two sampling rates are the same: files round 1/step to four digits and more."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +54,7 @@ def read_record(
         of other files become responses 1S+, 2S+, …
     sampling_hz : needed where the file says none; where it does they must agree
     variable : the array in a file that holds several
-    format : one of `FORMATS`; by extension where None
+    format : key of one of `RECORD_FORMATS`; by extension where None
 
     Raises
     ------
@@ -73,33 +62,32 @@ def read_record(
         other
     """
     path = Path(path)
-    table, known = _read(path, format or format_of(path), variable)
+    table = _read(path, format_named(path, format), variable)
     chosen = [position_of(table, c.column) for c in columns] or list(range(len(table.values)))
     if twice := next((c for c, i in zip(columns, chosen) if chosen.count(i) > 1), None):
         raise problem(path, "record.column/twice", column=twice.column)
-    channels = [_channel(c, table.names[i]) for c, i in zip(columns, chosen)] or _own(table, known)
+    channels = [_channel(c, table.names[i]) for c, i in zip(columns, chosen)] or _stated_channels(table)
     factors = np.array([c.factor for c in columns] or np.ones(len(chosen)))
     rate = _rate(table, sampling_hz)
     return TimeSeries(factors[:, None] * table.values[chosen], tuple(channels), rate, 0.0, table.times_s, str(path))
 
 
-def _read(path: Path, format: str, variable: str | None) -> tuple[RecordTable, tuple[UffChannel, ...]]:
+def _read(path: Path, format: RecordFormat, variable: str | None) -> RecordTable:
     if not path.is_file():
         raise problem(path, "record.missing")
-    if format in _ARRAYS:
-        return _ARRAYS[format](path, variable), ()
-    if format == "uff":
-        return read_uff_time(path)
-    return (read_wav(path) if format == "wav" else read_text(path)), ()
+    if format.has != "arrays":
+        return format.read_table(path)
+    with format.open_arrays(path) as arrays:
+        return table_of(path, arrays, variable)
 
 
-def format_of(path: Path) -> str:
-    """The format that belongs to an extension (error ``record.format``)."""
-    found = _BY_EXTENSION.get(path.suffix.lower())
-    if found is None:
-        known = ", ".join(_BY_EXTENSION)
+def format_named(path: Path, key: str | None) -> RecordFormat:
+    """The format that was named, or the one that the extension tells (error ``record.format``)."""
+    format = RECORD_FORMATS.of_suffix(path) if key is None else RECORD_FORMATS[key]
+    if format is None:
+        known = ", ".join(RECORD_FORMATS.suffixes)
         raise problem(path, "record.format", values={"known": known}, suffix=path.suffix)
-    return found
+    return format
 
 
 def position_of(table: RecordTable, column: int | str) -> int:
@@ -123,8 +111,9 @@ def _channel(column: ChannelColumn, name: str) -> Channel:
     return Channel(column.dof, column.quantity, column.unit, column.role, name)
 
 
-def _own(table: RecordTable, known: Sequence[UffChannel]) -> list[Channel]:
-    """Channels that the file names itself, or numbered ones."""
+def _stated_channels(table: RecordTable) -> list[Channel]:
+    """Channels that the file states itself, or numbered ones."""
+    known = table.channels
     dofs = [c.dof for c in known]
     if known and None not in dofs and len(set(dofs)) == len(dofs):
         return [
@@ -134,7 +123,7 @@ def _own(table: RecordTable, known: Sequence[UffChannel]) -> list[Channel]:
 
 
 def _rate(table: RecordTable, said: float | None) -> float | None:
-    if said is not None and table.sampling_hz is not None and abs(said / table.sampling_hz - 1.0) > _SAME_RATE:
+    if said is not None and table.sampling_hz is not None and abs(said / table.sampling_hz - 1.0) > _RATE_TOLERANCE:
         raise FemtuneError(
             "record.rate",
             values={"stated": f"{said:g} Hz", "file": f"{table.sampling_hz:g} Hz", "source": table.source},

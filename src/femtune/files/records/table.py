@@ -10,7 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.dofs import Dof
 from femtune.errors import FemtuneError, Where
+
+
+@dataclass(frozen=True)
+class StatedChannel:
+    """What a file itself says of one of its columns; None for a DOF that it does not name."""
+
+    dof: Dof | None
+    quantity: str
+    unit: str
+
 
 TIMES = ("t", "time", "zeit", "temps", "tiempo", "tempo")
 """Names of a column of times, without a unit in brackets and in small letters."""
@@ -27,6 +38,7 @@ class RecordTable:
     sampling_hz : what the file says, or None
     times_s : (samples,) of a column of times, which is not among the columns any more, or None
     source : the file
+    channels : of the columns, if the file states them; otherwise ()
     """
 
     values: Reals
@@ -34,6 +46,7 @@ class RecordTable:
     sampling_hz: float | None = None
     times_s: Reals | None = None
     source: str = ""
+    channels: tuple[StatedChannel, ...] = ()
 
 
 def problem(

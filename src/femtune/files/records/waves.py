@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from femtune.dofs import Dof
-from femtune.files.records.table import RecordTable, problem
+from femtune.files.records.table import RecordTable, StatedChannel, problem
 from femtune.files.uff.measured_functions import MeasuredFunction, dof_of, read_functions
 from femtune.files.uff.scan import scan_uff
 
@@ -18,16 +16,7 @@ _TIME_RESPONSE, _TIME = 1, 17
 _QUANTITIES = {8: "displacement", 11: "velocity", 12: "acceleration", 13: "force", 15: "pressure", 2: "strain"}
 
 
-@dataclass(frozen=True)
-class UffChannel:
-    """What a Universal File says of one column; None for a DOF that it does not name."""
-
-    dof: Dof | None
-    quantity: str
-    unit: str
-
-
-def read_uff_time(path: Path) -> tuple[RecordTable, tuple[UffChannel, ...]]:
+def read_uff_time(path: Path) -> RecordTable:
     """All time records of a file, which must share one clock.
 
     Raises
@@ -44,8 +33,8 @@ def read_uff_time(path: Path) -> tuple[RecordTable, tuple[UffChannel, ...]]:
     channels = tuple(_channel(f) for f in times)
     names = tuple(str(c.dof or "") for c in channels)
     rate = 1.0 / first.header.step if first.header.even and first.header.step > 0.0 else None
-    table = RecordTable(np.array([f.values for f in times]), names, rate, None if rate else first.x, str(path))
-    return table, channels
+    values = np.array([f.values for f in times])
+    return RecordTable(values, names, rate, None if rate else first.x, str(path), channels)
 
 
 def _is_time(function: MeasuredFunction) -> bool:
@@ -65,9 +54,9 @@ def _check_clock(path: Path, times: Sequence[MeasuredFunction]) -> None:
             raise problem(path, "record.file/different-sampling", values={"first": one, "other": two})
 
 
-def _channel(function: MeasuredFunction) -> UffChannel:
+def _channel(function: MeasuredFunction) -> StatedChannel:
     header = function.header
-    return UffChannel(dof_of(*header.response), _QUANTITIES.get(header.kinds[1], "unknown"), header.unit_labels[1])
+    return StatedChannel(dof_of(*header.response), _QUANTITIES.get(header.kinds[1], "unknown"), header.unit_labels[1])
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -6,17 +6,23 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from femtune.files.formats import ModesFormatKey
 from femtune.files.study_file.kinds import (
     Command,
+    DeckName,
     ElementsOff,
     Inertia,
-    ModesFormatName,
+    NamesFile,
     NotNegative,
     Number,
     Positive,
     Rotation,
+    RunsName,
+    SolverFileName,
     SpecimenName,
     Support,
+    TemplateName,
+    TestName,
     Text,
     TomlTable,
     Units,
@@ -79,7 +85,7 @@ class TestKeys(TomlTable):
 
     records: Text | None = None
     """Only the data sets 55 whose ID lines contain this word. Default: all. Example: `"BC"`"""
-    deviations: Text | None = None
+    deviations: Annotated[Text, NamesFile("table of standard deviations")] | None = None
     """File of standard deviations of the modes: a [table](guide/tests-in.md#tables-of-standard-deviations), or the file
     that `femtune identify` writes beside them; must be of the same modes. Example: `"identified/deviations.json"`"""
     mode_labels: tuple[Text, ...] | None = None
@@ -103,7 +109,7 @@ MEASURED = "freq_hz of [test]"
 class SingleTest(TestKeys):
     """[test]: the only test of a study without [[configuration]]; a file, or frequencies without shapes."""
 
-    file: Text | Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
+    file: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
     """The test: a Universal File, a list of several for one test, or an identification file that [describes
     FRFs](guide/tests-in.md). Required without `freq_hz`. Example: `"frame.uff"`"""
     freq_hz: Annotated[tuple[Positive, ...], Field(max_length=1000)] = ()
@@ -118,16 +124,16 @@ class ConfigurationSolver(TomlTable):
 
     command: Command | None = None
     """Program and arguments, as a list or a line. Default: `command` of `[solver]`. Example: `"ccx bolted"`"""
-    deck: Text | None = None
+    deck: DeckName | None = None
     """Deck of this configuration. Default: `deck` of `[study]`. Example: `"bolted.bdf"`"""
-    templates: tuple[Text, ...] | None = None
+    templates: tuple[TemplateName, ...] | None = None
     """Input files with placeholders. Default: `templates` of `[solver]`. Example: `["bolted.inp"]`"""
-    files: tuple[Text, ...] | None = None
+    files: tuple[SolverFileName, ...] | None = None
     """Further files that are copied into the folder of each run. Default: `files` of `[solver]`. Example:
     `["mesh.inc"]`"""
     result: Text | None = None
     """The file that is read. Default: `result` of `[solver]`. Example: `"bolted.frd"`"""
-    format: ModesFormatName | None = None
+    format: ModesFormatKey | None = None
     """Format of the file that is read. Default: `format` of `[solver]`. Example: `"calculix-frd"`"""
     mass: Positive | None = None
     """Mass that the output must state. Default: `mass` of `[solver]`. Example: `12.5`"""
@@ -141,7 +147,7 @@ class ConfigurationEntry(TestKeys):
     specimen: SpecimenName | None = None
     """Name of the [specimen](guide/specimens.md), where nominally identical structures were tested: letters, digits and
     `_`; either all configurations have it or none has. Example: `"ID1"`"""
-    test: Text | Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
+    test: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
     """The test: a Universal File, a list of several for one test, or an identification file that [describes
     FRFs](guide/tests-in.md). Default: only modes are computed. Example: `"building.uff"`"""
     test_units: Units | None = None
@@ -167,14 +173,14 @@ class ConfigurationEntry(TestKeys):
     """Constraints of the deck that are removed in this configuration. Example: `["1:6"]`"""
     masses: tuple[MassEntry, ...] = ()
     """Masses added in this configuration, each with its grid point. Example: `[{ node = 11, mass = 0.35 }]`"""
-    masses_file: Text | None = None
+    masses_file: Annotated[Text, NamesFile("table of masses")] | None = None
     """[Table of small masses](guide/tests-in.md#masses-of-sensors) such as sensors and stingers, added as well; their
     effect on each mode is stated. Example: `"sensors.csv"`"""
     weighed_mass: Positive | None = None
     """Measured mass of this configuration; compared with the mass of the model. Example: `7500.0`"""
     use: Literal["update", "validation"] = "update"
     """`"update"`, or `"validation"`: correlated, but not used in the update. Example: `"validation"`"""
-    runs: Text | None = None
+    runs: RunsName | None = None
     """For a model of [runs](#runs): the table of this configuration, instead of `file` of `[runs]`. Example:
     `"bolted.csv"`"""
     solver: ConfigurationSolver | None = None

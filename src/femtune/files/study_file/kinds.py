@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import (
@@ -262,7 +263,31 @@ if TYPE_CHECKING:
 else:
     Listed = tuple[T, ...]
 """A list of TOML, kept as a tuple; in Python a table may be made with any sequence."""
+
+
+@dataclass(frozen=True)
+class NamesFile:
+    """Declares that the text of a key is the name of an input file, relative to the file that has the key.
+
+    The declaration is all that a key needs: `files_named` finds it, and existence checks, checksums and the protection
+    against overwriting are made from that.
+
+    Parameters
+    ----------
+    what : what the file is, for messages
+    needed : False for a text that may be the name of a file, such as a word of a command
+    """
+
+    what: str
+    needed: bool = True
+
+
 Text = Annotated[str, StringConstraints(min_length=1)]
+DeckName = Annotated[Text, NamesFile("deck")]
+TestName = Annotated[Text, NamesFile("test file")]
+RunsName = Annotated[Text, NamesFile("table of runs")]
+TemplateName = Annotated[Text, NamesFile("template")]
+SolverFileName = Annotated[Text, NamesFile("file of the solver")]
 SpecimenName = Annotated[str, checked(_specimen_name)]
 Number = Annotated[int, Field(gt=0, lt=10**18)]
 Positive = Annotated[float, Field(gt=0)]
@@ -347,11 +372,8 @@ def _words(value: object) -> object:
 
 
 Command = Annotated[
-    Listed[Text],
+    Listed[Annotated[Text, NamesFile("program or script", needed=False)]],
     Field(min_length=1),
     BeforeValidator(_words),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
-]
-ModesFormatName = Literal[
-    "abaqus-dat", "ansys-rst", "calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"
 ]

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, StringConstraints
 
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.kinds import Components, Elements, GroupName, Number, Text, TomlTable
+from femtune.files.formats import MatrixFormatKey
+from femtune.files.study_file.kinds import Components, Elements, GroupName, NamesFile, Number, Text, TomlTable
 from femtune.files.study_file.runs import is_of_runs
 from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
-Format = Literal["op4", "op2", "dmig", "abaqus", "calculix", "matrix-market", "ansys"]
 
 
 class ModelTable(TomlTable):
     """[model]: grid points and rows of the matrices, and the modes that their solver listed."""
 
-    grid: Text | None = None
+    grid: Annotated[Text, NamesFile("file of grid points")] | None = None
     """Coordinates of the nodes: a deck, or an input file with `*NODE` blocks. Default: points without coordinates,
     assigned to the test by number. Example: `"frame.bdf"`"""
-    dofs: Text | None = None
+    dofs: Annotated[Text, NamesFile("list of DOFs")] | None = None
     """List of the DOFs of the rows, one per line: node and component (1 to 6, 0 for a scalar point); needed if the
     matrix file does not contain them. Example: `"frame.dof"`"""
     hold_singular: bool = False
@@ -30,7 +30,7 @@ class ModelTable(TomlTable):
     listed_hz: tuple[Annotated[float, Field(ge=0)], ...] = ()
     """Natural frequencies listed by the solver, Hz, in ascending order from the first; rigid-body modes may be omitted.
     Example: `[12.31, 15.02]`"""
-    listing: Text | None = None
+    listing: Annotated[Text, NamesFile("list of modes")] | None = None
     """Listing file of the solver with its natural frequencies, instead of `listed_hz`: f06 of Nastran, .dat of CalculiX
     or Abaqus. Example: `"frame.f06"`"""
     listed_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
@@ -42,17 +42,20 @@ class ModelTable(TomlTable):
 class MatrixEntry(TomlTable):
     """[[matrix]]: one matrix; several of one name are sets of it at values of the variables."""
 
+    only_configuration: ClassVar[str] = "as imported"
+    """Name of the configuration of a study without [[configuration]]."""
+
     name: Name
     """Name of the matrix: capital letters and digits. Several tables with the same name, each with `at`, are sets of
     one matrix. Example: `"FRAME"`"""
     kind: Literal["stiffness", "mass", "viscous", "hysteretic"]
     """`"stiffness"`, `"mass"`, `"viscous"` or `"hysteretic"`; the imaginary part of a stiffness matrix is read as
     hysteretic damping. Example: `"mass"`"""
-    file: Text
+    file: Annotated[Text, NamesFile("file of a matrix")]
     """The matrix file. Example: `"frame.op4"`"""
     record: Text | None = None
     """Name of the matrix in a file with several matrices. Default: the first one. Example: `"KAA"`"""
-    format: Format | None = None
+    format: MatrixFormatKey | None = None
     """`"op4"`, `"op2"`, `"dmig"`, `"abaqus"`, `"calculix"`, `"matrix-market"` or `"ansys"`. Default: detected from
     content and extension. Example: `"dmig"`"""
     factor: float = 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
@@ -15,6 +15,7 @@ from femtune.files.study_file.kinds import (
     Expression,
     FieldText,
     Listed,
+    NamesFile,
     Number,
     Positive,
     Text,
@@ -104,7 +105,7 @@ class Parameter(PythonTable):
     """Standard deviation of the prior. Default: (upper − lower)/√12. Example: `0.2`"""
     mean: float | None = None
     """Mean of the prior. Default: the nominal value. Example: `1.0`"""
-    prior: Text | None = None
+    prior: Annotated[Text, NamesFile("catalogue of damping")] | None = None
     """Catalogue of damping values that gives the mean and standard deviation of the prior; requires `absolute = true`.
     Example: `"damping.toml"`"""
     prior_name: Text | None = None

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from femtune.files.study_file.kinds import Text, TomlTable
+from femtune.files.study_file.kinds import NamesFile, Text, TomlTable
 
 
 class SelectTable(TomlTable):
@@ -26,6 +26,7 @@ class SelectTable(TomlTable):
 
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
+RepeatsName = Annotated[Text, NamesFile("file of repeats")]
 RepeatNumber = Annotated[int, Field(ge=1)]
 
 
@@ -35,7 +36,7 @@ def _listed(value: object) -> object:
 
 
 Repeats = Annotated[
-    tuple[Text, ...],
+    tuple[RepeatsName, ...],
     BeforeValidator(_listed),
     Field(min_length=1),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),

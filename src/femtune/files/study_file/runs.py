@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import Text, TomlTable
+from femtune.files.study_file.kinds import RunsName, TomlTable
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables
 from femtune.files.study_file.validation import FRF_LIMITS
 
@@ -16,7 +16,10 @@ from femtune.files.study_file.validation import FRF_LIMITS
 class RunsModelTable(TomlTable):
     """[runs]: the table, and the polynomials or surrogates that are fitted to it."""
 
-    file: Text
+    only_configuration: ClassVar[str] = "as imported"
+    """Name of the configuration of a study without [[configuration]]."""
+
+    file: RunsName
     """The table: a heading, and a line per run with parameters, `f1_hz`, `f2_hz` …, and shapes `shape1_12Z` … if there
     are any; text, or Parquet with the ending `.parquet` or `.pq` (`pip install "femtune[parquet]"`). Example:
     `"runs.csv"`"""

@@ -3,31 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import Command, ModesFormatName, NotNegative, Positive, Text, TomlTable
+from femtune.files.formats import ModesFormatKey
+from femtune.files.study_file.kinds import (
+    Command,
+    NotNegative,
+    Positive,
+    SolverFileName,
+    TemplateName,
+    Text,
+    TomlTable,
+)
 from femtune.files.study_file.source import StudyLines, table, tables
 
 
 class SolverTable(TomlTable):
     """[solver]: command, input and output files, and when a run is tried again."""
 
+    only_configuration: ClassVar[str] = "as imported"
+    """Name of the configuration of a study without [[configuration]]."""
+
     command: Command
     """Program and arguments, as a list or a line; started without a shell in the folder of the run. Example: `"ccx
     beam"`"""
-    templates: tuple[Text, ...] = ()
+    templates: tuple[TemplateName, ...] = ()
     """Input files with [placeholders](guide/external-solvers.md#templates); required, unless the solver reads the
     `deck` of `[study]`. Example: `["beam.inp"]`"""
     deck_name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$")] = "model.bdf"
     """Name of the deck in the folder of a run. Example: `"beam.bdf"`"""
-    files: tuple[Text, ...] = ()
+    files: tuple[SolverFileName, ...] = ()
     """Further files that are copied into the folder of each run. Example: `["mesh.inc"]`"""
     result: Text
     """The file that is read. Example: `"beam.frd"`"""
-    format: ModesFormatName
+    format: ModesFormatKey
     """Format of the file that is read: `"abaqus-dat"`, `"ansys-rst"`, `"calculix-dat"`, `"calculix-frd"`,
     `"nastran-f06"`, `"nastran-op2"`, `"nastran-punch"` or `"table"`. Example: `"calculix-frd"`"""
     timeout_s: Positive = 3600.0

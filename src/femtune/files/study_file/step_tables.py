@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.files.study_file.kinds import (
     ByNode,
+    DeckName,
     DofLabel,
     NotNegative,
     Number,
@@ -28,9 +29,12 @@ Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
 class StudyTable(TomlTable):
     """[study]: title, deck and units."""
 
+    only_configuration: ClassVar[str] = "as the deck"
+    """Name of the configuration of a study without [[configuration]]."""
+
     title: Text
     """Title of the report. Example: `"Two-storey steel building"`"""
-    deck: Text | None = None
+    deck: DeckName | None = None
     """The Nastran bulk data file. Required, unless the model is made of [matrices](#matrix) or [runs](#runs), or is an
     external [solver](#solver). Example: `"building.bdf"`"""
     units: Units

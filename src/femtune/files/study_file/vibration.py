@@ -10,7 +10,7 @@ from pydantic import Field
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.configuration import ConfigurationSolver
-from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
+from femtune.files.study_file.kinds import DofLabel, NamesFile, Positive, Text, TomlTable
 from femtune.files.study_file.response import HertzAboveZero, Labels
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, tables
 
@@ -58,10 +58,10 @@ class VibrationEntry(TomlTable):
     spectrum: tuple[Positive, ...] = ()
     """Power spectral density at `spectrum_hz`, in squares of the unit of the responses per Hz, straight in a double
     logarithmic plot; required for random vibration. Example: `[0.01, 0.04, 0.04]`"""
-    signal: Text | None = None
+    signal: Annotated[Text, NamesFile("record of the base motion or force")] | None = None
     """CSV file of a transient excitation: heading, then even times in s and the value; required for it. Example:
     `"shock.csv"`"""
-    measured: Text | None = None
+    measured: Annotated[Text, NamesFile("table of measured vibration")] | None = None
     """CSV file: heading, then frequency and a value for each output (amplitude, or power spectral density); for a
     transient time in s and values. Example: `"sweep_x.csv"`"""
     band_hz: tuple[HertzAboveZero, HertzAboveZero] | None = None

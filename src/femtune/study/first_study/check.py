@@ -71,11 +71,13 @@ class CheckResult(StepResult):
     Parameters
     ----------
     record : as data
-    texts : errors as the other steps show them, and warnings
+    errors : as the other steps raise them
+    remarks : warnings, the first of each kind with the number of the others
     """
 
     record: CheckedStudy
-    texts: tuple[str, ...]
+    errors: tuple[FemtuneError, ...]
+    remarks: tuple[Notice, ...]
 
     @property
     def ok(self) -> bool:
@@ -114,7 +116,7 @@ def check_study(path: Path, progress: Progress = silent) -> CheckResult:
     notices = [n for n in found.notices if n.level != "info"]
     problems = [*map(_of_error, errors), *map(_of_notice, notices)]
     record = CheckedStudy(study=str(path), errors=len(errors), warnings=len(notices), problems=tuple(problems))
-    return CheckResult(record, (*map(str, errors), *folded(notices)))
+    return CheckResult(record, tuple(errors), tuple(folded(notices)))
 
 
 @dataclass(eq=False)
