@@ -219,6 +219,15 @@ class LinearityTable(TomlTable):
     """Accepted FRAC of FRFs between the levels. Example: `0.95`"""
 
 
+class IdentifyOutputTable(OutputTable):
+    """[output] of an identification: the folder of what was identified."""
+
+    folder: Text = "identified"
+    """Output folder for `report.html`, `modes.uff` (for a study), `deviations.json` (their standard deviations, for the
+    key `deviations` of a study), `modes.csv`, `poles.csv`, `identified.json` and, for FRFs, the state-space model
+    `system.npz`. Example: `"bc_modes"`"""
+
+
 class IdentifyFile(TomlTable):
     """The whole file; names of files are relative to it."""
 
@@ -233,7 +242,7 @@ class IdentifyFile(TomlTable):
     function: tuple[FunctionEntry, ...] = ()
     level: tuple[LevelEntry, ...] = ()
     linearity: LinearityTable = Field(default_factory=LinearityTable)
-    output: OutputTable = Field(default_factory=lambda: OutputTable(folder="identified"))
+    output: IdentifyOutputTable = Field(default_factory=IdentifyOutputTable)
 
     _path: Path = PrivateAttr(default=Path("identify.toml"))
     _source: StudyLines = PrivateAttr(default=StudyLines("identify.toml"))
