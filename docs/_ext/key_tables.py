@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from femtune.files.study_file.json_schema import SCHEMAS, file_schema, keys_of
+from femtune.files.study_file.json_schema import SCHEMAS, file_schema
+from femtune.files.study_file.keys import keys_of
 from femtune.files.study_file.kinds import tables_by_kind, tables_in
 from femtune.files.study_file.source import spelled
 

@@ -16,7 +16,8 @@ from jsonschema import Draft202012Validator
 from pydantic import BaseModel
 
 from femtune.files.study_file import frozen
-from femtune.files.study_file.json_schema import SCHEMAS, Key, file_schema, keys_of, tables_of
+from femtune.files.study_file.json_schema import SCHEMAS, file_schema, tables_of
+from femtune.files.study_file.keys import Key, keys_of
 from femtune.files.study_file.kinds import tables_by_kind, tables_in
 from femtune.files.study_file.residual import TABLES
 

@@ -91,7 +91,8 @@ class TestKeys(TomlTable):
     mode_labels: tuple[Text, ...] | None = None
     """Labels of the test modes, in their order. Default: "1", "2", …. Example: `["1", "2", "4a"]`"""
     rotation: Rotation = UNCHANGED
-    """Rotates test axes to model axes: x_model = rotation · x_test + origin. Example: `[[0,-1,0],[1,0,0],[0,0,1]]`"""
+    """Rotates test axes to model axes: x_model = rotation · x_test + origin; dimensionless. Example:
+    `[[0,-1,0],[1,0,0],[0,0,1]]`"""
     origin: Vector = (0.0, 0.0, 0.0)
     """Position of the origin of the test in the model's coordinate system, length. Example: `[0.0, 0.0, 0.5]`"""
     leave_out: tuple[LeaveOutEntry, ...] = ()
@@ -177,7 +178,8 @@ class ConfigurationEntry(TestKeys):
     """[Table of small masses](guide/tests-in.md#masses-of-sensors) such as sensors and stingers, added as well; their
     effect on each mode is stated. Example: `"sensors.csv"`"""
     weighed_mass: Positive | None = None
-    """Measured mass of this configuration; compared with the mass of the model. Example: `7500.0`"""
+    """Measured mass of this configuration, in units of the study; compared with the mass of the model. Example:
+    `7500.0`"""
     use: Literal["update", "validation"] = "update"
     """`"update"`, or `"validation"`: correlated, but not used in the update. Example: `"validation"`"""
     runs: RunsName | None = None

@@ -1,22 +1,16 @@
-"""Keys of the study file and of the identification file, with what the classes that read them say about each.
-
-The JSON Schemas for editors are made of them, and so are the tables of the documentation.
-"""
+"""JSON Schemas of the study file and of the identification file, from the classes that read them; for editors."""
 
 from __future__ import annotations
 
-import inspect
 import json
-import re
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel
 
-from femtune.docstrings import attribute_docstrings
 from femtune.files.identification_file import IdentifyFile
+from femtune.files.study_file.keys import keys_of, summary
 from femtune.files.study_file.kinds import tables_in
 from femtune.files.study_file.study import StudyFile
 
@@ -25,34 +19,6 @@ SCHEMAS: dict[str, tuple[type[BaseModel], str]] = {
     "identify": (IdentifyFile, "identify.toml of femtune"),
 }
 """Files that have a schema: their class and title."""
-
-
-@dataclass(frozen=True)
-class Key:
-    """What the docstring of a key says."""
-
-    meaning: str
-    """Markdown, with links relative to the documentation."""
-    example: str
-    """A value in TOML; "" for a table."""
-
-
-def keys_of(table: type[BaseModel]) -> dict[str, Key]:
-    """Every key of a table under its name in the file. A key that is a table has the meaning of that table.
-
-    Examples
-    --------
-    >>> from femtune.files.study_file import ModesTable
-    >>> keys_of(ModesTable)["max_hz"].example
-    '200.0'
-    """
-    said, found = attribute_docstrings(table), {}
-    for name, field in table.model_fields.items():
-        inner = next(tables_in(field.annotation), None)
-        of_table = (inspect.getdoc(inner) or "").partition("\n\n")[0] if inner else ""
-        meaning, _, example = " ".join((said.get(name) or of_table).split()).partition(" Example: ")
-        found[field.alias or name] = Key(meaning, example.removeprefix("`").removesuffix("`"))
-    return found
 
 
 def file_schema(kind: str) -> dict[str, Any]:
@@ -91,15 +57,12 @@ def tables_of(table: type[BaseModel]) -> tuple[type[BaseModel], ...]:
     return tuple(dict.fromkeys(walk(table)))
 
 
-_LINK = re.compile(r"\[((?:`[^`]*`|[^\]`])*)\]\([^)]*\)")
-"""A link in Markdown; its text."""
-
-
 def _describe(schema: dict[str, Any], table: type[BaseModel]) -> None:
     """Meaning and example of each key, and the kind of a table as a key that the file must have."""
+    schema["description"] = summary(table)
     for name, key in keys_of(table).items():
         property_ = schema["properties"][name]
-        property_["description"] = _LINK.sub(r"\1", key.meaning)
+        property_["description"] = key.without_links
         if "const" in property_:
             property_.pop("default", None)
             schema["required"] = list(dict.fromkeys((name, *schema.get("required", ()))))

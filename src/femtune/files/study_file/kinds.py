@@ -61,7 +61,7 @@ def _guarded(function: Callable[[T], T]) -> Callable[[T], T]:
     return run
 
 
-def element_list(value: str | tuple[int, ...]) -> IntegerList:
+def element_list(value: str | Sequence[int]) -> IntegerList:
     """Elements from text with THRU, BY and EXCEPT, or from a list of numbers.
 
     Raises
@@ -78,7 +78,7 @@ def element_list(value: str | tuple[int, ...]) -> IntegerList:
         raise FemtuneError("study.list/elements", reason=error.what, hint=error.hint) from error
 
 
-def number_list(value: str | tuple[int, ...]) -> IntegerList:
+def number_list(value: str | Sequence[int]) -> IntegerList:
     """Numbers of grid points or modes, written as a list of elements is.
 
     Raises
@@ -99,7 +99,7 @@ def _positive(numbers: IntegerList, value: object) -> IntegerList:
     return numbers
 
 
-def off_list(value: str | tuple[int, ...]) -> frozenset[int]:
+def off_list(value: str | Sequence[int]) -> frozenset[int]:
     """Numbers that are switched off, written out (error ``study.list``, also for ALL)."""
     if not isinstance(value, str) and not value:
         return frozenset()
@@ -347,7 +347,7 @@ class TomlTable(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
 
-def tables_by_kind(annotation: Any) -> dict[str, type[BaseModel]]:
+def tables_by_kind(annotation: Any) -> dict[str, type[Any]]:
     """The tables that a key `kind` chooses from, by that kind; none for a key of one table or of other values."""
     found = list(tables_in(annotation))
     return {get_args(t.model_fields["kind"].annotation)[0]: t for t in found} if len(found) > 1 else {}

@@ -102,9 +102,9 @@ class Parameter(PythonTable):
     """The parameter is the value of the field, in its unit; otherwise a factor on the value of the deck. Example:
     `true`"""
     sd: Positive | None = None
-    """Standard deviation of the prior. Default: (upper − lower)/√12. Example: `0.2`"""
+    """Standard deviation of the prior, in units of `lower`. Default: (upper − lower)/√12. Example: `0.2`"""
     mean: float | None = None
-    """Mean of the prior. Default: the nominal value. Example: `1.0`"""
+    """Mean of the prior, in units of `lower`. Default: the nominal value. Example: `1.0`"""
     prior: Annotated[Text, NamesFile("catalogue of damping")] | None = None
     """Catalogue of damping values that gives the mean and standard deviation of the prior; requires `absolute = true`.
     Example: `"damping.toml"`"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ValidationError
 
 from femtune.errors import ErrorCollector
+from femtune.files.study_file.keys import keys_of
 from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.source import StudyLines
@@ -26,6 +28,18 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return tuple(map(plain, value))
     return str(value) if isinstance(value, Path) else value
+
+
+class _Documented:
+    """The docstring of a table for users: its own text, with the keys as parameters, put together when it is read."""
+
+    def __init__(self, text: str) -> None:
+        self.text = inspect.cleandoc(text)
+
+    def __get__(self, instance: object, owner: type[BaseModel]) -> str:
+        keys = (f"{name} : {key.without_links}" for name, key in keys_of(owner).items() if name != "kind")
+        before, heading, after = self.text.partition("Raises\n------\n")
+        return "\n".join((f"{before}Parameters\n----------", *keys, "", heading + after))
 
 
 class PythonTable(TomlTable):
@@ -47,6 +61,11 @@ class PythonTable(TomlTable):
 
         # a table inside a file is not made by this constructor: its problems are collected with those of the file
         __init__.__pydantic_base_init__ = True
+
+    def __init_subclass__(cls, **words: Any) -> None:
+        super().__init_subclass__(**words)
+        if "Raises\n" in (cls.__doc__ or ""):
+            cls.__doc__ = _Documented(cls.__doc__ or "")  # type: ignore[assignment]
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
         return ((name, getattr(self, name)) for name in type(self).model_fields if name in self.model_fields_set)

@@ -155,7 +155,7 @@ class FrfResidual(MeasuredFunctionsTable):
     most: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     """Largest number of frequency lines of the band, evenly selected. Default: all. Example: `200`"""
     bandwidths: Positive = 2.0
-    """Width of the range around a resonance, in half-power bandwidths 2ζf of the test. Example: `3.0`"""
+    """Width of the range around a resonance, relative to the half-power bandwidth 2ζf of the test. Example: `3.0`"""
     lines: Annotated[int, Field(ge=1, le=1000)] = 3
     """Desired number of lines in a half-power bandwidth; the nearest lines of the test are used. Example: `5`"""
     aligned: bool = False
@@ -171,7 +171,8 @@ class FrfResidual(MeasuredFunctionsTable):
     """Number of averages of the measurement; if given, the variance that follows from the coherence is added.
     Example: `40`"""
     output_sd: Annotated[dict[DofLabel, Positive], Field(min_length=1)] | None = None
-    """`sd` of single outputs, for poor channels. Default: `sd` for all. Example: `{ "4X+" = 0.3, "4Y+" = 0.3 }`"""
+    """Relative standard deviation of single outputs instead of `sd`, for poor channels. Default: `sd` for all. Example:
+    `{ "4X+" = 0.3, "4Y+" = 0.3 }`"""
     angle_sd_deg: ByNode = 0.0
     """Standard deviation of the rotation of sensors about each axis, degrees: a number for all, or by test node;
     [adds the variance](guide/residuals-frf.md#badly-oriented-sensors-and-poor-channels) due to the other axes.
@@ -223,8 +224,8 @@ class AntiresonanceResidual(MeasuredFunctionsTable):
     frequency_gate: Annotated[float, Field(gt=0, le=1)] = 0.30
     """Largest relative difference between the frequencies of a pair at the start. Example: `0.5`"""
     mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
-    """Smallest MAC of the responses at the antiresonances, if three or more responses are measured.
-    Example: `0.0`"""
+    """Smallest MAC of the responses at the antiresonances, 0 … 1, if three or more responses are measured. Example:
+    `0.0`"""
     depth: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Largest ratio of the magnitude at a minimum to that of the smaller adjacent peak. Example: `0.3`"""
     half_width: Annotated[int, Field(ge=2, le=1000)] = 4
@@ -476,9 +477,10 @@ class LoadCaseTable(ResidualTable):
     name: Text
     """Name of the load case. Example: `"tip load"`"""
     forces: Displacements
-    """Force at each DOF, or at a [`[[sensor]]`](#sensor). Example: `{ "5Z+" = -1000.0 }`"""
+    """Force at each DOF, or at a [`[[sensor]]`](#sensor), in units of the study. Example: `{ "5Z+" = -1000.0 }`"""
     displacements: Displacements
-    """Measured displacements; they are compared in this order. Example: `{ "5Z+" = -0.0031, "3Z+" = -0.001 }`"""
+    """Measured displacements, in the unit of length of the study; they are compared in this order. Example: `{ "5Z+" =
+    -0.0031, "3Z+" = -0.001 }`"""
 
 
 class StaticDisplacementResidual(LoadCaseTable):
@@ -539,7 +541,7 @@ class MassResidual(ResidualTable):
 
     kind: Literal["mass"] = "mass"
     mass: Positive
-    """Measured mass of everything that is active in the configuration. Example: `12.4`"""
+    """Measured mass of everything that is active in the configuration, in units of the study. Example: `12.4`"""
     sd: NotNegative
     """Relative standard deviation. Example: `0.002`"""
 
@@ -585,20 +587,20 @@ class InertiaResidual(ResidualTable):
 
     kind: Literal["inertia"] = "inertia"
     ixx: float | None = None
-    """Entry xx of the inertia tensor, mass·length², if measured. Example: `0.8`"""
+    """Entry xx of the inertia tensor, in mass·length² of the study, if measured. Example: `0.8`"""
     iyy: float | None = None
-    """Entry yy of the inertia tensor, mass·length², if measured. Example: `0.8`"""
+    """Entry yy of the inertia tensor, in mass·length² of the study, if measured. Example: `0.8`"""
     izz: float | None = None
-    """Entry zz of the inertia tensor, mass·length², if measured. Example: `1.2`"""
+    """Entry zz of the inertia tensor, in mass·length² of the study, if measured. Example: `1.2`"""
     ixy: float | None = None
-    """Entry xy of the inertia tensor, mass·length², if measured; products have the sign of the tensor, −Σ m x y.
-    Example: `-0.1`"""
+    """Entry xy of the inertia tensor, in mass·length² of the study, if measured; products have the sign of the tensor,
+    −Σ m x y. Example: `-0.1`"""
     ixz: float | None = None
-    """Entry xz of the inertia tensor, mass·length², if measured; products have the sign of the tensor, −Σ m x z.
-    Example: `-0.1`"""
+    """Entry xz of the inertia tensor, in mass·length² of the study, if measured; products have the sign of the tensor,
+    −Σ m x z. Example: `-0.1`"""
     iyz: float | None = None
-    """Entry yz of the inertia tensor, mass·length², if measured; products have the sign of the tensor, −Σ m y z.
-    Example: `-0.1`"""
+    """Entry yz of the inertia tensor, in mass·length² of the study, if measured; products have the sign of the tensor,
+    −Σ m y z. Example: `-0.1`"""
     about: Vector = (0.0, 0.0, 0.0)
     """Reference point in the basic coordinate system, length. Example: `[0.4, 0.0, 0.0]`"""
     sd: NotNegative
