@@ -15,14 +15,12 @@ from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
 from femtune.files.study_file.step_tables import OutputTable
+from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY, FrfEstimator, MethodWord
 
 # ----------------------------------------------------------------------------------------------------
 # Tables of an identification file; docs/identify-file.md explains every key.
 
 
-KNOWN_INPUT = ("N4SID", "pLSCF")
-OUTPUT_ONLY = ("SSI-cov", "SSI-data", "ERA", "FDD", "TFIE")
-MethodWord = Literal["N4SID", "pLSCF", "SSI-cov", "SSI-data", "ERA", "FDD", "TFIE"]
 NodePath = Annotated[tuple[Annotated[int, Field(ge=1, le=2**31)], ...], Field(min_length=2)]
 Hertz = Annotated[float, Field(ge=0, le=1e12)]
 RecordName = Annotated[Text, NamesFile("record")]
@@ -64,7 +62,7 @@ class IdentifyTable(TomlTable):
     """For FRFs `"N4SID"` and `"pLSCF"`; for records without measured forces `"SSI-cov"`, `"SSI-data"`, `"ERA"`, `"FDD"`
     and `"TFIE"`. The first method gives the modes of a record without forces, the others are for comparison. Default:
     both methods for FRFs; otherwise `"SSI-cov"`, `"ERA"` and `"FDD"`. Example: `["SSI-cov", "FDD"]`"""
-    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    estimator: FrfEstimator = "H1"
     """FRF estimator for records with measured forces: `"H1"` (noise on the responses), `"H2"` (noise on the force),
     `"Hv"` (noise on both). Example: `"Hv"`"""
     resolution_hz: Positive | None = None

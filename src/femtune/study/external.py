@@ -16,7 +16,7 @@ from femtune.assembly.runs_model import built_of_tables, part_of
 from femtune.errors import FemtuneError, Notice
 from femtune.executor.interface import nothing
 from femtune.modal.assignment import linear_sum_assignment
-from femtune.modal.beside import RIGID
+from femtune.modal.beside import RIGID_FREQUENCY_RATIO
 from femtune.model import parametric_model
 from femtune.model.imported.from_runs import seen_modes
 from femtune.results.model import alert_of
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.correlation import SensorMap
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.files.runs_table import RunsTable
     from femtune.residuals import Evaluation, UpdateProblem
     from femtune.results.base import Alert
@@ -369,7 +369,7 @@ class SolverFrequencies:
         tables, found = runs.tables([(first, known)]), []
         for case in study.cases:
             hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
-            elastic = np.flatnonzero(hz > RIGID * hz.max(initial=0.0))
+            elastic = np.flatnonzero(hz > RIGID_FREQUENCY_RATIO * hz.max(initial=0.0))
             if not len(elastic):
                 raise FemtuneError("screen.no-modes", configuration=case.name)
             found.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))

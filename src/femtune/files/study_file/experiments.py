@@ -10,6 +10,8 @@ from pydantic import Field
 from femtune.errors import FemtuneError
 from femtune.files.study_file.kinds import Text, TomlTable
 from femtune.files.study_file.source import StudyLines, table
+from femtune.global_search.kinds import SearchWord
+from femtune.surrogates.kinds import CorrelationKind, Infill, Noise, RadialKernel, RunsOn, SurrogateMethod, Trend
 
 Seed = Annotated[int, Field(ge=0, le=2**63 - 1)]
 
@@ -31,7 +33,7 @@ class ScreenTable(TomlTable):
     points: Annotated[int, Field(ge=64, le=1 << 20)] = 1024
     """Number of points of `"sobol"`, a power of two of at least 64 (with fewer, errors of the indices exceed 0.1); each
     takes an evaluation for every parameter and two more. Example: `4096`"""
-    on: Literal["surrogate", "model"] = "surrogate"
+    on: RunsOn = "surrogate"
     """Evaluations of `"sobol"`: of a `"surrogate"` (Kriging), or of the `"model"` itself. Example: `"model"`"""
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
     """Runs of the model for the surrogate of `"sobol"`, at points of a Latin hypercube. Default: ten per parameter.
@@ -45,7 +47,7 @@ class ScreenTable(TomlTable):
 class SearchTable(TomlTable):
     """[search]: a search of the whole box, on a surrogate of the residuals or on the model itself."""
 
-    on: Literal["surrogate", "model"] = "surrogate"
+    on: RunsOn = "surrogate"
     """Search on a `"surrogate"` of the residuals, or on the `"model"` itself. Example: `"model"`"""
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
     """Runs of the model for the surrogate, at points of a Latin hypercube. Default: ten per parameter. Example: `60`"""
@@ -53,28 +55,28 @@ class SearchTable(TomlTable):
     """Further runs that check the surrogate before they are added to it. Example: `10`"""
     infill: Annotated[int, Field(ge=0, le=10_000)] = 5
     """Further runs, added after that; at most, with `infill_until`. Example: `20`"""
-    infill_by: Literal["improvement", "error"] = "improvement"
+    infill_by: Infill = "improvement"
     """Further runs where an `"improvement"` of the objective is expected, or where the `"error"` of the surrogate is
     expected to be the largest. Example: `"error"`"""
     infill_until: Annotated[float, Field(gt=0.0)] | None = None
     """For `infill_by = "error"`: error of left-out runs, in standard deviations of the data, at which no further runs
     are made. Example: `0.1`"""
-    surrogate: Literal["kriging", "radial-basis", "chaos"] = "kriging"
+    surrogate: SurrogateMethod = "kriging"
     """`"kriging"`, `"radial-basis"`, or `"chaos"` (polynomial chaos). Example: `"chaos"`"""
-    trend: Literal["constant", "linear", "quadratic"] = "linear"
+    trend: Trend = "linear"
     """Trend of Kriging: `"constant"`, `"linear"` or `"quadratic"`. Example: `"quadratic"`"""
-    correlation: Literal["gaussian", "matern-5/2", "matern-3/2", "none"] = "gaussian"
+    correlation: CorrelationKind = "gaussian"
     """Correlation of Kriging: `"gaussian"`, `"matern-5/2"`, `"matern-3/2"`; `"none"`: a response surface by least
     squares. Example: `"matern-5/2"`"""
-    kernel: Literal["cubic", "quintic", "thin-plate"] = "cubic"
+    kernel: RadialKernel = "cubic"
     """Radial basis functions: `"cubic"`, `"thin-plate"` (both with a linear trend) or `"quintic"` (with a quadratic
     trend). Example: `"quintic"`"""
     degree: Annotated[int, Field(ge=1, le=20)] = 6
     """Largest degree of polynomial chaos. Example: `4`"""
-    noise: Literal["estimate", "none"] = "estimate"
+    noise: Noise = "estimate"
     """Noise of Kriging and of radial basis functions; `"none"`: the surrogate passes through all runs. Example:
     `"none"`"""
-    method: Literal["differential-evolution", "genetic", "cma-es"] = "differential-evolution"
+    method: SearchWord = "differential-evolution"
     """`"differential-evolution"`, `"genetic"` or `"cma-es"` (extra `search`). Example: `"cma-es"`"""
     population: Annotated[int, Field(ge=4, le=100_000)] = 60
     """Points of a generation. Example: `100`"""

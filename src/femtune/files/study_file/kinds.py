@@ -6,7 +6,7 @@ import re
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -28,6 +28,7 @@ from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.files.study_file.source import is_integer, is_number
 from femtune.parameters import parse_expression
 from femtune.units import SI, unit_system
+from femtune.updating.kinds import WEIGHT_RULES, WeightRule
 
 T = TypeVar("T")
 
@@ -175,7 +176,7 @@ def _frequency_sd(value: object) -> None:
 
 
 def _weight(value: object) -> None:
-    if value in ("l-curve", "gcv"):
+    if value in WEIGHT_RULES:
         return
     if not is_number(value):
         raise FemtuneError("study.type/weight")
@@ -305,9 +306,9 @@ GroupName = Annotated[str, checked(_group_name)]
 Components = Annotated[str, checked(_components)]
 Expression = Annotated[str, checked(parse_expression)]
 Weight = Annotated[
-    float | Literal["l-curve", "gcv"],
+    float | WeightRule,
     read_by(_weight),
-    WithJsonSchema({"anyOf": [_NOT_NEGATIVE, {"enum": ["l-curve", "gcv"]}]}),
+    WithJsonSchema({"anyOf": [_NOT_NEGATIVE, {"enum": list(WEIGHT_RULES)}]}),
 ]
 FrequencySd = Annotated[
     float | str, read_by(_frequency_sd), WithJsonSchema({"anyOf": [_NOT_NEGATIVE, {"const": "test"}]})
@@ -372,7 +373,7 @@ def _words(value: object) -> object:
 
 
 Command = Annotated[
-    Listed[Annotated[Text, NamesFile("program or script", needed=False)]],
+    tuple[Annotated[Text, NamesFile("program or script", needed=False)], ...],
     Field(min_length=1),
     BeforeValidator(_words),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),

@@ -21,6 +21,8 @@ from femtune.files.study_file.kinds import (
 from femtune.files.study_file.parameter import RegionTable
 from femtune.files.study_file.response import Hertz, HertzAboveZero
 from femtune.files.study_file.source import StudyLines, falls, number, table
+from femtune.planning.kinds import Average, Criterion, PlacementMethod, Weighting
+from femtune.residuals.kinds import FrfForm
 
 Axis = Literal["X", "Y", "Z"]
 
@@ -87,12 +89,12 @@ class PlanTable(TomlTable):
     directions: Directions = "normal"
     """Directions of uniaxial sensors: `"normal"`, the normal of the surface and, at points without a surface, X, Y and
     Z; or a list of basic axes. Example: `["X", "Z"]`"""
-    method: Literal["expansion", "elimination"] = "expansion"
+    method: PlacementMethod = "expansion"
     """`"expansion"`: sensors are added one by one; `"elimination"`: candidates are removed one by one. Example:
     `"elimination"`"""
     exchange: bool = True
     """After an expansion, sensors are exchanged for better candidates; `false`: the plain method. Example: `false`"""
-    weighting: Literal["none", "kinetic-energy"] = "none"
+    weighting: Weighting = "none"
     """`"kinetic-energy"`: shapes are weighted by the square root of the mass at the grid points. Example:
     `"kinetic-energy"`"""
     triaxial_threshold: Threshold = 0.05
@@ -104,13 +106,13 @@ class PlanTable(TomlTable):
     aim: Literal["modes", "parameters"] = "modes"
     """`"modes"`: sensors that make the target modes independent; `"parameters"`: sensors that determine the free
     parameters best. Example: `"parameters"`"""
-    criterion: Literal["D", "A"] = "D"
+    criterion: Criterion = "D"
     """For the parameters: `"D"` (determinant of the information) or `"A"` (sum of the variances relative to the prior).
     Example: `"A"`"""
     points: Annotated[int, Field(ge=1, le=1000)] = 1
     """Number of points of the parameters at which sensors for them are judged: the initial values, and points of a
     Latin hypercube within the bounds. Example: `5`"""
-    average: Literal["mean", "worst"] = "mean"
+    average: Average = "mean"
     """`"mean"` or `"worst"` of the points. Example: `"worst"`"""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     """Seed of the Latin hypercube. Example: `3`"""
@@ -128,7 +130,7 @@ class PlanTable(TomlTable):
     frf_floor: Annotated[float, Field(ge=0, lt=1)] = 0.0
     """Expected noise floor: standard deviation of real and imaginary part, relative to the largest magnitude of each
     function. Example: `0.001`"""
-    frf_form: Literal["linear", "log-magnitude", "log-complex"] = "log-complex"
+    frf_form: FrfForm = "log-complex"
     """Form of the residual, as of a [`frf`](#frf) residual: `"linear"`, `"log-magnitude"` or `"log-complex"`. Example:
     `"linear"`"""
     frf_lines: Annotated[int, Field(ge=1, le=100_000)] | None = None

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from femtune.files.study_file.kinds import NamesFile, Text, TomlTable
+from femtune.uncertainty.kinds import CovarianceEstimate, MissingValues, OutputWeighting, QuantifyMethod
 
 
 class SelectTable(TomlTable):
@@ -54,14 +55,14 @@ class QuantifyTable(TomlTable):
     labels. Example: `["", "1", "2"]`"""
     configuration: Text | None = None
     """Configuration of the repeated test; required if several have modes. Example: `"as built"`"""
-    method: Literal["second-order", "perturbation", "cross-covariance", "output-difference"] = "second-order"
+    method: QuantifyMethod = "second-order"
     """`"perturbation"`, `"second-order"` (including the second derivatives of the frequencies), or the Monte Carlo
     methods `"cross-covariance"` and `"output-difference"`; [their formulas](theory/stochastic.md). Example:
     `"perturbation"`"""
-    missing: Literal["em", "pairwise", "complete"] = "em"
+    missing: MissingValues = "em"
     """Treatment of missing values: maximum likelihood (`"em"`), `"pairwise"`, or `"complete"`: repeats with missing
     values are not used. Example: `"complete"`"""
-    covariance: Literal["sample", "robust"] = "sample"
+    covariance: CovarianceEstimate = "sample"
     """Covariance of the repeats: `"sample"`, or `"robust"`, to which
     [outliers](guide/stochastic.md#tests-of-the-repeats) do not contribute. Example: `"robust"`"""
     noise_sd: Fraction | Literal["test"] | dict[Text, Fraction] | None = None
@@ -76,7 +77,7 @@ class QuantifyTable(TomlTable):
     intervals: bool = False
     """Also compute the [intervals of the parameters](guide/stochastic.md#intervals) that give the smallest and largest
     frequencies of the repeats. Example: `true`"""
-    weighting: Literal["relative", "covariance"] = "relative"
+    weighting: OutputWeighting = "relative"
     """Frequencies are weighted by their relative error, or by the inverse of the measured `"covariance"`. Example:
     `"covariance"`"""
     regularisation: Annotated[float, Field(ge=0, le=1e12)] = 0.0

@@ -27,13 +27,13 @@ from femtune.files.study_file.kinds import (
     tables_by_kind,
 )
 from femtune.files.study_file.python_table import PythonTable
-from femtune.files.study_file.response import Hertz, HertzAboveZero, Labels, MethodWord, Ratio
+from femtune.files.study_file.response import Hertz, HertzAboveZero, Labels, Ratio
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables, texts
 from femtune.files.study_file.specimens import specimens_of
+from femtune.residuals.kinds import FrequencyForm, FrfForm, FrfMethodWord, MacForm, Scatter, ShapeScaling
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
-Scale = Literal["unit-norm", "largest-entry", "scale-factor", "mass"]
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class FrfResidual(MeasuredFunctionsTable):
     modes: Annotated[Listed[Text], Field(min_length=1)] | None = None
     """With `around = "resonances"`: labels of the test modes. Default: all modes that are not excluded.
     Example: `["1", "2"]`"""
-    form: Literal["linear", "log-magnitude", "log-complex"] = "log-complex"
+    form: FrfForm = "log-complex"
     """`"linear"`: real and imaginary parts of the difference; `"log-complex"`: logarithm of the ratio, magnitude and
     phase; `"log-magnitude"`: logarithm of the ratio of magnitudes. Example: `"linear"`"""
     around: Literal["band", "resonances"] = "band"
@@ -177,7 +177,7 @@ class FrfResidual(MeasuredFunctionsTable):
     """Standard deviation of the rotation of sensors about each axis, degrees: a number for all, or by test node;
     [adds the variance](guide/residuals-frf.md#badly-oriented-sensors-and-poor-channels) due to the other axes.
     Example: `{ 4 = 5.0 }`"""
-    method: MethodWord = "real modes"
+    method: FrfMethodWord = "real modes"
     """Method to compute the FRFs of the model, as in `[response]`. Example: `"complex modes"`"""
     residual_vectors: bool = True
     """Add residual vectors (static responses to forces at inputs and outputs) to the modes. Example: `false`"""
@@ -268,7 +268,7 @@ class FrequencyResidual(OfModesTable):
     covariance_of_test = True
 
     kind: Literal["frequency"] = "frequency"
-    form: Literal["frequency", "eigenvalue"] = "frequency"
+    form: FrequencyForm = "frequency"
     """Relative difference of the `"frequency"`, or of the `"eigenvalue"` ω². Example: `"eigenvalue"`"""
     sd: FrequencySd | None = None
     """Relative standard deviation; `"test"`: the value given in the test file. Example: `0.005`"""
@@ -347,7 +347,7 @@ class ScaledShapesTable(OfModesTable):
 
     sd_of_test = True
 
-    scaling: Scale = "unit-norm"
+    scaling: ShapeScaling = "unit-norm"
     """`"unit-norm"`; `"largest-entry"`: scaled to one at the largest entry of the test shape, which is then not
     compared; `"scale-factor"`: the model shape is multiplied by the modal scale factor; `"mass"`: both are unscaled,
     with unit modal mass. Example: `"scale-factor"`"""
@@ -419,7 +419,7 @@ class MacResidual(OfModesTable):
     """
 
     kind: Literal["mac"] = "mac"
-    form: Literal["root", "ratio", "difference"] = "root"
+    form: MacForm = "root"
     """`"root"` (1 − √MAC)/√MAC, `"ratio"` (1 − MAC)/MAC, `"difference"` 1 − MAC. Example: `"ratio"`"""
     sd: NotNegative
     """Standard deviation of this value. Example: `0.02`"""
@@ -648,7 +648,7 @@ class ResidualsTable(TomlTable):
     Example: `0.1`"""
     shape_form: Literal["difference", "mac"] = "difference"
     """`"difference"` of scaled shapes, or `"mac"`: (1 − √MAC)/√MAC. Example: `"mac"`"""
-    frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
+    frequency_form: FrequencyForm = "frequency"
     """Relative difference of the `"frequency"`, or of the `"eigenvalue"` ω². Example: `"eigenvalue"`"""
     shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
     """`"unit-norm"`, or `"largest-entry"`: scaled by the largest entry of the test shape, which is then not compared.
@@ -657,7 +657,7 @@ class ResidualsTable(TomlTable):
     """What `shape_sd` is relative to: the `"largest-entry"` of each shape, as in [plan], [validate] and simulated
     tests, or the `"scaled-shape"`: the unit of the entries after `shape_scaling`, as `sd` of [[residual]]. Example:
     `"scaled-shape"`"""
-    scatter: Literal["stated", "estimated"] = "stated"
+    scatter: Scatter = "stated"
     """`"stated"`: the standard deviations are those of the test, and confidence intervals are normal; `"estimated"`:
     they are relative weights, their common factor is estimated from the residuals, and confidence intervals are those
     of Student's t. Example: `"estimated"`"""

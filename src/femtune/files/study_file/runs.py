@@ -11,6 +11,7 @@ from femtune.errors import FemtuneError
 from femtune.files.study_file.kinds import RunsName, TomlTable
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables
 from femtune.files.study_file.validation import FRF_LIMITS
+from femtune.surrogates.kinds import SurrogateMethod
 
 
 class RunsModelTable(TomlTable):
@@ -23,7 +24,7 @@ class RunsModelTable(TomlTable):
     """The table: a heading, and a line per run with parameters, `f1_hz`, `f2_hz` …, and shapes `shape1_12Z` … if there
     are any; text, or Parquet with the ending `.parquet` or `.pq` (`pip install "femtune[parquet]"`). Example:
     `"runs.csv"`"""
-    method: Literal["polynomial", "kriging", "radial-basis", "chaos"] = "polynomial"
+    method: Literal["polynomial", SurrogateMethod] = "polynomial"
     """`"polynomial"`, `"kriging"`, `"radial-basis"`, or `"chaos"` (polynomial chaos). Example: `"kriging"`"""
     degree: Annotated[int, Field(ge=0, le=20)] | None = None
     """Degree of the polynomials, 1 to 6 (default 2); of the trend of Kriging, 0 to 2 (default 2); the largest one of

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
+from femtune.correlation.kinds import ExpansionMethod
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.files.study_file.kinds import (
     ByNode,
@@ -21,7 +22,10 @@ from femtune.files.study_file.kinds import (
     Weight,
     numbered,
 )
+from femtune.identification.kinds import Drawing
+from femtune.uncertainty.kinds import Jacobian
 from femtune.units import UnitSystem, unit_system
+from femtune.updating.kinds import RegularisationMethod, SearchMethod, WeightTarget
 
 Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
 
@@ -88,7 +92,7 @@ class SensorTerm(TomlTable):
 
     node: Number
     """Grid point or scalar point. Example: `3`"""
-    component: Literal["S", "X", "Y", "Z", "RX", "RY", "RZ"]
+    component: Literal["S", Component]
     """X Y Z RX RY RZ in the displacement coordinate system of the grid point, S for a scalar point. Example: `"X"`"""
     factor: float = 1.0
     """Factor on its displacement. Example: `0.5`"""
@@ -137,7 +141,7 @@ class CorrelateTable(TomlTable):
     """MAC limit: modes are paired only if their MAC is above it, 0 to 1. Example: `0.8`"""
     cluster_gap: NotNegative = 0.01
     """Modes whose relative frequency difference is smaller are compared as one subspace. Example: `0.02`"""
-    expand: Literal["none", "serep", "dynamic", "mdre"] = "none"
+    expand: Literal["none", ExpansionMethod] = "none"
     """[Expansion](theory/correlation.md#expansion-of-test-shapes) of the test shapes to all grid points of the model:
     `"serep"`, `"dynamic"` or `"mdre"`. `femtune run` writes the shapes to `expanded.uff`. Example: `"dynamic"`"""
     expand_modes: Annotated[int, Field(ge=1, le=100_000)] | None = None
@@ -163,7 +167,7 @@ class UpdateTable(TomlTable):
 
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 250
     """Iteration limit; the best point is kept. Example: `100`"""
-    regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
+    regularisation: RegularisationMethod = "none"
     """Penalty on the change of the parameters: `"none"`; `"minimum-change"` (of normalised parameters from their
     nominal values); `"distance"` (from the initial values, in prior standard deviations); `"link"` (stronger for
     parameters to which the data are less sensitive); `"prior"` (mean and standard deviation); `"identical"`
@@ -173,7 +177,7 @@ class UpdateTable(TomlTable):
     """Weight of the regularisation: a number, `"l-curve"` or `"gcv"` (determined at the first iteration and kept); for
     `"truncated"` the fraction of the largest singular value, below 1; not used with `"none"` and `"prior"`. Example:
     `"l-curve"`"""
-    weight_on: Literal["whole-change", "each-step"] = "whole-change"
+    weight_on: WeightTarget = "whole-change"
     """For `"minimum-change"`, `"distance"` and `"link"`: the weight acts on the `"whole-change"` of the parameters, or
     on the change of each iteration (`"each-step"`), as printed in the handbook chapter; the result of the latter
     [depends on the number of iterations](theory/regularisation.md). Example: `"each-step"`"""
@@ -190,7 +194,7 @@ class UpdateTable(TomlTable):
     }]`"""
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
     """Relative change below which the iteration has converged. Example: `1e-6`"""
-    search: Literal["levenberg-marquardt", "line-search", "gauss-newton"] = "levenberg-marquardt"
+    search: SearchMethod = "levenberg-marquardt"
     """Step control: `"levenberg-marquardt"`, `"line-search"`, or `"gauss-newton"` (full steps). Example:
     `"line-search"`"""
     starts: Annotated[int, Field(ge=1, le=100_000)] = 1
@@ -226,14 +230,14 @@ class ReductionTable(TomlTable):
 class BootstrapTable(TomlTable):
     """[bootstrap]: spread of the parameters from the FRFs of one test, by drawing frequency lines again."""
 
-    method: Literal["lines", "entries", "noise"] = "lines"
+    method: Drawing = "lines"
     """What is drawn: frequency `"lines"` with all their FRFs, single values (`"entries"`), or `"noise"` of the stated
     standard deviations, which is also possible for modes and other data. Example: `"noise"`"""
     runs: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
     """Number of runs; increasing it keeps the runs that were made. Example: `200`"""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     """Seed of the random numbers. Example: `7`"""
-    jacobian: Literal["shared", "own"] = "shared"
+    jacobian: Jacobian = "shared"
     """Derivatives of the steps: those at the result of the update (`"shared"`), which need no further derivatives, or
     those of each point (`"own"`). Example: `"own"`"""
     tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -11,6 +11,8 @@ from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
 from femtune.files.study_file.response import HertzAboveZero
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables
+from femtune.identification.kinds import ChannelRule
+from femtune.validation.kinds import ProfileWord
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
@@ -36,7 +38,7 @@ class HoldOutEntry(TomlTable):
     given. Example: `["3Z+"]`"""
     worst: Annotated[int, Field(ge=1, le=100_000)] | None = None
     """Hold out the FRFs of so many outputs, the worst ones; a notice names them. Example: `18`"""
-    by: Literal["coherence", "noise"] | None = None
+    by: ChannelRule | None = None
     """What makes an output bad: the lowest mean `"coherence"`, or the highest relative `"noise"` between neighbouring
     lines. Default: coherence if the test has it. Example: `"noise"`"""
 
@@ -44,7 +46,7 @@ class HoldOutEntry(TomlTable):
 class ValidateTable(TomlTable):
     """[validate]: criteria of a standard or of the user, and the standard deviations of the test."""
 
-    profile: Literal["all", "NASA", "MIL", "ECSS", "own"] = "all"
+    profile: ProfileWord = "all"
     """`"NASA"` (NASA-STD-5002), `"MIL"` (MIL-STD-1540C), `"ECSS"` (ECSS-E-ST-32-11C), `"all"` of them, or `"own"`: only
     the limits in this table. Example: `"ECSS"`"""
     frequency_error: Fraction | None = None
