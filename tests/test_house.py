@@ -19,7 +19,7 @@ _ROOT = Path(__file__).resolve().parents[1]
 _MODULES = sorted((_ROOT / "src").rglob("*.py"))
 _FRONT_DOOR = {
     *(f"files/study_file/{name}.py" for name in ("objects", "parameter", "residual")),
-    "assembly/described.py",
+    "study/described.py",
 }
 """Tables of a study as Python objects: they have the words of the file, as what is made of them on other floors has."""
 _NO_NAMES = {"utils", "util", "helpers", "helper", "misc", "common", "tools", "functions"}
@@ -121,3 +121,15 @@ def test_errors_and_notices_give_the_facts_that_their_wording_names() -> None:
             texts = [one["what"]] if "hint" in given else [one["what"], one.get("hint", "")]
             fields = {f for text in texts for _, f, *_ in string.Formatter().parse(text) if f}
             assert {re.split(r"[.\[]", f)[0] for f in fields} <= given - _OF_ERRORS, ast.unparse(node)
+
+
+@pytest.mark.slow
+def test_tests_share_builders_and_use_public_names() -> None:
+    """What two tests need is in a module of its own; a unit that is tested by itself has a public name."""
+    paths = sorted((_ROOT / "tests").rglob("*.py"))
+    imports = [(path, node) for path in paths for node in ast.walk(_tree(path)) if isinstance(node, ast.ImportFrom)]
+    of_tests = [
+        path for path, node in imports if any(part.startswith("test_") for part in (node.module or "").split("."))
+    ]
+    private = [path for path, node in imports if any(name.name.startswith("_") for name in node.names)]
+    assert [str(path) for path in (*of_tests, *private)] == []
