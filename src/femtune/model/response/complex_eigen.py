@@ -171,7 +171,7 @@ class ComplexModes:
     Parameters
     ----------
     poles : (m,) λ in rad/s; rigid-body modes come first and have λ = 0. With loss factors the poles are those of the
-        dynamic stiffness for ω > 0; the response for ω < 0 is its conjugate, and the pencil's other poles have no meaning
+        dynamic stiffness for ω > 0; the response for ω < 0 is its conjugate, and other poles have no meaning
     shapes : (n_free, m), ψᵀ(2λM + C)ψ = 1 (modal A = 1, so that H = Σ ψψᵀ/(iω − λ) + …), the largest entry with a
         positive real part; rigid-body modes that no damping touches have ψᵀMψ = 1 instead, because their A is zero
     kinds : "rigid", "oscillating", or "real" for an overdamped motion or the creep of a dashpot and a spring

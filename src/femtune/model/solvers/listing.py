@@ -1,4 +1,4 @@
-"""What each solver can do, whether it is at hand here, and how it is installed."""
+"""What each solver can do, whether it is available here, and how it is installed."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class SolverFacts:
     Parameters
     ----------
     purpose : "factorisation" or "eigenproblem"
-    why_not : why it is not at hand; "" where it is
-    version : "" where it is not at hand
+    why_not : why it is not available; "" if it is
+    version : "" if it is not available
     threads : threads, or processes, that it would take here
     inertia : it counts eigenvalues below a shift (Sturm)
     """
@@ -73,18 +73,18 @@ def _pardiso() -> tuple[str, str]:
 
 
 def _python_mumps() -> tuple[str, str]:
-    found = mumps.library()
-    return (found, "") if isinstance(found, str) else ("", _version("python-mumps"))
+    library = mumps.library()
+    return (library, "") if isinstance(library, str) else ("", _version("python-mumps"))
 
 
 def _scikit_sparse() -> tuple[str, str]:
-    found = cholmod.library()
-    return (found, "") if isinstance(found, str) else ("", _version("scikit-sparse"))
+    library = cholmod.library()
+    return (library, "") if isinstance(library, str) else ("", _version("scikit-sparse"))
 
 
 def _rslab() -> tuple[str, str]:
-    found = rslab.library()
-    return (found, "") if isinstance(found, str) else ("", _version("rslab"))
+    library = rslab.library()
+    return (library, "") if isinstance(library, str) else ("", _version("rslab"))
 
 
 def _scipy() -> tuple[str, str]:
