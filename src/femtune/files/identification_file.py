@@ -205,12 +205,12 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
     check_version(data, source)
     errors = [*_rules(data, source)]
     try:
-        found = IdentifyFile.model_validate(data)
+        settings = IdentifyFile.model_validate(data)
     except ValidationError as findings:
         errors = [*problems(findings, source, IdentifyFile), *errors]
     ErrorCollector(sorted(errors, key=lambda e: (e.where and e.where.line) or 0)).raise_if_any()
-    found._path, found._source = file, source
-    return found
+    settings._path, settings._source = file, source
+    return settings
 
 
 def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:

@@ -305,7 +305,15 @@ def _from_basis(solution: EigenSolution, basis: DualBasis, forces: tuple[Reals, 
     gaps = inverse_gaps(solution, [[j] for j in range(w)])
     shapes = np.asarray(basis.rows @ solution.shapes)
     made = SensorDerivatives(
-        values, stiffness[:, :m], mass[:, :m], gaps, shapes, orders[2], missing, missing, basis.solves
+        eigenvalues=values,
+        stiffness=stiffness[:, :m],
+        mass=mass[:, :m],
+        gaps=gaps,
+        shapes=shapes,
+        rest=orders[2],
+        missing=missing,
+        error=missing,
+        solves=basis.solves,
     )
     return replace(made, error=_relative(missing, _sizes(made, solution), _floor(shapes)[:w]))
 

@@ -248,7 +248,18 @@ def _solution(
     kept = row_major(shapes)
     factor = search.inverse.at_hand
     sturm = count.factor if factor is None and _is_accurate(count.factor) else None
-    return EigenSolution(point, values, kept, whole, search.shift, cut[0], number_below, notices, factor, sturm)
+    return EigenSolution(
+        point=point,
+        eigenvalues=values,
+        shapes=kept,
+        wanted=whole,
+        shift=search.shift,
+        sturm_shift=cut[0],
+        sturm_count=number_below,
+        notices=notices,
+        known_factor=factor,
+        sturm_factor=sturm,
+    )
 
 
 def _is_accurate(factor: Factor | None) -> bool:

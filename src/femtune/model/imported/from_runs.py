@@ -186,7 +186,17 @@ def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, rules: Surr
         nothing = np.zeros((len(runs.names), *modal.shape[2:]))
         K, M = (np.concatenate([part[:1], nothing]) for part in modal)
         linear, unknown = _powers(len(runs.names), 1, False), np.full(runs.freq_hz.shape, np.nan)
-        return _Fit(basis, K, M, linear, middle, half, used, unknown, 1)
+        return _Fit(
+            basis=basis,
+            stiffness=K,
+            mass=M,
+            powers=linear,
+            middle=middle,
+            half=half,
+            used=used,
+            error=unknown,
+            coefficients=1,
+        )
     if len(chosen.points) < len(powers):
         raise FemtuneError(
             "runs.too-few", n_runs=len(chosen.points), n_coefficients=len(powers), degree=degree,
@@ -197,7 +207,17 @@ def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, rules: Surr
     if singular[-1] < _RANK * singular[0]:
         raise FemtuneError("runs.not-determined", n_runs=len(V), n_coefficients=len(powers))
     K, M = (np.einsum("pn,nij->pij", np.linalg.pinv(V), part) for part in modal)
-    return _Fit(basis, K, M, powers, middle, half, used, _left_out(V, modal, chosen.freq_hz), len(powers))
+    return _Fit(
+        basis=basis,
+        stiffness=K,
+        mass=M,
+        powers=powers,
+        middle=middle,
+        half=half,
+        used=used,
+        error=_left_out(V, modal, chosen.freq_hz),
+        coefficients=len(powers),
+    )
 
 
 def _by_surrogates(chosen: Runs, basis: Reals | None, modal: Reals, used: Flags, rules: SurrogateRules) -> _Fit:
@@ -208,7 +228,18 @@ def _by_surrogates(chosen: Runs, basis: Reals | None, modal: Reals, used: Flags,
     for i, (one, other) in enumerate(zip(K.left_out, M.left_out)):
         error[i] = _errors(one, other, chosen.freq_hz[i])
     count = len(K.parts) + len(M.parts)
-    return _Fit(basis, K.mean[None], M.mean[None], [], middle, half, used, error, count, (K, M))
+    return _Fit(
+        basis=basis,
+        stiffness=K.mean[None],
+        mass=M.mean[None],
+        powers=[],
+        middle=middle,
+        half=half,
+        used=used,
+        error=error,
+        coefficients=count,
+        by_surrogates=(K, M),
+    )
 
 
 def seen_modes(freq_hz: Reals, shapes: Reals, part: float = 1.0) -> tuple[Reals, Reals, int]:

@@ -178,7 +178,17 @@ def fit_polynomial(
     sizes = np.abs(inverse).sum(axis=1)[:, None] * np.abs(data).max(axis=0)
     coefficients[np.abs(coefficients) <= _ROUNDING * sizes] = 0.0
     rest = np.setdiff1d(np.arange(len(sets)), nodes)
-    deviation = _check(name, sets, rest, V, coefficients, data, pattern, tolerance, where)
+    deviation = _check(
+        name=name,
+        sets=sets,
+        rest=rest,
+        V=V,
+        coefficients=coefficients,
+        data=data,
+        pattern=pattern,
+        tolerance=tolerance,
+        where=where,
+    )
     terms = tuple((p, _matrix(pattern, c)) for p, c in zip(powers, coefficients) if c.any())
     return Polynomial(name, used, scales, terms, deviation, len(rest))
 

@@ -89,9 +89,16 @@ class ComponentTrainer:
         metric = point.symmetric_stiffness.plus(-solution.shift, point.symmetric_mass)
         estimator = ErrorEstimator(metric, self.rules.count, known=solution.factor)
         trained = Trained(
-            model, basis, (first,), points, np.full(len(points), np.inf), TrainingStatus.UNFINISHED, estimator, metric,
-            parts,
-        )  # fmt: skip
+            model=model,
+            basis=basis,
+            certified=(first,),
+            points=points,
+            estimates=np.full(len(points), np.inf),
+            status=TrainingStatus.UNFINISHED,
+            estimator=estimator,
+            metric=metric,
+            components=parts,
+        )
         self.report(trained)
         return trained
 

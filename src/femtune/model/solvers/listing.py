@@ -60,9 +60,18 @@ def _factorisation(
     at_hand = name in available_solvers()
     many = threads() if name != "SuperLU" else 1
     return SolverFacts(
-        name, "factorisation", at_hand, why_not, version if at_hand else "", many, inertia, numbers, False, licence,
-        INSTALLATION[name],
-    )  # fmt: skip
+        name=name,
+        purpose="factorisation",
+        at_hand=at_hand,
+        why_not=why_not,
+        version=version if at_hand else "",
+        threads=many,
+        inertia=inertia,
+        complex_numbers=numbers,
+        distributed=False,
+        licence=licence,
+        installation=INSTALLATION[name],
+    )
 
 
 def _pardiso() -> tuple[str, str]:
@@ -106,9 +115,18 @@ def _slepc() -> SolverFacts:
     except FemtuneError as absent:
         why_not = absent.what
     return SolverFacts(
-        "SLEPc", "eigenproblem", not why_not, why_not, version, processes, True, False, True,
-        "BSD-2-Clause (SLEPc, PETSc); factors by MUMPS, CeCILL-C", launch.INSTALLATION,
-    )  # fmt: skip
+        name="SLEPc",
+        purpose="eigenproblem",
+        at_hand=not why_not,
+        why_not=why_not,
+        version=version,
+        threads=processes,
+        inertia=True,
+        complex_numbers=False,
+        distributed=True,
+        licence="BSD-2-Clause (SLEPc, PETSc); factors by MUMPS, CeCILL-C",
+        installation=launch.INSTALLATION,
+    )
 
 
 def solver_table(solvers: tuple[SolverFacts, ...]) -> str:
