@@ -72,7 +72,7 @@ def test_derivative_products_equal_those_of_assembled_derivatives(point: ModelPo
 
 @pytest.mark.parametrize("many", [0, 10**6])
 def test_columns_one_by_one_or_summed_first(point: ModelPoint, monkeypatch: pytest.MonkeyPatch, many: int) -> None:
-    monkeypatch.setattr(products, "MANY", many)
+    monkeypatch.setattr(products, "MANY_COLUMNS", many)
     vectors = _vectors(point, 4, 5)
     own = np.array([np.einsum("ij,ij->j", vectors, m @ vectors) for m in point.stiffness_derivatives])
     size = np.abs(own).max()

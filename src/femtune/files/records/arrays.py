@@ -231,10 +231,6 @@ def named(path: Path, arrays: Mapping[str, Any], variable: str) -> Any:
     raise problem(path, "record.variable", values={"variables": shown}, hint=hint, variable=variable)
 
 
-def _is_table(array: Any) -> bool:
-    return getattr(array, "ndim", 0) == 2 and array.size > 1 and array.dtype.kind in NUMBER_KINDS
-
-
 def _wanted(path: Path, arrays: Mapping[str, Any], variable: str | None) -> str:
     if variable is not None:
         named(path, arrays, variable)
