@@ -130,9 +130,10 @@ bench-identification: $(VENV)/.stamp-test  ## identification compared with three
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
 	  $(BIN)/python benchmarks/identification/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
-SURROGATE_PEERS := smt scikit-learn openturns joblib threadpoolctl narwhals cloudpickle jenn jsonpointer orjson pydoe
+SURROGATE_PEERS := smt scikit-learn openturns joblib threadpoolctl narwhals cloudpickle jenn jsonpointer orjson pydoe \
+	SALib multiprocess dill pandas python-dateutil six
 
-bench-surrogates: $(VENV)/.stamp-test  ## surrogates compared with three libraries; takes a minute
+bench-surrogates: $(VENV)/.stamp-test  ## surrogates compared with four libraries; takes minutes
 	@test -d $(VENV)/peers/smt || $(PIP) --target $(VENV)/peers --no-deps $(SURROGATE_PEERS)
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
 	  $(BIN)/python benchmarks/surrogates/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)

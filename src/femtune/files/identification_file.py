@@ -10,30 +10,30 @@ from pydantic import Field, PrivateAttr, ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.formats import RecordFormatKey
-from femtune.files.study_file.kinds import DofLabel, Positive, SchemaVersion, Text, TomlTable, Units
+from femtune.files.study_file.kinds import DofLabel, NamesFile, Positive, SchemaVersion, Text, TomlTable, Units
 from femtune.files.study_file.problems import problems
-from femtune.files.study_file.reading import check_version, toml_data, toml_text
+from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
 from femtune.files.study_file.step_tables import OutputTable
+from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY, FrfEstimator, MethodWord
 
 # ----------------------------------------------------------------------------------------------------
 # Tables of an identification file; docs/identify-file.md explains every key.
 
 
-KNOWN_INPUT = ("N4SID", "pLSCF")
-OUTPUT_ONLY = ("SSI-cov", "SSI-data", "ERA", "FDD", "TFIE")
-MethodWord = Literal["N4SID", "pLSCF", "SSI-cov", "SSI-data", "ERA", "FDD", "TFIE"]
 NodePath = Annotated[tuple[Annotated[int, Field(ge=1, le=2**31)], ...], Field(min_length=2)]
 Hertz = Annotated[float, Field(ge=0, le=1e12)]
+RecordName = Annotated[Text, NamesFile("record")]
+FrfsName = Annotated[Text, NamesFile("file of FRFs")]
 
 
 class IdentifyTable(TomlTable):
     """[identify]: measurement and options of the identification."""
 
     title: Text | None = None
-    record: Text | None = None
-    frfs: Text | tuple[Text, ...] | None = None
-    geometry: Text | None = None
+    record: RecordName | None = None
+    frfs: FrfsName | tuple[FrfsName, ...] | None = None
+    geometry: Annotated[Text, NamesFile("geometry")] | None = None
     lines: Annotated[tuple[NodePath, ...], Field(max_length=100_000)] = ()
     units: Units = "m-kg-s"
     format: RecordFormatKey | None = None
@@ -42,7 +42,7 @@ class IdentifyTable(TomlTable):
     band_hz: tuple[Hertz, Hertz] | None = None
     largest_order: Annotated[int, Field(ge=4, le=200)] | None = None
     methods: Annotated[tuple[MethodWord, ...], Field(min_length=1)] | None = None
-    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    estimator: FrfEstimator = "H1"
     resolution_hz: Positive | None = None
     period_s: Positive | None = None
     fragments: Annotated[int, Field(ge=1, le=1000)] = 1
@@ -72,8 +72,8 @@ class SetupEntry(TomlTable):
     """[[setup]]: one of several measurements of the same structure with sensors at other places."""
 
     name: Text | None = None
-    record: Text | None = None
-    frfs: Text | None = None
+    record: RecordName | None = None
+    frfs: FrfsName | None = None
     sampling_hz: Positive | None = None
     variable: Text | None = None
     take_hz: tuple[Positive, ...] = ()
@@ -118,8 +118,8 @@ class FunctionEntry(TomlTable):
 class LevelEntry(TomlTable):
     """[[level]]: the same measurement at another level of the force."""
 
-    record: Text | None = None
-    frfs: Text | None = None
+    record: RecordName | None = None
+    frfs: FrfsName | None = None
     force: Positive
     name: Text | None = None
 
@@ -203,7 +203,9 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
     data = toml_data(text, file)
     source = StudyLines(str(file), line_numbers(text), PAGE)
     check_version(data, source)
-    errors = [*_rules(data, source)]
+    # a file that is absent is told by its reader, which knows what it needs; a pipe would be waited for without end
+    unfit = missing_files(IdentifyFile, data, source, file.parent, absent=False)
+    errors = [*_rules(data, source), *unfit]
     try:
         settings = IdentifyFile.model_validate(data)
     except ValidationError as findings:

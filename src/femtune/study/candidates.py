@@ -157,7 +157,7 @@ class _Fitting:
         """The start of a number: the initial values, a drawn point, or the best that a random population reaches."""
         x = np.zeros(len(moving))
         if self.search is not None:
-            population = _Population(problem, problem.start(x), moving)
+            population = Population(problem, problem.start(x), moving)
             lower, upper = (edge[moving] for edge in problem.parameters.bounds)
             found = global_minimum(population, lower, upper, replace(self.search, seed=self.rules.seed + number))
             return problem.follow(population.whole(found.x[None])[0], population.before)
@@ -245,7 +245,7 @@ class _SolverFitting(_Fitting):
 
 
 @dataclass(frozen=True, eq=False)
-class _Population:
+class Population:
     """χ² at points (n, moving) of a generation, with the pairing of the initial values; infinite where it fails."""
 
     problem: UpdateProblem
@@ -343,7 +343,7 @@ def compare_candidates(
                 raise FemtuneError("candidates.name", name=candidate.name)
         if not study.file.candidate and not groups:
             raise FemtuneError("candidates.none")
-        if table.search != NO_SEARCH and study.file.solver is not None:
+        if table.search != NO_SEARCH and study.source.needs_runs:
             raise FemtuneError("external.study/update", key="search")
         if table.search == "cma-es":
             # before the first run: what a run misses would be kept as its result

@@ -169,7 +169,7 @@ def check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
     ------
     FemtuneError : ``uff.cannot-write``, ``write.overwrites-input``
     """
-    read = (study.file.path, *input_paths(study), *_solver_files(study))
+    read = (study.file.path, *input_paths(study), *study.source.run_files)
     taken = dict.fromkeys(map(os.path.realpath, read), "an input file")
     if uff is not None and not (uff.name and uff.parent.is_dir()):
         raise FemtuneError("uff.cannot-write/folder", where=Where(str(uff)))  # fmt: skip
@@ -177,16 +177,6 @@ def check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
         if (place := os.path.realpath(file)) in taken:
             raise FemtuneError("write.overwrites-input/named-file", where=Where(str(file)), other_file=taken[place])
         taken[place] = "another file that is to be written"
-
-
-def _solver_files(study: Study) -> list[Path]:
-    """Templates and files of an external solver, and tables of runs."""
-    tables = [t for t in (study.file.solver, *(case.entry.solver for case in study.cases)) if t is not None]
-    names = [name for table in tables for name in (*(table.templates or ()), *(table.files or ()))]
-    if study.file.runs is not None:
-        names.append(study.file.runs.file)
-    names += [case.entry.runs for case in study.cases if case.entry.runs is not None]
-    return [study.file.path_of(name) for name in names]
 
 
 def write_frf_files(

@@ -9,14 +9,20 @@ from pydantic import Field
 from femtune.files.formats import ModesFormatKey
 from femtune.files.study_file.kinds import (
     Command,
+    DeckName,
     ElementsOff,
     Inertia,
+    NamesFile,
     NotNegative,
     Number,
     Positive,
     Rotation,
+    RunsName,
+    SolverFileName,
     SpecimenName,
     Support,
+    TemplateName,
+    TestName,
     Text,
     TomlTable,
     Units,
@@ -67,7 +73,7 @@ class TestKeys(TomlTable):
     __test__ = False
 
     records: Text | None = None
-    deviations: Text | None = None
+    deviations: Annotated[Text, NamesFile("table of standard deviations")] | None = None
     mode_labels: tuple[Text, ...] | None = None
     rotation: Rotation = UNCHANGED
     origin: Vector = (0.0, 0.0, 0.0)
@@ -82,7 +88,7 @@ MEASURED = "freq_hz of [test]"
 class SingleTest(TestKeys):
     """[test]: the only test of a study without [[configuration]]; a file, or frequencies without shapes."""
 
-    file: Text | Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
+    file: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
     freq_hz: Annotated[tuple[Positive, ...], Field(max_length=1000)] = ()
     units: Units | None = None
 
@@ -91,9 +97,9 @@ class ConfigurationSolver(TomlTable):
     """What the solver of a configuration has of its own, in place of the keys of [solver] and of the deck."""
 
     command: Command | None = None
-    deck: Text | None = None
-    templates: tuple[Text, ...] | None = None
-    files: tuple[Text, ...] | None = None
+    deck: DeckName | None = None
+    templates: tuple[TemplateName, ...] | None = None
+    files: tuple[SolverFileName, ...] | None = None
     result: Text | None = None
     format: ModesFormatKey | None = None
     mass: Positive | None = None
@@ -104,7 +110,7 @@ class ConfigurationEntry(TestKeys):
 
     name: Text
     specimen: SpecimenName | None = None
-    test: Text | Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
+    test: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
     test_units: Units | None = None
     elements_off: ElementsOff = ()
     components: Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
@@ -114,10 +120,10 @@ class ConfigurationEntry(TestKeys):
     supports_added: tuple[Support, ...] = ()
     supports_removed: tuple[Support, ...] = ()
     masses: tuple[MassEntry, ...] = ()
-    masses_file: Text | None = None
+    masses_file: Annotated[Text, NamesFile("table of masses")] | None = None
     weighed_mass: Positive | None = None
     use: Literal["update", "validation"] = "update"
-    runs: Text | None = None
+    runs: RunsName | None = None
     solver: ConfigurationSolver | None = None
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, TypeVar
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, StringConstraints
 from pydantic_core import PydanticCustomError
@@ -17,6 +18,7 @@ from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.parameters import parse_expression
 from femtune.units import SI, unit_system
+from femtune.updating.kinds import WEIGHT_RULES, WeightRule
 
 T = TypeVar("T")
 
@@ -174,7 +176,7 @@ def _frequency_sd(value: object) -> None:
 
 
 def _weight(value: object) -> None:
-    if value in ("l-curve", "gcv"):
+    if value in WEIGHT_RULES:
         return
     if not is_number(value):
         raise FemtuneError("study.type/weight")
@@ -252,7 +254,29 @@ def _covariance(value: object) -> None:
         raise FemtuneError("study.type/covariance")
 
 
+@dataclass(frozen=True)
+class NamesFile:
+    """Declares that the text of a key is the name of an input file, relative to the file that has the key.
+
+    The declaration is all that a key needs: `files_named` finds it, and existence checks, checksums and the protection
+    against overwriting are made from that.
+
+    Parameters
+    ----------
+    what : what the file is, for messages
+    needed : False for a text that may be the name of a file, such as a word of a command
+    """
+
+    what: str
+    needed: bool = True
+
+
 Text = Annotated[str, StringConstraints(min_length=1)]
+DeckName = Annotated[Text, NamesFile("deck")]
+TestName = Annotated[Text, NamesFile("test file")]
+RunsName = Annotated[Text, NamesFile("table of runs")]
+TemplateName = Annotated[Text, NamesFile("template")]
+SolverFileName = Annotated[Text, NamesFile("file of the solver")]
 SpecimenName = Annotated[str, checked(_specimen_name)]
 Number = Annotated[int, Field(gt=0, lt=10**18)]
 Positive = Annotated[float, Field(gt=0)]
@@ -269,7 +293,7 @@ FieldText = Annotated[str, checked(field_reference)]
 GroupName = Annotated[str, checked(_group_name)]
 Components = Annotated[str, checked(_components)]
 Expression = Annotated[str, checked(parse_expression)]
-Weight = Annotated[float | Literal["l-curve", "gcv"], read_by(_weight)]
+Weight = Annotated[float | WeightRule, read_by(_weight)]
 FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
 Covariance = Annotated[tuple[tuple[float, ...], ...] | str, read_by(_covariance)]
 ByNode = Annotated[float | dict[int, float], read_by(_by_node)]
@@ -305,4 +329,8 @@ def _words(value: object) -> object:
         raise ValueError(f"the command cannot be split into words: {error}") from error
 
 
-Command = Annotated[tuple[Text, ...], Field(min_length=1), BeforeValidator(_words)]
+Command = Annotated[
+    tuple[Annotated[Text, NamesFile("program or script", needed=False)], ...],
+    Field(min_length=1),
+    BeforeValidator(_words),
+]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, StringConstraints
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.formats import MatrixFormatKey
-from femtune.files.study_file.kinds import Components, Elements, GroupName, Number, Text, TomlTable
+from femtune.files.study_file.kinds import Components, Elements, GroupName, NamesFile, Number, Text, TomlTable
 from femtune.files.study_file.runs import is_of_runs
 from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
 
@@ -19,11 +19,11 @@ Name = Annotated[str, StringConstraints(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
 class ModelTable(TomlTable):
     """[model]: grid points and rows of the matrices, and the modes that their solver listed."""
 
-    grid: Text | None = None
-    dofs: Text | None = None
+    grid: Annotated[Text, NamesFile("file of grid points")] | None = None
+    dofs: Annotated[Text, NamesFile("list of DOFs")] | None = None
     hold_singular: bool = False
     listed_hz: tuple[Annotated[float, Field(ge=0)], ...] = ()
-    listing: Text | None = None
+    listing: Annotated[Text, NamesFile("list of modes")] | None = None
     listed_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
     polynomial_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
 
@@ -31,9 +31,12 @@ class ModelTable(TomlTable):
 class MatrixEntry(TomlTable):
     """[[matrix]]: one matrix; several of one name are sets of it at values of the variables."""
 
+    only_configuration: ClassVar[str] = "as imported"
+    """Name of the configuration of a study without [[configuration]]."""
+
     name: Name
     kind: Literal["stiffness", "mass", "viscous", "hysteretic"]
-    file: Text
+    file: Annotated[Text, NamesFile("file of a matrix")]
     record: Text | None = None
     format: MatrixFormatKey | None = None
     factor: float = 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.fem.fields import FieldRef
@@ -12,6 +12,7 @@ from femtune.files.study_file.kinds import (
     Elements,
     Expression,
     FieldText,
+    NamesFile,
     Number,
     Positive,
     Text,
@@ -59,7 +60,7 @@ class ParameterEntry(TomlTable):
     absolute: bool = False
     sd: Positive | None = None
     mean: float | None = None
-    prior: Text | None = None
+    prior: Annotated[Text, NamesFile("catalogue of damping")] | None = None
     prior_name: Text | None = None
     tie: Expression | None = None
     individual: bool = False

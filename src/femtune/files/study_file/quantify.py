@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from femtune.files.study_file.kinds import Text, TomlTable
+from femtune.files.study_file.kinds import NamesFile, Text, TomlTable
+from femtune.uncertainty.kinds import CovarianceEstimate, MissingValues, OutputWeighting, QuantifyMethod
 
 
 class SelectTable(TomlTable):
@@ -19,6 +20,7 @@ class SelectTable(TomlTable):
 
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
+RepeatsName = Annotated[Text, NamesFile("file of repeats")]
 RepeatNumber = Annotated[int, Field(ge=1)]
 
 
@@ -30,17 +32,17 @@ def _listed(value: object) -> object:
 class QuantifyTable(TomlTable):
     """[quantify]: repeated tests of one configuration, and the estimation of mean and covariance."""
 
-    repeats: Annotated[tuple[Text, ...], BeforeValidator(_listed), Field(min_length=1)]
+    repeats: Annotated[tuple[RepeatsName, ...], BeforeValidator(_listed), Field(min_length=1)]
     columns: tuple[str, ...] = ()
     configuration: Text | None = None
-    method: Literal["second-order", "perturbation", "cross-covariance", "output-difference"] = "second-order"
-    missing: Literal["em", "pairwise", "complete"] = "em"
-    covariance: Literal["sample", "robust"] = "sample"
+    method: QuantifyMethod = "second-order"
+    missing: MissingValues = "em"
+    covariance: CovarianceEstimate = "sample"
     noise_sd: Fraction | Literal["test"] | dict[Text, Fraction] | None = None
     hold_out: Fraction | Annotated[tuple[RepeatNumber, ...], Field(min_length=1)] | None = None
     shapes: bool = False
     intervals: bool = False
-    weighting: Literal["relative", "covariance"] = "relative"
+    weighting: OutputWeighting = "relative"
     regularisation: Annotated[float, Field(ge=0, le=1e12)] = 0.0
     samples: Annotated[int, Field(ge=20, le=1_000_000)] = 200
     seed: Annotated[int, Field(ge=0, le=2**31)] = 1

@@ -9,13 +9,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.study_file.kinds import SCHEMA_VERSION
+from femtune.files.study_file.named_files import files_named
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.rules import rules
-from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
+from femtune.files.study_file.source import StudyLines, line_numbers
 from femtune.files.study_file.study import Given, StudyFile
 
 _LARGEST = 10_000_000
@@ -54,7 +55,7 @@ def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given:
     """As `read_study_file`, from the data of a file; what is `given` as objects need not exist as files."""
     check_version(data, source)
     given = given or Given()
-    errors: list[FemtuneError] = [*rules(data, source), *_missing_files(data, source, file.parent, given)]
+    errors: list[FemtuneError] = [*rules(data, source), *missing_files(StudyFile, data, source, file.parent, given)]
     try:
         study = StudyFile.model_validate(data)
     except ValidationError as findings:
@@ -125,47 +126,51 @@ def frozen(value: Any) -> Any:
     return tuple(map(frozen, value)) if isinstance(value, list | tuple) else value
 
 
-def _each(names: object) -> tuple[object, ...]:
-    return names if isinstance(names, tuple) else (names,)
+def missing_files(
+    model: type[BaseModel],
+    data: dict[str, Any],
+    source: StudyLines,
+    folder: Path,
+    given: Given | None = None,
+    *,
+    absent: bool = True,
+) -> Iterator[FemtuneError]:
+    """An error for each file that is named and is not there, or is a folder, a pipe or a device.
 
-
-def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
-    yield ("study", "deck"), table(data, "study").get("deck"), "deck"
-    for name in _each(table(data, "test").get("file")):
-        yield ("test", "file"), name, "test file"
-    for key, what in (("grid", "file of grid points"), ("dofs", "list of DOFs"), ("listing", "list of modes")):
-        yield ("model", key), table(data, "model").get(key), what
-    names = table(data, "quantify").get("repeats")
-    for name in _each(names):
-        yield ("quantify", "repeats"), name, "file of repeats"
-    for place, entry in tables(data, "matrix"):
-        yield (*place, "file"), entry.get("file"), "file of a matrix"
-    for place, entry in tables(data, "configuration"):
-        for name in _each(entry.get("test")):
-            yield (*place, "test"), name, "test file"
-        yield (*place, "masses_file"), entry.get("masses_file"), "table of masses"
-    for place, entry in tables(data, "parameter"):
-        yield (*place, "prior"), entry.get("prior"), "catalogue of damping"
-
-
-def _missing_files(data: dict[str, Any], source: StudyLines, folder: Path, given: Given) -> Iterator[FemtuneError]:
-    for place, name, what in _named_files(data):
-        of_model = given.model is not None and place[0] in ("study", "matrix")
-        if of_model or (isinstance(name, str) and name in given.tests):
+    Parameters
+    ----------
+    model, data : of `files_named`
+    source, folder : of the file that names them
+    given : objects that take the place of files
+    absent : also for files that are not there
+    """
+    given = given or Given()
+    for key in files_named(model, data):
+        of_model = given.model is not None and key.place[0] in ("study", "matrix", "runs")
+        if not key.kind.needed or of_model or key.name in given.tests or is_file(folder / key.name):
             continue
-        if isinstance(name, str) and name and not _is_file(folder / name):
-            values = {str(place[-1]): name, "looked for": os.path.abspath(folder / name)}
-            there = os.path.exists(folder / name)
-            code = "study.missing-file/not-a-file" if there else "study.missing-file/named"
-            # "C:\temp" has a tabulator in TOML
-            code = "study.missing-file/escaped" if any(c in name for c in "\t\n\r\b\f\x1b") else code
-            yield source.error(place, code, values, file_kind=what)
+        values = {str(key.place[-1]): key.name, "looked for": os.path.abspath(folder / key.name)}
+        there = exists(folder / key.name)
+        if not there and not absent:
+            continue
+        code = "study.missing-file/not-a-file" if there else "study.missing-file/named"
+        # "C:\temp" has a tabulator in TOML
+        code = "study.missing-file/escaped" if any(c in key.name for c in "\t\n\r\b\f\x1b") else code
+        yield source.error(key.place, code, values, file_kind=key.kind.what)
 
 
-def _is_file(path: Path) -> bool:
+def is_file(path: Path) -> bool:
     """False also for a name that no file can have."""
     try:
         return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def exists(path: Path) -> bool:
+    """False also for a name that no file can have."""
+    try:
+        return path.exists()
     except (OSError, ValueError):
         return False
 

@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from femtune.errors import FemtuneError
 from femtune.files.formats import ModesFormatKey
-from femtune.files.study_file.kinds import Command, NotNegative, Positive, Text, TomlTable
+from femtune.files.study_file.kinds import (
+    Command,
+    NotNegative,
+    Positive,
+    SolverFileName,
+    TemplateName,
+    Text,
+    TomlTable,
+)
 from femtune.files.study_file.source import StudyLines, table, tables
 
 
 class SolverTable(TomlTable):
     """[solver]: command, input and output files, and when a run is tried again."""
 
+    only_configuration: ClassVar[str] = "as imported"
+    """Name of the configuration of a study without [[configuration]]."""
+
     command: Command
-    templates: tuple[Text, ...] = ()
+    templates: tuple[TemplateName, ...] = ()
     deck_name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$")] = "model.bdf"
-    files: tuple[Text, ...] = ()
+    files: tuple[SolverFileName, ...] = ()
     result: Text
     format: ModesFormatKey
     timeout_s: Positive = 3600.0

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.configuration import ConfigurationSolver
-from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
+from femtune.files.study_file.kinds import DofLabel, NamesFile, Positive, Text, TomlTable
 from femtune.files.study_file.response import HertzAboveZero, Labels
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, tables
 
@@ -36,8 +36,8 @@ class VibrationEntry(TomlTable):
     amplitude: Positive = 1.0
     spectrum_hz: tuple[HertzAboveZero, ...] = ()
     spectrum: tuple[Positive, ...] = ()
-    signal: Text | None = None
-    measured: Text | None = None
+    signal: Annotated[Text, NamesFile("record of the base motion or force")] | None = None
+    measured: Annotated[Text, NamesFile("table of measured vibration")] | None = None
     band_hz: tuple[HertzAboveZero, HertzAboveZero] | None = None
     solver: ConfigurationSolver | None = None
 
