@@ -98,7 +98,7 @@ def call(word: str, source: Path | str | StudyFile) -> str:
 
 def input_paths(study: Study) -> tuple[Path, ...]:
     """Decks with their INCLUDEs, tests, their standard deviations, and tables of masses."""
-    paths = [Path(f.file) for f in study.built.deck.files]
+    paths = [Path(file) for file in study.built.files]
     for case in study.cases:
         # a test that was given as an object may be of no file
         names = test_files(case.entry)

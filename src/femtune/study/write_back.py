@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.assembly.study import Study
     from femtune.fem import FieldRef
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.files.nastran.write import WritePlan, WrittenDeck
     from femtune.parameters import Parameter
     from femtune.updating import UpdateResult
@@ -62,7 +62,7 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
     if study.file.output.vtu:
         check_cells(study, folder / VTU_FILE)
     for place in (folder,) if study.specimens is None else (folder / name for name in study.specimens.names):
-        check_overwrites(study.built.deck, place, NAME)
+        check_overwrites(study.built.files, place, NAME)
     inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
     frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
     shapes = uff_paths(Path(EXPANDED_FILE), study) if study.file.correlate.expand != "none" else []
@@ -122,8 +122,7 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
 def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wide: bool) -> WriteBack:
     plan, values, blocked = _planned(study, result.x, wide)
     deck = write_deck(plan.edited, folder, NAME, _reserved(study))
-    rebuilt = build_allowing(read_deck(deck.main), study.file.study.allow_ignored)
-    rebuilt = with_updated_ratios(rebuilt, values)
+    rebuilt = with_updated_ratios(build_allowing(read_deck(deck.main), study.file.study.allow_ignored), values)
     record = _record(study, plan, deck, run, values, blocked)
     return WriteBack(record, _written(study, plan), {None: rebuilt})
 
@@ -137,7 +136,7 @@ def _planned(
     of_cards = {ref: value for ref, value in values.items() if ref.card not in _OF_NO_CARD}
     blocked = {} if study.file.write.split else _shared_fields(of_cards)
     updates = {ref: value for ref, value in of_cards.items() if ref not in blocked}
-    return plan_edits(study.built, updates, _regions(study), wide), values, blocked
+    return plan_edits(study.built_deck, updates, _regions(study), wide), values, blocked
 
 
 def _shared_fields(values: Mapping[FieldRef, float]) -> dict[FieldRef, float]:
