@@ -211,6 +211,7 @@ _ORTHONORMALITY = 1e-12
 _BASIS_BYTES = 1_300_000_000
 """Memory that the basis may take to save restarts."""
 _SEED = 1
+"""Of the random start, so that a solution is repeated exactly."""
 
 
 @dataclass(frozen=True, eq=False)

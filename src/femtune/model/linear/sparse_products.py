@@ -1,4 +1,4 @@
-"""Products of one symmetric sparse matrix with many blocks of vectors, by the fastest means at hand."""
+"""Products of one symmetric sparse matrix with many blocks of vectors, in the fastest available way."""
 
 from __future__ import annotations
 

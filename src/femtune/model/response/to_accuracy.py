@@ -117,7 +117,7 @@ class _Sample:
     largest: Reals
 
     def relative(self, errors: Complexes) -> float:
-        """Largest of the errors of the receptance (k, outputs, inputs) beside the values."""
+        """Largest error of the receptance (k, outputs, inputs) relative to the values."""
         size = np.maximum(self.values, _FLOOR * self.largest)
         counted = np.broadcast_to(self.largest > _ZERO * self.largest.max(initial=0.0), size.shape)
         size_of_errors = np.abs(errors * self.request.factor[:, None, None])

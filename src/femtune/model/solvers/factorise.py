@@ -88,7 +88,7 @@ def solver_asked(solver: str | None = None) -> str | None:
 
 
 def _chosen(matrix: SymmetricMatrix, solver: str | None) -> str:
-    """The solver that is named, or the fastest one at hand for this size."""
+    """The solver that is named, or the fastest one available for this size."""
     name, imaginary = solver_asked(solver), bool(np.iscomplexobj(matrix.data))
     if name is not None:
         # CHOLMOD factorises Hermitian matrices
@@ -113,7 +113,7 @@ def _named(asked: str) -> str:
 
 
 def _indefinite() -> str:
-    """The fastest solver at hand that takes indefinite, or complex, matrices."""
+    """The fastest available solver for indefinite or complex matrices."""
     return next(name for name in available_solvers() if name != "CHOLMOD")
 
 
