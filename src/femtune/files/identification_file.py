@@ -302,12 +302,12 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
     unfit = missing_files(IdentifyFile, data, source, file.parent, absent=False)
     errors = [*_rules(data, source), *unfit]
     try:
-        found = IdentifyFile.model_validate(data)
+        settings = IdentifyFile.model_validate(data)
     except ValidationError as findings:
         errors = [*problems(findings, source, IdentifyFile), *errors]
     ErrorCollector(sorted(errors, key=lambda e: (e.where and e.where.line) or 0)).raise_if_any()
-    found._path, found._source = file, source
-    return found
+    settings._path, settings._source = file, source
+    return settings
 
 
 def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
