@@ -33,11 +33,16 @@ from femtune.updating.regularisation import SideConstraint
 from femtune.updating.search import LocalModel
 
 _FEWEST_LINES = 3
+"""Frequency lines of a configuration, and converged runs, without which there is no spread to estimate."""
 _HALVINGS = 8
-_CONTRACTS = 0.5
+"""Lengths of a step that are tried: the whole one, and down to 1/128 of it."""
+_CONTRACTION = 0.5
+"""Size of a step relative to the one before, above which derivatives at the optimum are too far away: with a ratio
+below, ten steps gain three digits."""
 _PILOTS = 200
 """Draws for the linearised spread where the FRFs are those of an identified test."""
 _PILOT_SEED = 1 << 62
+"""Stream of random numbers of the pilot draws; runs have their numbers, which never reach it."""
 _SHARE = 0.05
 """A free parameter is undetermined if more than this part of it is in combinations that the data leave open."""
 
@@ -330,7 +335,7 @@ class _Walk:
             size = self._in_sd(d)
             if size <= rules.tolerance:
                 return BootstrapRun(self.at.x + d, True, self.steps, self.solutions, self.own)
-            if size > _CONTRACTS * before and not self.own:
+            if size > _CONTRACTION * before and not self.own:
                 # derivatives at the optimum are too far away: the step is taken again with those of the point
                 self.own, before = True, np.inf
                 self.at, jacobian = self._with_derivatives()
@@ -522,7 +527,15 @@ class BootstrapResult:
         return (*_spread(self), *_bias(self), *_method(self), *_trouble(self))
 
 
-_BIASED, _UNLIKE, _SAME, _STILL = 0.5, 1.3, 0.1, 1e-12
+_NOTABLE_BIAS = 0.5
+"""Bias in standard deviations from which a sentence says so; below, it adds less than 12 % to the root mean square
+error."""
+_NOTABLE_RATIO = 1.3
+"""Ratio of bootstrap and Fisher standard deviations from which they disagree. A hundred runs know their own to 7 %."""
+_AGREEMENT = 0.1
+"""Difference of runs by both ways, in standard deviations, up to which they agree."""
+_NO_SCATTER = 1e-12
+"""Standard deviation relative to the mean, below which it is rounding."""
 _APART = 1.0
 """Difference of runs by another identification, in standard deviations, above which its choices matter."""
 _WHY_UNLIKE = (
@@ -532,7 +545,7 @@ _WHY_UNLIKE = (
 
 
 def _spread(found: BootstrapResult) -> list[str]:
-    moved = [p for p in found.found if p.sd > _STILL * abs(p.mean)]
+    moved = [p for p in found.found if p.sd > _NO_SCATTER * abs(p.mean)]
     if not moved:
         return ["The runs have no scatter: the model reproduces the data exactly."]
     known = [p for p in moved if np.isfinite(p.cov)]
@@ -546,7 +559,7 @@ def _spread(found: BootstrapResult) -> list[str]:
     ratio = [p.sd / p.fisher_sd for p in moved if p.fisher_sd > 0.0]
     if (
         ratio
-        and not 1.0 / _UNLIKE < (middle := float(np.median(ratio))) < _UNLIKE
+        and not 1.0 / _NOTABLE_RATIO < (middle := float(np.median(ratio))) < _NOTABLE_RATIO
         and (found.rules.method != "noise" or found.identified)
     ):
         out.append(
@@ -557,7 +570,7 @@ def _spread(found: BootstrapResult) -> list[str]:
 
 
 def _bias(found: BootstrapResult) -> list[str]:
-    biased = [p for p in found.found if abs(p.bias) > _BIASED]
+    biased = [p for p in found.found if abs(p.bias) > _NOTABLE_BIAS]
     if not biased:
         return []
     listed = ", ".join(f"{p.name} {p.bias:+.2g} σ" for p in biased)
@@ -572,7 +585,7 @@ def _bias(found: BootstrapResult) -> list[str]:
 def _method(found: BootstrapResult) -> list[str]:
     if found.difference is None:
         return []
-    verdict = "agree" if found.difference <= _SAME else "do not agree"
+    verdict = "agree" if found.difference <= _AGREEMENT else "do not agree"
     if found.identified:
         said = (
             f"{len(found.check)} runs with another identification, which chooses the modes again, differ from those "

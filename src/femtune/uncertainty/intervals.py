@@ -20,7 +20,11 @@ from femtune.uncertainty.outputs import Counted, Outputs
 from femtune.uncertainty.stochastic import StochasticStatus
 
 _ALL_CORNERS = 8
-_FURTHER, _SAME = 8, 1e-9
+"""Parameters of unknown sign up to which all 2^8 = 256 corners are solved."""
+_RANDOM_STARTS = 8
+"""Points beside the centre from which extreme corners are sought; each costs a chain of solutions."""
+_SAME_EXTREME = 1e-9
+"""Relative difference of two extremes that is rounding of an eigenvalue solution."""
 
 
 @dataclass(frozen=True)
@@ -112,10 +116,10 @@ def _corners(counted: Counted, lower: Reals, upper: Reals, signs: Reals) -> list
 def _led(counted: Counted, lower: Reals, upper: Reals, signs: Reals) -> list[_Point]:
     """From the middle and random points, for every output and side, the corner to which the slopes point, again."""
     rng, points = np.random.default_rng(0), [_at(counted, 0.5 * (lower + upper))]
-    points += [_at(counted, rng.uniform(lower, upper)) for _ in range(_FURTHER)]
+    points += [_at(counted, rng.uniform(lower, upper)) for _ in range(_RANDOM_STARTS)]
     tried: set[tuple[bool, ...]] = set()
     for side, j in product((1.0, -1.0), range(len(points[0].z))):
-        for start in list(points[: 1 + _FURTHER]):
+        for start in list(points[: 1 + _RANDOM_STARTS]):
             points += _chain(counted, lower, upper, start, j, side, signs, tried)
     return points
 
@@ -151,7 +155,7 @@ def _polished(
             bounds=[(0.0, 1.0)] * len(lower), options={"maxiter": 100},
         )  # fmt: skip
         point = _at(counted, lower + np.clip(found.x, 0.0, 1.0) * (upper - lower))
-        if side * point.z[j] < side * best.z[j] - _SAME * abs(best.z[j]):
+        if side * point.z[j] < side * best.z[j] - _SAME_EXTREME * abs(best.z[j]):
             best = point
     return best, j, side
 
@@ -179,7 +183,12 @@ def _check_box(lower: Reals, upper: Reals) -> None:
 # Intervals of parameters from intervals of outputs: the interval problem, turned round.
 
 
-_MOST, _TOLERANCE, _NARROWEST = 40, 1e-8, 1e-9
+_MOST_ITERATIONS = 40
+"""Gauss-Newton iterations for the bounds at most."""
+_TOLERANCE = 1e-8
+"""Change of the bounds, in units of the parameters, that is convergence: half of the digits of a double."""
+_NARROWEST = 1e-9
+"""Width of an interval relative to its upper bound, below which rounding decides its sign."""
 
 
 @dataclass(frozen=True)
@@ -216,7 +225,7 @@ def interval_update(
     k, cost, status = len(ends) // 2, 0, StochasticStatus.MEANS_LIMIT
     bounds, scale = interval_bounds(outputs, ends[:k], ends[k:], signs), ends[k:] - ends[:k]
     cost += bounds.solutions
-    for _ in range(_MOST):
+    for _ in range(_MOST_ITERATIONS):
         J = _slopes(bounds, ends, k)
         # relative outputs, parameters in widths of the first box
         rows = J * np.tile(scale, 2) / np.abs(target)[:, None]

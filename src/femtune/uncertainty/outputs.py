@@ -318,7 +318,10 @@ def second_derivatives(outputs: Counted, theta: Reals, step: Reals) -> tuple[Rea
 # Eigenvalues of a configured model as outputs, followed from a reference by their subspaces.
 
 
-_DENSE, _ZERO = 2000, 1e-10
+_LARGEST_DENSE = 2000
+"""DOFs up to which eigenvalues of dense matrices are computed: 32 MB a matrix, and the time grows with the cube."""
+_ZERO_EIGENVALUE = 1e-10
+"""Eigenvalue relative to the largest magnitude that is rounding of zero."""
 
 
 @dataclass(frozen=True)
@@ -462,7 +465,7 @@ def definite_signs(configured: ConfiguredModel) -> Reals:
     that enters M so lets none grow. Known for small models only (dense eigenvalues of the matrices).
     """
     k = len(configured.model.parameters.free)
-    if configured.n_free > _DENSE:
+    if configured.n_free > _LARGEST_DENSE:
         return np.zeros(k)
     point = configured.at(np.zeros(k))
     stiffness = [_sign(d.toarray()) for d in point.stiffness_derivatives]
@@ -478,9 +481,9 @@ def _sign(matrix: Reals) -> float:
     size = np.abs(values).max(initial=0.0)
     if size == 0.0:
         return 0.0
-    if values.min() >= -_ZERO * size:
+    if values.min() >= -_ZERO_EIGENVALUE * size:
         return 1.0
-    return -1.0 if values.max() <= _ZERO * size else float("nan")
+    return -1.0 if values.max() <= _ZERO_EIGENVALUE * size else float("nan")
 
 
 def _is_linear(configured: ConfiguredModel, i: int) -> bool:

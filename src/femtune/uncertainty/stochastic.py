@@ -44,6 +44,8 @@ class StochasticStatus(Enum):
 
 
 _RANK = 1e-8
+"""Singular value relative to the largest, below which the outputs do not determine a combination: half of the digits of
+a double."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,8 @@ def _inverse_root(measured: OutputStatistics) -> Reals:
 # Means of the parameters from means of the outputs: chapter equation (35), a step that goes wrong shortened.
 
 
-_SHORTEST = 1e-3
+_SHORTEST_MEAN_STEP = 1e-3
+"""Fraction of a step of the means below which it is given up: ten halvings."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +197,7 @@ def _shortened(
 ) -> Reals | None:
     """The longest of d, d/2, d/4 … that reduces the error; None if none does."""
     length = 1.0
-    while length > _SHORTEST:
+    while length > _SHORTEST_MEAN_STEP:
         try:
             z = outputs.linearised(theta + length * d)[0]
         except FemtuneError:
@@ -222,7 +225,13 @@ def _shortened(
 # mean z₀ + G d + ½ H:C and covariance G C Gᵀ + ½ tr(H_i C H_j C).
 
 
-_STEP, _TOLERANCE, _MOST = 1e-3, 1e-10, 60
+_DIFFERENCE_STEP = 1e-3
+"""Step of the differences of slopes, in standard deviations of the start: their error is of first order in it, and
+rounding of the slopes is far smaller."""
+_QUADRATIC_TOLERANCE = 1e-10
+"""Change of parameters, in their units, that ends iterations on the quadratic model, which cost nothing."""
+_QUADRATIC_ITERATIONS = 60
+"""Of these iterations at most; they converge linearly where they do."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +264,7 @@ class QuadraticModel:
 
 def quadratic_model(outputs: Counted, at: Means, scale: Reals) -> QuadraticModel:
     """The quadratic model at the final means, by k model solutions at steps of a thousandth of `scale`."""
-    return QuadraticModel(at.theta, *second_derivatives(outputs, at.theta, _STEP * scale))
+    return QuadraticModel(at.theta, *second_derivatives(outputs, at.theta, _DIFFERENCE_STEP * scale))
 
 
 def corrected(model: QuadraticModel, measured: OutputStatistics, by: LinearEstimator) -> tuple[Reals, Reals] | None:
@@ -276,10 +285,10 @@ def _of_repeats(model: QuadraticModel, repeats: Reals, by: LinearEstimator) -> t
 def _inverse(model: QuadraticModel, z: Reals, by: LinearEstimator) -> Reals | None:
     """θ whose quadratic outputs are z, by Newton's method from θ₀; None where it does not end."""
     theta = model.theta
-    for _ in range(_MOST):
+    for _ in range(_QUADRATIC_ITERATIONS):
         d = by.matrix(model.slope(theta)) @ (z - model.values(theta)) - _pull(model, theta, by)
         theta = theta + d
-        if np.abs(d / by.scale).max(initial=0.0) <= _TOLERANCE:
+        if np.abs(d / by.scale).max(initial=0.0) <= _QUADRATIC_TOLERANCE:
             return theta
     return None
 
@@ -296,14 +305,14 @@ def _pull(model: QuadraticModel, theta: Reals, by: LinearEstimator) -> Reals:
 def _of_moments(model: QuadraticModel, measured: OutputStatistics, by: LinearEstimator) -> tuple[Reals, Reals] | None:
     T = by.matrix(model.G)
     theta, C = model.theta, T @ measured.structural @ T.T
-    for _ in range(_MOST):
+    for _ in range(_QUADRATIC_ITERATIONS):
         T = by.matrix(model.slope(theta))
         curved = model.covariance(theta, C) - model.slope(theta) @ C @ model.slope(theta).T
         new = T @ (measured.structural - curved) @ T.T
         d = T @ (measured.mean - model.mean(theta, C)) - _pull(model, theta, by)
         moved = max(np.abs(d / by.scale).max(), np.abs((new - C) / np.outer(by.scale, by.scale)).max())
         theta, C = theta + d, new
-        if moved <= _TOLERANCE:
+        if moved <= _QUADRATIC_TOLERANCE:
             return theta, C
     return None
 
@@ -373,7 +382,13 @@ CovarianceStep = Callable[[Reals, Reals, Reals, Reals], Reals]
 """T (k, m), parameters (n, k) and outputs (n, m) of a cloud, measured covariance (m, m) -> covariance (k, k) of the
 parameters of the next cloud."""
 
-_SHORTEST_CLOUD_STEP, _LEAST, _TRIES = 1e-2, 1e-3, 8
+_SHORTEST_CLOUD_STEP = 1e-2
+"""Fraction of the step to a new covariance below which no positive definite one is found on the way: seven halvings."""
+_LEAST_CORRELATION_EIGENVALUE = 1e-3
+"""Smallest eigenvalue of the correlations of a cloud: samples of a nearly singular one show nothing of its narrow
+direction."""
+_TRIES = 8
+"""Clouds drawn halfway back after one that the model cannot follow: down to 0.4 % of the way."""
 
 
 @dataclass(frozen=True)
@@ -504,7 +519,7 @@ def _positive(old: Reals, new: Reals) -> Reals | None:
     length = 1.0
     while length > _SHORTEST_CLOUD_STEP:
         C = old + length * (new - old)
-        if least_eigenvalue(C) > _LEAST:
+        if least_eigenvalue(C) > _LEAST_CORRELATION_EIGENVALUE:
             return np.asarray(C)
         length *= 0.5
     return None

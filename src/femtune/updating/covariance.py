@@ -21,10 +21,12 @@ from femtune.updating.posterior import BoxPosterior, box_posterior
 
 NOTHING_LOST: Mapping[str, int] = MappingProxyType({})
 
-_SHARE = 0.05
+_UNDETERMINED_SHARE = 0.05
+"""A parameter has no σ if undetermined combinations hold this share of it or more; as in the bootstrap."""
 _BY_CHANCE = 0.01
 """Significance level above which residuals are larger than stated."""
 _LEAST_FREEDOM = 0.5
+"""Degrees of freedom, which need not be integers, at or below which residuals say nothing of their own size."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,7 @@ def parameter_covariance(
     misfit = _misfit(r, kinds, freedom)
     noise = None if noise is None else noise + (extra * prior_sd).T @ (extra * prior_sd)
     size = _size(r, misfit, freedom, scatter, noise)
-    known = np.linalg.norm(fit.undetermined, axis=0) < _SHARE
+    known = np.linalg.norm(fit.undetermined, axis=0) < _UNDETERMINED_SHARE
     reasons = {int(i): "fixed in this update, σ not given" for i in np.flatnonzero(~moving)}
     reasons |= {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
     reasons |= {int(i): "not determined by the data, σ not given" for i in free[~known]}

@@ -54,7 +54,9 @@ RANKED_FROM = 5_000
 _ABOVE_LINES = 1.1
 """Modes up to this many times the highest line of FRFs are trained for as modes, those above by their responses."""
 _DETERMINED = 1e-10
+"""Singular value of a Jacobian, relative to the largest, below which a direction is rounding."""
 _FINER_RESPONSES = 0.1
+"""Factor on the tolerance of FRFs where a basis is trained again because it was not accurate enough."""
 _BEGUN = "basis that a training begins with"
 _STEPS = 1
 """Of inverse iteration in a training: one makes an error of 1 % of a frequency .01 % or less."""

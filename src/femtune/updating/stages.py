@@ -33,7 +33,10 @@ from femtune.updating.starts import best_of
 # to Navigation Problems, Advances in Control Systems 3, 1966 (parameters that are not estimated but considered).
 
 
-_BY_CHANCE, _LEAST_FREEDOM = 0.01, 1e-3
+_SIGNIFICANCE = 0.01
+"""Probability by chance of residuals as large, below which they are larger than stated."""
+_LEAST_FREEDOM = 1e-3
+"""Expected sum of squares below which no residual is left to judge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,13 +201,14 @@ def _misfit_of(r: Reals, U: Reals, D: Reals, lost: int) -> Misfit:
         return Misfit(1.0, False)
     freedom = mean**2 / (independent + 2.0 * float(np.trace(product)) + float(np.trace(product @ product)))
     ratio = float(r @ r) / mean
-    return Misfit(float(np.sqrt(ratio)), bool(ratio * freedom > chdtri(freedom, _BY_CHANCE)))
+    return Misfit(float(np.sqrt(ratio)), bool(ratio * freedom > chdtri(freedom, _SIGNIFICANCE)))
 
 
 Tell = Callable[[str, int, Iteration], None]
 """Called with the stage, the number of the seed (0: results of earlier stages) and each iteration."""
 
 _SAME_OPTIMUM = 0.1
+"""Distance in standard deviations within which two ends are one optimum: it changes no conclusion from the result."""
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,15 @@ from femtune.updating.sensitivity_method import SensitivityMethod, linear_model,
 # Ends of several starts: which are the same optimum, which are as good, and what that means.
 
 
-SAME, SURE, EXACT = 1e-3, 0.95, 1e-16
-_SPARE = 3
+SAME_END = 1e-3
+"""Distance of two ends, relative to the range of the starts, within which they are one solution. Convergence leaves far
+less."""
+CONFIDENCE = 0.95
+"""Confidence level of the region in which solutions are as good as the best one."""
+EXACT_OBJECTIVE = 1e-16
+"""Objective of residuals of about 1e-8: the model reproduces the data to half of the digits."""
+_LEAST_FREEDOM = 3
+"""Degrees of freedom from which the residuals tell their own size: with fewer the F limit is wider than any use."""
 
 
 class StartOutcome(Enum):
@@ -101,11 +108,11 @@ def noise_level(best: float, n_residuals: int, n_parameters: int) -> float:
     than stated, half that of F with the variance of the residuals: weights that are no standard deviations must not
     make every valley as good as the best one. An exact fit has no noise, and only exact fits are as good.
     """
-    stated = 0.5 * float(chdtri(max(n_parameters, 1), 1.0 - SURE))
+    stated = 0.5 * float(chdtri(max(n_parameters, 1), 1.0 - CONFIDENCE))
     spare = n_residuals - n_parameters
-    if best < EXACT or spare < _SPARE:
-        return 10.0 * EXACT if best < EXACT else stated
-    shown = max(n_parameters, 1) * float(fdtri(max(n_parameters, 1), spare, SURE)) * best / spare
+    if best < EXACT_OBJECTIVE or spare < _LEAST_FREEDOM:
+        return 10.0 * EXACT_OBJECTIVE if best < EXACT_OBJECTIVE else stated
+    shown = max(n_parameters, 1) * float(fdtri(max(n_parameters, 1), spare, CONFIDENCE)) * best / spare
     return min(stated, shown)
 
 
@@ -142,7 +149,7 @@ def distinct_optima(starts: Sequence[StartResult], spread: Reals, noise: float) 
     found = []
     while left:
         first = left[0]
-        same = [s for s in left if np.abs((s.end - first.end) / spread).max(initial=0.0) <= SAME]
+        same = [s for s in left if np.abs((s.end - first.end) / spread).max(initial=0.0) <= SAME_END]
         numbers = tuple(sorted(s.number for s in same))
         found.append(Optimum(first.end, first.objective, numbers, first.objective - best <= noise))
         left = [s for s in left if s not in same]
