@@ -47,7 +47,13 @@ FEWEST_NODES = 3
 """With fewer test nodes than this single sensors are left out: without a node too little would remain."""
 
 _DEPENDENT = 1e-8
-_OFF_RESONANCE, _RIGID = 1e-9, 1e-8
+"""Singular value relative to the largest, below which modes cannot be told apart at the sensors: half of the digits of
+a double."""
+_OFF_RESONANCE = 1e-9
+"""Relative distance of λ from an eigenvalue at or below which it is moved by ten times as much: K − λM is singular
+there, and the expansion does not change in digits that count."""
+_RIGID = 1e-8
+"""Lowest eigenvalue relative to the largest solved one, at or below which the structure moves as a rigid body."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ _TIGHT = 1e-3
 _LOOSE = 0.05
 """The largest tolerance over the diagonal that is proposed."""
 _LEAST_POINTS = 3
+"""Points that fix a rigid motion."""
 
 
 @dataclass(frozen=True)

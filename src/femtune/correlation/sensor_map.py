@@ -43,7 +43,11 @@ _FACTORS = {
     1.0 / 304.8: "millimetres where the model has feet",
 }
 # how near to a factor the ratio of places must be, and their least number
-_NEAR_FIT, _LEAST_PLACES = 0.03, 4
+_UNIT_TOLERANCE = 0.03
+"""Error of a fitted scale of coordinates up to which a factor between units explains it. Factors of length differ from
+each other by far more."""
+_LEAST_PLACES = 4
+"""Points from which coordinates are judged: three always fit some motion and scale."""
 # extents differ by a factor of this size or more; the sensors cover 45 to 110 % of the extent of the model
 _LARGE_FACTOR, _COVERED = 9.9, (0.9, 2.2)
 
@@ -364,6 +368,7 @@ def _no_position(nowhere: Sequence[Sensor], same_place: Reals | None, request: _
 
 
 _LISTED = 8
+"""Names in a message; it stays one line or two."""
 
 
 def _at_node(sensor: Sensor, node: int, how: str, nodes: NodeTable) -> tuple[Match, Row]:
@@ -478,7 +483,7 @@ def _fitted_ratio(points: Reals, grids: Reals) -> float:
     square = float((points * points).sum())
     ratio = float((points * grids).sum()) / square if square > 0.0 else 1.0
     left = np.linalg.norm(grids - ratio * points)
-    return ratio if ratio > 0.0 and left <= _NEAR_FIT * np.linalg.norm(grids) else 1.0
+    return ratio if ratio > 0.0 and left <= _UNIT_TOLERANCE * np.linalg.norm(grids) else 1.0
 
 
 def unit_ratio(points: Reals, grids: Reals) -> str:
@@ -488,7 +493,7 @@ def unit_ratio(points: Reals, grids: Reals) -> str:
     """
     ratio = _fitted_ratio(points, grids)
     factor = min(_FACTORS, key=lambda known: abs(np.log(ratio / known)))
-    near = abs(np.log(ratio / factor)) <= _NEAR_FIT
+    near = abs(np.log(ratio / factor)) <= _UNIT_TOLERANCE
     return _in_words(_FACTORS[factor], factor, "X, Y, Z") if near else ""
 
 

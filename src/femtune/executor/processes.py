@@ -26,7 +26,9 @@ _THREADS = (
     "NUMEXPR_NUM_THREADS",
 )  # fmt: skip
 _MOST_DEATHS = 2
-_LOOKS_S = 0.2
+"""Deaths of workers on the same run after which the run is to blame."""
+_POLL_INTERVAL_S = 0.2
+"""Time in s between looks for workers that died; users do not notice it, and it costs nothing."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ class _Pool:
         """Position and answer of the next run that ends; it can be interrupted."""
         while True:
             try:
-                return self.answers.get(timeout=_LOOKS_S)
+                return self.answers.get(timeout=_POLL_INTERVAL_S)
             except queue.Empty:
                 continue
 

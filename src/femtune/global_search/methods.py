@@ -21,8 +21,10 @@ from femtune.global_search.kinds import METHODS, SearchWord
 
 Objective = Callable[[Reals], Reals]
 
-_CROSSOVER_INDEX, _MUTATION_INDEX = 15.0, 20.0
-"""Distribution indices of simulated binary crossover and of polynomial mutation: how near children are to parents."""
+_CROSSOVER_INDEX = 15.0
+"""Distribution index of simulated binary crossover: the larger, the nearer children are to their parents (Deb 2001)."""
+_MUTATION_INDEX = 20.0
+"""Distribution index of polynomial mutation, likewise."""
 _ELITE = 2
 """Best points that pass to the next generation unchanged."""
 

@@ -18,8 +18,10 @@ POWER_IN = 0.95
 """Part of a driving point's power that must go into the structure, lines weighted by their mobility."""
 DEAD = 1e-6
 """A response whose functions are below this part of the median is dead."""
-RECIPROCAL, COUPLED = 0.25, 0.02
-"""Relative difference of H_ij and H_ji that is reported, and their least size relative to the driving points."""
+RECIPROCAL = 0.25
+"""Relative difference of H_ij and H_ji that is reported."""
+COUPLED = 0.02
+"""Size of H_ij relative to the driving points, at or below which it is not compared: noise would decide."""
 KNOWN_FACTORS = {
     "g instead of m/s²": 9.80665,
     "mm instead of m": 1000.0,

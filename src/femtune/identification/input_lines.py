@@ -14,6 +14,7 @@ from femtune.identification.averaging import CrossSpectra
 STANDS_OUT_DB = 6.0
 """A line of the ground counts as one of its own from here above its neighbourhood."""
 _NEIGHBOURHOOD = 0.08
+"""Distance relative to a frequency within which lines around a peak are its surroundings."""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from femtune.identification.modal_solve import OUT_OF_BAND, Solved, modal_basis,
 from femtune.modal import FrfSet
 
 MOST_STEPS = 30
+"""Gauss-Newton steps of a fit at most."""
 SMALL = 1e-9
 """Steps of all poles below this fraction of their modulus end the iteration."""
 NO_POLES: Complexes = np.zeros(0, complex)

@@ -24,9 +24,11 @@ CHANCE = 1e-4
 MOST = 3
 """Modes on one side of the band."""
 _LEAST_DAMPING = 1e-3
+"""Damping ratio of a trial pole beyond the band at least, where the poles of the band have next to none."""
 _APART = 0.1
 """Distance of two neighbours in half bandwidths below which they are one."""
 _FARTHEST = 2.0
+"""Factor on the ends of the band within which a pole beyond it is accepted; others act as a static or mass line."""
 
 
 def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> ModalFit:

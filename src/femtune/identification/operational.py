@@ -26,6 +26,7 @@ from femtune.modal.shape_criteria import turn_to_real_axis
 from femtune.testdata.checks import mean_phase_deviation_deg, phase_collinearity
 
 _LEAST_SEGMENTS = 8
+"""Segments of spectra in a record at least: the relative standard deviation of a spectrum of eight averages is 35 %."""
 
 
 @dataclass(frozen=True)

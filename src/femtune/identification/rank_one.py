@@ -26,14 +26,17 @@ from femtune.identification.shapes import DrivingPoint
 from femtune.modal import FrfSet
 
 MOST_STEPS = 200
+"""Steps of a descent at most."""
 STEPS_OF_A_CHART = 50
 """After so many, unknowns are taken about the present participations again."""
 ENOUGH = 1e-4
 """Relative projected gradient of a solution; its square is the relative decrease that a further step predicts."""
 DECREASE = 1e-8
 """Relative decrease of the sum of squares in a step that ends a descent."""
-ROUGH_DECREASE, ROUGH_STEPS = 1e-4, 30
-"""Of descents that only show whether there is another minimum."""
+ROUGH_DECREASE = 1e-4
+"""Relative decrease that ends a descent that only shows whether there is another minimum."""
+ROUGH_STEPS = 30
+"""Steps of such a descent at most."""
 ROUNDING = 1e-9
 """Errors below this part of the functions count as none."""
 RANK = 1e-13

@@ -111,7 +111,14 @@ _SINGULAR = 1e-9
 # The same modes in every set-up: alike in frequency, and in shape where enough sensors are shared.
 
 
-_GAP, _LEAST_MAC, _ENOUGH, _NEVER = 0.03, 0.5, 3, 1e3
+_LARGEST_GAP = 0.03
+"""Relative distance of the frequencies of one mode in two set-ups at most."""
+_LEAST_MAC = 0.5
+"""MAC at the common sensors, below which modes of two set-ups are not one."""
+_LEAST_COMMON = 3
+"""Common sensors without which shapes are not compared."""
+_NEVER_JOINED = 1e3
+"""Distance of two modes of the same set-up: far beyond 1, the largest distance within a group."""
 
 
 @dataclass(frozen=True)
@@ -132,9 +139,9 @@ def same_modes(setups: Sequence[ModeSet]) -> tuple[list[ModeSet], list[PartlyFou
     source = np.repeat(np.arange(len(setups)), [len(s) for s in setups])
     if len(freq) < 2:
         return list(setups), []
-    apart = np.abs(freq[:, None] - freq) / np.minimum(freq[:, None], freq) / _GAP
+    apart = np.abs(freq[:, None] - freq) / np.minimum(freq[:, None], freq) / _LARGEST_GAP
     distance = np.maximum(apart, _unlike(setups))
-    distance[(source[:, None] == source) & ~np.eye(len(freq), dtype=bool)] = _NEVER
+    distance[(source[:, None] == source) & ~np.eye(len(freq), dtype=bool)] = _NEVER_JOINED
     groups = [_one_of_each(g, freq, source) for g in joined_by_average(distance, 1.0)]
     groups.sort(key=lambda g: float(freq[g].mean()))
     whole = [g for g in groups if len(g) == len(setups)]
@@ -159,7 +166,7 @@ def _unlike(setups: Sequence[ModeSet]) -> Reals:
     for i, a in enumerate(setups):
         for j, b in enumerate(setups):
             common = a.dofs.common(b.dofs)
-            if i != j and len(common) >= _ENOUGH:
+            if i != j and len(common) >= _LEAST_COMMON:
                 one, other = a.select_dofs(common).shapes, b.select_dofs(common).shapes
                 moving = np.linalg.norm(one, axis=0).min() > 0.0 and np.linalg.norm(other, axis=0).min() > 0.0
                 blocks[i][j] = (1.0 - mac(one, other)) / (1.0 - _LEAST_MAC) if moving else blocks[i][j]

@@ -188,13 +188,16 @@ def _differences(
 
 NOT_ONE_SHAPE = 0.95
 """Residues of several references that one shape explains to less than this share are more than one mode, or wrong."""
-NOT_QUITE_ONE, BEYOND_NOISE = 0.98, 10.0
-"""The same for a larger share, if what is left is this many times what errors of the residues alone leave."""
+NOT_QUITE_ONE = 0.98
+"""The same for a larger share, if noise does not explain what is left."""
+BEYOND_NOISE = 10.0
+"""What is left relative to what errors of the residues alone leave, beyond which noise does not explain it."""
 
 
-NO_NOISE, NO_NOISE_LINES = 1e-5, 5e-6
-"""Noise relative to the functions below which they were not measured: what a fit leaves, and from line to line.
-Good measurements have 1e-4, and values that were written with six digits 1e-6."""
+NO_NOISE = 1e-5
+"""Misfit of functions relative to their size, below which they were not measured. Good measurements have 1e-4."""
+NO_NOISE_LINES = 5e-6
+"""Noise from line to line, likewise. Values that were written with six digits have 1e-6."""
 LARGE_SPREAD = 4.0
 """Spread of a pole between the functions above which it is reported."""
 

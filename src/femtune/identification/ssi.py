@@ -18,6 +18,7 @@ from femtune.identification.realisation import Observability, Poles, block_hanke
 from femtune.modal.shape_criteria import turn_to_real_axis
 
 _CHUNK = 4096
+"""Rows of a block of the stepwise QR decomposition: it bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)

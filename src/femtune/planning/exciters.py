@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 
-_ROUNDS = 20
+_MOST_ROUNDS = 20
+"""Rounds of exchanges at most; they end with the first that changes nothing."""
 _TINY = 1e-300
+"""Divisor for entries that are all zero, near the smallest double."""
 
 
 def driving_point_levels(shapes: Reals) -> Reals:
@@ -52,7 +54,7 @@ def place_exciters(levels: Reals, count: int, given: Reals | None = None) -> NDA
     chosen: list[int] = []
     for _ in range(min(count, len(levels))):
         chosen.append(_best(levels, np.maximum(start, levels[chosen].max(axis=0, initial=0.0)), chosen))
-    for _ in range(_ROUNDS):
+    for _ in range(_MOST_ROUNDS):
         before = list(chosen)
         for place in range(len(chosen)):
             rest = chosen[:place] + chosen[place + 1 :]

@@ -24,7 +24,10 @@ from femtune.residuals.frf.model_way import full_modes
 
 _SAME_MOTION = 0.5
 """Least part of the kinetic energy of a complex mode in the real modes of its group."""
-_MORE, _MOST = 4, 8
+_SPARE_MODES = 4
+"""Complex modes beyond the number of real ones that are solved first: damping changes their order."""
+_MOST_MODES_FACTOR = 8
+"""Times this number after which a partner that is still missing is an error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,14 +131,14 @@ def damped_modes(state: CaseState, damping: DampingRatios | None) -> DampedModes
 def _damped(state: CaseState, damping: DampingRatios | None) -> DampedModes:
     real = full_modes(state, None)
     wanted = [_in_full_model(state, real, models) for _, models in state.groups]
-    size = count = real.wanted + _MORE
+    size = count = real.wanted + _SPARE_MODES
     while True:
         found = _poles(real, count, damping)
         members, shares = _partners(real, found, wanted)
         worst = int(np.argmin(shares))
         if shares[worst] >= _SAME_MOTION:
             return DampedModes(state, found, dict(zip(state.groups, members)))
-        if found.complete or count >= _MOST * size:
+        if found.complete or count >= _MOST_MODES_FACTOR * size:
             raise _no_partner(state, worst, float(shares[worst]))
         # real poles of strongly damped motions take the places of others
         count *= 2

@@ -27,7 +27,8 @@ from femtune.residuals.weights import ResidualBlock, Weights
 # another with the same matrix.
 
 
-_ACCURATE = 1e-6
+_SOLUTION_ACCURACY = 1e-6
+"""Relative residual of a saddle-point solution beyond which its matrix is singular."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ def _solved(saddle: sp.csc_array, factor: SuperLU, loads: Reals) -> Reals:
     found = factor.solve(loads)
     found = found + factor.solve(loads - saddle @ found)
     left = np.linalg.norm(loads - saddle @ found, axis=0)
-    if not (left <= _ACCURATE * np.linalg.norm(loads, axis=0)).all():
+    if not (left <= _SOLUTION_ACCURACY * np.linalg.norm(loads, axis=0)).all():
         raise _dependent()
     return np.asarray(found)
 

@@ -23,11 +23,14 @@ from femtune.selection.information import KNOWN
 
 TOGETHER = 0.9
 """Absolute correlation from which a combination of parameters is known much better than each."""
-_DRAWS = 200
+_NOISE_DRAWS = 200
+"""Draws of the noise of an identified test: variances are known to 10 %."""
 _BY_CHANCE = 0.01
 """Significance level above which the residuals are larger than the noise of an identified test makes them."""
-_SHARE = 0.1
+_SMALL_COEFFICIENT = 0.1
+"""Coefficient of an undetermined combination, relative to the largest one, below which its parameter is not named."""
 _NO_PART = 1e-6
+"""Coefficient of orthonormal directions that is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,8 @@ class ExpectedKnowledge:
     def open(self) -> tuple[tuple[str, ...], ...]:
         """Parameters of each combination that the data leave open."""
         return tuple(
-            tuple(n for n, c in zip(self.names, row) if abs(c) >= _SHARE * np.abs(row).max()) for row in self.null
+            tuple(n for n, c in zip(self.names, row) if abs(c) >= _SMALL_COEFFICIENT * np.abs(row).max())
+            for row in self.null
         )
 
     def select(self, which: Flags) -> ExpectedKnowledge:
@@ -92,7 +96,7 @@ class ExpectedKnowledge:
         if which.all():
             return self
         names = tuple(n for n, w in zip(self.names, which) if w)
-        null = self.null[(np.abs(self.null[:, ~which]) < _SHARE).all(axis=1)][:, which]
+        null = self.null[(np.abs(self.null[:, ~which]) < _SMALL_COEFFICIENT).all(axis=1)][:, which]
         return replace(
             self, names=names, prior_sd=self.prior_sd[which], together=self.together[which], alone=self.alone[which],
             correlation=self.correlation[np.ix_(which, which)], null=null, noise=None,
@@ -180,8 +184,8 @@ def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:
     own = np.concatenate([rows[i] for i in mine])
     # an orthonormal basis of what the parameters can do to these residuals
     basis = np.linalg.qr(own @ directions.T)[0]
-    sums, squares = np.zeros((_DRAWS, S.shape[1])), np.zeros(_DRAWS)
-    for i in range(_DRAWS):
+    sums, squares = np.zeros((_NOISE_DRAWS, S.shape[1])), np.zeros(_NOISE_DRAWS)
+    for i in range(_NOISE_DRAWS):
         changes = drawn_changes(at.weighted, "noise", np.random.default_rng(i))
         found = np.concatenate([change for change in changes if change is not None])
         sums[i] = found @ own

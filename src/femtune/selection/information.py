@@ -127,7 +127,8 @@ ALIKE = 0.95
 """Absolute cosine above which two parameters have nearly the same effect."""
 STRONG = 30.0
 """Condition index from which Belsley calls a near dependence strong."""
-_SHARE = 0.5
+_HIGH_SHARE = 0.5
+"""Variance share from which a parameter takes part in a near dependence (Belsley, Kuh and Welsch 1980)."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ class Collinearity:
         """Near dependences: condition index, and the parameters more than half of whose variance comes from it."""
         out = []
         for i in np.flatnonzero(self.condition_index >= STRONG)[::-1]:
-            names = tuple(n for n, share in zip(self.names, self.variance_share[i]) if share >= _SHARE)
+            names = tuple(n for n, share in zip(self.names, self.variance_share[i]) if share >= _HIGH_SHARE)
             if len(names) > 1:
                 out.append((float(self.condition_index[i]), names))
         return tuple(out)
@@ -197,7 +198,8 @@ def _directions(unit: Reals) -> tuple[Reals, Reals]:
 # Collinearity, information and subset selection in sentences.
 
 
-_MOST = 5
+_MOST_NAMED = 5
+"""Pairs and dependences that are named."""
 
 
 def measure_sentences(alike: Collinearity, information: Information, subset: Subset) -> list[str]:
@@ -248,7 +250,7 @@ def _chance(p: float) -> str:
 def _of_pairs(alike: Collinearity) -> list[str]:
     return [
         f"{a} and {b} have nearly the same effect (cosine {c:+.3f}): tie them, or leave one out."
-        for a, b, c in alike.pairs[:_MOST]
+        for a, b, c in alike.pairs[:_MOST_NAMED]
     ]
 
 
@@ -257,7 +259,7 @@ def _of_dependences(alike: Collinearity) -> list[str]:
     listed_pairs = {frozenset((a, b)) for a, b, _ in alike.pairs}
     return [
         f"The effects of {_few(names)} are nearly linearly dependent (condition index {index:.0f})."
-        for index, names in alike.dependences[:_MOST]
+        for index, names in alike.dependences[:_MOST_NAMED]
         if frozenset(names) not in listed_pairs
     ]
 

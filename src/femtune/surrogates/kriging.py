@@ -31,11 +31,15 @@ _JITTER = 1e-10
 _LENGTHS = (0.05, 50.0)
 """Range of the lengths, in edges of the box."""
 _MOST_NOISE = 10.0
+"""Largest variance of the noise over that of the process: the runs then say nothing beyond the trend."""
 _FIRST_LENGTH = 2.0
+"""Correlation length of the first start, in edges of the box: responses of models are smooth across it."""
 _FIRST_NOISE = 1e-4
+"""Relative variance of the noise of the first start: computed responses have little."""
 _TRIED = 8
 """Points at which the likelihood is computed for each hyperparameter, before the best are improved."""
 _MOST_STEPS = 100
+"""Steps of L-BFGS-B from each start at most; the best of several starts is taken."""
 
 
 @dataclass(frozen=True)

@@ -215,7 +215,7 @@ steps for few rejected ones."""
 _LEAST_ACCELERATION = 0.02
 """Second-order part relative to the step, below which it is not worth a solution."""
 _MOST_ACCELERATION = 0.75
-"""The same, above which the expansion is not trusted: the limit of Transtrum and Sethna (2012)."""
+"""The same, above which the second-order expansion is not trusted (after Transtrum and Sethna 2012)."""
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,16 @@ from femtune.validation.criteria import (
     not_tested,
 )
 
-_PROMINENCE_DB, _DEPTH_DB = 10.0, 60.0
-"""A resonance stands out of its surroundings by this much, and is this much below the highest one at most."""
+_PROMINENCE_DB = 10.0
+"""Level by which a resonance stands out of its surroundings."""
+_DEPTH_DB = 60.0
+"""Level below the highest resonance down to which others count: a thousandth of its amplitude."""
 _FAR = 0.20
 """Resonances of test and model that differ by more are not the same."""
 _FEWEST_OUTPUTS = 3
+"""Outputs without which a correlation of response vectors is high by chance."""
 _SILENT = 1e-10
+"""Largest value of a function of the model relative to that of all, at or below which it is rounding of zero."""
 
 
 @dataclass(frozen=True)

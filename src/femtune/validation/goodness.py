@@ -59,8 +59,10 @@ class Finding(Enum):
         return self in (Finding.LARGE, Finding.LARGE_SYSTEMATIC)
 
 
-_FEWEST_RUNS = 10
+_FEWEST_SIGNS = 10
+"""Residuals for a test of the sequence of their signs; fewer hardly ever reject."""
 _RANK = 1e-10
+"""Singular value of scaled columns relative to the largest, at or below which they are dependent."""
 
 
 @dataclass(frozen=True)
@@ -265,7 +267,7 @@ def _by_kind(blocks: Sequence[ResidualBlock], optimum: bool) -> Iterator[tuple[s
 
 def _runs(rest: Reals) -> tuple[int | None, float | None]:
     signs = np.sign(rest[rest != 0.0])
-    if len(signs) < _FEWEST_RUNS:
+    if len(signs) < _FEWEST_SIGNS:
         return None, None
     runs = 1 + int(np.count_nonzero(np.diff(signs)))
     positive = int(np.count_nonzero(signs > 0))

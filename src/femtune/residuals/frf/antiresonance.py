@@ -34,7 +34,6 @@ from femtune.residuals.weights import ResidualBlock
 
 _TELLING = 3
 """Sensors from which on the motion at an antiresonance says which one it is."""
-_BEYOND = 1e6
 
 
 @dataclass(frozen=True)
@@ -106,8 +105,10 @@ def _mac(test: NDArray, model: Reals) -> float:
 
 ZeroSd = float | Literal["test"]
 
-_LEAST = 1e-7
+_LEAST_SD = 1e-7
+"""Relative standard deviation of an identified antiresonance at least; data without noise give zero."""
 _REACH = 1.5
+"""Factor on the highest measured antiresonance up to which zeros of the model are candidates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +187,7 @@ class AntiresonanceResidual(Residual):
             yield self.block(self.configuration, test.label, *pair, sd)
 
     def _sd(self, test: Antiresonance) -> float:
-        return max(test.sd_hz / test.freq_hz, _LEAST) if self.sd == "test" else float(self.sd)
+        return max(test.sd_hz / test.freq_hz, _LEAST_SD) if self.sd == "test" else float(self.sd)
 
     def _lost(self, test: Antiresonance) -> FemtuneError:
         return FemtuneError("residual.antiresonance-lost", configuration=self.configuration, antiresonance=test.label)

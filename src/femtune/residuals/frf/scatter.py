@@ -19,6 +19,7 @@ from femtune.modal import FrfSet
 ABOVE_NOISE = 3.0
 """Logarithms are taken of values above so many standard deviations of the noise floor."""
 _WELL_ABOVE = 10.0
+"""Level over the noise above which a single value is known to 10 %, and needs no mean with its neighbours."""
 _TRANSLATIONS = ("X", "Y", "Z")
 
 
