@@ -235,11 +235,11 @@ def _inaccurate(mass: ReducedMass, modes: Sequence[int]) -> NotTested | None:
     off = [f"{mass.labels[i]} ({100 * e:+.1f} %)" for i, e in errors.items() if abs(e) > REDUCTION_TOLERANCE]
     misses = f"the frequency error of the reduced model exceeds {100 * REDUCTION_TOLERANCE:.0f} % for mode "
     shapes = f"the reduced model has no mode with the shape of mode {', '.join(lost)}"
-    found = ([misses + ", ".join(off)] if off else []) + ([shapes] if lost else [])
-    if not found:
+    reasons = ([misses + ", ".join(off)] if off else []) + ([shapes] if lost else [])
+    if not reasons:
         return None
     needed = "more sensors are needed at points where these modes have large displacements"
-    return NotTested(f"{', and '.join(found)}; {needed}")
+    return NotTested(f"{', and '.join(reasons)}; {needed}")
 
 
 def _noise(test: ModeSet, pairing: Pairing) -> tuple[NoiseShare, ...] | NotTested:

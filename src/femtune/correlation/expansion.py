@@ -300,14 +300,14 @@ def expand_shapes(
         if not np.nan_to_num(psi).any():
             continue
         for name in dict.fromkeys((method, *compare)):
-            found = _at(name, solution, sensors, float(freq), basis, noise)
-            if found is None:
+            expansion = _at(name, solution, sensors, float(freq), basis, noise)
+            if expansion is None:
                 continue
             if name in errors:
-                errors[name][j] = held_out_error(found, psi, groups)
+                errors[name][j] = held_out_error(expansion, psi, groups)
             if name == method:
-                shapes[:, j] = found.shape(psi)
-                gap = found.predicted(psi) - psi
+                shapes[:, j] = expansion.shape(psi)
+                gap = expansion.predicted(psi) - psi
                 misfit[j] = np.sqrt(np.nansum(gap**2) / np.nansum(psi**2)) if np.isfinite(shapes[0, j]) else np.nan
     return ExpandedShapes(method, shapes, misfit, errors, len(groups), tuple(basis))
 

@@ -220,11 +220,11 @@ def map_sensors(
     nowhere: list[Sensor] = []
     for sensor in sensors:
         with errors.catch():
-            found = _place(sensor, request)
-            if found is None:
+            placement = _place(sensor, request)
+            if placement is None:
                 nowhere.append(sensor)
             else:
-                unmatched.append(found) if isinstance(found, Unmatched) else placed.append(found)
+                unmatched.append(placement) if isinstance(placement, Unmatched) else placed.append(placement)
     if nowhere:
         errors.errors.append(_no_position(nowhere, same_place, request))
     if unmatched and not leave_unmatched:
@@ -412,11 +412,11 @@ def _build(
 def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> tuple[Notice, ...]:
     """One notice of the first sensor with several equally near nodes, with the number of the others."""
     place = {(s.label.node, s.label.direction): s.position for s in sensors}
-    found: dict[int, Near] = {}
+    ties_of_nodes: dict[int, Near] = {}
     for match in matches:
-        if match.how == "nearest" and match.label.node not in found:
-            found[match.label.node] = request.search.near(place[match.label.node, match.label.direction])
-    ties = [(test_node, near) for test_node, near in found.items() if near.others]
+        if match.how == "nearest" and match.label.node not in ties_of_nodes:
+            ties_of_nodes[match.label.node] = request.search.near(place[match.label.node, match.label.direction])
+    ties = [(test_node, near) for test_node, near in ties_of_nodes.items() if near.others]
     if not ties:
         return ()
     test_node, near = ties[0]

@@ -133,7 +133,7 @@ def _spread_is_small(values: Reals, tolerance: float) -> bool:
 
 
 def by_differential_evolution(counted: _Counted, factors: int, rules: SearchRules) -> bool:
-    found = differential_evolution(
+    minimum = differential_evolution(
         lambda x: counted(x.T if x.ndim == 2 else x[None]),
         [(0.0, 1.0)] * factors,
         popsize=max(1, round(rules.population / factors)),
@@ -145,7 +145,7 @@ def by_differential_evolution(counted: _Counted, factors: int, rules: SearchRule
         vectorized=True,
         updating="deferred",
     )
-    return bool(found.success)
+    return bool(minimum.success)
 
 
 def by_genetic_algorithm(counted: _Counted, factors: int, rules: SearchRules) -> bool:

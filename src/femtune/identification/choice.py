@@ -50,22 +50,22 @@ def possible(table: PoleTable, limits: Limits) -> Flags:
 
 def stable(table: PoleTable, limits: Limits) -> Flags:
     """(p,) true for possible poles that the next lower order of their method has too."""
-    found = np.zeros(len(table), bool)
+    is_stable = np.zeros(len(table), bool)
     may = possible(table, limits)
     for now, before in _neighbouring_orders(table):
         here, there = now[may[now]], before[may[before]]
         if len(here) and len(there):
-            found[here] = _matches(table, here, there, limits).any(axis=1)
-    return found
+            is_stable[here] = _matches(table, here, there, limits).any(axis=1)
+    return is_stable
 
 
 def _neighbouring_orders(table: PoleTable) -> Iterator[tuple[NDArray, NDArray]]:
     methods = np.array(table.method)
     for method in dict.fromkeys(table.method):
-        own = np.flatnonzero(methods == method)
-        orders = np.unique(table.order[own])
+        of_method = np.flatnonzero(methods == method)
+        orders = np.unique(table.order[of_method])
         for low, high in pairwise(orders):
-            yield own[table.order[own] == high], own[table.order[own] == low]
+            yield of_method[table.order[of_method] == high], of_method[table.order[of_method] == low]
 
 
 def _matches(table: PoleTable, here: NDArray, there: NDArray, limits: Limits) -> Flags:

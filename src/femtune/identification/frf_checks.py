@@ -100,7 +100,7 @@ def power_in(frfs: FrfSet, point: DrivingPoint, kind: str | None = None) -> floa
 def reciprocity(frfs: FrfSet) -> tuple[Reciprocity, ...]:
     """Every pair of DOFs that are both responses and references."""
     points = driving_points(frfs)
-    found = []
+    pairs = []
     for a, p in enumerate(points):
         for q in points[a + 1 :]:
             one = frfs.values[p.response, q.reference] * p.sign
@@ -111,8 +111,8 @@ def reciprocity(frfs: FrfSet) -> tuple[Reciprocity, ...]:
             own = [np.linalg.norm(np.nan_to_num(frfs.values[r.response, r.reference])[known]) for r in (p, q)]
             coupling = float(0.5 * size / np.sqrt(own[0] * own[1])) if all(own) else float("inf")
             first, second = (str(frfs.references[r.reference]) for r in (p, q))
-            found.append(Reciprocity(first, second, gap, coupling))
-    return tuple(found)
+            pairs.append(Reciprocity(first, second, gap, coupling))
+    return tuple(pairs)
 
 
 def apparent_mass(frfs: FrfSet, to_hz: float) -> Reals:
@@ -137,14 +137,14 @@ def check_mass(frfs: FrfSet, mass: float, to_hz: float) -> tuple[Notice, ...]:
     ----------
     mass : that of the structure, where the driving points act through its centre of mass; else a lower one shows
     """
-    found = []
+    masses = []
     for dof, seen in zip(frfs.references, apparent_mass(frfs, to_hz)):
         ratio = mass / seen if seen else np.inf
         if np.isfinite(seen) and not 0.5 < ratio < 5.0 / 3.0:
             near = [w for w, f in KNOWN_FACTORS.items() for r in (f, 1 / f) if abs(np.log(abs(ratio) * r)) < 0.2]
             guess = f"; the cause may be {' or '.join(near)}" if near else ""
-            found.append(Notice("frf.mass-line", to_hz=to_hz, dof=dof, apparent_mass=seen, mass=mass, guess=guess))
-    return tuple(found)
+            masses.append(Notice("frf.mass-line", to_hz=to_hz, dof=dof, apparent_mass=seen, mass=mass, guess=guess))
+    return tuple(masses)
 
 
 def exchanged(frfs: FrfSet, other: FrfSet, margin: float = 0.1) -> tuple[Notice, ...]:
@@ -164,13 +164,13 @@ def exchanged(frfs: FrfSet, other: FrfSet, margin: float = 0.1) -> tuple[Notice,
     inner = _unit(a) @ _unit(b).conj().T
     rows, columns = linear_sum_assignment(-np.abs(inner))
     labels = frfs.responses.labels()
-    found = []
+    exchanges = []
     for i, j in zip(rows, columns):
         if i != j and abs(inner[i, j]) > abs(inner[i, i]) + margin:
-            found.append(Notice("frf.exchanged", label=labels[i], measured_at=labels[j]))
+            exchanges.append(Notice("frf.exchanged", label=labels[i], measured_at=labels[j]))
         if abs(inner[i, j]) > 0.5 and inner[i, j].real < -0.5 * abs(inner[i, j]):
-            found.append(Notice("frf.inverted", label=labels[i]))
-    return tuple(found)
+            exchanges.append(Notice("frf.inverted", label=labels[i]))
+    return tuple(exchanges)
 
 
 def compare_levels(levels: Sequence[FrfSet], sd: Sequence[Reals] | None = None) -> Levels:
@@ -227,8 +227,8 @@ def _dead(frfs: FrfSet) -> Iterator[Notice]:
 def _driving(frfs: FrfSet) -> Iterator[Notice]:
     for p in driving_points(frfs):
         shares = {kind: power_in(frfs, p, kind) for kind in KINDS}
-        own, label = shares[frfs.kind], frfs.references[p.reference]
-        if own >= POWER_IN or not np.isfinite(own):
+        expected_share, label = shares[frfs.kind], frfs.references[p.reference]
+        if expected_share >= POWER_IN or not np.isfinite(expected_share):
             continue
         better = [kind for kind, share in shares.items() if share >= POWER_IN]
         opposite = KINDS[2 - KINDS.index(frfs.kind)]
@@ -238,7 +238,7 @@ def _driving(frfs: FrfSet) -> Iterator[Notice]:
         elif better:
             yield Notice("frf.kind-contradicts", label=label, better=" or ".join(better), kind=frfs.kind)
         else:
-            yield Notice("frf.driving-point", label=label, share=own)
+            yield Notice("frf.driving-point", label=label, share=expected_share)
 
 
 def _not_reciprocal(frfs: FrfSet) -> Iterator[Notice]:

@@ -171,17 +171,17 @@ def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: In
 
 def _ends(fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:
     """How the iterations ended, and candidates that came near to being modes."""
-    found = [Notice("identify.no-noise")] if without_noise(fit) else []
+    remarks = [Notice("identify.no-noise")] if without_noise(fit) else []
     if not fit.converged:
-        found.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
+        remarks.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
     if fit.outside.any():
         freq = freq_and_damping(fit.poles[fit.outside])[0]
         names = " and ".join(f"{f:.4g} Hz" for f in freq)
-        found.append(Notice("identify.near-band", level="info", count=len(freq), frequencies=names))
+        remarks.append(Notice("identify.near-band", level="info", count=len(freq), frequencies=names))
     if not system.converged:
-        found.append(Notice("identify.system-not-converged", steps=system.steps, gradient=system.gradient))
+        remarks.append(Notice("identify.system-not-converged", steps=system.steps, gradient=system.gradient))
     near = [c for c in candidates if not c.chosen and max(c.share.values()) >= 0.25 and "same mode" not in c.reason]
     if near:
         names = ", ".join(f"{c.freq_hz:.4g} Hz ({c.reason})" for c in near[:5])
-        found.append(Notice("identify.near-miss", level="info", names=names))
-    return tuple(found)
+        remarks.append(Notice("identify.near-miss", level="info", names=names))
+    return tuple(remarks)

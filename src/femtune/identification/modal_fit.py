@@ -102,11 +102,11 @@ def fit_modes(
     kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
     problem = _Problem(used, kept, terms)
     outside = np.arange(len(poles)) >= len(poles) - len(neighbours)
-    found, now, steps, converged = _iterate(problem, poles, most_steps)
-    order = np.argsort(np.abs(found))
+    fitted_poles, now, steps, converged = _iterate(problem, poles, most_steps)
+    order = np.argsort(np.abs(fitted_poles))
     if (np.diff(order) < 0).any():
-        found, now, outside = found[order], problem.solve(found[order]), outside[order]
-    return _as_fit(problem, found, now, steps, converged, outside)
+        fitted_poles, now, outside = fitted_poles[order], problem.solve(fitted_poles[order]), outside[order]
+    return _as_fit(problem, fitted_poles, now, steps, converged, outside)
 
 
 def deviance_at(frfs: FrfSet, poles: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> float:

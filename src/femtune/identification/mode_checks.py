@@ -49,7 +49,7 @@ def damping_remarks(
     """
     if damping_ratio is None:
         return ()
-    found = []
+    remarks = []
     for i, (hz, ratio) in enumerate(zip(freq_hz, damping_ratio)):
         error = 0.0 if sd is None else float(sd[i])
         if ratio > LARGE_DAMPING:
@@ -60,8 +60,8 @@ def damping_remarks(
             notice = Notice("identify.damping/not-above-zero", frequency_hz=float(hz), ratio=float(ratio), sd=error)
         else:
             continue
-        found.append(ModeRemark(i, notice))
-    return tuple(found)
+        remarks.append(ModeRemark(i, notice))
+    return tuple(remarks)
 
 
 def collinearity_remarks(

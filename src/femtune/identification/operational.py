@@ -179,11 +179,11 @@ def by_decomposition(record: TimeSeries, asked: Operational) -> OperationalModes
 def by_steady_phases(record: TimeSeries, asked: Operational) -> OperationalModes:
     """TFIE; no damping."""
     record = prepared(record, asked)
-    found = phase_scatter(record.values, record.even_hz, segment_of(record, asked))
-    at = steady_lines(found, asked.band_hz)
-    modes = [mode_at(found, line) for line in at]
+    scatter = phase_scatter(record.values, record.even_hz, segment_of(record, asked))
+    at = steady_lines(scatter, asked.band_hz)
+    modes = [mode_at(scatter, line) for line in at]
     freq = np.array([f for f, _ in modes])
-    return _of_lines(record, "TFIE", found.freq_hz[at], [s for _, s in modes], freq, None)
+    return _of_lines(record, "TFIE", scatter.freq_hz[at], [s for _, s in modes], freq, None)
 
 
 def segment_of(record: TimeSeries, asked: Operational) -> int:
@@ -205,10 +205,10 @@ def _of_orders(
 ) -> OperationalModes:
     """Modes out of the poles of all orders."""
     orders = range(2, min(asked.largest_order, seen.matrix.shape[1]) + 1, 2)
-    found, derivatives = list(seen.poles(orders)), derivatives_of(record.channels)
-    shapes = [in_one_quantity(p.shapes, p.poles, derivatives) for p in found]
+    poles_of_orders, derivatives = list(seen.poles(orders)), derivatives_of(record.channels)
+    shapes = [in_one_quantity(p.shapes, p.poles, derivatives) for p in poles_of_orders]
     dofs = DofSet(c.dof for c in record.channels)
-    table = table_of([p.poles for p in found], shapes, list(orders), method, dofs)
+    table = table_of([p.poles for p in poles_of_orders], shapes, list(orders), method, dofs)
     candidates = choose(table, replace(asked.limits, band_hz=asked.band_hz), asked.rule)
     nothing = ModeSet(np.zeros(0), np.zeros((0, 0)), DofSet(()))
     made = OperationalModes(method, nothing, np.zeros((0, 0), complex), table, candidates, model, derivatives)

@@ -97,11 +97,11 @@ def _spikes(record: TimeSeries) -> NDArray[np.bool_]:
 
     Not of inputs: a short impact of a hammer is such a sample.
     """
-    found = np.zeros(record.values.shape, bool)
+    at_spike = np.zeros(record.values.shape, bool)
     for i, row in enumerate(_filled(record)):
         if record.channels[i].role != "input" and len(row) > 2 * SPIKE_SURROUNDINGS:
-            found[i] = _spikes_of(row)
-    return found
+            at_spike[i] = _spikes_of(row)
+    return at_spike
 
 
 def _spikes_of(row: Reals) -> NDArray[np.bool_]:
@@ -170,14 +170,14 @@ def _clipped(values: Reals) -> NDArray[np.bool_]:
     Several runs of three or more: a wave has one such sample, coarse steps a few. Or single samples, where the signal
     is fast, that are far more than those of the values next to the extreme.
     """
-    found = []
+    clipped = []
     for row in values:
         levels, counts = np.unique(row, return_counts=True)
         ends = [
             (levels[-1], counts[-1], counts[-1 - NEXT_LEVELS : -1]),
             (levels[0], counts[0], counts[1 : 1 + NEXT_LEVELS]),
         ]
-        found.append(
+        clipped.append(
             len(levels) > 16
             and any(
                 _runs(row == extreme) >= CLIPPED_RUNS
@@ -186,7 +186,7 @@ def _clipped(values: Reals) -> NDArray[np.bool_]:
                 if extreme != 0.0
             )
         )
-    return np.array(found)
+    return np.array(clipped)
 
 
 def _runs(at: NDArray[np.bool_]) -> int:

@@ -85,13 +85,13 @@ def _merged(shapes: NDArray, mode: int, setups: Sequence[ModeSet]) -> NDArray:
     known = np.isfinite(shapes)
     shared = known & (known.sum(axis=0) > 1)
     filled = np.where(known, shapes, 0.0)
-    own = np.where(shared, filled, 0.0)
-    size, whole = np.linalg.norm(own, axis=1), np.linalg.norm(filled, axis=1)
+    filled_shared = np.where(shared, filled, 0.0)
+    size, whole = np.linalg.norm(filled_shared, axis=1), np.linalg.norm(filled, axis=1)
     if (still := np.flatnonzero(size <= 1e-6 * whole)).size and len(setups) > 1:
         raise FemtuneError(
             "identify.setups/no-motion-at-references", mode=setups[0].labels[mode], number=int(still[0]) + 1
         )
-    unit = own / np.where(size > 0.0, size, 1.0)[:, None]
+    unit = filled_shared / np.where(size > 0.0, size, 1.0)[:, None]
     matrix = np.eye(len(setups)) - (unit.conj() / np.maximum(known.sum(axis=0), 1)) @ unit.T
     if len(setups) == 1:
         return np.asarray(filled[0])

@@ -163,13 +163,13 @@ class CalibrationObjective:
             F = F + np.einsum("tkl,t->kl", sums.A - np.einsum("tqk,tql->tkl", sums.B, slope), cluster.noise**-2.0)
             gains.append((cluster, np.asarray(np.linalg.inv(C)), np.asarray(slope)))
         k = len(F)
-        found = np.empty(len(point.clusters[0].shapes))
+        values = np.empty(len(point.clusters[0].shapes))
         rows = max(1, _CELLS // (k * k + k * sum(c.slopes[0].size // k for c in point.clusters)))
-        for first in range(0, len(found), rows):
+        for first in range(0, len(values), rows):
             some = slice(first, first + rows)
             more = np.asarray(sum(_gain(c.select(some), inverse, slope) for c, inverse, slope in gains))
-            found[some] = score(F + more, self._criterion)
-        return found
+            values[some] = score(F + more, self._criterion)
+        return values
 
 
 def score(with_prior: Reals, criterion: Criterion) -> Reals:

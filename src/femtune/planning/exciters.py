@@ -90,7 +90,7 @@ def mode_indicator(freq_hz: Reals, eigenvalues: Reals, damping_ratio: float, out
     eigenvalues : (n,) λ of the modes in rad²/s²
     outputs, inputs : (o, n) and (i, n) mass-normalised shapes
     """
-    found = []
+    indicators = []
     for omega in 2.0 * np.pi * np.asarray(freq_hz):
         poles = eigenvalues - omega**2 + 2j * damping_ratio * np.sqrt(np.maximum(eigenvalues, 0.0)) * omega
         H = (outputs / poles) @ inputs.T
@@ -99,5 +99,5 @@ def mode_indicator(freq_hz: Reals, eigenvalues: Reals, damping_ratio: float, out
         scale = 1.0 / np.sqrt(np.maximum(np.diag(total), _TINY))
         regular = total * np.outer(scale, scale) + 1e-12 * np.eye(len(total))
         values = la.eigh(A * np.outer(scale, scale), regular, eigvals_only=True)
-        found.append(float(np.clip(values[0], 0.0, 1.0)))
-    return np.array(found)
+        indicators.append(float(np.clip(values[0], 0.0, 1.0)))
+    return np.array(indicators)

@@ -208,11 +208,13 @@ class ShapeResidual(PairResidual):
         weights.check_size(count, f"the sensors of mode {pair.label}")
         weights = self._with_placement(pair, weights, test)
         errors, slopes, kept = scaled_difference(pair.shape[at], pair.shape_gradient[at], test, self.scaling)
-        own = weights.of(which[kept])
-        values, slopes = own.whiten(errors, slopes)
+        weights_of_pair = weights.of(which[kept])
+        values, slopes = weights_of_pair.whiten(errors, slopes)
         lost = pair.turned + (self.scaling in _FROM_THE_SHAPE)
-        covariance = self._covariance(test, weights, which, own)
-        block = self.block(pair.case.name, pair.label, values, slopes, own.scale, lost=lost, covariance=covariance)
+        covariance = self._covariance(test, weights, which, weights_of_pair)
+        block = self.block(
+            pair.case.name, pair.label, values, slopes, weights_of_pair.scale, lost=lost, covariance=covariance
+        )
         return block.whitened() if self.weights == "test" else block
 
     def _given(self, test: Reals) -> Weights:

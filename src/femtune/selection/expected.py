@@ -71,7 +71,7 @@ class ExpectedKnowledge:
     def groups(self) -> tuple[tuple[str, ...], ...]:
         """Parameters that are correlated by more than TOGETHER with another one of their group."""
         near = np.abs(self.correlation) >= TOGETHER
-        left, found = list(range(len(self.names))), []
+        left, grouped = list(range(len(self.names))), []
         while left:
             group, ahead = {left[0]}, [left[0]]
             while ahead:
@@ -80,8 +80,8 @@ class ExpectedKnowledge:
                 ahead += sorted(new)
             left = [j for j in left if j not in group]
             if len(group) > 1:
-                found.append(tuple(self.names[j] for j in sorted(group)))
-        return tuple(found)
+                grouped.append(tuple(self.names[j] for j in sorted(group)))
+        return tuple(grouped)
 
     @property
     def open(self) -> tuple[tuple[str, ...], ...]:
@@ -181,14 +181,14 @@ def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:
     rows, left = np.split(S, ends[1:-1]), np.split(at.residuals, ends[1:-1])
     identified = [b.samples is not None and b.samples.identified is not None for b in at.weighted]
     mine = [i for i, is_so in enumerate(identified) if is_so]
-    own = np.concatenate([rows[i] for i in mine])
+    jacobian_rows = np.concatenate([rows[i] for i in mine])
     # an orthonormal basis of what the parameters can do to these residuals
-    basis = np.linalg.qr(own @ directions.T)[0]
+    basis = np.linalg.qr(jacobian_rows @ directions.T)[0]
     sums, squares = np.zeros((_NOISE_DRAWS, S.shape[1])), np.zeros(_NOISE_DRAWS)
     for i in range(_NOISE_DRAWS):
         changes = drawn_changes(at.weighted, "noise", np.random.default_rng(i))
         found = np.concatenate([change for change in changes if change is not None])
-        sums[i] = found @ own
+        sums[i] = found @ jacobian_rows
         squares[i] = _square_outside(found, basis)
     others = sum((rows[i].T @ rows[i] for i, is_so in enumerate(identified) if not is_so), np.zeros((S.shape[1],) * 2))
     square = _square_outside(np.concatenate([left[i] for i in mine]), basis)

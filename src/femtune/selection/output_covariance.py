@@ -72,16 +72,16 @@ class CosineDistances:
     def sentences(self) -> tuple[str, ...]:
         """The verdict, and what it does not cover."""
         which = ", ".join(self.scatters) or "none"
-        found = f"The output covariance has rank {self.rank}; these parameters explain it: {which}."
+        sentence = f"The output covariance has rank {self.rank}; these parameters explain it: {which}."
         if not self.clear:
-            found = (
+            sentence = (
                 f"The output covariance does not clearly identify a set of these parameters; the nearest are {which}. "
                 "A parameter that varies is not among the candidates, or the variations are too large for "
                 "first-order sensitivities."
             )
         blind = [n for n, yes in zip(self.names, self.insensitive) if yes]
         return (
-            found,
+            sentence,
             *([f"No output depends on {', '.join(blind)}; the data give no information on them."] if blind else []),
         )
 
@@ -115,11 +115,11 @@ def cosine_distances(
     blind = np.where(values == 0.0, size == 0.0, size <= _INSENSITIVE * size[values != 0.0].max(initial=0.0))
     if blind.all():
         raise FemtuneError("select.covariance/no-effect", values={"parameters": ", ".join(names)})
-    unit, own = S / np.where(blind, 1.0, size), np.flatnonzero(~blind)
-    tried = [_at_rank(C, unit[:, own], r) for r in (_possible(C, own) if rank is None else [rank])]
+    unit, sensitive = S / np.where(blind, 1.0, size), np.flatnonzero(~blind)
+    tried = [_at_rank(C, unit[:, sensitive], r) for r in (_possible(C, sensitive) if rank is None else [rank])]
     best = min(tried, key=lambda t: t.margin * max(t.unexplained, _ROUNDING))
     distance = np.zeros(len(names))
-    distance[own] = best.distance
+    distance[sensitive] = best.distance
     eigenvalues = np.maximum(np.linalg.eigvalsh(C)[::-1], 0.0)
     return CosineDistances(
         names, distance, blind, best.rank, best.threshold, best.margin, best.unexplained, eigenvalues

@@ -108,11 +108,11 @@ class ChaosResponse:
     def curvatures(self, u: Reals) -> Reals:
         """(k, n, n) second derivatives."""
         product, n = _Product(self.degrees), u.shape[1]
-        found = np.empty((len(u), n, n), dtype=u.dtype)
+        curvatures = np.empty((len(u), n, n), dtype=u.dtype)
         for i, j in combinations_with_replacement(range(n), 2):
             orders = tuple(np.eye(n, dtype=int)[i] + np.eye(n, dtype=int)[j])
-            found[:, i, j] = found[:, j, i] = product.value(u, orders) @ self.coefficients
-        return found
+            curvatures[:, i, j] = curvatures[:, j, i] = product.value(u, orders) @ self.coefficients
+        return curvatures
 
     def spread(self, u: Reals) -> Reals:
         """(k,) standard deviation of a run: what the terms do not explain, and that of the coefficients."""
@@ -187,10 +187,10 @@ class _Product:
     def value(self, u: Reals, orders: tuple[int, ...] | None = None) -> Reals:
         """(k, t) products at points (k, n), or their partial derivatives of these orders."""
         highest = int(self.degrees.max(initial=0))
-        found = np.ones((len(u), len(self.degrees)), dtype=u.dtype)
+        product = np.ones((len(u), len(self.degrees)), dtype=u.dtype)
         for i, x in enumerate(u.T):
-            found = found * _polynomials(x, highest, 0 if orders is None else int(orders[i]))[:, self.degrees[:, i]]
-        return found
+            product = product * _polynomials(x, highest, 0 if orders is None else int(orders[i]))[:, self.degrees[:, i]]
+        return product
 
 
 def _polynomials(x: Reals, highest: int, order: int) -> Reals:

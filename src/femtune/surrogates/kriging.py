@@ -142,10 +142,10 @@ class KrigedResponse:
         process = self._process
         near = np.zeros((len(u), len(self.runs))) if process is None else process.each(u)
         across = solve_triangular(self.factor, near.T, lower=True)
-        own = 0.0 if process is None else 1.0
+        process_variance = 0.0 if process is None else 1.0
         F = solve_triangular(self.factor, terms(self.runs, self.rules.trend), lower=True)
         added = solve_triangular(self.trend_factor, trend.T - F.T @ across, trans="T")
-        variance = own + self.noise - np.sum(across**2, axis=0) + np.sum(added**2, axis=0)
+        variance = process_variance + self.noise - np.sum(across**2, axis=0) + np.sum(added**2, axis=0)
         return np.asarray(np.sqrt(self.variance * np.maximum(variance, 0.0)))
 
     def again(self, u: Reals, y: Reals) -> KrigedResponse:

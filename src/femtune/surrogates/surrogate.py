@@ -113,10 +113,10 @@ class Surrogate:
         x = np.atleast_2d(x)
         u = self._unit(x)
         slopes = np.stack([fit.slopes(u) for fit in self.fits], axis=1)
-        found = self.scale[:, None] * slopes / (self._edges[1] - self._edges[0])
+        gradient = self.scale[:, None] * slopes / (self._edges[1] - self._edges[0])
         if self.rules.logarithms:
-            found = found * self.predict(x)[:, :, None] / x[:, None, :]
-        return np.asarray(found)
+            gradient = gradient * self.predict(x)[:, :, None] / x[:, None, :]
+        return np.asarray(gradient)
 
     @property
     def left_out(self) -> Reals:

@@ -133,11 +133,11 @@ def drawn_groups(blocks: Sequence[ResidualBlock], method: Drawing) -> Drawn:
     keys = [key for i, b in enumerate(blocks) for key in _keys(i, b, method)]
     known = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     cases = {name: i for i, name in enumerate(dict.fromkeys(b.configuration for b in blocks))}
-    found = Drawn(np.array([known[k] for k in keys], np.int64), np.array([cases[str(k[0])] for k in known], np.int64))
+    drawn = Drawn(np.array([known[k] for k in keys], np.int64), np.array([cases[str(k[0])] for k in known], np.int64))
     for name, i in cases.items():
-        if (lines := int(np.sum(found.stratum == i))) < _FEWEST_LINES:
+        if (lines := int(np.sum(drawn.stratum == i))) < _FEWEST_LINES:
             raise FemtuneError("bootstrap.few-lines", configuration=name, lines=lines)
-    return found
+    return drawn
 
 
 def _keys(number: int, block: ResidualBlock, method: Drawing) -> list[tuple[object, ...]]:
@@ -364,10 +364,10 @@ class _Walk:
         for halving in range(_HALVINGS if self.own else 1):
             x = self.at.x + 0.5**halving * d
             self.solutions += 1
-            found = self.of.problem.follow(x, self.of.at, self.own)
-            if not self.own or self._objective(found) <= before * (1.0 + 1e-12):
+            evaluation = self.of.problem.follow(x, self.of.at, self.own)
+            if not self.own or self._objective(evaluation) <= before * (1.0 + 1e-12):
                 break
-        self.at = found
+        self.at = evaluation
 
     def _values(self, at: Evaluation) -> Reals:
         return np.asarray(self.root * (at.residuals + self.added))
@@ -476,12 +476,12 @@ class BootstrapResult:
         """Largest difference of runs with shared and with own derivatives, in standard deviations; None: no check."""
         sd = np.sqrt(np.diag(self.linear_covariance))
         some = sd > 0.0
-        found = [
+        differences = [
             float(np.abs((a.x - b.x)[some] / sd[some]).max(initial=0.0))
             for a, b in zip(self.runs, self.check)
             if a.converged and b.converged
         ]
-        return max(found) if found else None
+        return max(differences) if differences else None
 
     def interval(self, values: Reals, level: float = 0.95) -> tuple[float, float]:
         """Equal-tailed percentiles of values (runs,), for a level that allows for the number of lines.
@@ -616,14 +616,14 @@ def _trouble(found: BootstrapResult) -> list[str]:
 
 def bootstrap_result(work: Bootstrap, runs: Sequence[BootstrapRun], check: Sequence[BootstrapRun]) -> BootstrapResult:
     """The statistics of runs (error ``bootstrap.no-runs`` where fewer than three converged)."""
-    found = BootstrapResult(
+    result = BootstrapResult(
         work.problem.parameters, work.rules, work.at.x, work.moving, tuple(runs), tuple(check), work.groups,
         work.linear_covariance, work.fisher_covariance, bool(work.identified),
     )  # fmt: skip
-    if len(found.samples) < _FEWEST_LINES:
+    if len(result.samples) < _FEWEST_LINES:
         reason = next((r.problem for r in runs if r.problem), "the steps did not become small")
-        raise FemtuneError("bootstrap.no-runs", converged=len(found.samples), runs=len(runs), reason=reason)
-    return found
+        raise FemtuneError("bootstrap.no-runs", converged=len(result.samples), runs=len(runs), reason=reason)
+    return result
 
 
 def bootstrap_of(
@@ -652,7 +652,7 @@ def bootstrap_of(
         side = replace(side, matrix=side.matrix[:0], target=side.target[:0], renewed=None)
     problem = problem.to_send()
     at = problem.unsolved(at)
-    found = Bootstrap(problem, at, side, moving, rules, misfit if problem.scatter == "estimated" else 1.0)
-    assert found.groups
-    found.check_determined()
-    return found
+    bootstrap = Bootstrap(problem, at, side, moving, rules, misfit if problem.scatter == "estimated" else 1.0)
+    assert bootstrap.groups
+    bootstrap.check_determined()
+    return bootstrap

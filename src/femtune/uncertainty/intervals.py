@@ -128,15 +128,15 @@ def _chain(
     counted: Counted, lower: Reals, upper: Reals, start: _Point, j: int, side: float, signs: Reals,
     tried: set[tuple[bool, ...]],
 ) -> list[_Point]:  # fmt: skip
-    found: list[_Point] = []
+    chain: list[_Point] = []
     for _ in range(len(lower)):
-        slopes = np.where(signs != 0.0, signs, (found[-1] if found else start).slopes[j])
+        slopes = np.where(signs != 0.0, signs, (chain[-1] if chain else start).slopes[j])
         up = side * slopes < 0.0
         if tuple(up.tolist()) in tried:
             break
         tried.add(tuple(up.tolist()))
-        found.append(_at(counted, np.where(up, upper, lower)))
-    return found
+        chain.append(_at(counted, np.where(up, upper, lower)))
+    return chain
 
 
 def _best(points: list[_Point], j: int, side: float) -> tuple[_Point, int, float]:
@@ -150,11 +150,11 @@ def _polished(
     best = start
     starts = [0.5 * (lower + upper)] if _held(lower, upper, start, j, side) else [start.theta, 0.5 * (lower + upper)]
     for theta in starts:
-        found = minimize(
+        minimum = minimize(
             _goal, (theta - lower) / (upper - lower), (counted, lower, upper, j, side), jac=True, method="L-BFGS-B",
             bounds=[(0.0, 1.0)] * len(lower), options={"maxiter": 100},
         )  # fmt: skip
-        point = _at(counted, lower + np.clip(found.x, 0.0, 1.0) * (upper - lower))
+        point = _at(counted, lower + np.clip(minimum.x, 0.0, 1.0) * (upper - lower))
         if side * point.z[j] < side * best.z[j] - _SAME_EXTREME * abs(best.z[j]):
             best = point
     return best, j, side

@@ -192,18 +192,18 @@ def _jumps(white: Reals, orders: Integers) -> Reals:
     n = len(white)
     before = np.arange(_EDGE, n - _EDGE + 1)
     weight = n / (before * (n - before))
-    found = np.zeros((len(orders), len(before)))
+    explained = np.zeros((len(orders), len(before)))
     for column in (white - white.mean(axis=0)).T:
-        found += weight * np.cumsum(column[orders], axis=1)[:, before - 1] ** 2
-    return found
+        explained += weight * np.cumsum(column[orders], axis=1)[:, before - 1] ** 2
+    return explained
 
 
 def _serial(white: Reals, orders: Integers) -> Reals:
     """(orders,) von Neumann ratios."""
-    found = np.zeros(len(orders))
+    squares = np.zeros(len(orders))
     for column in white.T:
-        found += (np.diff(column[orders], axis=1) ** 2).sum(axis=1)
-    return found / (white**2).sum()
+        squares += (np.diff(column[orders], axis=1) ** 2).sum(axis=1)
+    return squares / (white**2).sum()
 
 
 def corrected(statistics: Reals) -> list[float]:

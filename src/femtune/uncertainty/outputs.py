@@ -200,10 +200,10 @@ class ShapeOutputs:
     def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
         """Values, and their derivatives by the unit of each parameter."""
         at = self.frequencies._at(theta, derivatives=True)
-        own, scale = self.frequencies, self.frequencies.problem.parameters.scale
-        slopes = np.concatenate([b.jacobian for b in _frequencies(at)]) * own.test_hz[:, None]
+        frequencies, scale = self.frequencies, self.frequencies.problem.parameters.scale
+        slopes = np.concatenate([b.jacobian for b in _frequencies(at)]) * frequencies.test_hz[:, None]
         shapes = self._of_kept([b.jacobian for b in at.blocks if b.kind == ShapeResidual.label])
-        return np.concatenate([own._hz(at), self._entries(at)]), np.concatenate([slopes, shapes]) / scale
+        return np.concatenate([frequencies._hz(at), self._entries(at)]), np.concatenate([slopes, shapes]) / scale
 
     @property
     def test_covariance(self) -> Reals:
@@ -378,10 +378,10 @@ class EigenvalueOutputs:
         old, new = self._reference, solution
         overlap = (old.shapes[:, : self.count].T @ (old.point.mass @ new.shapes)) ** 2
         share = np.vstack([np.tile(overlap[list(g)].sum(axis=0), (len(g), 1)) for g in self.groups])
-        found = linear_sum_assignment(-share)[1]
+        assignment = linear_sum_assignment(-share)[1]
         out, at = [0] * self.count, 0
         for g in self.groups:
-            for position, mode in zip(g, sorted(found[at : at + len(g)].tolist())):
+            for position, mode in zip(g, sorted(assignment[at : at + len(g)].tolist())):
                 out[position] = int(mode)
             at += len(g)
         return out

@@ -202,11 +202,11 @@ def statistics_of_repeats(
 
 
 def _robust(table: Reals) -> tuple[Reals, Reals, str]:
-    found = robust_moments(table)
-    if isinstance(found, RobustMoments):
-        return found.mean, found.covariance, "minimum covariance determinant, reweighted"
+    moments = robust_moments(table)
+    if isinstance(moments, RobustMoments):
+        return moments.mean, moments.covariance, "minimum covariance determinant, reweighted"
     sizes = {"repeats without missing values": len(table), "outputs": table.shape[1]}
-    if found == "flat":
+    if moments == "flat":
         raise FemtuneError("quantify.robust/flat", values=sizes)
     raise FemtuneError("quantify.robust", values=sizes)
 

@@ -175,10 +175,10 @@ def _posterior(
 ) -> BoxPosterior | None:  # fmt: skip
     """None if the residual variance is to be estimated and no degrees of freedom are left."""
     if scatter == "estimated":
-        found = _estimated_without_bounds(r, J, kinds, extra, prior_sd, moving, lost, box)
-        if found is None:
+        linear = _estimated_without_bounds(r, J, kinds, extra, prior_sd, moving, lost, box)
+        if linear is None:
             return None
-        size = found
+        size = linear
     sizes = np.array([size.by_kind.get(kind, 1.0) for kind in kinds])
     return box_posterior(
         r, J, extra, box.prior_residuals, prior_sd, moving, box.x, (box.lower, box.upper), sizes, size.degrees,

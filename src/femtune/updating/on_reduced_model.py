@@ -276,11 +276,11 @@ class ReducedSearch:
         """The reduced models of those cases that another problem has too, by their names."""
         positions = {case.name: i for i, case in enumerate(problem.cases)}
         at = [k for k, i in enumerate(self.reduced) if self.problem.cases[i].name in positions]
-        own = [positions[self.problem.cases[self.reduced[k]].name] for k in at]
+        places = [positions[self.problem.cases[self.reduced[k]].name] for k in at]
         functions, trainers, trained, estimates = (
             [of[k] for k in at] for of in (self.functions, self.trainers, self.trained, self.estimates)
         )
-        return ReducedSearch(problem, self.rules, own, functions, trainers, trained, estimates, [])  # type: ignore[arg-type]
+        return ReducedSearch(problem, self.rules, places, functions, trainers, trained, estimates, [])  # type: ignore[arg-type]
 
     def reduced_problem(self) -> UpdateProblem:
         cases = list(self.problem.cases)
@@ -454,9 +454,9 @@ def update_reduced(
     method = replace(method, regularisation=side)
     x, rounds = before.x, list[str]()
     while True:
-        found = _search(search, method, x, report, active)
+        result = _search(search, method, x, report, active)
         told.searched(len(rounds) + 1)
-        x, look = found.x, search.look(found.x, rounds)
+        x, look = result.x, search.look(result.x, rounds)
         if look.agree or search.used_up or not search.take(look.better):
             break
         # full modes, whose room the next look needs
@@ -464,7 +464,7 @@ def update_reduced(
     full = search.assess(x, look.states, look.better)
     facts, better = search.facts(look.there.frequencies), replace(search, trained=look.better)
     return ReducedUpdate(
-        on_full_model(problem, method, before, full, found, search.history), facts, tuple(rounds), look.agree, better,
+        on_full_model(problem, method, before, full, result, search.history), facts, tuple(rounds), look.agree, better,
         look.there.functions,
     )  # fmt: skip
 
@@ -641,11 +641,11 @@ def _search(
     reduced = search.reduced_problem()
 
     def number_on(iteration: Iteration) -> None:
-        own = replace(iteration, number=len(search.history))
+        renumbered = replace(iteration, number=len(search.history))
         # the first point of a further search is the last one of that before
         if iteration.number or not search.history:
-            search.history.append(own)
-            report(own)
+            search.history.append(renumbered)
+            report(renumbered)
 
     return update(reduced, method, number_on, reduced.start(x), active)
 
@@ -755,23 +755,23 @@ def multi_start_reduced(
     }  # fmt: skip
     if equation_error and any(len(case.test) for case in problem.cases):
         *first, last = equation_error_phases(reduced)
-        found = multi_start(last, NO_SIDE, rules, first=first, **options)
-        found = run.certify(found, lambda p: equation_error_phases(p)[-1], NO_SIDE)
+        outcome = multi_start(last, NO_SIDE, rules, first=first, **options)
+        outcome = run.certify(outcome, lambda p: equation_error_phases(p)[-1], NO_SIDE)
         # the look at its end left the basis with the enriched models only
         assert run.at_end is not None
         run.search.take(run.at_end.better)
-        found = follow_up(found, run.search.reduced_problem(), method, side, active, unfinished=True)
+        outcome = follow_up(outcome, run.search.reduced_problem(), method, side, active, unfinished=True)
     else:
-        found = multi_start(reduced, method, rules, **options)
-    found = run.certify(found, lambda p: p, method)
+        outcome = multi_start(reduced, method, rules, **options)
+    outcome = run.certify(outcome, lambda p: p, method)
     look = run.at_end
     assert look is not None
-    full = run.search.assess(found.best.x, look.states, look.better)
-    best = on_full_model(problem, method, before, full, found.best, found.best.history)
+    full = run.search.assess(outcome.best.x, look.states, look.better)
+    best = on_full_model(problem, method, before, full, outcome.best, outcome.best.history)
     facts = run.search.facts(look.there.frequencies)
     search = replace(run.search, trained=look.better)
     own = ReducedUpdate(best, facts, tuple(run.rounds), look.agree, search, look.there.functions)
-    return ReducedStarts(replace(found, best=best), own)
+    return ReducedStarts(replace(outcome, best=best), own)
 
 
 @dataclass(eq=False)

@@ -125,12 +125,12 @@ class BoxPosterior:
         if not self.truncated and not np.any(jet.hess):
             return self._linear(jet, level)
         try:
-            found = values(self.samples)
+            sampled = values(self.samples)
         except FemtuneError:
             return None
-        low, median, high = np.quantile(found, [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level])
-        kind = self._kind if not self.truncated else "bounds" if self._is_of_bounds(jet, found) else "truncated"
-        return Marginal(float(found.mean()), float(median), (float(low), float(high)), float(found.std()), kind)
+        low, median, high = np.quantile(sampled, [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level])
+        kind = self._kind if not self.truncated else "bounds" if self._is_of_bounds(jet, sampled) else "truncated"
+        return Marginal(float(sampled.mean()), float(median), (float(low), float(high)), float(sampled.std()), kind)
 
     @property
     def _kind(self) -> IntervalKind:

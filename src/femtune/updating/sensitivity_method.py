@@ -468,7 +468,7 @@ class _Update:
 
     def _smallest_change(self, optimum: _End) -> tuple[_End, SmallestChange | None]:
         """The smallest change near a minimum; the minimum itself where none is found."""
-        walk, at, found = self.walk, optimum, None
+        walk, at, smallest = self.walk, optimum, None
         change, weight = change_rows(walk.problem.parameters, walk.moving), 0.0
         for _ in range(_MOST_WEIGHTS):
             least, allowed = walk.chi_square(optimum.point.evaluation), self._allowed(optimum.point)
@@ -485,17 +485,17 @@ class _Update:
             if increase < -allowed:
                 # the way led into a better minimum
                 optimum = at = self._iterate(at.point.evaluation)
-                found, weight = None, 0.0
+                smallest, weight = None, 0.0
                 if not optimum.status.ok:
                     break
             elif increase <= (1.0 - _MARGIN_TOLERANCE) * allowed:
                 sizes = (float(np.linalg.norm(change.rows(x)[0])) for x in (optimum.point.x, at.point.x))
                 bounds = self.history[optimum.number].at_bound
                 small = SmallestChange(optimum.point.x, bounds, least, allowed, increase, weight, *sizes)
-                found = at, small
+                smallest = at, small
                 if increase >= _MARGIN_REACHED * allowed:
                     break
-        return found or (optimum, None)
+        return smallest or (optimum, None)
 
     def _allowed(self, point: Point) -> float:
         """By how much the smallest change may increase χ².
@@ -720,12 +720,12 @@ def with_noise(result: UpdateResult, noise: Reals) -> UpdateResult:
     parameters, side, at = result.parameters, result.side, result.after
     spread, names = parameters.prior[1], np.array([p.name for p in parameters.free])
     turn = without(np.eye(len(spread)), side.held * spread)
-    found = parameter_covariance(
+    covariance = parameter_covariance(
         at.residuals, at.jacobian * spread @ turn / spread, at.kinds, side.prior_rows, np.isin(names, result.at_bound),
         spread, np.isin(names, result.active), lost=at.lost, box=_box(parameters, side, at),
         noise=turn.T @ noise @ turn,
     )  # fmt: skip
-    return replace(result, covariance=found)
+    return replace(result, covariance=covariance)
 
 
 def _box(parameters: ParameterSet, side: SideConstraint, at: Evaluation) -> Box:

@@ -101,7 +101,7 @@ def set_by_hand(belief: Belief, values: Sequence[SetByHand]) -> Belief:
     ------
     FemtuneError : ``update.unknown-parameter``, ``study.stage`` for a value outside the bounds
     """
-    x, covariance, found = belief.x.copy(), belief.covariance.copy(), belief.found.copy()
+    x, covariance, estimated = belief.x.copy(), belief.covariance.copy(), belief.found.copy()
     given = np.zeros(len(x), bool) if belief.given is None else belief.given.copy()
     for one in values:
         i = position(belief.parameters, one.parameter)
@@ -117,8 +117,8 @@ def set_by_hand(belief: Belief, values: Sequence[SetByHand]) -> Belief:
         x[i] = (value - belief.parameters.nominal[i]) / belief.parameters.scale[i]
         covariance[i], covariance[:, i] = 0.0, 0.0
         covariance[i, i] = ((p.sd if one.sd is None else one.sd) / belief.parameters.scale[i]) ** 2
-        found[i], given[i] = False, True
-    return Belief(belief.parameters, x, covariance, found, given)
+        estimated[i], given[i] = False, True
+    return Belief(belief.parameters, x, covariance, estimated, given)
 
 
 def first_belief(parameters: ParameterSet) -> Belief:
@@ -361,8 +361,8 @@ def _starts(stage: Stage, start: Belief) -> list[Reals]:
 
 
 def _sums(at: Evaluation) -> dict[tuple[str, str, str], float]:
-    found: dict[tuple[str, str, str], float] = {}
+    sums: dict[tuple[str, str, str], float] = {}
     for block in at.blocks:
         key = (block.configuration, block.mode, block.kind)
-        found[key] = float(np.hypot(found.get(key, 0.0), block.error))
-    return found
+        sums[key] = float(np.hypot(sums.get(key, 0.0), block.error))
+    return sums

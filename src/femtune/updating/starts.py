@@ -146,14 +146,14 @@ def distinct_optima(starts: Sequence[StartResult], spread: Reals, noise: float) 
     """
     left = sorted((s for s in comparable(starts) if s.at_optimum), key=lambda s: (s.objective, s.number))
     best = left[0].objective if left else np.nan
-    found = []
+    optimum_groups = []
     while left:
         first = left[0]
         same = [s for s in left if np.abs((s.end - first.end) / spread).max(initial=0.0) <= SAME_END]
         numbers = tuple(sorted(s.number for s in same))
-        found.append(Optimum(first.end, first.objective, numbers, first.objective - best <= noise))
+        optimum_groups.append(Optimum(first.end, first.objective, numbers, first.objective - best <= noise))
         left = [s for s in left if s not in same]
-    return tuple(found)
+    return tuple(optimum_groups)
 
 
 def outcomes(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> dict[int, StartOutcome]:
@@ -174,7 +174,7 @@ def outcomes(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> dict[i
 
 def start_sentences(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> tuple[str, ...]:
     """Whether the starts reached the same optimum, in sentences."""
-    n, found = len(starts), outcomes(starts, optima)
+    n, outcome_counts = len(starts), outcomes(starts, optima)
     if not optima:
         return (f"None of {n} starts converged. The best point is kept; it is not an optimum.",)
     others = [o for o in optima[1:] if o.as_good]
@@ -194,7 +194,7 @@ def start_sentences(starts: Sequence[StartResult], optima: Sequence[Optimum]) ->
         count = sum(len(o.members) for o in worse)
         ends = "an optimum" if len(worse) == 1 else f"{len(worse)} optima"
         out.append(f"{count} {'start' if count == 1 else 'starts'} reached {ends} with a higher objective.")
-    return (*out, *_lost(found))
+    return (*out, *_lost(outcome_counts))
 
 
 def _lost(found: dict[int, StartOutcome]) -> list[str]:
@@ -357,22 +357,22 @@ class _Sampled:
     def __call__(self, x: Reals) -> tuple[float, int]:
         try:
             states = self.problem.solved(x)
-            found = self.problem.assess(x, states, derivatives=False)
-            self.problem.check_compared(found)
+            evaluation = self.problem.assess(x, states, derivatives=False)
+            self.problem.check_compared(evaluation)
         except FemtuneError:
             return float("nan"), 0
-        return found.objective, found.independent
+        return evaluation.objective, evaluation.independent
 
 
 def _samples(
     work: _Sampled, points: Reals, executor: Executor, known: Mapping[int, Sample], report: Callable[[Sample], None]
 ) -> list[Sample]:
     """The objective at all points."""
-    found = finish(
+    evaluations = finish(
         executor, work, list(points), {n - 1: (s.objective, s.residuals) for n, s in known.items()}, name="sample",
         finished=lambda i, value: report(Sample(i + 1, points[i], *value)),
     )  # fmt: skip
-    return [Sample(i + 1, x, *value) for i, (x, value) in enumerate(zip(points, found))]
+    return [Sample(i + 1, x, *value) for i, (x, value) in enumerate(zip(points, evaluations))]
 
 
 def _best_points(samples: Sequence[Sample], nominal: Reals, count: int) -> Reals:

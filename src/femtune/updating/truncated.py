@@ -145,10 +145,10 @@ class _Chains:
 
     def collected(self) -> Reals:
         """(sweeps, chains, k) samples: as many sweeps as the effective number of samples asks for."""
-        found, most = self._sweeps(_BLOCK), self._share * self.rules.most
-        while len(found) < most and effective_number(found).min() < self.rules.least:
-            found = np.concatenate([found, self._sweeps(max(_BLOCK, len(found) // 2))])
-        return found
+        samples, most = self._sweeps(_BLOCK), self._share * self.rules.most
+        while len(samples) < most and effective_number(samples).min() < self.rules.least:
+            samples = np.concatenate([samples, self._sweeps(max(_BLOCK, len(samples) // 2))])
+        return samples
 
     def _sweeps(self, count: int) -> Reals:
         """(count, chains, k) points after each of several sweeps."""

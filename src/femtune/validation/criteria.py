@@ -97,11 +97,11 @@ class CriteriaProfile:
         ------
         KeyError : for a quantity that nothing measures
         """
-        own = tuple(Criterion(OWN, quantity, limit, _AT_MOST[quantity]) for quantity, limit in limits.items())
+        user_criteria = tuple(Criterion(OWN, quantity, limit, _AT_MOST[quantity]) for quantity, limit in limits.items())
         kept = tuple(c for c in self.criteria if c.quantity not in limits)
-        if not own:
+        if not user_criteria:
             return self
-        return CriteriaProfile(f"{self.name}, tailored" if self.criteria else OWN, (*kept, *own))
+        return CriteriaProfile(f"{self.name}, tailored" if self.criteria else OWN, (*kept, *user_criteria))
 
 
 FREQUENCY, MAC, SHAPE = "frequency error", "MAC", "shape error at held-out sensors"

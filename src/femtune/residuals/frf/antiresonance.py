@@ -177,11 +177,11 @@ class AntiresonanceResidual(Residual):
         self, finder: ZeroFinder, tests: list[Antiresonance], derivatives: bool
     ) -> Iterator[ResidualBlock]:
         place = self.at(tests[0])
-        found = candidates(finder, *place, tests, _REACH)
-        for test, partner in zip(tests, found.assigned()):
+        zeros = candidates(finder, *place, tests, _REACH)
+        for test, partner in zip(tests, zeros.assigned()):
             if partner is None:
                 raise self._lost(test)
-            zero = finder.refined(*place, float(found.eigenvalues[partner]), derivatives)
+            zero = finder.refined(*place, float(zeros.eigenvalues[partner]), derivatives)
             sd = self._sd(test)
             pair = frequency_residual(zero.eigenvalue, zero.gradient, test.freq_hz, sd)
             yield self.block(self.configuration, test.label, *pair, sd)

@@ -69,11 +69,11 @@ def _slopes(
     residual: FrfResidual, ports: Ports, model: ModelPoint | EigenSolution, lines: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(outputs, inputs) largest magnitudes of the derivatives of functions over the lines."""
-    found = frf_gradient(
+    functions = frf_gradient(
         model, ports, lines, "receptance", residual.way.method,
         damping=residual.way.damping, residual_vectors=residual.way.residual_vectors,
     )  # fmt: skip
-    return np.asarray(np.abs(found.gradient).max(axis=(2, 3), initial=0.0))
+    return np.asarray(np.abs(functions.gradient).max(axis=(2, 3), initial=0.0))
 
 
 _LISTED = 8
@@ -142,13 +142,13 @@ def _chosen(
     measured: FrfSet, lines: Lines, scatter: FrfScatter, form: FrfForm
 ) -> tuple[FrfSet, tuple[Region, ...], Reals, Reals]:
     """Functions, regions, σ and shifts at the chosen lines; noise and neighbours are those of all lines."""
-    found = lines.regions(measured.freq_hz)
-    at = np.unique(np.concatenate([r.at for r in found]))
+    regions = lines.regions(measured.freq_hz)
+    at = np.unique(np.concatenate([r.at for r in regions]))
     none = np.zeros(measured.values.shape)
     sd, shift = (scatter.linear(measured), none) if form == "linear" else scatter.logarithmic(measured)
     coherence = None if measured.coherence is None else measured.coherence[:, :, at]
     some = replace(measured, freq_hz=measured.freq_hz[at], values=measured.values[:, :, at], coherence=coherence)
-    return some, tuple(replace(r, at=np.searchsorted(at, r.at)) for r in found), sd[:, :, at], shift[:, :, at]
+    return some, tuple(replace(r, at=np.searchsorted(at, r.at)) for r in regions), sd[:, :, at], shift[:, :, at]
 
 
 def _lost_in_noise(residual: FrfResidual) -> list[Notice]:

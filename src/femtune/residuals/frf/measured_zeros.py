@@ -119,15 +119,15 @@ def found_antiresonances(frfs: FrfSet, search: ZeroSearch | None = None) -> Foun
     search = search or ZeroSearch()
     accelerance = as_kind(frfs, "accelerance")
     valleys: list[_Valley] = []
-    found: list[Antiresonance] = []
+    antiresonances: list[Antiresonance] = []
     for i, j in np.ndindex(frfs.values.shape[:2]):
         own = list(_valleys(frfs.freq_hz, accelerance.values[i, j], search))
         valleys += own
-        found += _of_function(accelerance, i, j, search, [v for v in own if v.above_noise])
+        antiresonances += _of_function(accelerance, i, j, search, [v for v in own if v.above_noise])
     in_noise = sum(not v.above_noise for v in valleys)
-    if not found:
+    if not antiresonances:
         raise _none(frfs, search, in_noise)
-    return FoundZeros(tuple(found), in_noise)
+    return FoundZeros(tuple(antiresonances), in_noise)
 
 
 @dataclass(frozen=True)
@@ -172,10 +172,10 @@ def _valleys(freq_hz: Reals, values: Complexes, search: ZeroSearch) -> Iterator[
         level = search.above_noise * _noise(values, k - _NEIGHBOURS, k + _NEIGHBOURS)
         left, right = k - _rise(size[k::-1], level), k + _rise(size[k:], level)
         peak = min(size[left], size[right])
-        found = _Valley(k, left, right, bool(peak >= level))
-        known = lowest.get((found.left, found.right))
+        valley = _Valley(k, left, right, bool(peak >= level))
+        known = lowest.get((valley.left, valley.right))
         if size[k] <= search.depth * peak and (known is None or size[k] < size[known.lowest]):
-            lowest[found.left, found.right] = found
+            lowest[valley.left, valley.right] = valley
     yield from sorted(lowest.values(), key=lambda v: v.lowest)
 
 

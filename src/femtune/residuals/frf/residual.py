@@ -266,12 +266,12 @@ class FrfResidual(Residual):
     def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:
         """The model's functions at the lines, (outputs, inputs, lines), and their derivatives (…, p)."""
         lines, back = self.model_lines
-        found = frf_gradient(
+        functions = frf_gradient(
             model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
             damping=self.way.damping, residual_vectors=self.way.residual_vectors, derivatives=derivatives,
             left_out=self._left_out(model),
         )  # fmt: skip
-        return self.at_lines(found.frfs.values[:, :, back], found.gradient[:, :, back])
+        return self.at_lines(functions.frfs.values[:, :, back], functions.gradient[:, :, back])
 
     def survey(self, model: ModelPoint | EigenSolution) -> Complexes:
         """The model's functions at the lines but for their last digits, see `survey_functions`."""
