@@ -1,4 +1,4 @@
-"""Where the sensors of a test sit on a model: by coordinates, after a change of axes, or by number."""
+"""Places of the sensors of a test on a model: by coordinates, after a change of axes, or by number."""
 
 from __future__ import annotations
 

@@ -290,7 +290,7 @@ def pair_modes(
     test, model : modes at the same DOFs; the model's real and mass-normalised over the whole model
     frequency_gate : largest |model − test|/test
     mac_gate : smallest MAC (after rotation, within clusters)
-    fixed : (test, model) positions paired by hand whatever the gates say
+    fixed : (test, model) positions paired by hand, regardless of the gates
     left_out : reason for each test position that is not to be paired
     relative_gap : neighbours this close belong to one cluster, see `femtune.modal.clusters`
 

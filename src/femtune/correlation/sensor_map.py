@@ -124,7 +124,7 @@ _UNKNOWN = np.full(3, np.nan)
 
 @dataclass(frozen=True)
 class Match:
-    """Where a sensor sits in the model.
+    """Place of a sensor in the model.
 
     `how` is "nearest", "by id", "given" or "combination"; `node` is None for a combination; `distance` is NaN
     where the test gives no position.
@@ -168,7 +168,7 @@ class SensorMap:
 
 @dataclass(frozen=True, eq=False)
 class _Request:
-    """What the user requested, as one bundle."""
+    """The options of the user."""
 
     nodes: NodeTable
     search: NodeSearch
@@ -291,7 +291,7 @@ def _needs_no_place(dof: Dof, request: _Request) -> bool:
 
 
 def _by_number(dof: Dof, request: _Request) -> bool:
-    """Whether equal numbers decide: for scalar points of the model always, since they have no place."""
+    """True if equal numbers decide: always for scalar points of the model, which have no coordinates."""
     if dof.direction == "S":
         return request.by_id or request.nodes.has_scalar(dof.node)
     return request.by_id and request.nodes.has_grid(dof.node)
@@ -330,7 +330,7 @@ def _check_combinations(labels: DofSet, wanted: DofSet) -> None:
 
 
 def _place(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched | None:
-    """Match and row of one sensor; None where nothing tells its place."""
+    """Match and row of one sensor; None if its place is unknown."""
     label, nodes = sensor.label, request.nodes
     combination = request.combinations.get((label.node, label.direction))
     if combination is not None:
@@ -478,7 +478,7 @@ def _scaled(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Reque
 
 
 def _fitted_ratio(points: Reals, grids: Reals) -> float:
-    """Ratio of the places of grid points to those of their test points; 1 where there is no common one."""
+    """Ratio of the coordinates of grid points to those of their test points; 1 without a common ratio."""
     points, grids = points - points.mean(axis=0), grids - grids.mean(axis=0)
     square = float((points * points).sum())
     ratio = float((points * grids).sum()) / square if square > 0.0 else 1.0
@@ -513,7 +513,7 @@ def _extent_words(points: Reals, grids: Reals) -> str:
 
 
 def _extent_factor(points: Reals, grids: Reals) -> tuple[float, str]:
-    """The factor that the ratio of the largest extents of model and test belongs to; 1 and "" where there is none."""
+    """The factor that the ratio of the largest extents of model and test belongs to; 1 and "" without one."""
     of_test, of_model = (float(np.ptp(x, axis=0).max()) if len(x) else 0.0 for x in (points, grids))
     if not (0.0 < of_test < np.inf and of_model > 0.0):
         return 1.0, ""

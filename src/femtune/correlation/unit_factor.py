@@ -42,7 +42,7 @@ _MASS_TOLERANCE = 0.05
 
 
 def mass_factor_words(ratio: float) -> str:
-    """What causes a ratio of the mass of the model to the measured one, with the mend; "" where no factor is near."""
+    """Cause of a ratio of the mass of the model to the measured one, and how to correct it; "" if no factor is near."""
     if not ratio > 0.0:
         return ""
     size = max(ratio, 1.0 / ratio)
@@ -69,7 +69,7 @@ _RIGID = 1e-3
 def unit_factor(test: ModeSet, model: ModeSet, pairing: Pairing) -> tuple[Notice, ...]:
     """A warning where modes of the same shapes have frequencies in one ratio, and mistaken units cause that ratio.
 
-    At least two test modes must have a MAC of 0.7 with a mode of the model, whatever its frequency; their ratios must
+    At least two test modes must have a MAC of 0.7 with a mode of the model of any frequency; their ratios must
     agree within 15 % and be within 12 % of one of the factors. Where half of the test modes are paired, no ratio is
     looked for.
     """

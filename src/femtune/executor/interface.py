@@ -27,7 +27,7 @@ class Executor(Protocol):
 
     @property
     def words(self) -> str:
-        """What it is, for results and reports."""
+        """Name in results and reports."""
         ...
 
     def run(
@@ -39,7 +39,7 @@ class Executor(Protocol):
         finished: Callable[[int, R], None] = nothing,
         remark: Callable[[Notice], None] = nothing,
     ) -> list[R]:
-        """What the runs return, in the order of the tasks.
+        """Results of the runs, in the order of the tasks.
 
         Parameters
         ----------

@@ -47,7 +47,7 @@ class Processes:
 
     @property
     def words(self) -> str:
-        """What it is."""
+        """Name in results and reports."""
         number = self.workers or usable_cores()
         return f"{number} worker {'process' if number == 1 else 'processes'} of this machine"
 
@@ -230,7 +230,7 @@ def _program() -> str:
 
 
 def _asked(process: subprocess.Popen[bytes], message: bytes) -> Answer | None:
-    """The answer to the work or to a task; None where the worker is gone."""
+    """The answer to the work or to a task; None if the worker is gone."""
     inlet, outlet = process.stdin, process.stdout
     assert inlet is not None
     assert outlet is not None

@@ -44,7 +44,7 @@ class SurrogateMinimum:
 
     @property
     def same(self) -> int:
-        """How many seeds ended at the best minimum."""
+        """Number of seeds that ended at the best minimum."""
         return int(np.sum(np.abs((self.ends - self.x) / self.edges).max(axis=1) <= _SAME))
 
 

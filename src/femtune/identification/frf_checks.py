@@ -63,7 +63,7 @@ class Levels:
 
 
 def check_frfs(frfs: FrfSet) -> tuple[Notice, ...]:
-    """What is wrong with a set of functions, as far as they tell themselves.
+    """Errors in a set of functions that the functions themselves reveal.
 
     Returns
     -------
@@ -199,7 +199,7 @@ def compare_levels(levels: Sequence[FrfSet], sd: Sequence[Reals] | None = None) 
         return Levels(change, np.full(change.shape, np.nan), bool(np.nanmax(change) < 0.05))
     beyond = np.array([np.abs(g) > 3.0 * np.hypot(s, sd[0]) for g, s in zip(gaps, sd)])
     significant = beyond.mean(axis=3)
-    # of complex normal errors e^{-9} = .0001 lie beyond three √E|error|²
+    # of complex normal errors e^{-9} = 0.0001 lie beyond three √E|error|²
     return Levels(change, significant, bool(significant[1:].max(initial=0.0) < 0.01))
 
 

@@ -43,7 +43,7 @@ class InputKnown:
     largest_order : of N4SID, in steps of two; polynomials of pLSCF go to half of it
     methods : out of KNOWN_INPUT
     limits, rule : of stable poles and of modes among them
-    take, drop : frequencies in Hz of candidates that are modes, or none, whatever the rule says
+    take, drop : frequencies in Hz of candidates that are accepted as modes, or rejected, regardless of the rule
     rigid : mass-normalised rigid-body modes whose motion is taken away first and put back into the system
     low, high : residual modes below and above the band that the system gets
     reciprocal : whether the system is reciprocal
@@ -74,7 +74,7 @@ class InputKnown:
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModes:
-    """What functions tell.
+    """Result of an identification from functions.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def _poles(frfs: FrfSet, method: str, order: int, sd: NDArray[np.float64] | None
 
 
 def terms_outside(asked: InputKnown) -> tuple[str, ...]:
-    """Without rigid-body motion below the band there is no mass left there; with it the term stands for that."""
+    """Out-of-band terms: a mass line below the band only if rigid-body motion remains there."""
     return OUT_OF_BAND if asked.rigid is None else ("upper",)
 
 

@@ -42,7 +42,7 @@ class LinearityLimits:
 
 @dataclass(frozen=True, eq=False)
 class ForceLevel:
-    """What was identified at one level.
+    """Modes and functions identified at one level.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class ModeAtLevels:
     freq_hz, freq_sd_hz, damping_ratio, damping_sd, mac : (levels,) NaN where the mode was not found or no deviation is
         known; MAC with the first level
     frequency, damping : their trends
-    linear : None where the mode was found at the first level only
+    linear : None if the mode was found at the first level only
     """
 
     label: str
@@ -141,7 +141,7 @@ class Linearity:
     names, forces : of the levels, in their order
     modes : those of the first level
     functions : one a further level
-    linear : None where neither modes nor functions could be compared
+    linear : None if neither modes nor functions could be compared
     limits : what was asked for
     """
 

@@ -1,4 +1,4 @@
-"""Modes of records whose excitation nobody measured, each method from a record to a ModeSet."""
+"""Modes of records with unmeasured excitation; each method turns a record into a ModeSet."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Operational:
 
 @dataclass(frozen=True, eq=False)
 class OperationalModes:
-    """What a method found.
+    """Result of one method.
 
     Parameters
     ----------

@@ -124,7 +124,7 @@ class RankOne:
 
     @property
     def converged(self) -> bool:
-        """Whether no step is left that would decrease the errors notably."""
+        """True if no step would decrease the errors notably."""
         return self.gradient <= ENOUGH
 
 
@@ -187,7 +187,7 @@ def _group(members: list[int], Z: Complexes, values: Reals, weights: Reals) -> G
 
 
 def _columns(Z: Complexes) -> Reals:
-    """Of Re x and Im x in Re(Z x)."""
+    """Columns of Re x and Im x in Re(Z x)."""
     return np.concatenate([Z.real, -Z.imag], axis=-1)
 
 

@@ -140,7 +140,7 @@ def _level_ratios(record: TimeSeries, values: Reals) -> Reals:
     ratios = np.ones(len(kinds))
     for i, kind in enumerate(kinds):
         others = [rms[j] for j, other in enumerate(kinds) if other == kind and j != i and rms[j] > 0.0]
-        # of two channels nobody knows which one is wrong
+        # of two channels it is not known which one is wrong
         if len(others) > 1 and rms[i] > OTHER_UNIT * np.median(others):
             ratios[i] = rms[i] / np.median(others)
     return ratios

@@ -68,7 +68,7 @@ class RedrawnTest:
     again: Callable[[FrfSet], Complexes]
 
     def __getstate__(self) -> dict[str, Any]:
-        """For another process, which makes the matrices of the steps again."""
+        """State for another process, which computes the matrices of the steps again."""
         return {name: self.__dict__[name] for name in self.__dataclass_fields__}
 
     @cached_property
@@ -332,5 +332,5 @@ def _end_steps(columns: Complexes, system: SystemFit, weights: Reals) -> _EndSte
 
 
 def _columns(Z: Complexes) -> Reals:
-    """Of Re x and Im x in Re(Z x)."""
+    """Columns of Re x and Im x in Re(Z x)."""
     return np.concatenate([Z.real, -Z.imag], axis=-1)

@@ -133,7 +133,7 @@ def same_modes(setups: Sequence[ModeSet]) -> tuple[list[ModeSet], list[PartlyFou
     """The modes that all set-ups have, in one order, and the others.
 
     Modes of two set-ups are one if their frequencies differ by less than 3 % and, where they share at least three DOFs,
-    their MAC there is above .5; groups are formed by average linkage, so that of close modes the nearest are joined.
+    their MAC there is above 0.5; groups are formed by average linkage, so that of close modes the nearest are joined.
     """
     freq = np.concatenate([s.freq_hz for s in setups])
     source = np.repeat(np.arange(len(setups)), [len(s) for s in setups])

@@ -48,7 +48,7 @@ class ClusterShapes:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationPoint:
-    """What a test would tell of the parameters at one point of the prior.
+    """Information of a test about the parameters at one point of the prior.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class CalibrationObjective:
         gains: list[tuple[ClusterShapes, Reals, Reals]] = []
         for j, cluster in enumerate(point.clusters):
             sums = _Sums.of([cluster.select(chosen), *(p.clusters[j] for p in placed)])
-            # while the scale is not known, a sensor tells of nothing else
+            # while the scale is unknown, a sensor only helps to find it
             C = sums.C + self._least[i][j] * np.eye(len(sums.C))
             slope = np.linalg.solve(C, sums.B)
             F = F + np.einsum("tkl,t->kl", sums.A - np.einsum("tqk,tql->tkl", sums.B, slope), cluster.noise**-2.0)

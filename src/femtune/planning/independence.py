@@ -257,7 +257,7 @@ def best_of(objective: Objective, candidates: int, count: int) -> Integers:
 
 
 class Objective(Protocol):
-    """What a set of sensors is chosen for."""
+    """Objective for which a set of sensors is chosen."""
 
     def scores(self, chosen: Sequence[int]) -> Reals:
         """(s,) score of the chosen candidates with each candidate added, on a logarithmic or another fixed scale."""

@@ -95,7 +95,7 @@ def _factorised(saddle: sp.csc_array) -> SuperLU:
 
 
 def _solved(saddle: sp.csc_array, factor: SuperLU, loads: Reals) -> Reals:
-    """With one step of refinement; what stays wrong then is no solution."""
+    """Solution with one step of iterative refinement; an error if it is still not accurate."""
     solution = factor.solve(loads)
     solution = solution + factor.solve(loads - saddle @ solution)
     left = np.linalg.norm(loads - saddle @ solution, axis=0)

@@ -83,7 +83,7 @@ Places = NDArray[np.int64]
 
 
 def scale_of(test: Reals, scaling: ShapeScaling) -> float:
-    """What the measured entries are divided by: their norm, or their largest entry."""
+    """Divisor of the measured entries: their norm, or their largest entry."""
     known = test[~np.isnan(test)]
     return float(np.abs(known).max() if scaling == "largest-entry" else np.linalg.norm(known))
 
@@ -263,7 +263,7 @@ class ShapeResidual(PairResidual):
         return Weights(covariance=root @ root.T + added)
 
     def _covariance(self, test: Reals, weights: Weights, which: Places, own: Weights) -> Reals | None:
-        """Covariance of the residuals; None where it is the identity, but for what is lost to the scale."""
+        """Covariance of the residuals; None if it is the identity, but for what is lost to the scale."""
         if self.scaling == "mass" or (self.scaling in _FROM_THE_SHAPE and weights.size is None):
             return None
         known = np.flatnonzero(~np.isnan(test))
@@ -283,7 +283,7 @@ class ShapeResidual(PairResidual):
 
 
 class StrainResidual(ShapeResidual):
-    """The same of strain shapes: of those sensors of the test that are strain gauges."""
+    """The same for strain shapes, at the sensors of the test that are strain gauges."""
 
     key = "strain"
     label = RESIDUALS[key].label

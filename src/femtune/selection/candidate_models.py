@@ -31,7 +31,7 @@ Group = tuple[str, ...]
 
 @dataclass(frozen=True, eq=False)
 class CandidateFit:
-    """What a candidate reaches at its optimum.
+    """The optimum of a candidate.
 
     Parameters
     ----------
@@ -188,5 +188,5 @@ def subsets(groups: Sequence[Group], least: int, most: int) -> Iterator[tuple[Gr
 
 
 def subset_count(groups: int, least: int, most: int) -> int:
-    """How many sets `subsets` gives."""
+    """Number of sets of `subsets`."""
     return sum(comb(groups, size) for size in range(least, most + 1))

@@ -31,7 +31,8 @@ def determined(singular_values: Reals) -> NDArray[np.bool_]:
 
     One prior standard deviation along an undetermined combination changes all residuals together by less than
     NO_EFFECT of their standard deviation, and by less than NO_SHARE of what the best determined one does (so that
-    residuals with unit weights, whose size says nothing, are not called blind). What is below ROUNDING is none.
+    residuals with unit weights, whose size has no meaning, are not called blind). Singular values below ROUNDING count
+    as zero.
     """
     s = singular_values
     return np.asarray((s > NO_EFFECT) | (s > max(NO_SHARE * s.max(initial=0.0), ROUNDING)))
@@ -60,7 +61,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a Jacobian says about k parameters.
+    """What the data determine about k parameters, from a Jacobian.
 
     Parameters
     ----------

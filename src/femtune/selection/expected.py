@@ -35,7 +35,7 @@ _NO_PART = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ExpectedKnowledge:
-    """Of k parameters, in normalised units.
+    """Expected standard deviations of k parameters, in normalised units.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class ExpectedKnowledge:
         )  # fmt: skip
 
     def sentences(self, percent: Reals) -> list[str]:
-        """In words; `percent` (k,) are the standard deviations in % of the values."""
+        """Sentences; `percent` (k,) are the standard deviations in % of the values."""
         if not self.names:
             return []
         known = [f"{n} (±{p:.2g} %)" for n, p, k in zip(self.names, percent, self.known) if k]
@@ -134,7 +134,7 @@ class ExpectedKnowledge:
 def expected_knowledge(
     at: Evaluation, prior_sd: Reals, names: tuple[str, ...], size: float = 1.0, *, updated: bool = False
 ) -> ExpectedKnowledge:
-    """What the data of an evaluation would tell of its parameters.
+    """Information in the data of an evaluation about its parameters.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def expected_knowledge(
     lengths = np.sum(S**2, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         alone = np.where(lengths > 0.0, np.sqrt(np.diag(noise)) / lengths, np.inf)
-    # what does not move has no spread, whatever the data tell
+    # what does not move has no spread, whatever the data are
     together, alone = (np.where(prior_sd > 0.0, x, 0.0) * prior_sd for x in (np.where(open_, np.inf, sd), alone))
     correlation = covariance / np.outer(safe, safe)
     own = noise if measured else None

@@ -21,7 +21,7 @@ KNOWN = 1.0 / 3.0
 
 @dataclass(frozen=True)
 class Information:
-    """Of k parameters, all in units of their prior standard deviations.
+    """Fisher information on k parameters in units of their prior standard deviations.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Information:
 
 
 def fisher_information(S: Reals, names: tuple[str, ...]) -> Information:
-    """Of the scaled Jacobian S (n, k)."""
+    """Computed from the scaled Jacobian S (n, k)."""
     F, k = S.T @ S, S.shape[1]
     size = np.linalg.norm(S, axis=0)
     with np.errstate(divide="ignore"):
@@ -153,7 +153,7 @@ class Collinearity:
 
     @property
     def pairs(self) -> tuple[tuple[str, str, float], ...]:
-        """Pairs of parameters with nearly the same effect, the most similar first."""
+        """Pairs of parameters with nearly the same effect, most similar first."""
         i, j = np.triu_indices(len(self.names), 1)
         found = [(int(a), int(b)) for a, b in zip(i, j) if abs(self.cosine[a, b]) >= ALIKE]
         found.sort(key=lambda p: -abs(self.cosine[p]))
@@ -171,7 +171,7 @@ class Collinearity:
 
 
 def collinearity(S: Reals, names: tuple[str, ...]) -> Collinearity:
-    """Of the scaled Jacobian S (n, k), columns in prior and rows in residual standard deviations."""
+    """Computed from the scaled Jacobian S (n, k), columns in prior and rows in residual standard deviations."""
     effect = np.linalg.norm(S, axis=0)
     used = effect > 1e-12 * effect.max(initial=0.0)
     unit = S / np.where(used, effect, 1.0) * used
@@ -203,7 +203,7 @@ _MOST_NAMED = 5
 
 
 def measure_sentences(alike: Collinearity, information: Information, subset: Subset) -> list[str]:
-    """The measures in sentences, the most useful first; empty without parameters."""
+    """The measures in sentences, most useful first; empty without parameters."""
     if not alike.names:
         return []
     return [*_of_subset(subset), *_of_pairs(alike), *_of_dependences(alike), *_of_information(information)]

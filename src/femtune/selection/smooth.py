@@ -76,7 +76,7 @@ def smoothness(
     rules: SmoothnessRules = DEFAULT_SMOOTHNESS,
     report: Callable[[int, int], None] | None = None,
 ) -> tuple[Smoothness, ...]:
-    """Of each free parameter within its bounds, the others at the start.
+    """Smoothness along each free parameter within its bounds, the others at the start.
 
     Parameters
     ----------
@@ -111,11 +111,11 @@ def line_smoothness(
     upper: float,
     rules: SmoothnessRules = DEFAULT_SMOOTHNESS,
 ) -> Smoothness:
-    """Of one misfit along a line.
+    """Smoothness of one misfit along a line.
 
     Parameters
     ----------
-    along : x -> misfit and its slope; None where there is no solution
+    along : x -> misfit and its slope; None if there is no solution
 
     Examples
     --------

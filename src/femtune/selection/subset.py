@@ -256,7 +256,7 @@ def _largest_shares(unit: Reals) -> Reals:
 
 
 def _chance_of_gain(unit: Reals, value: float, freedom: int) -> float:
-    """Of a larger gain by a mean square that is independent of it, with degrees of freedom; 0: the variance is one."""
+    """Probability of a larger gain over an independent mean square with these degrees of freedom; 0: variance 1."""
     space = len(unit)
     needed = max(value, 0.0) / _largest_shares(unit)
     tail = chdtrc(space, needed) if freedom < 1 else fdtrc(space, freedom, needed / space)
@@ -264,7 +264,7 @@ def _chance_of_gain(unit: Reals, value: float, freedom: int) -> float:
 
 
 def _chance_of_ratio(unit: Reals, value: float, dimension: int) -> float:
-    """Of a larger gain by the mean square left after it, in a space of this dimension; NaN where nothing is left."""
+    """Probability of a larger gain over the mean square left after it, in a space of this dimension; NaN if it is 1."""
     space, freedom = len(unit), dimension - 1
     if freedom < 1:
         return float("nan")

@@ -44,7 +44,7 @@ _MOST_STEPS = 100
 
 @dataclass(frozen=True)
 class KrigingRules:
-    """How a surrogate is fitted.
+    """Options of Kriging.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class KrigingRules:
 
     @property
     def label(self) -> str:
-        """For messages."""
+        """Name in messages."""
         return f"{self.trend} trend"
 
     def least_runs(self, parameters: int) -> int:
@@ -73,7 +73,7 @@ class KrigingRules:
         return term_count(parameters, self.trend) + 2
 
     def fits(self, u: Reals, y: Reals) -> tuple[KrigedResponse, ...]:
-        """Of the responses (N, m) over scaled parameters (N, n), each with its own hyperparameters."""
+        """Fits of the responses (N, m) over scaled parameters (N, n), each with separate hyperparameters."""
         return tuple(_fitted(u, column, self) for column in y.T)
 
 
@@ -149,7 +149,7 @@ class KrigedResponse:
         return np.asarray(np.sqrt(self.variance * np.maximum(variance, 0.0)))
 
     def again(self, u: Reals, y: Reals) -> KrigedResponse:
-        """Of other runs (N, n), (N,), with unchanged lengths and noise."""
+        """The fit to other runs (N, n), (N,), with unchanged lengths and noise."""
         likelihood = _Likelihood.of(u, y, self.rules)
         log = np.log(self.lengths) if likelihood.noise is not None else np.log([*self.lengths, self.noise])
         return likelihood.solved(log)[0]
@@ -172,7 +172,7 @@ class _Likelihood:
 
     @classmethod
     def of(cls, u: Reals, y: Reals, rules: KrigingRules) -> _Likelihood:
-        """By the rules."""
+        """The likelihood of responses under the rules."""
         kind = CORRELATIONS[rules.correlation].load()
         return cls(rules, u, y, terms(u, rules.trend), kind, None if rules.noise == "estimate" else _JITTER)
 

@@ -49,7 +49,7 @@ _SHARE = 0.05
 
 @dataclass(frozen=True)
 class BootstrapRules:
-    """What is drawn, and how far the runs go.
+    """Resampling, and convergence of the runs.
 
     Parameters
     ----------
@@ -523,7 +523,7 @@ class BootstrapResult:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What the runs say, the most important first."""
+        """Conclusions from the runs, most important first."""
         return (*_spread(self), *_bias(self), *_method(self), *_trouble(self))
 
 
@@ -634,7 +634,7 @@ def bootstrap_of(
     rules: BootstrapRules,
     misfit: float = 1.0,
 ) -> Bootstrap:
-    """What makes the runs about an optimum.
+    """The bootstrap about an optimum.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ def held_out_repeats(count: int, held: float | tuple[int, ...], seed: int) -> Fl
 
 @dataclass(frozen=True)
 class Fit:
-    """What a first-order repetition of the update needs.
+    """Data of a first-order repetition of the update.
 
     Parameters
     ----------

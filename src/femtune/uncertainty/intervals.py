@@ -114,7 +114,7 @@ def _corners(counted: Counted, lower: Reals, upper: Reals, signs: Reals) -> list
 
 
 def _led(counted: Counted, lower: Reals, upper: Reals, signs: Reals) -> list[_Point]:
-    """From the middle and random points, for every output and side, the corner to which the slopes point, again."""
+    """Corners to which the slopes point, repeatedly, from the centre and random points, for every output and side."""
     rng, points = np.random.default_rng(0), [_at(counted, 0.5 * (lower + upper))]
     points += [_at(counted, rng.uniform(lower, upper)) for _ in range(_RANDOM_STARTS)]
     tried: set[tuple[bool, ...]] = set()

@@ -145,7 +145,7 @@ class _Explained:
 
 
 def _kind(p: dict[Kind, float], seen: _Explained) -> Kind | None:
-    """The alternative that explains most beyond chance: three quarters of a drift look like a jump, and so back."""
+    """The alternative that explains most beyond chance: three quarters of a drift look like a jump, and vice versa."""
     if min(p.values()) > LEVEL:
         return None
     if min(p["drift"], p["jump"]) > LEVEL:

@@ -438,7 +438,7 @@ class ModeOutputs:
 
 @dataclass(frozen=True)
 class FrequenciesByOrder:
-    """The `count` lowest frequencies in Hz at θ, whatever motions they are of; not smooth where two cross."""
+    """The `count` lowest frequencies in Hz at θ, regardless of the motion; not smooth where two cross."""
 
     configured: ConfiguredModel
     count: int

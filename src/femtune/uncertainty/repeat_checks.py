@@ -41,7 +41,7 @@ class RepeatChecks:
 
     @property
     def notices(self) -> tuple[Notice, ...]:
-        """What was found, without the checks that found nothing."""
+        """Notices of the checks; none for checks without findings."""
         return (*self.of_order(), *self.of_outliers())
 
     def of_order(self) -> tuple[Notice, ...]:

@@ -126,7 +126,7 @@ def robust_moments(table: Reals) -> RobustMoments | WhyNot:
 
 @dataclass(frozen=True)
 class _Calibration:
-    """Of clean tables of one size.
+    """Calibration by clean tables of one size.
 
     Parameters
     ----------

@@ -283,7 +283,7 @@ def _of_repeats(model: QuadraticModel, repeats: Reals, by: LinearEstimator) -> t
 
 
 def _inverse(model: QuadraticModel, z: Reals, by: LinearEstimator) -> Reals | None:
-    """θ whose quadratic outputs are z, by Newton's method from θ₀; None where it does not end."""
+    """θ whose quadratic outputs are z, by Newton's method from θ₀; None if it does not end."""
     theta = model.theta
     for _ in range(_QUADRATIC_ITERATIONS):
         d = by.matrix(model.slope(theta)) @ (z - model.values(theta)) - _pull(model, theta, by)
@@ -294,7 +294,7 @@ def _inverse(model: QuadraticModel, z: Reals, by: LinearEstimator) -> Reals | No
 
 
 def _pull(model: QuadraticModel, theta: Reals, by: LinearEstimator) -> Reals:
-    """What a regularised repeat gives way to: μ²W_θ holds it near the mean, and not near its last iterate."""
+    """Pull of the regularisation on a repeat: μ²W_θ holds it near the mean, not near its last iterate."""
     if not by.regularisation:
         return np.zeros_like(theta)
     A = by.root @ model.slope(theta) * by.scale
@@ -400,7 +400,8 @@ class CloudRules:
     samples : model solutions of one cloud
     seed : of the Latin hypercube; every iteration draws with the same one, so that the iteration has a limit
     max_iterations : clouds at most
-    tolerance : change of means and standard deviations, in units of the start's standard deviations, that is none
+    tolerance : largest change of means and standard deviations, in units of the standard deviations of the start, at
+        convergence
     """
 
     samples: int = 1000
@@ -515,7 +516,7 @@ def _covariances(theta: Reals, z: Reals) -> tuple[Reals, Reals, Reals]:
 
 
 def _positive(old: Reals, new: Reals) -> Reals | None:
-    """The new covariance, or a point so far towards it that it is positive definite; None where none is."""
+    """The new covariance, or the point nearest to it on the way there that is positive definite; None if none is."""
     length = 1.0
     while length > _SHORTEST_CLOUD_STEP:
         C = old + length * (new - old)
@@ -533,7 +534,7 @@ def _small_change(moved: Reals, new: Reals, old: Reals, scale: Reals, tolerance:
 
 @dataclass(frozen=True)
 class StochasticRules:
-    """How a stochastic update goes.
+    """Settings of a stochastic update.
 
     Parameters
     ----------
@@ -643,7 +644,7 @@ def _definite(covariance: Reals, scale: Reals) -> Reals:
 
 @dataclass(frozen=True)
 class Moments:
-    """What a method of [quantify] estimates: fields as of `StochasticResult`; G is None where it was not computed."""
+    """What a method of [quantify] estimates: fields as of `StochasticResult`; G is None if it was not computed."""
 
     mean: Reals
     covariance: Reals

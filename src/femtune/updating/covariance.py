@@ -41,7 +41,7 @@ class ParameterCovariance:
     degrees_of_freedom : of the variance estimate; infinite for stated standard deviations
     widened : kinds whose residuals are significantly larger than stated, so that their variance was estimated
     freedom : by kind of residual, how many residuals the parameters leave free
-    posterior : distribution within the bounds; None where it is not known
+    posterior : distribution within the bounds; None if it is not known
     """
 
     without_bounds: Reals
@@ -71,7 +71,7 @@ class ParameterCovariance:
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Where the parameters may be, and what else acts on them.
+    """Bounds of the parameters, and the other constraints on them.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class _Fit:
         return np.asarray(self.inverse @ self.rows.T)
 
     def covariance(self, sizes: Reals, noise: Reals | None) -> Reals:
-        """Of the estimate, for the sizes of the errors of the rows (n + m,), or the covariance of rowsᵀ·errors."""
+        """Covariance of the estimate, by the sizes of the errors of the rows (n + m,), or the covariance of rowsᵀ·errors."""
         if noise is not None:
             return np.asarray(self.inverse @ noise @ self.inverse)
         spread = self.estimator * sizes
@@ -125,7 +125,8 @@ def parameter_covariance(
 
     With stated standard deviations S is one, except for kinds of residual whose sum of squares is significant (one
     per cent point of χ² with the freedom that the parameters leave them): there it is their misfit, so that the result
-    is wider; none that fits better narrows it (a loose deviation of shapes says nothing of the frequencies). With
+    is wider. A kind that fits better does not narrow it: a large standard deviation of the shapes does not concern the
+    frequencies. With
     estimated variance the stated deviations are relative weights, and S² = rᵀr/(n − rank) for all residuals.
 
     Parameters
@@ -218,7 +219,7 @@ def _estimated(r: Reals, freedom: dict[str, float]) -> _Size | None:
 def _size(
     r: Reals, misfit: dict[str, float], freedom: dict[str, float], scatter: Scatter, noise: Reals | None
 ) -> _Size | None:
-    """As stated where the noise is known."""
+    """Sizes as stated if the noise is known."""
     if noise is not None:
         return _Size({}, np.inf)
     return _estimated(r, freedom) if scatter == "estimated" else _widened(misfit, freedom)

@@ -59,7 +59,7 @@ _FINER_RESPONSES = 0.1
 """Factor on the tolerance of FRFs where a basis is trained again because it was not accurate enough."""
 _BEGUN = "basis that a training begins with"
 _STEPS = 1
-"""Of inverse iteration in a training: one makes an error of 1 % of a frequency .01 % or less."""
+"""Steps of inverse iteration in a training: one step reduces an error of 1 % of a frequency to 0.01 % or less."""
 
 
 class Told(Protocol):
@@ -93,7 +93,7 @@ class _Nobody:
 
 @dataclass(frozen=True)
 class ReductionRules:
-    """How far reduced models are trusted.
+    """Tolerances and limits of reduced models.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ class Agreement:
     Parameters
     ----------
     frequencies : worst relative frequency error of each
-    functions : of the FRF residuals; None where the reduced models serve none
+    functions : of the FRF residuals; None if the reduced models serve none
     """
 
     frequencies: tuple[float, ...]
@@ -222,9 +222,9 @@ class ReducedUpdate:
     cases : facts of each configuration
     rounds : what happened each time the search ended, a sentence each
     certified : True where full and reduced models agree within the tolerances at the end point
-    search : the reduced models, enriched at the end, from which another update may go on; None where nothing was
+    search : the reduced models, enriched at the end, from which another update may go on; None if nothing was
         reduced
-    functions : agreement of the FRFs at the end point; None where the reduced models serve none
+    functions : agreement of the FRFs at the end point; None if the reduced models serve none
     """
 
     result: UpdateResult
@@ -301,7 +301,7 @@ class ReducedSearch:
 
     @property
     def serves_all(self) -> bool:
-        """Whether nothing of the problem needs the full models."""
+        """True if no part of the problem needs the full models."""
         residuals = [r for case in self.reduced_problem().cases for r in case.residuals]
         return not self.problem.residuals and all(isinstance(r, ReducedFrfs) for r in residuals)
 
@@ -399,7 +399,7 @@ class ReducedSearch:
 
 
 def reduced_components(trained: Trained) -> tuple[ReducedComponent, ...]:
-    """What is known of each component; nothing of a basis of the whole."""
+    """Facts of each component; none for a basis of the whole model."""
     parts = () if trained.components is None else trained.components.parts
     return tuple(
         ReducedComponent(
@@ -559,7 +559,7 @@ def _acting(case: ComparedCase) -> NDArray[np.bool_]:
 
 
 def _shared(trainers: Sequence[Trainer | ComponentTrainer], trained: Sequence[Trained]) -> Trained | None:
-    """What an earlier training gives for the last trainer; None where none is of the same matrices and points."""
+    """The earlier training that serves the last trainer; None if none has the same matrices and points."""
     last = trainers[-1]
     for other, found in zip(trainers, trained):
         if isinstance(last, Trainer) and isinstance(other, Trainer) and last.served_by(other):

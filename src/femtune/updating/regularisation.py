@@ -26,7 +26,7 @@ Weight = float | WeightRule
 
 @dataclass(frozen=True, eq=False)
 class RegularisationPath:
-    """What min |r + J d|² + μ²|R(x + d) − c|² gives for m weights, bounds left aside.
+    """Solutions of min |r + J d|² + μ²|R(x + d) − c|² for m weights, without bounds.
 
     Parameters
     ----------

@@ -138,7 +138,7 @@ class Search(Protocol):
         ...
 
     def further(self, gain: float) -> float:
-        """By how much an accepted step is lengthened for one more trial; one for none."""
+        """Factor by which an accepted step is lengthened for one more trial; 1 for no trial."""
         ...
 
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
@@ -189,7 +189,7 @@ class GaussNewton:
         return 1.0
 
     def shorter(self, state: float, gain: float, rejected: int) -> float | None:
-        """There is none."""
+        """None: this search does not offer it."""
         return None
 
     def further(self, gain: float) -> float:
@@ -197,7 +197,7 @@ class GaussNewton:
         return 1.0
 
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
-        """There is none."""
+        """None: this search does not offer it."""
         return None
 
 
@@ -303,7 +303,7 @@ class LineSearch:
         return 1.0
 
     def shorter(self, state: float, gain: float, rejected: int) -> float | None:
-        """Half of it."""
+        """Half the step."""
         return 0.5 * state if state > _SHORTEST_STEP else None
 
     def further(self, gain: float) -> float:
@@ -311,5 +311,5 @@ class LineSearch:
         return lengthened(gain)
 
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
-        """There is none."""
+        """None: this search does not offer it."""
         return None

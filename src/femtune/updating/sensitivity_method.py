@@ -182,7 +182,7 @@ class Walk:
     def rounding(self, point: Point) -> float:
         """Objective below which residuals are rounding: 1e-7 of their change by a whole length of step.
 
-        Where modes cross, the derivatives of their shapes are far above all others and tell nothing about rounding,
+        Where modes cross, the derivatives of their shapes are far above all others and are no measure of rounding,
         unless the objective has fallen to a tiny part of its first value.
         """
         changes, most = self._changes(point)
@@ -190,7 +190,7 @@ class Walk:
         return min(whole, max(without, _TINY_PART * self.first))
 
     def all_zero(self, point: Point) -> bool:
-        """True if each residual by itself is rounding: a tiny standard deviation of some says nothing of the others."""
+        """True if each residual by itself is rounding: a tiny standard deviation of one does not concern others."""
         changes, _ = self._changes(point)
         known = self.of_result(point.evaluation).residuals
         return bool((np.abs(known) <= np.maximum(_ZERO_RESIDUAL, _ROUNDING_OF_ONE * changes)).all())
@@ -419,7 +419,7 @@ class _Update:
         return self.walk.best_gain(point) > enough or self.walk.modes_cross(point)
 
     def _beyond(self, point: Point, left_out: int) -> Point | None:
-        """A point beyond the place that blocks the steps, whatever its objective; None where it cannot be solved."""
+        """A point beyond the place that blocks the steps, with any objective; None if it cannot be solved."""
         d = self.walk.local(point).without_leading(left_out).step(_DAMPING_OF_JUMP)
         trial = self._try(point, d)
         return None if trial is None else self._paired(trial)
@@ -555,7 +555,7 @@ class _Update:
     def _negligible(self, point: Point) -> float:
         """A decrease of the objective that does not matter: before the smallest change, a small part of its margin.
 
-        The valley of what the data do not determine is flat, long and curved, and its lowest point says nothing.
+        The valley of what the data do not determine is flat, long and curved, and its lowest point has no meaning.
         """
         if self.walk.change is not None or not self._needs_smallest_change(point):
             return 0.0
@@ -615,7 +615,7 @@ class _Update:
     def _corrected(
         self, local: LocalModel, d: Reals, state: float, point: Point, rejected: Evaluation
     ) -> tuple[Evaluation, float] | None:
-        """The trial of the corrected step after a rejected one, and its gain; None where there is none."""
+        """The trial of the corrected step after a rejected one, and its gain; None if there is none."""
         before = point.evaluation
         if rejected.squares.keys() != before.squares.keys():
             return None
@@ -672,7 +672,7 @@ def _iteration(walk: Walk, number: int, point: Point, moved: float, state: float
 
 
 def _modes(evaluation: Evaluation) -> Iterator[IterationMode]:
-    """Of states that residuals have formed pairs of: the record costs no solution of its own."""
+    """Modes of the states whose pairs residuals have formed: the record costs no further solution."""
     for state in evaluation.states:
         if state.solved is None or not any(r.on_modes for r in state.case.residuals):
             continue

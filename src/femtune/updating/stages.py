@@ -69,7 +69,7 @@ class Belief:
         return self.parameters.values(self.x)
 
     def prior(self) -> Prior:
-        """What was updated or set by hand as prior of the next update; other parameters keep their priors."""
+        """Parameters with what was updated or set by hand as prior of the next update; others keep their priors."""
         at = np.flatnonzero(self.found if self.given is None else self.found | self.given)
         scale = self.parameters.scale[at]
         names = tuple(self.parameters.free[i].name for i in at)
@@ -129,7 +129,7 @@ def first_belief(parameters: ParameterSet) -> Belief:
 
 @dataclass(frozen=True)
 class Misfit:
-    """How large the residuals of one kind are beside what noise and uncertain parameters explain.
+    """Size of the residuals of one kind relative to what noise and uncertain parameters explain.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ class ErrorSum:
 
 @dataclass(frozen=True)
 class StageResult:
-    """What a stage found.
+    """Result of a stage.
 
     Parameters
     ----------

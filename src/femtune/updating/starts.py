@@ -49,13 +49,13 @@ class StartOutcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class StartResult:
-    """One start, kept whatever became of it.
+    """One start, whether it succeeded or not.
 
     Parameters
     ----------
     start, end : (k,) normalised parameters; `end` is the start where it failed
     objective : ½ rᵀr at the end with the side constraint, NaN where it failed
-    status : of the last update; None where it failed, for the reason in `problem`
+    status : of the last update; None if it failed, for the reason in `problem`
     tries : how many times it set out: one, and one more for every hop from an end that was not good enough
     iterations : of all tries
     residuals : number of independent residuals at the end; test modes without a partner have none
@@ -135,7 +135,7 @@ def best_of(found: Sequence[UpdateResult]) -> int:
 
 
 def height(start: StartResult) -> tuple[bool, float]:
-    """By which comparable starts are sorted: optima first, then by their objectives."""
+    """Sort key of comparable starts: optima first, then by their objectives."""
     return not start.at_optimum, start.objective
 
 
@@ -231,7 +231,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class StartRules:
-    """How many starts, and how hard each tries.
+    """Number of starts, and effort of each.
 
     Parameters
     ----------
@@ -409,7 +409,7 @@ def follow_up(
 
 
 def _followed(found: MultiStart, unfinished: bool) -> dict[int, int]:
-    """By the number of each start that is continued or ends with another one, the number of that one."""
+    """For each start that is continued by or ends with another one: the number of the other one."""
     by_number = {s.number: s for s in found.starts}
     out = {}
     for optimum in found.optima:
@@ -424,7 +424,7 @@ def _followed(found: MultiStart, unfinished: bool) -> dict[int, int]:
 _Task = tuple[StartResult, Reals]
 """A start so far, and from where it sets out now."""
 _Try = tuple[StartResult, UpdateResult | None]
-"""What became of it, and the update where it was made here."""
+"""Outcome of a start, and its update if it was made in this run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -555,7 +555,7 @@ class _Search:
 
 
 def _better(so_far: StartResult, found: StartResult) -> StartResult:
-    """What is kept of a start after one more run."""
+    """The start that is kept after one more run."""
     if so_far.status is None or (found.status is not None and _worth(found) < _worth(so_far)):
         return found
     return replace(so_far, tries=found.tries, iterations=found.iterations)

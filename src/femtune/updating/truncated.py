@@ -23,7 +23,7 @@ from femtune.arrays import Reals
 
 @dataclass(frozen=True)
 class SamplerRules:
-    """How many samples are taken; the seed makes them the same every time.
+    """Number of samples; the seed makes them reproducible.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class _Chains:
         return found.mean(axis=(0, 1)), found.std(axis=(0, 1))
 
     def collected(self) -> Reals:
-        """(sweeps, chains, k) samples: as many sweeps as the effective number of samples asks for."""
+        """(sweeps, chains, k) samples: as many sweeps as the effective number of samples requires."""
         samples, most = self._sweeps(_BLOCK), self._share * self.rules.most
         while len(samples) < most and effective_number(samples).min() < self.rules.least:
             samples = np.concatenate([samples, self._sweeps(max(_BLOCK, len(samples) // 2))])

@@ -31,7 +31,7 @@ Measured = tuple[float, str, str] | NotTested
 
 @dataclass(frozen=True)
 class Evidence:
-    """What verdicts are made of.
+    """Data from which verdicts are derived.
 
     Parameters
     ----------

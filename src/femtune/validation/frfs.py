@@ -99,13 +99,13 @@ class PredictedFrfs:
 
     @cached_property
     def known(self) -> NDArray[np.bool_]:
-        """(outputs, inputs, k) where test and model have a value other than zero; a model's rounding is none."""
+        """(outputs, inputs, k) where test and model have values other than zero, the model beyond its rounding."""
         silent = np.abs(self.model).max(axis=2, keepdims=True) <= _SILENT * np.abs(self.model).max(initial=0.0)
         return np.asarray(np.isfinite(self.test) & (self.test != 0.0) & (self.model != 0.0) & ~silent)
 
     @cached_property
     def matches(self) -> tuple[FrfMatch, ...]:
-        """Of every function with a known value, input by input."""
+        """Values of every function with a known value, input by input."""
         places = [(i, j) for j in range(len(self.inputs)) for i in range(len(self.outputs))]
         return tuple(self._match(i, j) for i, j in places if self.known[i, j].any())
 

@@ -26,7 +26,7 @@ _FEWEST_OUTPUTS = 4
 _LEVEL = 3.0
 """Ratio of the levels, in both directions, from which units are doubted."""
 _OUTLYING = 3.0
-"""A channel has a level of its own if its distance from the others is so many times its scatter over the lines, and
+"""A channel has a separate level if its distance from the others is so many times its scatter over the lines, and
 the scatter of the levels of the others."""
 _CLEARER = 0.7
 """Another kind is likely if it makes the scatter of the ratios so much smaller."""
@@ -100,7 +100,7 @@ def _sizes(measured: FrfSet, ratio: Complexes, configuration: str) -> Iterator[N
 
 
 def _guess(level: float) -> str:
-    """What is known to cause such a factor."""
+    """Known causes of such a factor."""
     near = [w for w, f in KNOWN_FACTORS.items() for r in (f, 1.0 / f) if abs(np.log(level / r)) < np.log(1.5)]
     return f"; the cause may be {' or '.join(near)}" if near else ""
 

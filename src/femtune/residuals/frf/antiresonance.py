@@ -68,7 +68,7 @@ class CandidateZeros:
         return out
 
     def why_not(self, i: int, j: int | None, gates: ZeroGates) -> str:
-        """What speaks against a pair; "" where nothing does."""
+        """The reason against a pair; "" if there is none."""
         if j is None:
             return "all antiresonances of the model are assigned to others"
         off, mac = float(np.expm1(self.off[i, j])), float(self.mac[i, j])
@@ -157,7 +157,7 @@ class AntiresonanceResidual(Residual):
         return [b for tests in self.by_function() for b in self._of_function(finder, tests, derivatives)]
 
     def finder(self, modes: EigenSolution) -> ZeroFinder:
-        """Of the test's functions in a model."""
+        """Finder of the zeros of the test's functions in a model."""
         return zero_finder(modes, self._ports(modes))
 
     def _ports(self, modes: EigenSolution) -> Ports:

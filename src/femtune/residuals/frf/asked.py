@@ -1,4 +1,4 @@
-"""Residuals of measured FRFs as a study asks for them: settled at the start of the update."""
+"""Residuals of measured FRFs that a study requests; they are settled at the start of the update."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _POOR = 0.1
 
 
 class AskedFrfs(AtFirstState):
-    """FRFs of a configuration's test, as a study asks for them; settled at the start of the update."""
+    """FRFs of the test of a configuration that a study requests; settled at the start of the update."""
 
     key = FrfResidual.key
     label = FrfResidual.label
@@ -61,7 +61,7 @@ class AskedFrfs(AtFirstState):
 
 
 class AskedAntiresonances(AtFirstState):
-    """Antiresonances of the functions of a configuration's test, likewise."""
+    """Antiresonances of these FRFs, settled in the same way."""
 
     key = AntiresonanceResidual.key
     label = AntiresonanceResidual.label
@@ -99,7 +99,7 @@ class AskedAntiresonances(AtFirstState):
 
 
 def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | None, tuple[Notice, ...]]:
-    """The functions and the modal damping of the model, both with one damping ratio where the study asks for it."""
+    """The functions and the modal damping of the model, both with one damping ratio if the study requests it."""
     entry, equalised = asked.entry, asked.equalised()
     if equalised is None:
         return measured, _damping(entry, asked.damping), ()
@@ -133,7 +133,7 @@ def _bands(left_out: Sequence[tuple[float, float]]) -> str:
 
 
 def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[CaseState], Settled]:
-    """What is settled at the start fails at its own table of the study, not at the first one."""
+    """Errors at the start of the update point to the table of this residual, not to the first one."""
 
     def at_its_place(state: CaseState) -> Settled:
         with asked.errors_at():

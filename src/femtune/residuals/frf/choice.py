@@ -21,7 +21,7 @@ from femtune.residuals.frf.residual import FrfForm, FrfResidual, Places, places_
 from femtune.residuals.frf.scatter import ABOVE_NOISE, FrfScatter
 
 # ----------------------------------------------------------------------------------------------------
-# Functions that are zero in the model whatever drives it: motions that do not couple.
+# Functions that are zero in the model under any force: motions that do not couple.
 
 
 _SILENT = 1e-8

@@ -69,7 +69,7 @@ class Antiresonance:
 
 @dataclass(frozen=True)
 class ZeroSearch:
-    """What is taken for an antiresonance.
+    """Criteria for an antiresonance.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class ZeroSearch:
 
 @dataclass(frozen=True)
 class FoundZeros:
-    """What was found in the functions of a test.
+    """Antiresonances in the functions of a test.
 
     Parameters
     ----------

@@ -128,7 +128,7 @@ class AtFirstState(Residual):
 
     @property
     def notices(self) -> tuple[Notice, ...]:
-        """What was left out; nothing before it was asked."""
+        """Notices of what was left out; none until the residual is settled."""
         return self._settled[0][1] if self._settled else ()
 
 
@@ -140,6 +140,6 @@ def settle_all(state: CaseState) -> None:
 
 
 def settled(residual: Residual) -> Residual:
-    """The residual as it was settled; itself where there is nothing to settle, or it was not asked yet."""
+    """The settled residual; the residual itself if there is nothing to settle, or it has not been settled yet."""
     modes = residual.settled if isinstance(residual, AtFirstState) else None
     return modes or residual

@@ -53,7 +53,7 @@ def modes_for(state: CaseState, residual: FrfResidual, start: EigenSolution | No
 
 
 def wanted_of(state: CaseState, residual: FrfResidual) -> FunctionsWanted:
-    """What a reduced model is trained for."""
+    """Functions and lines for which a reduced model is trained."""
     lines, _ = residual.model_lines
     ports = residual.places.ports(state.full.configured, residual.measured)
     needs = residual.way.needs_modes(state.full)

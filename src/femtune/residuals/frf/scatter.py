@@ -1,4 +1,4 @@
-"""How well measured FRFs are known: a part of the magnitude, a floor, and what the coherence says.
+"""Standard deviations of measured FRFs: a part of the magnitude, a floor, and a part from the coherence.
 
 A weight that follows the noise of its value makes an estimate biased. Near the noise what stands for the
 magnitude of a function at a line is therefore taken from the lines beside it, whose noise is another; well above it,

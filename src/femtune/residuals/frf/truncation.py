@@ -44,7 +44,7 @@ class Truncation:
     function, line_hz : where `largest` is
     vectors : whether residual vectors are added to the modes
     order : of the reduced model that they are of; None for superposed modes of the full model
-    large : DOFs of a full model that is too large for direct solutions; None where they were made
+    large : DOFs of a full model that is too large for direct solutions; None if they were made
     """
 
     configuration: str
