@@ -15,7 +15,7 @@ from femtune.assembly.study import read_study
 from femtune.errors import FemtuneError
 from femtune.model import Configuration
 from femtune.results.step_results import CandidatesResult
-from femtune.study.candidates import CANDIDATES_FILE, _Population
+from femtune.study.candidates import CANDIDATES_FILE, Population
 from femtune.updating.sensitivity_method import moving_parameters
 
 from .cantilever import EI, LABELS, TRUE, Bench, measured
@@ -311,7 +311,7 @@ def test_a_population_is_judged_by_the_residuals_of_the_update(two: Bench) -> No
     loaded = read_study(study(two, LISTED))
     problem = loaded.problem()
     moving = moving_parameters(problem, ("root", "tip"))
-    population = _Population(problem, problem.start(np.zeros(3)), moving)
+    population = Population(problem, problem.start(np.zeros(3)), moving)
     points = np.array([[0.1, -0.2], [0.0, 0.3], [-2.0, 0.0]])
     chi2 = population(points)
     for point, value in zip(points[:2], chi2):

@@ -112,7 +112,8 @@ def test_poles_find_modulus_and_loss_factor(rubber: Bench):
     assert [a.sentence for a in found.results.alerts if a.level == "problem"] == []
     check_shown("table.acts", told_of_first_table(found))
     told = [a.sentence for a in found.results.alerts if a.code == "table.acts"]
-    assert told[0] == "CELAS2 21 K depends on frequency: factor 0.8 to 2.2 between 0 and 1000 Hz, constant outside"
+    assert told[0].startswith("CELAS2 21 K ")
+    assert "factor 0.8 to 2.2 between 0 and 1000 Hz" in told[0]
     assert found.report is not None
     html = found.report.read_text(encoding="utf-8")
     assert "CELAS2 21 GE" in html

@@ -121,7 +121,7 @@ def test_what_a_region_cannot_be(tmp_path: Path, region: str, words: str) -> Non
 def test_a_list_that_is_too_short(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError, match=r"'box' has too few entries\n.*study.toml:11"):
         study(tmp_path, "box = [[0, 0, 0]]")
-    with pytest.raises(FemtuneError, match=r"entry 2 of entry 1 of 'box' is not a finite number"):
+    with pytest.raises(FemtuneError, match="entry 2 of entry 1 of 'box'"):
         study(tmp_path, "box = [[0, nan, 0], [1, 1, 1]]")
 
 

@@ -79,10 +79,9 @@ def test_several_configurations_with_overlays(states: Bench) -> None:
     assert masses == pytest.approx({"light": 7.85, "loaded": 11.35, "propped": 9.85, "loose": 9.85})
     light = run.results.model.configurations[0]
     assert (light.weighed_mass, light.mass_difference_percent) == (7.5, pytest.approx(100 * 0.35 / 7.5))
-    assert [a.sentence for a in run.results.alerts if a.code == "model.mass-differs"] == [
-        "light: the mass of the model differs by +4.7 % from the measured mass, more than 2 %: an update would absorb "
-        "this error into the parameters"
-    ]
+    (told,) = [a.sentence for a in run.results.alerts if a.code == "model.mass-differs"]
+    assert told.startswith("light: ")
+    assert "+4.7 %" in told
     written = run.folder / "updated.bdf"
     last = [m for m in run.results.modes if m.stage == "after as written"]
     assert last[2].freq_hz == pytest.approx(

@@ -16,7 +16,7 @@ from femtune.assembly.runs_model import built_of_tables, part_of
 from femtune.errors import FemtuneError, Notice
 from femtune.executor.interface import nothing
 from femtune.modal.assignment import linear_sum_assignment
-from femtune.modal.beside import RIGID
+from femtune.modal.beside import RIGID_FREQUENCY_RATIO
 from femtune.model import parametric_model
 from femtune.model.imported.from_runs import seen_modes
 from femtune.results.model import alert_of
@@ -369,7 +369,7 @@ class SolverFrequencies:
         tables, found = runs.tables([(first, known)]), []
         for case in study.cases:
             hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
-            elastic = np.flatnonzero(hz > RIGID * hz.max(initial=0.0))
+            elastic = np.flatnonzero(hz > RIGID_FREQUENCY_RATIO * hz.max(initial=0.0))
             if not len(elastic):
                 raise FemtuneError("screen.no-modes", configuration=case.name)
             found.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))

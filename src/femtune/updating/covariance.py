@@ -101,7 +101,10 @@ class _Fit:
         return np.asarray(self.inverse @ self.rows.T)
 
     def covariance(self, sizes: Reals, noise: Reals | None) -> Reals:
-        """Covariance of the estimate, by the sizes of the errors of the rows (n + m,), or the covariance of rowsᵀ·errors."""
+        """Covariance of the estimate, from the sizes of the errors of the rows (n + m,).
+
+        With `noise`, the covariance of rowsᵀ·errors, from that instead.
+        """
         if noise is not None:
             return np.asarray(self.inverse @ noise @ self.inverse)
         spread = self.estimator * sizes

@@ -115,4 +115,4 @@ def test_a_ratio_above_one_half_that_e_and_g_imply_is_told_for_shells(deck_of: D
     built = build_structure(deck_of(material + shell))
     found = [n for n in built.notices if n.code == "deck.inconsistent-shear"]
     assert [n.level for n in found] == ["warning"] * told
-    assert all("imply a Poisson's ratio of 0.522" in n.what for n in found)
+    assert all("0.522" in n.what for n in found)

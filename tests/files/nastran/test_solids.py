@@ -104,7 +104,7 @@ def test_elements_with_and_without_middles_are_two_batches(deck_of: DeckOf) -> N
     model = built(deck_of, STEEL + LUMP + text)
     assert [(b.kind, b.ids.tolist()) for b in model.structure.batches] == [("tetra4", [20, 22]), ("tetra10", [21])]
     (notice,) = [n for n in model.notices if n.code == "deck.stiff-tetrahedra"]
-    assert notice.what.startswith("the deck has 2 CTETRA cards with 4 grid points")
+    assert "2 CTETRA cards" in notice.what
     assert notice.where is not None
     assert notice.where.record == "CTETRA 20"
 

@@ -143,7 +143,7 @@ def test_terms_that_would_be_larger_than_the_model_are_refused(
     plate: ConfiguredModel, basis: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reduced_model, "MOST_BYTES", 1000)
-    with pytest.raises(FemtuneError, match="functions of the parameters needs a dense matrix of order 14") as error:
+    with pytest.raises(FemtuneError, match="order 14") as error:
         reduce_model(plate, basis[:, :14])
     assert error.value.code == "reduce.too-many-terms"
 
@@ -176,7 +176,7 @@ def test_a_free_structure_has_exact_orthogonality_at_the_sensors_by_serep(plate:
 
 def test_models_at_sensors_refuse_what_cannot_be_told(plate: ConfiguredModel) -> None:
     point, rows = plate.at(X), np.eye(plate.n_free)
-    with pytest.raises(FemtuneError, match="linear combination of that of other sensors"):
+    with pytest.raises(FemtuneError, match="linear combination"):
         sensor_model(point, np.vstack([rows[:8], rows[:1] + rows[1:2]]))
     with pytest.raises(FemtuneError, match="when all sensors are fixed"):
         sensor_model(point, rows[:2])
