@@ -133,7 +133,7 @@ def test_unpaired_ones_are_left_out_with_their_reason() -> None:
     assert all(n.code == "residual.antiresonance-unpaired" for n in notices)
     assert "; the gate is 2 %" in notices[0].what
     _, notices = antiresonance_residual(modes, frfs, zeros, gates=ZeroGates(0.5, 0.9999))
-    assert "the MAC of the deflection shapes is" in notices[0].what
+    assert "MAC" in notices[0].what
     with pytest.raises(FemtuneError, match="no antiresonance of the test could be paired"):
         antiresonance_residual(modes, frfs, zeros, gates=ZeroGates(1e-9))
 

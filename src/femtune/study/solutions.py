@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from femtune.assembly.study import solved_by
 from femtune.errors import FemtuneError, Notice, folded
 from femtune.journal.journal import JOURNAL_FOLDER, open_journal
-from femtune.results.journal import JournalResults, SolutionCount
+from femtune.study.journal_record import JournalResults, SolutionCount
+from femtune.study.study import solved_by
 
 if TYPE_CHECKING:
-    from femtune.assembly.study import Study
     from femtune.journal.journal import Journal
+    from femtune.study.study import Study
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran import Deck, build_structure, read_deck
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltDeck
 
 DeckOf = Callable[..., Deck]
 POINTS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,2.,0.,0.\nGRID,5,,3.,1.,0.\nSPOINT,101,102\n"
 
 
-def names(model: BuiltModel) -> dict[str, set[str]]:
+def names(model: BuiltDeck) -> dict[str, set[str]]:
     table = model.structure.nodes
     return {n: {str(table.describe(int(d))) for d in dofs} for n, dofs in model.structure.dof_sets.items()}
 

@@ -12,7 +12,7 @@ from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, build_structure
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.parameters import jet
 
@@ -49,11 +49,11 @@ PSHELL,6,1,.1,1,,1
 OWN = 1.5 + 0.25 + 12.0
 
 
-def built(deck_of: DeckOf, cards: str, case: str = "NSM = 1") -> BuiltModel:
+def built(deck_of: DeckOf, cards: str, case: str = "NSM = 1") -> BuiltDeck:
     return build_structure(deck_of(f"SOL 103\nCEND\n{case}\nBEGIN BULK\n{MODEL}{cards}ENDDATA\n"))
 
 
-def mass(model: BuiltModel) -> float:
+def mass(model: BuiltDeck) -> float:
     return float(mass_properties(model.structure.nodes, assemble(model.structure, "mass")).mass)
 
 

@@ -13,7 +13,7 @@ from femtune.fem.elements.shells.normals import shared_normals
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran import Deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.parameters import jet
 
 from .solving import frequencies
@@ -26,17 +26,17 @@ PLATE = "PSHELL,9,1,.1,1,,1\n"
 QUAD = "CQUAD4,20,9,1,2,3,4"
 
 
-def built(deck_of: DeckOf, text: str) -> BuiltModel:
+def built(deck_of: DeckOf, text: str) -> BuiltDeck:
     return build_structure(deck_of(POINTS + text))
 
 
-def batch(deck_of: DeckOf, text: str) -> tuple[BuiltModel, ElementBatch]:
+def batch(deck_of: DeckOf, text: str) -> tuple[BuiltDeck, ElementBatch]:
     model = built(deck_of, text)
     (one,) = model.structure.batches
     return model, one
 
 
-def values(model: BuiltModel, one: ElementBatch, i: int = 0) -> dict[str, float]:
+def values(model: BuiltDeck, one: ElementBatch, i: int = 0) -> dict[str, float]:
     return {role: float(model.structure.values.values[at[i]]) for role, at in one.roles.items()}
 
 

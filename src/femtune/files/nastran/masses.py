@@ -24,10 +24,12 @@ from femtune.files.nastran.constraints import read_unions
 from femtune.files.nastran.control import check_selected
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.lists import IntegerList, read_list
+from femtune.files.nastran.reading import ElementReading
 
 
-def read_masses(building: Building, grids: Grids) -> list[ElementBatch]:
+def read_masses(reading: ElementReading) -> list[ElementBatch]:
     """Batches of CONM2 and of CONM1."""
+    building, grids = reading.building, reading.grids
     batches = []
     for card, kind in (("CONM2", CONCENTRATED_MASS.key), ("CONM1", GENERAL_MASS.key)):
         rows = BatchRows(kind, card)
@@ -133,8 +135,13 @@ def add_nonstructural_mass(building: Building, nodes: NodeTable, batches: Sequen
     if not chosen or not bearing:
         return out
     tables = [_table(building, nodes, batches[i]) for i in bearing]
-    parts = ("ids", "cards", "properties", "size", "area")
-    elements = _Elements(*(np.concatenate([getattr(t, name) for t in tables]) for name in parts))
+    elements = _Elements(
+        ids=np.concatenate([t.ids for t in tables]),
+        cards=np.concatenate([t.cards for t in tables]),
+        properties=np.concatenate([t.properties for t in tables]),
+        size=np.concatenate([t.size for t in tables]),
+        area=np.concatenate([t.area for t in tables]),
+    )
     added = _added(building, elements, chosen)
     for i, extra in zip(bearing, np.split(added, np.cumsum([len(t.ids) for t in tables])[:-1])):
         out[i] = _with_added(building, batches[i], extra)

@@ -21,8 +21,9 @@ from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.element_columns import read_elements
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.materials import Materials, read_properties
+from femtune.files.nastran.materials import read_properties
 from femtune.files.nastran.plane_laws import PlaneLaws
+from femtune.files.nastran.reading import ElementReading
 from femtune.files.nastran.shell_properties import COUPLING, ShellProperties, ShellSection, Thicknesses
 
 
@@ -54,8 +55,9 @@ _LEAST_DIRECTION_SINE = 1e-6
 _NO_DIRECTION = np.zeros(3)
 
 
-def read_shells(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+def read_shells(reading: ElementReading) -> list[ElementBatch]:
     """Batches of shells, separate for each card."""
+    building, grids, materials = reading.building, reading.grids, reading.materials
     laws = PlaneLaws(building, materials)
     return [batch for card in _SHAPES for batch in _read(card, building, grids, laws)]
 
@@ -117,7 +119,17 @@ class _ShellReading:
         off = section.offset is not None
         offset = self.none if section.offset is None else section.offset
         nodes = [*nodes, *[_LEFT_OUT] * (self.shape.nodes - len(nodes))]
-        row = _Row(eid, nodes, section, section.thickness, offset, self.none, off, 0.0, _NO_DIRECTION)
+        row = _Row(
+            id=eid,
+            nodes=nodes,
+            section=section,
+            thickness=section.thickness,
+            offset=offset,
+            mass_offset=self.none,
+            offset_given=off,
+            theta=0.0,
+            direction=_NO_DIRECTION,
+        )
         self.rows.append(row)
         return True
 
@@ -131,7 +143,19 @@ class _ShellReading:
         given = not record.blank("ZOFFS") or section.offset is not None
         theta, direction = _material_axis(record, self.grids, nodes[: self.shape.corners])
         corners = self.thicknesses.at_corners(record, eid, section) if self.shape.curved else None
-        self.rows.append(_Row(eid, nodes, section, thickness, offset, lift, given, theta, direction, corners))
+        row = _Row(
+            id=eid,
+            nodes=nodes,
+            section=section,
+            thickness=thickness,
+            offset=offset,
+            mass_offset=lift,
+            offset_given=given,
+            theta=theta,
+            direction=direction,
+            corners=corners,
+        )
+        self.rows.append(row)
 
     def _offsets(self, record: CardEntry, eid: int, section: ShellSection) -> tuple[int, int]:
         """Positions of the offsets of the mass (ZOFFS) and of the stiffness (with that of a laminate's middle)."""
