@@ -52,13 +52,13 @@ class Running:
         journal = folder / "journal" if folder is not None else None
         if journal is None or not os.path.isdir(journal):
             return []
-        found = []
+        counts = []
         if self._is_new(journal) or self.written():
-            found.append(_counted(sum(name.endswith(".npz") for name in os.listdir(journal)), "solution", journal))
+            counts.append(_counted(sum(name.endswith(".npz") for name in os.listdir(journal)), "solution", journal))
         runs = journal / "runs.sqlite"
         if runs.is_file() and self._is_new(runs):
-            found.append(_counted(_rows(runs), "external run", runs))
-        return [text for text in found if text]
+            counts.append(_counted(_rows(runs), "external run", runs))
+        return [text for text in counts if text]
 
     def _is_new(self, path: Path) -> bool:
         # file systems store times with a granularity of up to 2 s

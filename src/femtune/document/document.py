@@ -213,5 +213,5 @@ def without_column(table: Table, title: str) -> Table:
 
 def table_or_none(title: str, heads: tuple[Column, ...], rows: Iterable[tuple[Cell, ...]], none: str) -> Block:
     """A table, or the sentence `none` where it would have no rows."""
-    found = tuple(rows)
-    return Table(title, heads, found) if found else Paragraph(none)
+    listed = tuple(rows)
+    return Table(title, heads, listed) if listed else Paragraph(none)

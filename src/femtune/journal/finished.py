@@ -56,10 +56,10 @@ class FinishedRuns:
             content = self.path.read_bytes()
         except OSError:
             return [], False
-        found = list(_lines(content))
-        if not found or found[0] != {"key": self.key}:
+        entries = list(_lines(content))
+        if not entries or entries[0] != {"key": self.key}:
             return [], False
-        return found[1:], content == b"".join(_text(line).encode() for line in found)
+        return entries[1:], content == b"".join(_text(line).encode() for line in entries)
 
 
 def _lines(content: bytes) -> Iterator[Line]:

@@ -65,18 +65,18 @@ class Journal:
         known = self.recall(form.kind, key)
         if known is not None:
             try:
-                found = form.unpack(known)
+                solution = form.unpack(known)
             except (ValueError, KeyError, TypeError) as error:
                 self._damaged.append((self.path(form.kind, key), str(error)))
             else:
                 self._count_recalled(form.kind, self.path(form.kind, key))
-                return found
+                return solution
         begin = time.perf_counter()
-        found = solve()
+        solution = solve()
         self.solved[form.kind] += 1
         if self.writes:
-            self.keep(form.kind, key, form.pack(found), time.perf_counter() - begin > _FLUSHED_S)
-        return found
+            self.keep(form.kind, key, form.pack(solution), time.perf_counter() - begin > _FLUSHED_S)
+        return solution
 
     def _count_recalled(self, kind: str, path: Path) -> None:
         """Each solution once; what this run has solved itself is not recalled."""
@@ -160,8 +160,8 @@ def _prepare(journal: Journal, fresh: bool) -> None:
 
 def _files(folder: Path) -> Iterator[os.DirEntry[str]]:
     """Files that look like the journal's own, half-written ones too; links are named, never followed."""
-    with os.scandir(folder) as found:
-        for file in found:
+    with os.scandir(folder) as files:
+        for file in files:
             if _OWN.fullmatch(file.name) and not file.is_dir(follow_symlinks=False):
                 yield file
 

@@ -52,12 +52,12 @@ class RunJournal:
             row = self._database.execute(
                 "SELECT facts, freq_hz, nodes, shapes FROM runs WHERE key = ?", (key,)
             ).fetchone()
-            found = None if row is None else _outcome(key, row)
+            outcome = None if row is None else _outcome(key, row)
         except _TROUBLES as error:
             self._remarks.append(_damaged(self.path, error))
             return None
-        self.recalled[_KIND] += found is not None
-        return found
+        self.recalled[_KIND] += outcome is not None
+        return outcome
 
     def keep(self, outcome: RunOutcome) -> None:
         """Keep an outcome; where that fails the runs go on without the journal, with a notice."""
@@ -74,8 +74,8 @@ class RunJournal:
         """Number of outcomes by their state, for tables."""
         if self._database is None:
             return {}
-        found = self._database.execute("SELECT state, COUNT(*) FROM runs GROUP BY state ORDER BY state")
-        return {str(state): int(count) for state, count in found}
+        counts = self._database.execute("SELECT state, COUNT(*) FROM runs GROUP BY state ORDER BY state")
+        return {str(state): int(count) for state, count in counts}
 
     def close(self) -> None:
         """Close the file."""

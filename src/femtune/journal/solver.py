@@ -138,8 +138,8 @@ def _of_derivative(derivative: SubspaceDerivative) -> Entry:
 def _derivative(shape: tuple[int, int, int], entry: Entry) -> SubspaceDerivative:
     k, c, rows = shape
     shapes = ((c,), (k, c, c), (k, c, c), (rows, c, k), (rows, c))
-    values, stiffness, mass, outside, own = (_floats(entry, name, s) for name, s in zip(_DERIVATIVE, shapes))
-    return SubspaceDerivative(values, stiffness, mass, outside, own)
+    values, stiffness, mass, outside, mode_shapes = (_floats(entry, name, s) for name, s in zip(_DERIVATIVE, shapes))
+    return SubspaceDerivative(values, stiffness, mass, outside, mode_shapes)
 
 
 def _floats(entry: Entry, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -49,9 +49,9 @@ def named_axis(file: StudyFile, case: StudyCase, labels: Sequence[str], *place: 
     dofs = [parse_dof(label) for label in labels]
     for i, dof in enumerate(dofs):
         with errors.catch(), errors_at(file.where(*place, i)):
-            found = known.get((dof.node, dof.direction))
-            terms = found.terms if found is not None else ((dof.node, dof.component, 1.0),)
-            sign = dof.sign * (found.dof.sign if found is not None else 1)
+            sensor = known.get((dof.node, dof.direction))
+            terms = sensor.terms if sensor is not None else ((dof.node, dof.component, 1.0),)
+            sign = dof.sign * (sensor.dof.sign if sensor is not None else 1)
             for at, factor in _terms(structure.nodes, terms):
                 rows[i, at] += sign * factor
             _check_free(configured, dof, sp.csr_array(rows[[i]]))
@@ -117,8 +117,8 @@ def seen_as(axis: Axis, case: StudyCase, measured: DofSet) -> tuple[NDArray[np.i
     placed, _ = sensor_axis(case, measured)
     same = same_motion(axis.rows, placed.rows)
     to_measured = placed.labels.align(measured)[0]
-    found = same.any(axis=1) if same.size else np.zeros(len(axis.labels), bool)
+    matched = same.any(axis=1) if same.size else np.zeros(len(axis.labels), bool)
     first = np.argmax(same != 0.0, axis=1) if same.size else np.zeros(len(axis.labels), np.int64)
-    at = np.where(found, to_measured[first] if len(to_measured) else -1, -1)
+    at = np.where(matched, to_measured[first] if len(to_measured) else -1, -1)
     signs = same[np.arange(len(first)), first] if same.size else np.zeros(len(axis.labels))
     return at, signs

@@ -161,8 +161,10 @@ class States:
         with errors_at_configuration(self.file, entry):
             if state not in self.made:
                 self.made[state] = configure(self.model, asked)
-        own = None if self.specimens is None or entry.specimen is None else self.specimens.models[entry.specimen]
-        return StudyCase(entry, replace(self.made[state], model=own or self.model, configuration=asked))
+        specimen_model = (
+            None if self.specimens is None or entry.specimen is None else self.specimens.models[entry.specimen]
+        )
+        return StudyCase(entry, replace(self.made[state], model=specimen_model or self.model, configuration=asked))
 
 
 def _masses_of_test(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> tuple[AddedMass, ...]:
@@ -170,13 +172,13 @@ def _masses_of_test(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable
     if entry.masses_file is None:
         return ()
     path = file.path_of(entry.masses_file)
-    found = read_masses_table(path, unit_system(file.study.units).mass)
+    masses = read_masses_table(path, unit_system(file.study.units).mass)
     errors = ErrorCollector()
-    for one in found:
+    for one in masses:
         with errors.catch(), errors_at(Where(str(path), one.line)):
             nodes.position(one.node)
     errors.raise_if_any()
-    return tuple(AddedMass(m.node, m.mass, m.offset, label=m.label, of_test=True) for m in found)
+    return tuple(AddedMass(m.node, m.mass, m.offset, label=m.label, of_test=True) for m in masses)
 
 
 def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> None:

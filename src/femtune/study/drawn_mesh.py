@@ -38,8 +38,8 @@ class DrawnMesh:
     @property
     def used(self) -> Rows:
         """Rows of the grid points that something is drawn at."""
-        found = np.unique(np.concatenate([self.lines.ravel(), self.faces.ravel()]))
-        return found[found >= 0]
+        rows = np.unique(np.concatenate([self.lines.ravel(), self.faces.ravel()]))
+        return rows[rows >= 0]
 
     def counted_from(self, rows: Rows) -> DrawnMesh:
         """The same with positions in `rows` (ascending) in place of the rows themselves."""
@@ -116,8 +116,8 @@ def _batch_lines(batch: ElementBatch, off: Collection[int]) -> Rows:
 def _rigid_lines(rigid: ConstraintRows, n_grids: int) -> Rows:
     """From the grid point of each eliminated DOF to the others of its equation."""
     grid = np.where(rigid.dof < 6 * n_grids, rigid.dof // 6, -1)
-    own = rigid.dependent[rigid.row]
-    return np.column_stack([np.where(own < 6 * n_grids, own // 6, -1), grid])
+    dependent = rigid.dependent[rigid.row]
+    return np.column_stack([np.where(dependent < 6 * n_grids, dependent // 6, -1), grid])
 
 
 def _drawable(structure: Structure, lines: Rows) -> Rows:
@@ -131,8 +131,8 @@ def _drawable(structure: Structure, lines: Rows) -> Rows:
 def outer_faces(batches: list[tuple[ElementBatch, NDArray[np.bool_]]]) -> Rows:
     """(faces, 4) sides of solids that no two of them share; each batch with its active elements."""
     solids = [(batch, active) for batch, active in batches if KINDS[batch.kind].sides]
-    found = [_sides(batch.nodes[active], KINDS[batch.kind].sides) for batch, active in solids]
-    faces = np.concatenate([np.zeros((0, 4), np.int64), *found])
+    sides = [_sides(batch.nodes[active], KINDS[batch.kind].sides) for batch, active in solids]
+    faces = np.concatenate([np.zeros((0, 4), np.int64), *sides])
     if not len(faces):
         return faces
     _, which, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
@@ -178,8 +178,8 @@ def _in_cells(points: Reals, mesh: DrawnMesh, size: float) -> DrawnMesh:
 
 def _different_lines(lines: Rows, kinds: Rows) -> tuple[Rows, Rows]:
     some = lines[:, 0] != lines[:, 1]
-    found = np.unique(np.column_stack([np.sort(lines[some], axis=1), kinds[some]]), axis=0)
-    return found[:, :2], found[:, 2]
+    distinct = np.unique(np.column_stack([np.sort(lines[some], axis=1), kinds[some]]), axis=0)
+    return distinct[:, :2], distinct[:, 2]
 
 
 def _different_faces(faces: Rows) -> Rows:

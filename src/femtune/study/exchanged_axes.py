@@ -38,7 +38,7 @@ def fitting_axes(file: StudyFile, case: StudyCase, solution: EigenSolution) -> s
         return ""
     xyz = case.configured.model.structure.nodes.xyz
     middle = 0.5 * (xyz.min(axis=0) + xyz.max(axis=0)) if len(xyz) else np.zeros(3)
-    best, found = _GOOD, ""
+    best, proposal = _GOOD, ""
     # rotations first: a study can state them
     changes = sorted(axis_changes(), key=lambda change: np.linalg.det(change[1]) < 0.0)
     for words, matrix in changes:
@@ -46,8 +46,8 @@ def fitting_axes(file: StudyFile, case: StudyCase, solution: EigenSolution) -> s
         for shift in (np.zeros(3), middle - matrix @ middle)[: 1 if file.sensors.by_id else 2]:
             value = alike.with_axes(file, case.test, matrix, shift)
             if value > best + _BETTER:
-                best, found = value, _words(file, case, words, matrix, shift)
-    return found
+                best, proposal = value, _words(file, case, words, matrix, shift)
+    return proposal
 
 
 class _Likeness:
@@ -73,13 +73,13 @@ class _Likeness:
         """The same after a change of axes; 0 where it leaves sensors without grid points."""
         structure = self.case.configured.model.structure
         try:
-            found = sensor_map(file, place(test, matrix, shift, allow_mirrored=True), structure)
-            at, sign = self.test.dofs.align(found.dofs)
+            sensors = sensor_map(file, place(test, matrix, shift, allow_mirrored=True), structure)
+            at, sign = self.test.dofs.align(sensors.dofs)
         except FemtuneError:
             return 0.0
-        if found.unmatched:
+        if sensors.unmatched:
             return 0.0
-        rows = found.matrix[at] @ self.case.configured.transformation
+        rows = sensors.matrix[at] @ self.case.configured.transformation
         return self.mean(sign[:, None] * np.asarray(rows @ self.free))
 
 

@@ -110,8 +110,8 @@ def _deck_files(file: StudyFile, deck: str) -> DeckFiles:
     plain = file.model_copy(update={"runs": None, "solver": None})
     plain._path, plain._source, plain._given = file._path, file._source, file._given
     built = build_allowing(read_deck(file.path_of(deck)), file.study.allow_ignored)
-    found = targets(plain, built)
-    model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
+    parameter_targets = targets(plain, built)
+    model = parametric_model(built.structure, parameter_set(parameter_targets, built), assignments(parameter_targets))
     return DeckFiles(built, model, file.output_folder / RUNS_FOLDER, FromSolver(file).solver.deck_name)
 
 
@@ -125,8 +125,8 @@ def of_solver(file: StudyFile) -> StudyFile:
         start = known.get(entry.name, middle)
         entries.append(entry if entry.nominal is not None else entry.model_copy(update={"nominal": start}))
     # what the polynomials are good for is told by the next run, not by one that is left out
-    own = [name for e in file.configuration if e.solver is not None for name in e.solver.templates or ()]
-    templates = [*FromSolver(file).solver.templates, *own]
+    of_configurations = [name for e in file.configuration if e.solver is not None for name in e.solver.templates or ()]
+    templates = [*FromSolver(file).solver.templates, *of_configurations]
     runs = RunsModelTable(file=deck or templates[0], degree=2, crossed=False, tolerance=0.5)
     changed: dict[str, object] = {"parameter": tuple(entries), "runs": runs}
     if deck is not None and file.model.grid is None:
@@ -216,9 +216,9 @@ class SolverRuns:
 
         columns = []
         for solver in self.solvers:
-            found = evaluate(solver, told, self.executor, self.journal, finished=say)
-            self.started += found.started
-            columns.append(found.outcomes)
+            evaluated = evaluate(solver, told, self.executor, self.journal, finished=say)
+            self.started += evaluated.started
+            columns.append(evaluated.outcomes)
         return tuple(map(PointRuns, zip(*columns)))
 
     def measure_noise(self, point: Reals, known: PointRuns) -> None:
@@ -227,9 +227,9 @@ class SolverRuns:
         noise = [_DIGITS]
         for solver, first in zip(self.solvers, known.parts):
             again = replace(solver, version=f"{solver.version}, repeated")
-            found = evaluate(again, [values], self.executor, self.journal)
-            self.started += found.started
-            noise.append(compare_repeated(values, first, found.outcomes[0], self.asked.repeat_tolerance))
+            repeated = evaluate(again, [values], self.executor, self.journal)
+            self.started += repeated.started
+            noise.append(compare_repeated(values, first, repeated.outcomes[0], self.asked.repeat_tolerance))
         self.noise = max(noise)
 
     def around(self, point: Reals) -> tuple[RunsTable, ...]:
@@ -239,8 +239,8 @@ class SolverRuns:
         ------
         FemtuneError : ``external.failed`` where the point itself, or all points beside it for a parameter, fail
         """
-        if self.by_deck and (found := self._by_deck(point)) is not None:
-            return found
+        if self.by_deck and (tables := self._by_deck(point)) is not None:
+            return tables
         offsets = [_within(i, point, self.steps, self.bounds) for i in range(len(point))]
         first = [point + o for some in offsets for o in some[:2]]
         outcomes = dict(zip(map(tuple, [point, *first]), self.run([point, *first])))
@@ -266,7 +266,7 @@ class SolverRuns:
         values = dict(zip(self.names, map(float, point)))
         beside = [o for i in range(len(point)) for o in _within(i, point, self.steps, self.bounds)[:2]]
         points = [point, *(point + o for o in beside)]
-        found, told, seen = [], [], []
+        tables, told, seen = [], [], []
         for i, ((deck, configured), table) in enumerate(zip(self.decks, self.tables([(point, centre)]))):
             try:
                 name = next(e.name for e in self.file.configurations if part_of(self.file, e) == i)
@@ -277,7 +277,7 @@ class SolverRuns:
                     self.by_deck = False
                     break
                 scales = {p.name: p.scale for p in deck.model.parameters.free}
-                found.append(DeckDerivatives.of(modes, scales, self.names).table(self.names, points))
+                tables.append(DeckDerivatives.of(modes, scales, self.names).table(self.names, points))
             except FemtuneError as error:
                 self.by_deck = False
                 told.append(Notice("external.deck/not-solved", where=self.file.where("solver"), reason=error.what))
@@ -287,7 +287,7 @@ class SolverRuns:
             self.beside = [replace(each, derivatives=self.by_deck) for each in seen]
         elif not self.by_deck:
             self.compared.append(told[-1])
-        return tuple(found) if self.by_deck else None
+        return tuple(tables) if self.by_deck else None
 
     def tables(self, rows: Sequence[tuple[Reals, PointRuns]]) -> tuple[RunsTable, ...]:
         """Tables of runs that have modes, by `sources`."""
@@ -372,13 +372,13 @@ def _compared(file: StudyFile, beside: ModesBeside | None) -> Notice:
 
 def _within(i: int, point: Reals, steps: Reals, bounds: tuple[Reals, Reals]) -> list[Reals]:
     """Offsets of the runs for a parameter that lie within its bounds."""
-    found = []
+    offsets = []
     for factor in _OFFSETS:
         offset = np.zeros(len(point))
         offset[i] = factor * steps[i]
         if bounds[0][i] <= point[i] + offset[i] <= bounds[1][i]:
-            found.append(offset)
-    return found
+            offsets.append(offset)
+    return offsets
 
 
 def _table(names: Sequence[str], rows: Sequence[tuple[Reals, RunOutcome]]) -> RunsTable:
@@ -407,26 +407,29 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
     """
     inputs = _inputs(file)
-    solvers = tuple(_solver(file, own, files) for own, files in zip(_owners(file), inputs))
+    solvers = tuple(_solver(file, overrides, files) for overrides, files in zip(_solver_overrides(file), inputs))
     runs = _runs(file, solvers, progress, fresh)
     if FromSolver(file).solver.derivatives == "deck":
-        runs.decks = tuple(_deck_of(file, i, own, files) for i, (own, files) in enumerate(zip(_owners(file), inputs)))
+        runs.decks = tuple(
+            _deck_of(file, i, overrides, files)
+            for i, (overrides, files) in enumerate(zip(_solver_overrides(file), inputs))
+        )
         runs.by_deck = True
     return runs
 
 
 def _deck_of(
-    file: StudyFile, part: int, own: ConfigurationSolver, inputs: InputFiles
+    file: StudyFile, part: int, overrides: ConfigurationSolver, inputs: InputFiles
 ) -> tuple[DeckFiles, ConfiguredModel]:
     """femtune's model of the deck that belongs to some inputs, in the state of the first configuration with these."""
-    name = own.deck or file.study.deck
+    name = overrides.deck or file.study.deck
     assert name is not None
     deck = inputs if isinstance(inputs, DeckFiles) else _deck_files(file, name)
     entry = next(e for e in file.configurations if part_of(file, e) == part)
     return deck, configure(deck.model, overlay(entry))
 
 
-def own_runs(file: StudyFile, own: ConfigurationSolver, where: Where) -> SolverRuns:
+def own_runs(file: StudyFile, overrides: ConfigurationSolver, where: Where) -> SolverRuns:
     """The runs of one set of input files, such as those of a vibration test, in the journal of the study.
 
     Parameters
@@ -437,10 +440,10 @@ def own_runs(file: StudyFile, own: ConfigurationSolver, where: Where) -> SolverR
     ------
     FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
     """
-    files = _input_files(file, own)
+    files = _input_files(file, overrides)
     if isinstance(files, Templates):
         check_names(files.names, [p.name for p in file.parameter], (), where)
-    return _runs(file, (_solver(file, own, files),))
+    return _runs(file, (_solver(file, overrides, files),))
 
 
 def _runs(
@@ -453,18 +456,18 @@ def _runs(
     return SolverRuns(file, solvers, executor, open_run_journal(file.output_folder, fresh=fresh), progress)
 
 
-def _owners(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
+def _solver_overrides(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
     """What the configurations have of their own, in the order of `sources`."""
-    found: dict[str, ConfigurationSolver] = {}
+    distinct: dict[str, ConfigurationSolver] = {}
     for entry in file.configurations:
-        own = entry.solver or ConfigurationSolver()
-        found.setdefault(own.model_dump_json(), own)
-    return tuple(found.values())
+        overrides = entry.solver or ConfigurationSolver()
+        distinct.setdefault(overrides.model_dump_json(), overrides)
+    return tuple(distinct.values())
 
 
-def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> ExternalSolver:
+def _solver(file: StudyFile, overrides: ConfigurationSolver, inputs: InputFiles) -> ExternalSolver:
     """[solver] with what a configuration has of its own (error ``external.no-program``)."""
-    entry = FromSolver(file).solver.model_copy(update={k: v for k, v in own if v is not None and k != "deck"})
+    entry = FromSolver(file).solver.model_copy(update={k: v for k, v in overrides if v is not None and k != "deck"})
     checks = Checks(file.modes.count or 1, entry.mass, entry.mass_tolerance)
     solver = ExternalSolver(
         entry.command, inputs, ResultFile(entry.result, entry.format), file.output_folder / RUNS_FOLDER, checks,
@@ -472,10 +475,10 @@ def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> Ex
         entry.licence_tries, tuple(sorted(entry.environment.items())), entry.version, entry.keep, entry.keep_most,
     )  # fmt: skip
     place: tuple[str | int, ...] = ("solver", "command")
-    if own.command is not None:
+    if overrides.command is not None:
         known = [("configuration", i, c.solver) for i, c in enumerate(file.configurations)]
         known += [("vibration", i, v.solver) for i, v in enumerate(file.vibration)]
-        place = (*next((table, i) for table, i, solver in known if solver == own), *place)
+        place = (*next((table, i) for table, i, solver in known if solver == overrides), *place)
     with errors_at(file.where(*place)):
         solver.check()
     return solver
@@ -483,33 +486,33 @@ def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> Ex
 
 def _inputs(file: StudyFile) -> tuple[InputFiles, ...]:
     """Decks, or templates whose placeholders are the parameters, each of which occurs in one of them at least."""
-    found: list[InputFiles] = []
+    files: list[InputFiles] = []
     names = [p.name for p in file.parameter]
     placeholders: dict[str, None] = {}
-    for own in _owners(file):
-        found.append(_input_files(file, own))
-        check_names(found[-1].names, names, (), _place_of_templates(file, own))
-        placeholders |= dict.fromkeys(found[-1].names)
-    used = ConfigurationSolver() if FromSolver(file).solver.templates else _owners(file)[0]
+    for overrides in _solver_overrides(file):
+        files.append(_input_files(file, overrides))
+        check_names(files[-1].names, names, (), _place_of_templates(file, overrides))
+        placeholders |= dict.fromkeys(files[-1].names)
+    used = ConfigurationSolver() if FromSolver(file).solver.templates else _solver_overrides(file)[0]
     check_names(tuple(placeholders), names, names, _place_of_templates(file, used))
-    return tuple(found)
+    return tuple(files)
 
 
-def _place_of_templates(file: StudyFile, own: ConfigurationSolver) -> Where:
+def _place_of_templates(file: StudyFile, overrides: ConfigurationSolver) -> Where:
     """The line of the templates: those of a configuration, or of all."""
-    if own.templates is None:
+    if overrides.templates is None:
         return file.where("solver", "templates")
-    at = next(i for i, entry in enumerate(file.configurations) if entry.solver == own)
+    at = next(i for i, entry in enumerate(file.configurations) if entry.solver == overrides)
     return file.where("configuration", at, "solver", "templates")
 
 
-def _input_files(file: StudyFile, own: ConfigurationSolver) -> DeckFiles | Templates:
+def _input_files(file: StudyFile, overrides: ConfigurationSolver) -> DeckFiles | Templates:
     asked = FromSolver(file).solver
-    deck = own.deck or file.study.deck
-    templates = asked.templates if own.templates is None else own.templates
+    deck = overrides.deck or file.study.deck
+    templates = asked.templates if overrides.templates is None else overrides.templates
     if deck is not None and not templates:
         return _deck_files(file, deck)
-    files = asked.files if own.files is None else own.files
+    files = asked.files if overrides.files is None else overrides.files
     return Templates(tuple(read_template(file.path_of(name)) for name in templates), tuple(map(file.path_of, files)))
 
 
@@ -533,10 +536,10 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bo
             built = built_of_tables(file, tables, 0)
     finally:
         runs.journal.close()
-    own, beside = tuple(runs.compared), tuple(runs.beside)
+    deck_notices, beside = tuple(runs.compared), tuple(runs.beside)
     if not runs.decks and isinstance(runs.solvers[0].inputs, DeckFiles):
-        own, beside = _beside_own(file, runs, known)
-    notices = (*_facts(runs, tables), *_hidden(built), *own, *runs.journal.notices)
+        deck_notices, beside = _beside_own(file, runs, known)
+    notices = (*_facts(runs, tables), *_hidden(built), *deck_notices, *runs.journal.notices)
     return replace(built, notices=notices, beside=beside)
 
 
@@ -561,10 +564,10 @@ def _beside_own(
     hz, where = modes.freq_hz, file.where("solver")
     try:
         configured = configure(inputs.model, overlay(file.configurations[0]))
-        own = solve_modes(configured.at(np.zeros(len(runs.names))), len(hz)).freq_hz[: len(hz)]
+        deck_hz = solve_modes(configured.at(np.zeros(len(runs.names))), len(hz)).freq_hz[: len(hz)]
     except FemtuneError as error:
         return (Notice("external.own-elements/not-solved", where=where, level="info", reason=error.what),), ()
-    beside = ModesBeside(file.configurations[0].name, hz[: len(own)], own, None)
+    beside = ModesBeside(file.configurations[0].name, hz[: len(deck_hz)], deck_hz, None)
     if not beside.elastic.any():
         return (), ()
     difference = 100.0 * beside.difference
@@ -607,10 +610,10 @@ def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:
     folder = runs.solvers[0].folder / UPDATED_FOLDER
     try:
         for i, solver in enumerate(runs.solvers):
-            own = folder if len(runs.solvers) == 1 else folder / _folder_name(runs.file, i)
-            own.mkdir(parents=True, exist_ok=True)
+            subfolder = folder if len(runs.solvers) == 1 else folder / _folder_name(runs.file, i)
+            subfolder.mkdir(parents=True, exist_ok=True)
             for name, content in solver.inputs.files(values).items():
-                write_whole(own / name, content)
+                write_whole(subfolder / name, content)
     except OSError as error:
         raise FemtuneError("external.folder", where=Where(str(folder)), reason=error.strerror or error) from error
     return folder
@@ -618,6 +621,6 @@ def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:
 
 def _folder_name(file: StudyFile, part: int) -> str:
     """Of the first configuration with these inputs, without characters that a file system may refuse."""
-    own = _owners(file)[part].model_dump_json()
-    first = next(c.name for c in file.configurations if (c.solver or ConfigurationSolver()).model_dump_json() == own)
+    asked = _solver_overrides(file)[part].model_dump_json()
+    first = next(c.name for c in file.configurations if (c.solver or ConfigurationSolver()).model_dump_json() == asked)
     return f"{part + 1}-" + re.sub(r"[^A-Za-z0-9_-]", "_", first)[:60]

@@ -56,22 +56,22 @@ def build_imported(file: StudyFile) -> BuiltModel:
     held = np.concatenate([np.zeros(0, np.int64), *(d[m.held] for m, d in zip(matrices, placed.dofs))])
     variables = [Variable(v.name, v.nominal, v.degree, v.crossed) for v in file.variable]
     with errors_at(file.where("matrix", 0)):
-        found = imported_structure(
+        imported = imported_structure(
             placed.nodes, placed.listed, groups, variables, held=held,
             hold_singular=file.model.hold_singular, tolerance=file.model.polynomial_tolerance,
         )  # fmt: skip
-        _check_diagonals(found.structure)
-    notices = (*_facts(file, matrices), *placed.notices, *found.notices)
-    return BuiltModel(tuple(map(str, model_source(file).files)), found.structure, notices)
+        _check_diagonals(imported.structure)
+    notices = (*_facts(file, matrices), *placed.notices, *imported.notices)
+    return BuiltModel(tuple(map(str, model_source(file).files)), imported.structure, notices)
 
 
 def _read_all(file: StudyFile) -> list[ReadMatrix]:
-    errors, found = ErrorCollector(), []
+    errors, matrices = ErrorCollector(), []
     for i, entry in enumerate(file.matrix):
         with errors.catch(), errors_at(file.where("matrix", i, "file")):
-            found.append(read_matrix(file.path_of(entry.file), entry.record, entry.format))
+            matrices.append(read_matrix(file.path_of(entry.file), entry.record, entry.format))
     errors.raise_if_any()
-    return found
+    return matrices
 
 
 def _groups(file: StudyFile, matrices: Sequence[ReadMatrix], placed: Placement) -> list[ImportedMatrix]:

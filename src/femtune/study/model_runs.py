@@ -63,13 +63,13 @@ class FollowedModes(FollowedFrequencies):
 
     def at(self, x: Reals) -> tuple[Reals, Reals]:
         """Frequencies (m,) in Hz at a point, and MAC with the shapes at the initial values, weighted by mass."""
-        found: EigenSolution = self.solver.modes(self.configured.at(x), self.count, None)
-        M = found.point.mass
-        overlap = (self.shapes.T @ (M @ found.shapes)) ** 2
+        solution: EigenSolution = self.solver.modes(self.configured.at(x), self.count, None)
+        M = solution.point.mass
+        overlap = (self.shapes.T @ (M @ solution.shapes)) ** 2
         size = np.sum(self.shapes * (M @ self.shapes), axis=0)
         mac = overlap / size[:, None]
         chosen = linear_sum_assignment(-mac)[1]
-        hz = np.sqrt(np.maximum(found.eigenvalues, 0.0)) / (2.0 * np.pi)
+        hz = np.sqrt(np.maximum(solution.eigenvalues, 0.0)) / (2.0 * np.pi)
         return hz[chosen], mac[np.arange(len(chosen)), chosen]
 
 
@@ -99,11 +99,11 @@ class FrequencyRuns:
 
     def __call__(self, x: Reals) -> ModelRun:
         try:
-            found = [modes.at(x) for modes in self.followed]
+            pairs = [modes.at(x) for modes in self.followed]
         except FemtuneError as error:
             size = sum(len(modes.numbers) for modes in self.followed)
             return ModelRun(np.full(size, np.nan), np.full(size, np.nan), f"[{error.code}] {error.what}")
-        return ModelRun(np.concatenate([hz for hz, _ in found]), np.concatenate([mac for _, mac in found]))
+        return ModelRun(np.concatenate([hz for hz, _ in pairs]), np.concatenate([mac for _, mac in pairs]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,13 +120,13 @@ class ResidualRuns:
     def __call__(self, x: Reals) -> ModelRun:
         none = np.full(len(self.before.residuals), np.nan)
         try:
-            found = self.problem.follow(x, self.before, derivatives=False)
-            self.problem.check_compared(found)
+            evaluation = self.problem.follow(x, self.before, derivatives=False)
+            self.problem.check_compared(evaluation)
         except FemtuneError as error:
             return ModelRun(none, np.empty(0), f"[{error.code}] {error.what}")
-        if len(found.residuals) != len(none):
+        if len(evaluation.residuals) != len(none):
             return ModelRun(none, np.empty(0), "another number of residuals than at the initial values")
-        return ModelRun(found.residuals, np.empty(0))
+        return ModelRun(evaluation.residuals, np.empty(0))
 
 
 class ManyAtOnce(Protocol):

@@ -282,8 +282,8 @@ class FromSolver(FromRuns):
     def run_files(self) -> tuple[Path, ...]:
         """Templates and files of the study and of its configurations."""
         names = [*self.solver.templates, *self.solver.files]
-        for own in (entry.solver for entry in self.file.configurations if entry.solver is not None):
-            names += [*(own.templates or ()), *(own.files or ())]
+        for overrides in (entry.solver for entry in self.file.configurations if entry.solver is not None):
+            names += [*(overrides.templates or ()), *(overrides.files or ())]
         return tuple(map(self.file.path_of, (*names, self.name)))
 
     def input_of(self, entry: ConfigurationEntry) -> Hashable:

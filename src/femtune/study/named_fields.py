@@ -97,9 +97,9 @@ def _with_distributions(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
             chosen = elements_of(file, ("distribution", i), entry, built, subject)
             where = file.where("distribution", i, "fields")
             fields = [ref for text in entry.fields for ref in fields_of(text, built, chosen, where)]
-            found = _distribution(entry, tuple(dict.fromkeys(fields)), chosen, built)
-            structure = with_distribution(structure, found)
-            _check_range(file, i, found)
+            distribution = _distribution(entry, tuple(dict.fromkeys(fields)), chosen, built)
+            structure = with_distribution(structure, distribution)
+            _check_range(file, i, distribution)
     errors.raise_if_any()
     return replace(built, structure=structure)
 
@@ -108,7 +108,7 @@ _MOST_TIMES = 1e4
 """Largest factor on a field that the bounds of amplitudes may allow."""
 
 
-def _check_range(file: StudyFile, i: int, found: Distribution) -> None:
+def _check_range(file: StudyFile, i: int, distribution: Distribution) -> None:
     """Refuse bounds of amplitudes within which 1 + Σ a f is not positive, or huge, at some element.
 
     Tied amplitudes are left aside.
@@ -117,35 +117,35 @@ def _check_range(file: StudyFile, i: int, found: Distribution) -> None:
     ------
     FemtuneError : ``distribution.range``
     """
-    field = next((ref for ref in found.fields if field_nature(ref).positive), None)
-    bounds = _amplitude_bounds(file, found)
-    if field is None or not bounds or not len(found.elements):
+    field = next((ref for ref in distribution.fields if field_nature(ref).positive), None)
+    bounds = _amplitude_bounds(file, distribution)
+    if field is None or not bounds or not len(distribution.elements):
         return
     low, high, names = np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds]), [b[2] for b in bounds]
-    values = found.functions[:, [b[3] for b in bounds]]
+    values = distribution.functions[:, [b[3] for b in bounds]]
     least = np.minimum(low * values, high * values)
     factor, most = 1.0 + least.sum(axis=1), 1.0 + np.maximum(low * values, high * values).sum(axis=1)
     e = int(factor.argmin())
     where = file.where("distribution", i)
-    facts: dict[str, Any] = {"name": found.name, "field": f"{field.card} {field.name}"}
+    facts: dict[str, Any] = {"name": distribution.name, "field": f"{field.card} {field.name}"}
     if factor[e] <= 0.0:
         j = int(least[e].argmin())
         side = "lower" if least[e, j] == low[j] * values[e, j] else "upper"
         limit = -(1.0 + least[e].sum() - least[e, j]) / values[e, j]
         raise FemtuneError(
             "distribution.range", where=where, hint=_positive_from(names, j, side, float(limit), float(least[e].sum())),
-            **facts, element=int(found.elements[e]), factor=float(factor[e]),
+            **facts, element=int(distribution.elements[e]), factor=float(factor[e]),
         )  # fmt: skip
     if (worst := float(most.max())) > _MOST_TIMES:
-        element = int(found.elements[most.argmax()])
+        element = int(distribution.elements[most.argmax()])
         raise FemtuneError(
             "distribution.range/huge", where=where, **facts, element=element, factor=worst, most=_MOST_TIMES
         )
 
 
-def _amplitude_bounds(file: StudyFile, found: Distribution) -> list[tuple[float, float, str, int]]:
+def _amplitude_bounds(file: StudyFile, distribution: Distribution) -> list[tuple[float, float, str, int]]:
     """Bounds, name and position of the function of each free amplitude."""
-    at = {amplitude_ref(found.name, j + 1): j for j in range(found.functions.shape[1])}
+    at = {amplitude_ref(distribution.name, j + 1): j for j in range(distribution.functions.shape[1])}
     return [
         (entry.lower, entry.upper, entry.name, at[ref])
         for entry in file.parameter

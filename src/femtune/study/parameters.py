@@ -57,7 +57,7 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
     FemtuneError : ``parameter.region``, ``parameter.touches-nothing``, ``parameter.derived-field``,
         ``study.unknown-field``, ``catalogue.*``
     """
-    errors, found = ErrorCollector(), []
+    errors, parameter_targets = ErrorCollector(), []
     moves_fields = model_source(file).moves_fields
     for i, given in enumerate(file.parameter):
         with errors.catch():
@@ -66,13 +66,13 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
             if not moves_fields:
                 # factors and tied parameters are values for the runs, too
                 value = entry.model_copy(update={"absolute": True})
-                found.append(Target(value, where, tuple(_of_runs(entry.name, built)), None))
+                parameter_targets.append(Target(value, where, tuple(_of_runs(entry.name, built)), None))
                 continue
             chosen = region_of(file, i, built)
             refs = [ref for text in entry.fields for ref in fields_of(text, built, chosen, where)]
-            found.append(Target(entry, where, tuple(dict.fromkeys(refs)), chosen))
+            parameter_targets.append(Target(entry, where, tuple(dict.fromkeys(refs)), chosen))
     errors.raise_if_any()
-    return tuple(found)
+    return tuple(parameter_targets)
 
 
 def _of_runs(name: str, built: BuiltModel) -> list[FieldRef]:
@@ -98,10 +98,10 @@ def fields_of(text: str, built: BuiltModel, chosen: frozenset[int] | None, where
         resolve(built, ref, where)
         return [ref]
     parse_field_ref(f"{ref.card} 1 {ref.name}", where)
-    found = [r for r in _of_cards(ref, built) if _is_used(built, r, chosen)]
-    for r in found if ref.card in BARS else ():
+    fields = [r for r in _of_cards(ref, built) if _is_used(built, r, chosen)]
+    for r in fields if ref.card in BARS else ():
         resolve(built, r, where)
-    if not found:
+    if not fields:
         raise FemtuneError(
             "parameter.touches-nothing/no-card",
             where=where,
@@ -109,7 +109,7 @@ def fields_of(text: str, built: BuiltModel, chosen: frozenset[int] | None, where
             field=ref.name,
             place="" if chosen is None else " in the region",
         )
-    return found
+    return fields
 
 
 def _of_cards(ref: FieldRef, built: BuiltModel) -> list[FieldRef]:
@@ -122,7 +122,7 @@ def _is_used(built: BuiltModel, ref: FieldRef, chosen: frozenset[int] | None) ->
     return bool(users.size) if chosen is None else not chosen.isdisjoint(map(int, users))
 
 
-def parameter_set(found: Sequence[Target], built: BuiltModel) -> ParameterSet:
+def parameter_set(parameter_targets: Sequence[Target], built: BuiltModel) -> ParameterSet:
     """Parameters as the study describes them; several problems are shown together.
 
     Raises
@@ -130,16 +130,16 @@ def parameter_set(found: Sequence[Target], built: BuiltModel) -> ParameterSet:
     FemtuneError : ``parameter.*`` and ``tie.*``
     """
     errors, parameters = ErrorCollector(), []
-    for target in found:
+    for target in parameter_targets:
         with errors.catch():
             parameters.append(_parameter(target, built))
     errors.raise_if_any()
     return ParameterSet(tuple(parameters))
 
 
-def assignments(found: Sequence[Target]) -> Iterable[Assignment]:
+def assignments(parameter_targets: Sequence[Target]) -> Iterable[Assignment]:
     """Which parameter sets which field, and for which elements."""
-    for target in found:
+    for target in parameter_targets:
         for ref in target.refs:
             yield Assignment(target.entry.name, ref, not target.entry.absolute, target.elements)
 

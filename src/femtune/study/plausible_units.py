@@ -92,9 +92,9 @@ def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
     if any(material.is_possible(declared) for material in materials):
         return _of_metal(file, materials, declared)
     for material in materials:
-        found = _explained(material, declared)
-        if found is not None:
-            code, facts = found
+        explanation = _explained(material, declared)
+        if explanation is not None:
+            code, facts = explanation
             return (
                 Notice(
                     code,

@@ -85,8 +85,8 @@ class AskedOf:
         if "equalised" not in self.shared:
             asked = InputKnown(table.band_hz, table.largest_order, take=table.take_hz, drop=table.drop_hz)
             with errors_at(self.file.where("equalise")):
-                found = equalised_test(test.frfs, table.damping, asked, table.lines, table.leave_out_hz)
-            self.shared["equalised"] = replace(found, frfs=self.case.without_held(found.frfs))
+                equalised = equalised_test(test.frfs, table.damping, asked, table.lines, table.leave_out_hz)
+            self.shared["equalised"] = replace(equalised, frfs=self.case.without_held(equalised.frfs))
         return self.shared["equalised"]
 
     @property
@@ -128,23 +128,23 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
         ``model.unknown-node`` …; several are shown together
     """
     case = replace(case, placement=placement_of(file, case))
-    errors, short, own = ErrorCollector(), list[Residual](), list[Residual]()
+    errors, short, separate = ErrorCollector(), list[Residual](), list[Residual]()
     shared: dict[str, EqualisedTest] = {}
     mine = [c for c in file.comparisons if _is_of(c, case)]
     for comparison in mine:
         asked = AskedOf(file, case, comparison, damping, shared)
         with errors.catch(), asked.errors_at():
-            (short if comparison.short else own).append(_built(asked))
+            (short if comparison.short else separate).append(_built(asked))
     errors.raise_if_any()
     if len(file.configurations) == 1:
-        own.extend(file.given.residuals)
+        separate.extend(file.given.residuals)
     # [residuals] compares what it names mode by mode, before all others
     by_mode = ByMode(tuple(cast(PairResidual, r) for r in short))
-    found = (by_mode, *own) if short else tuple(own)
-    if not found:
+    residuals = (by_mode, *separate) if short else tuple(separate)
+    if not residuals:
         return case
     scaled = any(getattr(c.entry, "mass_scaled", False) for c in mine)
-    return replace(case, compared=_compared(file, case, found, scaled))
+    return replace(case, compared=_compared(file, case, residuals, scaled))
 
 
 _QUANTITIES = {
@@ -157,7 +157,7 @@ def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:
     """A warning for each residual with the deviations of the test, which lacks those of modes that may be paired."""
     if case.compared is None:
         return ()
-    test, found = case.compared.test, []
+    test, notices = case.compared.test, []
     for residual in case.compared.residuals:
         lacking = residual.without_sd(test) if isinstance(residual, OfPairs) else ()
         labels = [test.labels[i] for i in lacking if i not in case.compared.left_out]
@@ -165,12 +165,12 @@ def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:
             some = ", ".join(labels[:8]) + (" …" if len(labels) > 8 else "")
             place = Where(str(file.path))
             quantity = _QUANTITIES.get(residual.key, residual.label)
-            found.append(
+            notices.append(
                 Notice(
                     "residual.no-scatter/of-modes", where=place, configuration=case.name, modes=some, quantity=quantity
                 )
             )
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(notices))
 
 
 def placement_of(file: StudyFile, case: StudyCase) -> SensorPlacement | None:

@@ -89,8 +89,8 @@ class ResponseRequest:
     @property
     def needs_modes(self) -> bool:
         """True where the functions cannot be computed without modes."""
-        own = self.case.configured.model.structure.damping.mode_ratios
-        return self.method != "direct" or self.damping is not None or bool(own)
+        mode_ratios = self.case.configured.model.structure.damping.mode_ratios
+        return self.method != "direct" or self.damping is not None or bool(mode_ratios)
 
 
 def response_request(study: Study, case: StudyCase, table: ResponseTable) -> ResponseRequest:
@@ -265,11 +265,11 @@ def solved_frfs(
 
     def solve() -> tuple[NDArray[np.complex128], float | None]:
         model = modes() if request.needs_modes else point
-        found = frf_with_error(
+        solved = frf_with_error(
             model, ports, request.freq_hz, table.kind, request.method, damping=request.damping,
             residual_vectors=table.residual_vectors, add_vectors=not request.limit, progress=progress,
         )  # fmt: skip
-        return np.ascontiguousarray(found.frfs.values), found.error
+        return np.ascontiguousarray(solved.frfs.values), solved.error
 
     form = Form("frf", _of_values, partial(_values, shape))
     parts = (table.kind, request.method, table.residual_vectors, request.freq_hz, *_of_ports(ports))
@@ -296,8 +296,8 @@ def solved_static(study: Study, point: ModelPoint, ports: Ports) -> tuple[NDArra
     """(outputs, loads) displacements, and whether the structure is free (inertia relief)."""
 
     def solve() -> tuple[NDArray[np.float64], bool]:
-        found: StaticResponse = static_response(point, ports)
-        return np.ascontiguousarray(found.values.real, dtype=float), found.inertia_relief
+        response: StaticResponse = static_response(point, ports)
+        return np.ascontiguousarray(response.values.real, dtype=float), response.inertia_relief
 
     shape = (ports.outputs.shape[0], ports.inputs.shape[1])
     form = Form("static", _of_static, partial(_static, shape))
@@ -310,13 +310,13 @@ def pole_table(
 ) -> ComplexModeTable:
     """The complex modes of a model beside its real modes."""
     natural = np.where(is_rigid(modes)[: modes.wanted], 0.0, modes.freq_hz)
-    found = complex_modes(modes, max(1, int((natural <= top_hz).sum())), damping)
-    overlap = np.abs(modes.shapes[:, : modes.wanted].T @ (modes.point.mass @ found.shapes))
+    poles = complex_modes(modes, max(1, int((natural <= top_hz).sum())), damping)
+    overlap = np.abs(modes.shapes[:, : modes.wanted].T @ (modes.point.mass @ poles.shapes))
     like = np.argmax(overlap, axis=0)
     return ComplexModeTable(
-        found.freq_hz, found.damping_ratio, found.phase_collinearity,
-        np.array([_KINDS.index(k) for k in found.kinds], np.int64), like.astype(np.int64), natural[like],
-        np.asarray(rows @ found.shapes),
+        poles.freq_hz, poles.damping_ratio, poles.phase_collinearity,
+        np.array([_KINDS.index(k) for k in poles.kinds], np.int64), like.astype(np.int64), natural[like],
+        np.asarray(rows @ poles.shapes),
     )  # fmt: skip
 
 
@@ -338,16 +338,16 @@ def _of_ports(ports: Ports) -> tuple[Part, ...]:
 def _chosen(request: ResponseRequest, point: ModelPoint) -> tuple[Part, ...]:
     """Modes and their damping."""
     damping = request.damping
-    own = (f"{number} {float(ratio.value)!r}" for number, ratio in sorted(point.mode_ratios.items()))
-    modes = (*request.modes, *own)
+    ratios = (f"{number} {float(ratio.value)!r}" for number, ratio in sorted(point.mode_ratios.items()))
+    modes = (*request.modes, *ratios)
     if damping is None:
         return (*modes, None)
     flags = f"{damping.by_mode} {damping.unit} {damping.flat} {damping.hysteretic}"
     return (*modes, damping.values, damping.freq_hz, flags)
 
 
-def _of_values(found: tuple[NDArray[np.complex128], float | None]) -> Entry:
-    return Entry({"values": found[0]}, {"error": found[1]})
+def _of_values(solved: tuple[NDArray[np.complex128], float | None]) -> Entry:
+    return Entry({"values": solved[0]}, {"error": solved[1]})
 
 
 def _values(shape: tuple[int, ...], entry: Entry) -> tuple[NDArray[np.complex128], float | None]:
@@ -357,8 +357,8 @@ def _values(shape: tuple[int, ...], entry: Entry) -> tuple[NDArray[np.complex128
     return _array(entry, "values", np.complex128, shape), error
 
 
-def _of_static(found: tuple[NDArray[np.float64], bool]) -> Entry:
-    return Entry({"values": found[0]}, {"inertia_relief": found[1]})
+def _of_static(solved: tuple[NDArray[np.float64], bool]) -> Entry:
+    return Entry({"values": solved[0]}, {"inertia_relief": solved[1]})
 
 
 def _static(shape: tuple[int, ...], entry: Entry) -> tuple[NDArray[np.float64], bool]:
@@ -374,8 +374,8 @@ def _of_poles(table: ComplexModeTable) -> Entry:
 
 def _poles(rows: int, entry: Entry) -> ComplexModeTable:
     shape = entry.arrays["kind"].shape[:1]
-    found = {name: _array(entry, name, kind, shape, name == "damping_ratio") for name, kind in _POLES.items()}
-    table = ComplexModeTable(**found, motion=_array(entry, "motion", np.complex128, (rows, *shape)))
+    columns = {name: _array(entry, name, kind, shape, name == "damping_ratio") for name, kind in _POLES.items()}
+    table = ComplexModeTable(**columns, motion=_array(entry, "motion", np.complex128, (rows, *shape)))
     if not np.isin(table.kind, (0, 1, 2)).all() or (table.real_mode < 0).any():
         raise ValueError("its kinds or modes are out of their range")
     return table

@@ -96,8 +96,8 @@ class Rows(list[Row]):
     def _hidden(self, columns: int) -> list[str]:
         rows = len(self) - MOST_SHOWN
         counts = {"row": rows, "column": columns}
-        found = [f"{n} more {word}{'s' if n > 1 else ''}" for word, n in counts.items() if n > 0]
-        return [f"… {', '.join(found)}"] if found else []
+        parts = [f"{n} more {word}{'s' if n > 1 else ''}" for word, n in counts.items() if n > 0]
+        return [f"… {', '.join(parts)}"] if parts else []
 
     def _repr_html_(self) -> str:
         head = "".join(f"<th>{html.escape(name)}</th>" for name in self.columns)

@@ -53,8 +53,8 @@ def units_hint(file: StudyFile, entry: ConfigurationEntry, test: ModalTest, stru
 
 def _named(length: float) -> str:
     """The system with such a unit of length in metres; "" if there is none."""
-    found = (name for name in _SYSTEMS if abs(unit_system(name).length / length - 1.0) <= _SAME)
-    return next(found, "")
+    systems = (name for name in _SYSTEMS if abs(unit_system(name).length / length - 1.0) <= _SAME)
+    return next(systems, "")
 
 
 def _axes_hint(file: StudyFile, test: ModalTest, structure: Structure) -> str:

@@ -35,19 +35,19 @@ def looking_up(study: Study, fresh: bool) -> Iterator[LookedUp]:
     block has ended. An error inside the block carries the warnings as notes.
     """
     folder, table = study.file.output_folder, study.file.study
-    found = LookedUp(study, warnings_of(study))
+    looked_up = LookedUp(study, warnings_of(study))
     journal = None
     if not fresh and table.journal and os.path.isdir(folder / JOURNAL_FOLDER):
         journal = open_journal(folder, table.journal_gib, writes=False)
-        found = LookedUp(_journaled(study, journal), found.remarks)
+        looked_up = LookedUp(_journaled(study, journal), looked_up.remarks)
     try:
-        yield found
+        yield looked_up
     except FemtuneError as error:
-        for remark in found.remarks:
+        for remark in looked_up.remarks:
             error.add_note(str(remark))
         raise
     if journal is not None:
-        found.remarks.extend((*journal.reused, *journal.notices))
+        looked_up.remarks.extend((*journal.reused, *journal.notices))
 
 
 def _journaled(study: Study, journal: Journal) -> Study:

@@ -50,15 +50,15 @@ class Specimens:
     def _in_study(self) -> dict[str, str]:
         return {individual_name(name, s): name for name in self.individual for s in self.names}
 
-    def quantities(self, found: Iterable[DerivedQuantity]) -> Iterator[DerivedQuantity]:
+    def quantities(self, quantities: Iterable[DerivedQuantity]) -> Iterator[DerivedQuantity]:
         """Derived quantities; those of individual parameters once for each specimen."""
-        for quantity in found:
+        for quantity in quantities:
             if self.individual.isdisjoint(quantity.expression.names):
                 yield quantity
                 continue
             for specimen in self.names:
-                own = _renamed(quantity.expression, self.individual, specimen)
-                yield replace(quantity, name=individual_name(quantity.name, specimen), expression=own)
+                expression = _renamed(quantity.expression, self.individual, specimen)
+                yield replace(quantity, name=individual_name(quantity.name, specimen), expression=expression)
 
 
 def specimens_of_study(file: StudyFile, model: ParametricModel) -> Specimens | None:
@@ -73,7 +73,7 @@ def specimens_of_study(file: StudyFile, model: ParametricModel) -> Specimens | N
         return None
     individual = _individual(file, model.parameters)
     parameters = ParameterSet(
-        tuple(own for p in model.parameters.parameters for own in _of_specimens(p, individual, names))
+        tuple(parameter for p in model.parameters.parameters for parameter in _of_specimens(p, individual, names))
     )
     models = {s: of_specimen(model, parameters, {n: individual_name(n, s) for n in individual}) for s in names}
     return Specimens(names, individual, parameters, models)
@@ -81,12 +81,12 @@ def specimens_of_study(file: StudyFile, model: ParametricModel) -> Specimens | N
 
 def _individual(file: StudyFile, parameters: ParameterSet) -> frozenset[str]:
     """What the study calls individual, and what is tied to it."""
-    found = {entry.name for entry in file.parameter if entry.individual}
+    individual = {entry.name for entry in file.parameter if entry.individual}
     while True:
-        more = {p.name for p in parameters.parameters if p.tie is not None and not found.isdisjoint(p.tie.names)}
-        if more <= found:
-            return frozenset(found)
-        found |= more
+        more = {p.name for p in parameters.parameters if p.tie is not None and not individual.isdisjoint(p.tie.names)}
+        if more <= individual:
+            return frozenset(individual)
+        individual |= more
 
 
 def _of_specimens(p: Parameter, individual: frozenset[str], names: tuple[str, ...]) -> Iterator[Parameter]:

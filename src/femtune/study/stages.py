@@ -54,8 +54,8 @@ def bottom_up(
     FemtuneError : ``study.stage``, ``correlate.no-pairs``, and what the residuals raise
     """
     plan = [_stage(study, i) for i, entry in enumerate(study.file.stage) if stage_parameters(study, entry)]
-    found = run_stages(plan, first_belief(study.parameters), tell, told)
-    return _as_one(study, at, found), found
+    results = run_stages(plan, first_belief(study.parameters), tell, told)
+    return _as_one(study, at, results), results
 
 
 def _stage(study: Study, i: int) -> Stage:
@@ -65,16 +65,17 @@ def _stage(study: Study, i: int) -> Stage:
         max_iterations=entry.max_iterations or table.max_iterations,
         tolerance=entry.tolerance or table.tolerance,
     )
-    own = stage_parameters(study, entry)
+    parameters = stage_parameters(study, entry)
     seeds = tuple(
-        {name: v for key, v in seed.items() for name in study.expand((key,)) if name in own} for seed in entry.seeds
+        {name: v for key, v in seed.items() for name in study.expand((key,)) if name in parameters}
+        for seed in entry.seeds
     )
     by_hand = tuple(
         SetByHand(name, one.value, one.add, one.sd, one.reason)
         for one in entry.by_hand
         for name in study.expand((one.parameter,))
     )
-    return Stage(entry.name, own, partial(_problem, study, i), method, entry.prior, seeds,
+    return Stage(entry.name, parameters, partial(_problem, study, i), method, entry.prior, seeds,
                  reduction_rules(study), by_hand)  # fmt: skip
 
 
@@ -153,7 +154,7 @@ def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> Up
     ends = [s.best.status for s in stages]
     best = Status.CONVERGED_AT_BOUNDS if Status.CONVERGED_AT_BOUNDS in ends else Status.CONVERGED
     best = Status.UNDETERMINED if Status.UNDETERMINED in ends else best
-    active = tuple(p.name for p, found in zip(study.parameters.free, belief.found) if found)
+    active = tuple(p.name for p, determined in zip(study.parameters.free, belief.found) if determined)
     cited = tuple(dict.fromkeys(key for s in stages for key in s.best.citations))
     none, history = SideConstraint("none", np.zeros((0, len(belief.x)))), _history(stages)
     return UpdateResult(
@@ -164,8 +165,8 @@ def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> Up
 
 def _history(stages: tuple[StageResult, ...]) -> tuple[Iteration, ...]:
     """The best run of every stage, numbered through."""
-    found = [iteration for stage in stages for iteration in stage.best.history]
-    return tuple(replace(iteration, number=i) for i, iteration in enumerate(found))
+    iterations = [iteration for stage in stages for iteration in stage.best.history]
+    return tuple(replace(iteration, number=i) for i, iteration in enumerate(iterations))
 
 
 def covariance_of_stages(belief: Belief, after: Evaluation) -> ParameterCovariance:

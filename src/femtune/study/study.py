@@ -85,7 +85,7 @@ class Study:
         """The parameters of the update that names in the study stand for."""
         if self.specimens is None:
             return tuple(names)
-        return tuple(dict.fromkeys(own for name in names for own in self.specimens.expand(name)))
+        return tuple(dict.fromkeys(individual for name in names for individual in self.specimens.expand(name)))
 
     def of_specimen(self, name: str) -> Study:
         """The study of one specimen, with the parameters of all; those of others have no effect."""
@@ -182,8 +182,8 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     errors = ErrorCollector()
     model, specimens = None, None
     with errors.catch():
-        found = targets(file, built)
-        model = parametric_model(built.structure, parameter_set(found, built), assignments(found), tables_of(file))
+        moved = targets(file, built)
+        model = parametric_model(built.structure, parameter_set(moved, built), assignments(moved), tables_of(file))
         check_derived(file, model.parameters)
         specimens = specimens_of_study(file, model)
     notices = [_acts(table) for table in model.tables] if model is not None else []
@@ -307,9 +307,9 @@ def on_decks(study: Study, built: Mapping[str | None, BuiltModel]) -> Study:
     `built` has the deck of each specimen; under None that of a study without specimens.
     """
     models = {}
-    for name, own in built.items():
-        with errors_at_cards(own):
-            models[name] = parametric_model(own.structure, ParameterSet(()), (), tables_of(study.file))
+    for name, deck in built.items():
+        with errors_at_cards(deck):
+            models[name] = parametric_model(deck.structure, ParameterSet(()), (), tables_of(study.file))
     cases = []
     for case in study.cases:
         with errors_at_cards(built[case.entry.specimen]):
@@ -343,8 +343,8 @@ def check_solvers() -> None:
 
 def quantities(study: Study) -> tuple[DerivedQuantity, ...]:
     """The quantities of the study; those of individual parameters once for each specimen."""
-    found = _quantities(study.file)
-    return found if study.specimens is None else tuple(study.specimens.quantities(found))
+    declared = _quantities(study.file)
+    return declared if study.specimens is None else tuple(study.specimens.quantities(declared))
 
 
 def _quantities(file: StudyFile) -> tuple[DerivedQuantity, ...]:

@@ -111,8 +111,8 @@ def _painting(frame: Wireframe, view: View, edges: NDArray[np.int64], colours: S
     """Faces without their edges, and between them the lines that show the form."""
     depth, faces = view.depth(frame.points), frame.faces
     near = 0.6 * float(np.median(np.ptp(depth[closed(faces)], axis=1))) + 1e-3 * float(np.ptp(depth))
-    own = np.concatenate([mean_over_corners(faces, depth), depth[edges].max(axis=1, initial=-np.inf) + near])
-    order = np.argsort(own, kind="stable")
+    depths = np.concatenate([mean_over_corners(faces, depth), depth[edges].max(axis=1, initial=-np.inf) + near])
+    order = np.argsort(depths, kind="stable")
     shown = [*colours, *[_EDGE] * len(edges)]
     line = order >= len(faces)
     corners = view.flat(frame.points)[np.concatenate([closed(faces), edges[:, [0, 1, 1, 0]]])[order]]

@@ -138,13 +138,13 @@ def outline(faces: Faces, points: Reals) -> Faces:
     edges, owner = _edges(faces)
     if not len(edges):
         return edges
-    found, which, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    distinct, which, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
     normal = _normals(faces, points)[owner]
     pairs = np.argsort(which.ravel(), kind="stable")
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     a, b = pairs[first], pairs[np.minimum(first + 1, len(pairs) - 1)]
     smooth = (count == 2) & (np.abs(np.einsum("ij,ij->i", normal[a], normal[b])) > _CREASE)
-    return np.asarray(found[~smooth])
+    return np.asarray(distinct[~smooth])
 
 
 def _edges(faces: Faces) -> tuple[Faces, NDArray[np.int64]]:
@@ -423,8 +423,8 @@ def _painting(sheet: _PanelSheet, moved: Reals, colours: Sequence[str]) -> Paint
     depth = sheet.view.depth(moved)
     # a line lies in the faces that it bounds, whose middles may be nearer: it comes after them
     near = 0.6 * float(np.median(np.ptp(depth[closed(faces)], axis=1))) + 1e-3 * float(np.ptp(depth))
-    own = np.concatenate([mean_over_corners(faces, depth), depth[lines].max(axis=1, initial=-np.inf) + near])
-    order = np.argsort(own, kind="stable")
+    depths = np.concatenate([mean_over_corners(faces, depth), depth[lines].max(axis=1, initial=-np.inf) + near])
+    order = np.argsort(depths, kind="stable")
     edges = [*colours, *[INK] * len(lines)]
     line = order >= len(faces)
     shown = [edges[k] for k in order]

@@ -43,13 +43,13 @@ def keys_of(table: type[BaseModel]) -> dict[str, Key]:
     >>> keys_of(ModesTable)["max_hz"].example
     '200.0'
     """
-    said, found = attribute_docstrings(table), {}
+    said, keys = attribute_docstrings(table), {}
     for name, field in table.model_fields.items():
         inner = next(tables_in(field.annotation), None)
         text = said.get(name) or (summary(inner) if inner else "")
         meaning, _, example = " ".join(text.split()).partition(" Example: ")
-        found[field.alias or name] = Key(meaning, example.removeprefix("`").removesuffix("`"))
-    return found
+        keys[field.alias or name] = Key(meaning, example.removeprefix("`").removesuffix("`"))
+    return keys
 
 
 def summary(table: type[BaseModel]) -> str:

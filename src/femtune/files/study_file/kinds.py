@@ -350,8 +350,8 @@ class TomlTable(BaseModel):
 
 def tables_by_kind(annotation: Any) -> dict[str, type[Any]]:
     """The tables that a key `kind` chooses from, by that kind; none for a key of one table or of other values."""
-    found = list(tables_in(annotation))
-    return {get_args(t.model_fields["kind"].annotation)[0]: t for t in found} if len(found) > 1 else {}
+    union_tables = list(tables_in(annotation))
+    return {get_args(t.model_fields["kind"].annotation)[0]: t for t in union_tables} if len(union_tables) > 1 else {}
 
 
 def tables_in(annotation: Any) -> Iterator[type[BaseModel]]:

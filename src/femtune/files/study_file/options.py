@@ -76,11 +76,11 @@ def with_expansion(file: StudyFile, method: str | None) -> StudyFile:
         return file
     study, known = file.study.model_dump(exclude_unset=True), file.correlate.model_dump(exclude_unset=True)
     try:
-        found = StudyFile.model_validate({"study": study, "correlate": {**known, "expand": method}})
+        checked = StudyFile.model_validate({"study": study, "correlate": {**known, "expand": method}})
     except ValidationError as findings:
         ErrorCollector(list(problems(findings, StudyLines(_OPTIONS), StudyFile))).raise_if_any()
         raise
-    return file.model_copy(update={"correlate": found.correlate})
+    return file.model_copy(update={"correlate": checked.correlate})
 
 
 def with_plan(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
@@ -99,11 +99,11 @@ def with_plan(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
     plan = {**known, **given}
     errors: list[FemtuneError] = list(plan_rules({"plan": plan}, source))
     try:
-        found = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), "plan": plan})
+        checked = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), "plan": plan})
     except ValidationError as findings:
         errors = [*problems(findings, source, StudyFile), *errors]
     ErrorCollector(errors).raise_if_any()
-    copy = file.model_copy(update={"plan": found.plan})
+    copy = file.model_copy(update={"plan": checked.plan})
     lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given, "plan")}
     copy._source = StudyLines(file._source.file, lines)
     return copy
@@ -130,11 +130,11 @@ def _with_experiment(file: StudyFile, name: str, known: dict[str, Any], options:
     source = StudyLines(_OPTIONS)
     errors: list[FemtuneError] = list(experiment_rules({name: given}, source))
     try:
-        found = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), name: given})
+        checked = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), name: given})
     except ValidationError as findings:
         errors = [*problems(findings, source, StudyFile), *errors]
     ErrorCollector(errors).raise_if_any()
-    return file.model_copy(update={name: getattr(found, name)})
+    return file.model_copy(update={name: getattr(checked, name)})
 
 
 def _replaced(place: Place, given: Mapping[str, Any], name: str = "response") -> bool:

@@ -213,8 +213,10 @@ def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
     elif (start := _start(entry)) is not None and not lower <= start <= upper:
         shown = {"nominal": start, "lower": lower, "upper": upper}
         key = "nominal" if "nominal" in entry else "lower"
-        own = "nominal" in entry or entry.get("absolute") is True
-        code = "parameter.bounds/nominal-outside-in-study" if own else "parameter.bounds/factor-outside-in-study"
+        nominal_given = "nominal" in entry or entry.get("absolute") is True
+        code = (
+            "parameter.bounds/nominal-outside-in-study" if nominal_given else "parameter.bounds/factor-outside-in-study"
+        )
         yield source.error((*place, key), code, shown, parameter=entry.get("name", ""))
 
 

@@ -28,20 +28,20 @@ _WANTED = {
 
 def problems(findings: ValidationError, source: StudyLines, model: type[BaseModel]) -> list[FemtuneError]:
     """One error for each finding, in the order of the file; `model` is what the file was checked against."""
-    found = _of_unions(findings.errors(include_url=False))
-    return [_error(finding, source, model) for finding in found if not _follows(finding, found)]
+    errors = _of_unions(findings.errors(include_url=False))
+    return [_error(finding, source, model) for finding in errors if not _follows(finding, errors)]
 
 
-def _of_unions(found: Sequence[ErrorDetails]) -> list[ErrorDetails]:
+def _of_unions(errors: Sequence[ErrorDetails]) -> list[ErrorDetails]:
     """Of a value that may be a number or a list: what is wrong with it as what it is, or its type."""
     kept: list[ErrorDetails] = []
-    for finding in found:
+    for finding in errors:
         at = next((i for i, part in enumerate(finding["loc"]) if _names_type(part)), None)
         if at is None:
             kept.append(finding)
             continue
         value = finding["loc"][:at]
-        others = [f for f in found if f["loc"][:at] == value and f["loc"][at : at + 1] != finding["loc"][at : at + 1]]
+        others = [f for f in errors if f["loc"][:at] == value and f["loc"][at : at + 1] != finding["loc"][at : at + 1]]
         of_type = len(finding["loc"]) == at + 1 and finding["type"] in _WANTED
         if not (of_type and others and (any(f["type"] not in _WANTED for f in others) or others[0] in kept)):
             kept.append(finding)
@@ -53,10 +53,10 @@ def _names_type(part: str | int) -> bool:
     return isinstance(part, str) and part.startswith(("constrained-", "tuple[", "dict["))
 
 
-def _follows(finding: ErrorDetails, found: Sequence[ErrorDetails]) -> bool:
+def _follows(finding: ErrorDetails, errors: Sequence[ErrorDetails]) -> bool:
     """True for a list that is too short only because its entries are at fault themselves."""
     place = finding["loc"]
-    inside = any(other["loc"][: len(place)] == place and other is not finding for other in found)
+    inside = any(other["loc"][: len(place)] == place and other is not finding for other in errors)
     return finding["type"] == "too_short" and inside
 
 

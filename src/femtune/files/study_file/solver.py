@@ -109,9 +109,9 @@ def _inputs(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     derivatives = solver.get("derivatives", "differences")
     by_deck = derivatives == "deck"
     for place, entry in list(tables(data, "configuration")) or [((), {})]:
-        own = table(entry, "solver")
-        at = (*place, "solver") if own else ("solver",)
-        templates, known = bool(own.get("templates", solver.get("templates"))), bool(own.get("deck", deck))
+        overrides = table(entry, "solver")
+        at = (*place, "solver") if overrides else ("solver",)
+        templates, known = bool(overrides.get("templates", solver.get("templates"))), bool(overrides.get("deck", deck))
         if by_deck and not known:
             yield source.error(at, "external.study/no-deck", {})
         elif templates == known and not (templates and derivatives != "differences"):

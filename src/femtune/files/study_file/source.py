@@ -213,14 +213,14 @@ def is_number(value: object) -> bool:
 
 def table(data: Data, name: str) -> Data:
     """The table called `name`; empty where there is none."""
-    found = data.get(name)
-    return found if isinstance(found, dict) else {}
+    value = data.get(name)
+    return value if isinstance(value, dict) else {}
 
 
 def tables(data: Data, name: str) -> Iterator[tuple[Place, Data]]:
     """Place and content of each entry of an array of tables."""
-    found = data.get(name)
-    for i, entry in enumerate(found if isinstance(found, tuple) else ()):
+    value = data.get(name)
+    for i, entry in enumerate(value if isinstance(value, tuple) else ()):
         if isinstance(entry, dict):
             yield (name, i), entry
 

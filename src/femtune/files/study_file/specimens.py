@@ -14,8 +14,8 @@ Problems = Iterator[FemtuneError]
 
 def specimens_of(data: Data) -> list[str]:
     """Names of the specimens, in the order of the configurations."""
-    found = (entry.get("specimen") for _, entry in tables(data, "configuration"))
-    return list(dict.fromkeys(name for name in found if isinstance(name, str)))
+    names = (entry.get("specimen") for _, entry in tables(data, "configuration"))
+    return list(dict.fromkeys(name for name in names if isinstance(name, str)))
 
 
 def individual_name(parameter: str, specimen: str) -> str:

@@ -118,8 +118,8 @@ def _update(data: Data, source: StudyLines) -> Problems:
 
 
 def _configurations(data: Data) -> list[str]:
-    found = [entry for _, entry in tables(data, "configuration") if entry.get("use", "update") != "validation"]
-    return [str(entry.get("name")) for entry in found]
+    entries = [entry for _, entry in tables(data, "configuration") if entry.get("use", "update") != "validation"]
+    return [str(entry.get("name")) for entry in entries]
 
 
 def _kinds(data: Data) -> list[str]:

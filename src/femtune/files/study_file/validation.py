@@ -95,8 +95,8 @@ class ValidateTable(TomlTable):
     @property
     def own_limits(self) -> dict[str, float]:
         """User-defined limits by key."""
-        found = {name: getattr(self, name) for name in OWN_LIMITS}
-        return {name: value for name, value in found.items() if value is not None}
+        limits = {name: getattr(self, name) for name in OWN_LIMITS}
+        return {name: value for name, value in limits.items() if value is not None}
 
 
 class ChecksTable(TomlTable):

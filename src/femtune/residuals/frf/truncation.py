@@ -117,9 +117,9 @@ def truncations(state: CaseState) -> Iterator[Truncation]:
 def frf_residuals(residuals: Sequence[Residual]) -> Iterator[FrfResidual]:
     """Residuals of FRFs among others; those that a study settles at its first state, only after that."""
     for residual in residuals:
-        found = settled(residual)
-        if isinstance(found, FrfResidual):
-            yield found
+        with_modes = settled(residual)
+        if isinstance(with_modes, FrfResidual):
+            yield with_modes
 
 
 def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
