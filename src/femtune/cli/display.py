@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 QUIET_S = 2.0
-"""What takes less than this shows nothing."""
-
+"""Time in s before progress is shown; shorter steps show none."""
 BETWEEN_LINES_S = 5.0
+"""Time in s between two lines of progress where the output is no terminal: log files stay short."""
 
 
 class Display:

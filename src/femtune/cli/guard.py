@@ -24,9 +24,14 @@ from femtune.cli.log import RESULTS
 from femtune.errors import FemtuneError, printable
 from femtune.steps.step import BAD_INPUT, coloured
 
-FAULT, INTERRUPTED, TERMINATED = 70, 130, 143
-
+FAULT = 70
+"""Exit status after an error in femtune itself: EX_SOFTWARE of sysexits.h."""
+INTERRUPTED = 130
+"""Exit status after Ctrl-C: 128 + SIGINT, as shells report it."""
+TERMINATED = 143
+"""Exit status after a request to terminate: 128 + SIGTERM."""
 CRASH_FILE = "femtune-crash.txt"
+"""File with the traceback of an error in femtune itself."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +160,7 @@ def _refused(ctx: click.Context, error: FemtuneError) -> NoReturn:
 
 
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of the operating system: the disk is full, the quota is used up, the file is too large."""
 
 
 def _disk_full(fault: OSError) -> FemtuneError:

@@ -26,8 +26,8 @@ RESULTS = logging.getLogger("femtune.results")
 _ALL = logging.getLogger("femtune")
 # without a handler Python would print warnings once more
 _ALL.addHandler(logging.NullHandler())
-_FORM = "%(asctime)s %(levelname)-7s %(message)s"
-_LINE = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ")
+_FORMAT = "%(asctime)s %(levelname)-7s %(message)s"
+_DATED_LINE = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ")
 _VERBOSE = "femtune.verbose"
 
 
@@ -37,7 +37,7 @@ class _Utc(logging.Formatter):
     converter = staticmethod(time.gmtime)
 
     def __init__(self) -> None:
-        super().__init__(_FORM, "%Y-%m-%dT%H:%M:%SZ")
+        super().__init__(_FORMAT, "%Y-%m-%dT%H:%M:%SZ")
 
     def format(self, record: logging.LogRecord) -> str:
         """One line for each line of the message, without control characters."""
@@ -79,7 +79,7 @@ def _is_log(path: Path) -> bool:
         return False
     with path.open("rb") as stream:
         begin = stream.read(30)
-    return not begin or _LINE.match(begin) is not None
+    return not begin or _DATED_LINE.match(begin) is not None
 
 
 def be_verbose(context: click.Context, option: click.Parameter, given: bool) -> None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
 
 MOST_OF_A_KIND = 3
-"""Boxes of one code; of more, only the first is shown and the others are listed on demand."""
+"""Boxes of one code that are all shown; of more, only the first is, and the others are listed on demand."""
 
 
 def alert_boxes(alerts: Iterable[Alert]) -> list[Block]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 NOT_TESTED = "not tested"
+"""What stands for the result of a comparison that was not made."""
 NONE = "–"
+"""What stands for any other number that is not known."""
 
 
 def typeset(text: str) -> str:

@@ -23,10 +23,16 @@ from numpy.typing import NDArray
 from femtune.files.whole_file import write_whole_by
 
 _FACTS = "facts.json"
-_MOST_MEMBERS, _MOST_FACTS = 64, 1 << 20
-_CHUNK = 1 << 24
+"""Member of an entry that has its numbers and texts; every other member is an array."""
+_MOST_MEMBERS = 64
+"""Members of an entry; none of femtune's has as many, and a file with more is damaged or forged."""
+_MOST_FACT_BYTES = 1 << 20
+"""Bytes of the facts, which are read at once: 1 MiB."""
+_CHUNK_BYTES = 1 << 24
+"""Bytes that are read at a time while a checksum is tested: 16 MiB."""
 _DATE = (1980, 1, 1, 0, 0, 0)
-# a link is not followed, a pipe not waited for
+"""Date of all members, the earliest that ZIP can state: equal entries are equal files."""
+# a link is not followed, and a pipe is not waited for
 _FLAGS = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 # what the standard library and numpy raise on archives that are damaged or made to deceive
@@ -115,7 +121,7 @@ def _check_members(archive: zipfile.ZipFile, size: int) -> None:
         raise DamagedEntryError("a part of it is compressed or encrypted")
     if sum(m.file_size for m in members) > size:
         raise DamagedEntryError("its parts claim to be larger than the file")
-    if archive.getinfo(_FACTS).file_size > _MOST_FACTS:
+    if archive.getinfo(_FACTS).file_size > _MOST_FACT_BYTES:
         raise DamagedEntryError("its facts are too long")
 
 
@@ -139,7 +145,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
 def _fill(room: memoryview, member: IO[bytes]) -> None:
     """Read a part to its end, where its check sum is compared."""
     at = 0
-    while data := member.read(_CHUNK):
+    while data := member.read(_CHUNK_BYTES):
         room[at : at + len(data)] = data
         at += len(data)
     if at != len(room):

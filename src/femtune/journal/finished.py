@@ -18,6 +18,7 @@ from femtune.files.whole_file import write_whole
 Line = Mapping[str, Any]
 
 _MOST_BYTES = 1 << 30
+"""Bytes of the file, which is read at once: 1 GiB. Larger ones are not read."""
 
 
 @dataclass(frozen=True)

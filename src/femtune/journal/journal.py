@@ -19,14 +19,15 @@ from femtune.errors import Notice, Where
 from femtune.journal.entry import DamagedEntryError, Entry, read_entry, write_entry
 
 JOURNAL_FOLDER = "journal"
+"""Folder of the journal, in the run folder."""
 SCHEMA = 1
-"""Rises when entries of an earlier femtune must not be used any more."""
+"""Version of the entries; it rises when those of an earlier femtune must not be used any more."""
 
 T = TypeVar("T")
-# entries, and with a dot before it what was being written when a run was killed
-_OWN = re.compile(r"[a-z]+-[^.]+\.npz|\.[a-z]+-[^.]+\..+")
+_FILE_NAME = re.compile(r"[a-z]+-[^.]+\.npz|\.[a-z]+-[^.]+\..+")
+"""Names of entries, and, with a leading dot, of files that were being written when a run was killed."""
 _FLUSHED_S = 0.1
-"""What was solved quicker is not worth waiting for the disk."""
+"""Time of a solution in s from which its entry is flushed to the disk; a quicker one is sooner solved again."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +163,7 @@ def _files(folder: Path) -> Iterator[os.DirEntry[str]]:
     """Files that look like the journal's own, half-written ones too; links are named, never followed."""
     with os.scandir(folder) as files:
         for file in files:
-            if _OWN.fullmatch(file.name) and not file.is_dir(follow_symlinks=False):
+            if _FILE_NAME.fullmatch(file.name) and not file.is_dir(follow_symlinks=False):
                 yield file
 
 

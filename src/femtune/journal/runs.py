@@ -23,13 +23,20 @@ from femtune.journal.journal import JOURNAL_FOLDER
 from femtune.runs.outcome import Failure, FailureKind, RunOutcome
 
 FILE = "runs.sqlite"
+"""Database of the runs, in the folder of the journal."""
 _KIND = "external run"
+"""What the runs are called where solutions are counted."""
 _SCHEMA = 1
+"""Version of the database; a file of another version is not used."""
 _TABLE = (
     "CREATE TABLE IF NOT EXISTS runs (key TEXT PRIMARY KEY, state TEXT NOT NULL, facts TEXT NOT NULL, "
     "freq_hz BLOB, nodes BLOB, shapes BLOB)"
 )
-_REAL, _INTEGER = np.dtype("<f8"), np.dtype("<i8")
+_REAL = np.dtype("<f8")
+"""Type of frequencies and shapes in the database, the same on all machines."""
+_INTEGER = np.dtype("<i8")
+"""Type of node numbers in the database."""
+# what SQLite, the standard library and numpy raise on databases that are damaged
 _TROUBLES = (sqlite3.Error, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 
 

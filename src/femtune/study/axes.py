@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from femtune.model import ConfiguredModel
     from femtune.study.cases import StudyCase
 
-_SAME = 1e-9
-_SHOWN = 8
+_SAME_MOTION = 1e-9
+"""Relative difference of two rows of a transformation below which they are the same motion: it covers rounding only."""
+_MOST_DOFS_SHOWN = 8
+"""DOFs that a notice names; the others are counted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +96,9 @@ def sensor_axis(case: StudyCase, wanted: DofSet) -> tuple[Axis, tuple[Notice, ..
 def _left_out(case: StudyCase, dofs: Sequence[Dof], why: str) -> tuple[Notice, ...]:
     if not dofs:
         return ()
-    names = ", ".join(map(str, dofs[:_SHOWN])) + (f" and {len(dofs) - _SHOWN} more" if len(dofs) > _SHOWN else "")
+    names = ", ".join(map(str, dofs[:_MOST_DOFS_SHOWN])) + (
+        f" and {len(dofs) - _MOST_DOFS_SHOWN} more" if len(dofs) > _MOST_DOFS_SHOWN else ""
+    )
     return (Notice("response.left-out", configuration=case.name, n_dofs=len(dofs), reason=why, names=names),)
 
 
@@ -102,8 +106,8 @@ def same_motion(a: sp.csr_array, b: sp.csr_array) -> NDArray[np.float64]:
     """(n_a, n_b) +1 or −1 where two rows are the same but for that sign, 0 elsewhere."""
     products = np.asarray((a @ b.T).todense(), dtype=float)
     size_a, size_b = (np.sqrt(np.asarray(m.multiply(m).sum(axis=1), dtype=float)) for m in (a, b))
-    alike = np.abs(size_a[:, None] - size_b[None, :]) <= _SAME * size_a[:, None]
-    parallel = np.abs(products) >= (1.0 - _SAME) * size_a[:, None] * size_b[None, :]
+    alike = np.abs(size_a[:, None] - size_b[None, :]) <= _SAME_MOTION * size_a[:, None]
+    parallel = np.abs(products) >= (1.0 - _SAME_MOTION) * size_a[:, None] * size_b[None, :]
     return np.where(alike & parallel, np.sign(products), 0.0)
 
 

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from femtune.dofs import DofSet
     from femtune.model import ConfiguredModel, EigenSolution
 
-_SPARE = 6
-"""Own modes beyond those of the solver: partners of the last ones may have a higher number."""
+_FURTHER_MODES = 6
+"""Modes of femtune's own model beyond those of the solver: partners of the last ones may have a higher number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def modes_beside(configuration: str, configured: ConfiguredModel, x: Reals, tabl
     common, rows = _common(configured, table.dofs)
     if len(common) < phi.shape[1]:
         return None
-    count = min(phi.shape[1] + _SPARE, configured.n_free)
+    count = min(phi.shape[1] + _FURTHER_MODES, configured.n_free)
     solution = direct.modes(configured.at(x), count, None)
     deck_shapes = np.asarray(rows @ solution.shapes[:, : solution.wanted])
     if deck_shapes.shape[1] < phi.shape[1]:

@@ -38,6 +38,7 @@ class ModesOfDeck(ModesTable):
 
 
 HELD_OUT = "held out for validation"
+"""Reason for which the update leaves out a test mode."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from femtune.files.study_file.parameter import Parameter
 
 _NAME = "Study"
-_OF_STUDY = ("title", "units", "allow_ignored", "journal", "journal_gib")
+"""What errors name in place of a file: the class that users call."""
+_KEYS_OF_STUDY = ("title", "units", "allow_ignored", "journal", "journal_gib")
+"""Keys of [study] that are arguments of their own; the other arguments are tables."""
 _PLURALS = {
     "parameters": "parameter",
     "residuals": "residual",
@@ -228,12 +230,12 @@ class _Draft:
 
     def add_words(self, words: Mapping[str, Any]) -> None:
         """Tables and lists of tables, in place of those that are there."""
-        study = {name: _plain(value) for name, value in words.items() if name in _OF_STUDY}
+        study = {name: _plain(value) for name, value in words.items() if name in _KEYS_OF_STUDY}
         if study:
             self.data["study"] = {**self.data.get("study", {}), **study}
             self.given = replace(self.given, units_known=self.given.units_known or "units" in study)
         for name, value in words.items():
-            if name not in _OF_STUDY:
+            if name not in _KEYS_OF_STUDY:
                 self._add(name, value)
 
     def _add(self, name: str, value: Any) -> None:

@@ -17,10 +17,18 @@ if TYPE_CHECKING:
 
 Rows = NDArray[np.int64]
 
-MOST_LINES, MOST_FACES = 4000, 30_000
-ELEMENT, RIGID = 0, 1
-_FIRST_CELLS, _COARSER = 400.0, 1.25
-"""Cells along the diagonal of the model at first, and how much larger they become each time."""
+MOST_LINES = 4000
+"""Lines of a drawing; larger meshes are simplified, so that files stay small and views turn smoothly."""
+MOST_FACES = 30_000
+"""Faces of a drawing, likewise."""
+ELEMENT = 0
+"""Kind of a line that is an element."""
+RIGID = 1
+"""Kind of a line that is an arm of a rigid element."""
+_FIRST_CELLS = 400.0
+"""Cells along the diagonal of the model in the first simplification: about as fine as a drawing can show."""
+_CELL_GROWTH = 1.25
+"""Factor by which cells grow until the mesh is small enough: smaller ones keep more of the mesh and take more tries."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +162,7 @@ def thinned(points: Reals, mesh: DrawnMesh, most_lines: int = MOST_LINES, most_f
     size = float(np.linalg.norm(np.ptp(points[mesh.used], axis=0))) / _FIRST_CELLS
     fewer = _in_cells(points, mesh, size)
     while len(fewer.lines) > most_lines or len(fewer.faces) > most_faces:
-        size *= _COARSER
+        size *= _CELL_GROWTH
         fewer = _in_cells(points, mesh, size)
     return DrawnMesh(fewer.lines, fewer.kinds, fewer.faces, _sentence(mesh, fewer))
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 LARGE = 3000
 """Free DOFs of the largest configuration above which runs take longer than the start of processes."""
 
-
 MOST_JOBS = 1024
+"""Largest number of parallel runs: a larger one is a mistyped number."""
 
 
 def check_jobs(jobs: int | None) -> None:

@@ -52,9 +52,14 @@ if TYPE_CHECKING:
     from femtune.study.progress import Progress
 
 RUNS_FOLDER = "external"
-_DIGITS = 5e-7
-"""Rounding of results that have seven digits, relative."""
-_LEAST_STEP, _LARGEST_STEP = 0.01, 0.2
+"""Folder of the runs, in the run folder."""
+_RESULT_ROUNDING = 5e-7
+"""Relative rounding of results that are written with seven digits."""
+_SMALLEST_STEP = 0.01
+"""Smallest step that is chosen from the noise, in half ranges of the bounds: noise beyond that of the two runs which
+are compared must not spoil the differences."""
+_LARGEST_STEP = 0.2
+"""Largest such step: beyond it the curvature of the results would spoil the differences."""
 _OFFSETS = (1.0, -1.0, 0.5, -0.5, 2.0, -2.0, 0.25, -0.25)
 """Places of the runs beside the central one, in steps; the first two within the bounds that succeed are used."""
 
@@ -172,7 +177,7 @@ class SolverRuns:
     executor: Executor
     journal: RunJournal
     progress: Progress = silent
-    noise: float = _DIGITS
+    noise: float = _RESULT_ROUNDING
     started: int = 0
     replaced: list[Notice] = field(default_factory=list)
     decks: tuple[tuple[DeckFiles, ConfiguredModel], ...] = ()
@@ -205,7 +210,7 @@ class SolverRuns:
     @property
     def relative_step(self) -> float:
         """These distances in half ranges of the bounds."""
-        return self.asked.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _LEAST_STEP, _LARGEST_STEP))
+        return self.asked.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _SMALLEST_STEP, _LARGEST_STEP))
 
     def run(self, points: Sequence[Reals]) -> tuple[PointRuns, ...]:
         """The runs of points; what is known is not run again."""
@@ -224,7 +229,7 @@ class SolverRuns:
     def measure_noise(self, point: Reals, known: PointRuns) -> None:
         """Run a point twice (error ``external.not-repeatable``); the second run is kept in the journal, too."""
         values = dict(zip(self.names, map(float, point)))
-        noise = [_DIGITS]
+        noise = [_RESULT_ROUNDING]
         for solver, first in zip(self.solvers, known.parts):
             again = replace(solver, version=f"{solver.version}, repeated")
             repeated = evaluate(again, [values], self.executor, self.journal)
@@ -338,15 +343,16 @@ class SolverRuns:
         return good
 
 
-_MOST_LISTED = 12
-_UNLIKE = 0.25
-"""Part of the elastic modes without a partner from which the derivatives of the deck are not used."""
+_MOST_MODES_LISTED = 12
+"""Modes that a notice lists; the others are counted."""
+_MOST_UNPAIRED = 0.25
+"""Fraction of elastic modes without a partner above which the derivatives of the deck are not used."""
 
 
 def _alike(beside: ModesBeside) -> bool:
     """True where nearly all elastic modes have partners in the own model."""
     elastic = beside.elastic
-    return bool(elastic.any()) and bool((elastic & ~beside.paired).sum() <= _UNLIKE * elastic.sum())
+    return bool(elastic.any()) and bool((elastic & ~beside.paired).sum() <= _MOST_UNPAIRED * elastic.sum())
 
 
 def _compared(file: StudyFile, beside: ModesBeside | None) -> Notice:
@@ -361,8 +367,8 @@ def _compared(file: StudyFile, beside: ModesBeside | None) -> Notice:
         for j, (hz, percent, mac, elastic) in enumerate(rows, start=1)
         if elastic
     ]
-    more = f" and {len(lines) - _MOST_LISTED} more" if len(lines) > _MOST_LISTED else ""
-    facts = {"configuration": beside.configuration, "modes": ", ".join(lines[:_MOST_LISTED]) + more}
+    more = f" and {len(lines) - _MOST_MODES_LISTED} more" if len(lines) > _MOST_MODES_LISTED else ""
+    facts = {"configuration": beside.configuration, "modes": ", ".join(lines[:_MOST_MODES_LISTED]) + more}
     alone = int((beside.elastic & ~beside.paired).sum())
     if not alone:
         return Notice("external.deck", where=where, level="info", **facts)
@@ -603,6 +609,7 @@ def _facts(runs: SolverRuns, tables: Sequence[RunsTable]) -> Iterator[Notice]:
 
 
 UPDATED_FOLDER = "updated"
+"""Folder of the input files with the updated values, beside the folders of the runs."""
 
 
 def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:

@@ -37,7 +37,9 @@ if TYPE_CHECKING:
     from femtune.study.drawn_mesh import DrawnMesh
 
 _FURTHER_MODES = 8
-_NEGATIVE = 1e-9
+"""Modes beyond the listed ones: a listing may omit rigid-body modes, or modes that the solver missed."""
+_NEGATIVE_DIAGONAL = 1e-9
+"""Negative diagonal term relative to the largest one from which it is refused; smaller ones are rounding."""
 
 
 def build_imported(file: StudyFile) -> BuiltModel:
@@ -112,7 +114,7 @@ def _check_diagonals(structure: Structure) -> None:
             if m.kind == kind and set(m.roles) == {"FACTOR"}:
                 total += m.upper.diagonal()
         several = any(m.kind == kind and len(m.roles) > 1 for m in structure.assembled)
-        bad = np.flatnonzero(total < -_NEGATIVE * np.abs(total).max(initial=0.0))
+        bad = np.flatnonzero(total < -_NEGATIVE_DIAGONAL * np.abs(total).max(initial=0.0))
         if bad.size and not several:
             raise _negative(structure, kind, total, bad)
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 BEYOND_TEST = 1.25
-"""How far beyond the highest frequency of the test modes of the model are solved where nothing is said."""
+"""Highest frequency of the modes of the model over that of the test, if [correlate] states neither number nor limit."""
 
 
 def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> tuple[StudyCase, tuple[Notice, ...]]:

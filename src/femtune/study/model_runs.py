@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from femtune.study.progress import Progress
     from femtune.study.study import Study
 
-_SPARE = 6
-"""Modes that a run has beyond those that are followed: those change their order."""
+_FURTHER_MODES = 6
+"""Modes that a run has beyond those that are followed, because modes change their order."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def followed_modes(study: Study, case: StudyCase) -> FollowedModes:
         case.configured,
         solver,
         np.ascontiguousarray(solution.shapes[:, elastic]),
-        min(solution.wanted + _SPARE, case.configured.n_free),
+        min(solution.wanted + _FURTHER_MODES, case.configured.n_free),
     )
 
 

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from femtune.files.nastran.build import BuiltDeck
     from femtune.files.study_file import DistributionEntry, GenericEntry, StudyFile
 
-_MOST_SHOWN = 12
+_MOST_STIFFNESSES_SHOWN = 12
+"""Stiffnesses of a generic element that a notice lists; the others are counted."""
 
 
 def with_named_fields(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
@@ -104,8 +105,8 @@ def _with_distributions(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
     return replace(built, structure=structure)
 
 
-_MOST_TIMES = 1e4
-"""Largest factor on a field that the bounds of amplitudes may allow."""
+_LARGEST_FIELD_FACTOR = 1e4
+"""Largest factor on a field that the bounds of amplitudes may allow; above it a bound is a mistyped number."""
 
 
 def _check_range(file: StudyFile, i: int, distribution: Distribution) -> None:
@@ -136,10 +137,10 @@ def _check_range(file: StudyFile, i: int, distribution: Distribution) -> None:
             "distribution.range", where=where, hint=_positive_from(names, j, side, float(limit), float(least[e].sum())),
             **facts, element=int(distribution.elements[e]), factor=float(factor[e]),
         )  # fmt: skip
-    if (worst := float(most.max())) > _MOST_TIMES:
+    if (worst := float(most.max())) > _LARGEST_FIELD_FACTOR:
         element = int(distribution.elements[most.argmax()])
         raise FemtuneError(
-            "distribution.range/huge", where=where, **facts, element=element, factor=worst, most=_MOST_TIMES
+            "distribution.range/huge", where=where, **facts, element=element, factor=worst, most=_LARGEST_FIELD_FACTOR
         )
 
 
@@ -191,8 +192,8 @@ def _distribution(
 def _eigenvalues(name: str, modes: GenericModes, where: Where) -> Notice:
     """What a study may name: the eigenvalues of a group, and how many shapes each has."""
     pairs = list(enumerate(zip(modes.kappa, modes.multiplicity), 1))
-    shown = (f"K{i} = {k:.6g}" + (f" ({n} shapes)" if n > 1 else "") for i, (k, n) in pairs[:_MOST_SHOWN])
-    more = f" and {len(pairs) - _MOST_SHOWN} more" if len(pairs) > _MOST_SHOWN else ""
+    shown = (f"K{i} = {k:.6g}" + (f" ({n} shapes)" if n > 1 else "") for i, (k, n) in pairs[:_MOST_STIFFNESSES_SHOWN])
+    more = f" and {len(pairs) - _MOST_STIFFNESSES_SHOWN} more" if len(pairs) > _MOST_STIFFNESSES_SHOWN else ""
     return Notice(
         "generic.eigenvalues",
         where=where,

@@ -160,8 +160,11 @@ def _parameter(target: Target, built: BuiltModel) -> Parameter:
     return Parameter(entry.name, nominal, lower, upper, entry.unit, entry.mean, entry.sd, None, where, positive)
 
 
-LARGEST_FACTOR, LIKE_VALUE = 1e4, (0.2, 1.0)
-"""An upper bound above the first, with a value of the field between these parts of it, is no factor."""
+LARGEST_FACTOR = 1e4
+"""Upper bound over the initial value above which it may be a value of the field instead of a factor."""
+VALUE_OVER_BOUND = (0.2, 1.0)
+"""Range of the value in the deck over such a bound in which the bound is taken for a value of the field: bounds are
+usually at most a few times the value."""
 
 
 def _check_factors(target: Target, built: BuiltModel, nominal: float, bounds: tuple[float, float]) -> None:
@@ -173,7 +176,7 @@ def _check_factors(target: Target, built: BuiltModel, nominal: float, bounds: tu
         return
     value = float(values[0])
     outside = low <= high and not low <= nominal <= high and low <= value <= high
-    large = high > LARGEST_FACTOR * abs(nominal) and LIKE_VALUE[0] <= value / high <= LIKE_VALUE[1]
+    large = high > LARGEST_FACTOR * abs(nominal) and VALUE_OVER_BOUND[0] <= value / high <= VALUE_OVER_BOUND[1]
     if outside or large:
         raise FemtuneError(
             "parameter.bounds/absolute-meant",

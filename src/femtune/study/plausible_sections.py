@@ -18,11 +18,15 @@ from femtune.study.plausible_units import materials_of
 if TYPE_CHECKING:
     from femtune.fem.structure import ElementBatch, Structure
 
-THINNEST, THICKEST = 1e-4, 2.0
-"""Thickness of the thickest section over the extent of the elements: limits of what a structure has."""
-THIN, SLOW = 1e-3, 3e-5
-"""Where this ratio is below the first limit, f L/c below the second one is that of no structure. A ruler of 1 mm and
-0.5 m, clamped at one end, has 2e-3 and 3e-4; a thick structure may be slow on soft springs."""
+LEAST_THICKNESS = 1e-4
+"""Thickness of the thickest section over the extent of the elements; no structure has a smaller one."""
+LARGEST_THICKNESS = 2.0
+"""Thickness of the thinnest section over the extent of the elements; no structure has a larger one."""
+THIN = 1e-3
+"""Thickness over extent below which the frequency of the lowest elastic mode is judged as well: a thick structure may
+have low frequencies on soft springs. A ruler of 1 mm and 0.5 m has 2e-3."""
+LEAST_FREQUENCY = 3e-5
+"""f L/c of the lowest elastic mode; no thin structure has a smaller one. The ruler, clamped at one end, has 3e-4."""
 
 
 def section_notices(structure: Structure) -> tuple[Notice, ...]:
@@ -31,9 +35,9 @@ def section_notices(structure: Structure) -> tuple[Notice, ...]:
     if sizes is None:
         return ()
     thickness, least, extent = sizes
-    if thickness < THINNEST * extent:
+    if thickness < LEAST_THICKNESS * extent:
         return (Notice("deck.sections-doubtful", thickness=thickness, extent=extent, ratio=thickness / extent),)
-    if least > THICKEST * extent:
+    if least > LARGEST_THICKNESS * extent:
         return (Notice("deck.sections-doubtful/thick", thickness=least, extent=extent, ratio=least / extent),)
     return ()
 
@@ -46,7 +50,7 @@ def slow_modes(structure: Structure, freq_hz: float) -> tuple[Notice, ...]:
         return ()
     thickness, _, extent = sizes
     ratio = freq_hz * extent / max(speeds)
-    if thickness >= THIN * extent or ratio >= SLOW:
+    if thickness >= THIN * extent or ratio >= LEAST_FREQUENCY:
         return ()
     facts = {"freq_hz": freq_hz, "thickness": thickness, "extent": extent, "ratio": ratio}
     return (Notice("deck.sections-doubtful/slow", **facts),)

@@ -21,8 +21,12 @@ if TYPE_CHECKING:
     from femtune.files.built_model import BuiltModel
     from femtune.files.study_file import StudyFile
 
-POSSIBLE_MODULUS, POSSIBLE_DENSITY, POSSIBLE_SPEED = (1e5, 5e12), (1.0, 23e3), (8.0, 25e3)
-"""Young's modulus in Pa, density in kg/m³ and sqrt(E/ρ) in m/s of what a model may contain, smeared values too."""
+POSSIBLE_MODULUS = (1e5, 5e12)
+"""Young's modulus in Pa of what a model may contain, from soft foam to stiffened connections, smeared values too."""
+POSSIBLE_DENSITY = (1.0, 23e3)
+"""Density in kg/m³ of what a model may contain, from honeycomb core to platinum, smeared values too."""
+POSSIBLE_SPEED = (8.0, 25e3)
+"""Wave speed sqrt(E/ρ) in m/s of what a model may contain."""
 
 COMMON = {
     "steel": (185e9, 220e9, 7600.0, 8200.0),
@@ -39,13 +43,14 @@ COMMON = {
 """Lowest and highest Young's modulus in Pa and density in kg/m³ of common engineering materials."""
 
 _METALS = ("steel", "aluminium", "titanium", "magnesium", "copper or brass", "cast iron")
+"""Materials whose modulus and density are so narrowly known that they tell systems of units apart."""
 SYSTEMS = ("m-kg-s", "mm-t-s", "mm-kg-s", "cm-kg-s", "in-slinch-s", "in-lbm-s", "ft-slug-s", "ft-lbm-s")
 """Systems that a deck is compared with."""
 
 _GRAVITY = 9.80665
-
-# the modulus along the first axis
+"""Standard acceleration of gravity in m/s²."""
 _MODULI = {"MAT1": "E", "MAT2": "G11", "MAT8": "E1", "MAT9": "G11", "MAT11": "E1"}
+"""Field of a material card that has the modulus along its first axis."""
 
 
 @dataclass(frozen=True)

@@ -39,15 +39,17 @@ class _Said(str):
         return str(self)
 
 
-_MOST_SHOWN = 4
+_MOST_ENTRIES_SHOWN = 4
+"""Entries of a list that the representation of a record shows; longer ones are counted."""
 _LONGEST_TEXT = 80
+"""Characters of a text there, one line of a terminal; longer ones are cut."""
 
 
 def _short(value: object) -> object:
     if isinstance(value, Record):
         return _Said(f"{type(value).__name__}(…)")
     if isinstance(value, tuple | dict) and (
-        len(value) > _MOST_SHOWN or any(isinstance(v, Record | tuple) for v in value)
+        len(value) > _MOST_ENTRIES_SHOWN or any(isinstance(v, Record | tuple) for v in value)
     ):
         return _Said(f"({len(value)} entries)")
     if isinstance(value, str) and len(value) > _LONGEST_TEXT:

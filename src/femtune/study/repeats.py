@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from femtune.uncertainty import OutputStatistics
 
 _HIGHEST_HZ = 1e12
-_TABLES = (".csv", ".txt", ".tsv", ".dat")
+"""Frequency above which a number in a table of repeats is refused; its square stays far from overflow."""
+_TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
+"""Suffixes of files that are tables of frequencies; all others are read as Universal Files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +70,9 @@ def read_repeats(study: Study, table: QuantifyTable) -> Repeats:
     case = _case(study, table)
     paths = [study.file.path_of(name) for name in table.repeats]
     with errors_at(study.file.where("quantify", "repeats")):
-        if len(paths) == 1 and paths[0].suffix.lower() in _TABLES and not table.shapes:
+        if len(paths) == 1 and paths[0].suffix.lower() in _TABLE_SUFFIXES and not table.shapes:
             return Repeats(case, _of_table(study, case, table, read_repeats_table(paths[0]), paths[0]))
-        if table.shapes and paths[0].suffix.lower() in _TABLES:
+        if table.shapes and paths[0].suffix.lower() in _TABLE_SUFFIXES:
             raise FemtuneError("quantify.shapes", where=study.file.where("quantify", "shapes"))
         repeats = [_of_uff(study, case, path) for path in paths]
         return Repeats(case, np.array([hz for hz, _ in repeats]), np.array([shapes for _, shapes in repeats]))

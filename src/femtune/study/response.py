@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
 
 _MOST_VALUES = 200_000_000
+"""Complex values of all functions; more than these 3 GB are refused before anything is solved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,8 +226,10 @@ T = TypeVar("T")
 Solve = Callable[[], EigenSolution]
 
 _KINDS = ("rigid", "oscillating", "real")
+"""Kinds of complex modes; a table of modes has positions in this list."""
 _POLES = {"freq_hz": np.float64, "damping_ratio": np.float64, "phase_collinearity": np.float64,
           "kind": np.int64, "real_mode": np.int64, "real_freq_hz": np.float64}  # fmt: skip
+"""Arrays of a `ComplexModeTable` with one value for each mode, as the journal keeps them."""
 
 
 @dataclass(frozen=True, eq=False)

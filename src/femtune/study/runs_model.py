@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from femtune.surrogates import SurrogateRules
 
 
-_TYPICAL = 0.9
-"""Part of the runs of a table that has as many visible modes as are used; the others are left out."""
+_RUNS_KEPT = 0.9
+"""Fraction of the runs of a table that have as many visible modes as are used; the other runs are left out."""
 
 
 def build_of_runs(file: StudyFile) -> BuiltModel:
@@ -99,7 +99,7 @@ def _used(
     usable = table.usable & np.isfinite(table.points(columns)).all(axis=1)
     hz, shapes, hidden = table.freq_hz[usable], None if table.shapes is None else table.shapes[usable], 0
     if shapes is not None:
-        hz, shapes, hidden = seen_modes(hz, shapes, 1.0 if centre is not None else _TYPICAL)
+        hz, shapes, hidden = seen_modes(hz, shapes, 1.0 if centre is not None else _RUNS_KEPT)
     count = min(file.modes.count or hz.shape[1], hz.shape[1])
     hz, shapes = hz[:, :count], None if shapes is None else shapes[:, :, :count]
     if shapes is not None and shapes.shape[1] < count:

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 _SYSTEMS = ("m-kg-s", "mm-t-s", "cm-kg-s", "in-slinch-s", "ft-slug-s")
 """One system for each unit of length."""
-_SAME = 0.03
+_SAME_UNIT = 0.03
+"""Relative difference of two lengths below which they are the same unit. It covers the inexact fit of sensors to grid
+points; neighbouring units differ by a factor of 2.5 and more."""
 
 
 @contextmanager
@@ -53,7 +55,7 @@ def units_hint(file: StudyFile, entry: ConfigurationEntry, test: ModalTest, stru
 
 def _named(length: float) -> str:
     """The system with such a unit of length in metres; "" if there is none."""
-    systems = (name for name in _SYSTEMS if abs(unit_system(name).length / length - 1.0) <= _SAME)
+    systems = (name for name in _SYSTEMS if abs(unit_system(name).length / length - 1.0) <= _SAME_UNIT)
     return next(systems, "")
 
 

@@ -134,6 +134,7 @@ def _compared(study: Study, case: StudyCase, i: int, x: Reals) -> Iterable[Compa
 
 
 OUTSIDE_BAND = "outside the band of the stage"
+"""Reason for which a stage leaves out a test mode."""
 
 
 def used_in_stage(case: StudyCase, entry: StageEntry) -> ComparedCase | None:

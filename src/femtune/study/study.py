@@ -361,6 +361,3 @@ def check_derived(file: StudyFile, parameters: ParameterSet) -> None:
         with errors.catch():
             quantity.at(parameters, np.zeros(len(parameters.free)))
     errors.raise_if_any()
-
-
-_DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")

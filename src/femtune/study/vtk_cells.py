@@ -26,11 +26,11 @@ _SOLIDS = {
     20: "hexahedron20",
 }
 _CORNERS = {"triangle6": 3, "quad8": 4, "tetra10": 4, "pyramid13": 5, "wedge15": 6, "hexahedron20": 8}
-# Nastran counts the vertical edges before those of the second face, VTK after them
 _ORDER = {
     "wedge15": (*range(9), 12, 13, 14, 9, 10, 11),
     "hexahedron20": (*range(12), 16, 17, 18, 19, 12, 13, 14, 15),
 }
+"""Order of the nodes: Nastran counts the vertical edges before those of the second face, VTK after them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-# matplotlib measures with the font that it brings; readers see a sans-serif of their own, which is narrower
 _MEASURED = "'DejaVu Sans'"
+"""Font that matplotlib brings and measures with. Readers see a sans-serif font of their system, which is narrower."""
 
 _SVG_DPI = 72.0
 """Dots per inch of matplotlib's SVG."""
 _COLOURS = 64
-"""Different colours of pixels: more of them than shades that an eye tells apart would make the file larger."""
+"""Different colours of pixels: more than the eye tells apart would make the file larger."""
 
 _STYLE: dict[str, Any] = {
     "svg.hashsalt": "femtune",

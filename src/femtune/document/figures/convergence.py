@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DASHES = ("-", "--", "-.", ":")
+"""Line styles in turn, so that neighbouring curves differ in print without colours, too."""
 
 
 def convergence_svg(

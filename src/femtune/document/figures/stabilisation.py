@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from femtune.modal import FrfSet
 
 _MOST_POINTS = 2000
+"""Points of the curve behind the poles; of more lines, each n-th is drawn."""
 _MARKS = ("o", "s", "^", "D")
+"""Marks of the methods in turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +111,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SMALLEST = 1e-6
-"""Functions are drawn down to this part of their largest value."""
+_SMALLEST_SHOWN = 1e-6
+"""Amplitude relative to the largest one down to which the axis reaches."""
 
 
 def identified_svg(
@@ -162,7 +164,9 @@ def _functions(axes: Axes, measured: FrfSet, model: FrfSet) -> None:
     axes.semilogy(
         model.freq_hz, _rms_of(measured.values - model.values), color=ORANGE, linewidth=0.6, label="difference"
     )
-    axes.set_ylim(max(_SMALLEST * np.nanmax(seen), 0.3 * np.nanmin(_positive(measured, model))), 2.0 * np.nanmax(seen))
+    axes.set_ylim(
+        max(_SMALLEST_SHOWN * np.nanmax(seen), 0.3 * np.nanmin(_positive(measured, model))), 2.0 * np.nanmax(seen)
+    )
     axes.set_ylabel(f"{measured.kind}, rms", color=INK)
 
 
