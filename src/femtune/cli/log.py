@@ -1,7 +1,7 @@
 """The log of a command: every step, warning and error with its time, in a file or on standard error.
 
 The lines are records of the loggers ``femtune.progress`` and ``femtune.results`` of Python's `logging`, which also a
-program that uses the library can send wherever it likes.
+program that uses the library can direct as it likes.
 """
 
 from __future__ import annotations
@@ -83,14 +83,14 @@ def _is_log(path: Path) -> bool:
 
 
 def be_verbose(context: click.Context, option: click.Parameter, given: bool) -> None:
-    """Every step as a line on standard error, in place of the bar."""
+    """Print every step as a line on standard error, instead of the bar."""
     if given:
         context.find_root().meta[_VERBOSE] = True
         context.find_root().with_resource(_receiving(PROGRESS, logging.StreamHandler(sys.stderr)))
 
 
 def is_verbose(context: click.Context) -> bool:
-    """Whether the steps are shown as lines already."""
+    """True if the steps are already shown as lines."""
     return bool(context.find_root().meta.get(_VERBOSE))
 
 

@@ -1,4 +1,4 @@
-"""Alerts as boxes: those of one kind are folded where they are many, and the first is told in full."""
+"""Alerts as boxes: if there are many of one kind, the first is shown in full, and the others are folded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One file of the journal: named arrays and a few facts, in an archive that is read without trust.
+"""One file of the journal: named arrays and a few facts, in an archive that is checked while it is read.
 
 Nothing in it is compressed, so that it can hold no more than its own size, and nothing is ever unpickled.
 """
@@ -51,7 +51,7 @@ class Entry:
 
     @property
     def n_bytes(self) -> int:
-        """Size of its file, about."""
+        """Approximate size of its file."""
         return 4096 + sum(a.nbytes for a in self.arrays.values())
 
 
@@ -79,7 +79,7 @@ def _pack(stream: IO[bytes], entry: Entry) -> None:
 
 
 def read_entry(path: Path, most_bytes: int) -> Entry | None:
-    """What `write_entry` wrote; None where there is no file.
+    """What `write_entry` wrote; None if there is no file.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(member)
         if dtype.kind not in "fcbiu" or fortran:
             raise DamagedEntryError(f"{info.filename} holds no plain numbers")
-        # believed only if it is what is there: an array is made of it
+        # the stated size must be that of the data, because an array of this size is allocated
         if math.prod(shape) * dtype.itemsize != info.file_size - member.tell() or min(shape, default=0) < 0:
             raise DamagedEntryError(f"{info.filename} has another size than it says")
         array = np.empty(shape, dtype)

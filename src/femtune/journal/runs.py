@@ -52,7 +52,7 @@ class RunJournal:
     _database: sqlite3.Connection | None = None
 
     def recall(self, key: str) -> RunOutcome | None:
-        """The outcome of a key; None where there is none that can be used."""
+        """The outcome of a key; None if there is none that can be used."""
         if self._database is None:
             return None
         try:
@@ -67,7 +67,7 @@ class RunJournal:
         return outcome
 
     def keep(self, outcome: RunOutcome) -> None:
-        """Keep an outcome; where that fails the runs go on without the journal, with a notice."""
+        """Keep an outcome; if that fails, the runs continue without the journal, with a notice."""
         self.solved[_KIND] += 1
         if self._database is None or self.stopped is not None:
             return
@@ -99,7 +99,8 @@ class RunJournal:
 def open_run_journal(run_folder: Path, *, fresh: bool = False) -> RunJournal:
     """The journal of external runs in a run folder; `fresh` removes what is in it.
 
-    What is no such journal is put aside; what cannot be made is a notice, and the runs go on without.
+    A file that is not such a journal is put aside. If none can be made, there is a notice, and the runs continue
+    without it.
     """
     journal = RunJournal(run_folder / JOURNAL_FOLDER / FILE)
     try:
@@ -136,7 +137,7 @@ def _begin_anew(journal: RunJournal) -> None:
 
 
 def _opened(path: Path) -> sqlite3.Connection:
-    """Errors: sqlite3.Error, ValueError where the file is another kind of database."""
+    """Errors: sqlite3.Error, ValueError if the file is another kind of database."""
     database = sqlite3.connect(path, timeout=30.0)
     try:
         database.execute("PRAGMA trusted_schema = OFF")
@@ -176,7 +177,7 @@ def _row(outcome: RunOutcome) -> Sequence[Any]:
 
 
 def _outcome(key: str, row: Sequence[Any]) -> RunOutcome:
-    """Raises ValueError, TypeError, KeyError where the row is none of the journal's."""
+    """Raises ValueError, TypeError, KeyError if the row is not one of the journal."""
     facts = json.loads(row[0])
     failures = tuple(Failure(FailureKind(kind), str(text), str(folder)) for kind, text, folder in facts["failures"])
     if row[1] is None:

@@ -29,14 +29,15 @@ _DERIVATIVE_FIELDS = ("eigenvalues", "stiffness", "mass", "outside", "shapes")
 
 @dataclass(frozen=True, eq=False)
 class JournaledSolver:
-    """Looks up first. Keys are made of the matrices themselves, so that whatever changes them is another key."""
+    """Solver that looks up solutions first. Keys are digests of the matrices, so that every change of these is a new
+    key."""
 
     journal: Journal
     solver: ModelSolver = direct
     _digests: WeakKeyDictionary[EigenSolution, str] = field(default_factory=WeakKeyDictionary)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """In another process there is no journal, which belongs to this one."""
+        """Without the journal in another process: it belongs to this process."""
         return _without_journal, (self.solver,)
 
     def modes(
@@ -113,9 +114,9 @@ _STIFFNESS_ROUNDING = 1e-12
 
 
 def check_pairs(point: ModelPoint, values: NDArray[np.float64], shapes: NDArray[np.float64]) -> None:
-    """The recalled pairs are modes of these matrices: ΦᵀKΦ = Λ, ΦᵀMΦ = 1, and Kφ = λMφ.
+    """Check that the recalled pairs are modes of these matrices: ΦᵀKΦ = Λ, ΦᵀMΦ = 1, and Kφ = λMφ.
 
-    The first two show values and scales that are wrong, the last one shapes; each is compared with rounding.
+    The first two reveal wrong eigenvalues and scales, the last one wrong shapes.
     """
     elastic, inertial = point.stiffness @ shapes, point.mass @ shapes
     largest = float(np.abs(point.stiffness.diagonal()).max(initial=0.0))

@@ -30,7 +30,7 @@ _MOST_DOFS_SHOWN = 8
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """DOFs and combinations with their rows (n, n_g); `of_test` where the labels are those of the test."""
+    """DOFs and combinations with their rows (n, n_g); `of_test` is True if the labels are those of the test."""
 
     labels: DofSet
     rows: sp.csr_array
@@ -78,7 +78,7 @@ def _moves(configured: ConfiguredModel, rows: sp.csr_array) -> NDArray[np.bool_]
 
 
 def sensor_axis(case: StudyCase, wanted: DofSet) -> tuple[Axis, tuple[Notice, ...]]:
-    """DOFs of the test that have a place in the model and can move, in their order; the others are in the notices."""
+    """DOFs of the test that exist in the model and can move, in their order; notices name the others."""
     assert case.all_sensors is not None
     sensors = case.all_sensors
     placed = wanted.common(sensors.dofs)
@@ -103,7 +103,7 @@ def _left_out(case: StudyCase, dofs: Sequence[Dof], why: str) -> tuple[Notice, .
 
 
 def same_motion(a: sp.csr_array, b: sp.csr_array) -> NDArray[np.float64]:
-    """(n_a, n_b) +1 or −1 where two rows are the same but for that sign, 0 elsewhere."""
+    """(n_a, n_b) +1 or −1 where two rows are equal except for that sign, 0 elsewhere."""
     products = np.asarray((a @ b.T).todense(), dtype=float)
     size_a, size_b = (np.sqrt(np.asarray(m.multiply(m).sum(axis=1), dtype=float)) for m in (a, b))
     alike = np.abs(size_a[:, None] - size_b[None, :]) <= _SAME_MOTION * size_a[:, None]

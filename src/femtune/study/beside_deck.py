@@ -1,4 +1,4 @@
-"""femtune's own model of a deck beside an external solver: their modes compared, and derivatives from the own model.
+"""femtune's own model of a deck compared with an external solver mode by mode, and derivatives from this model.
 
 With the eigenvalues Λ and shapes Φ of the solver at a point, of unit modal mass, and those of the own model, Λₒ and
 Φₒ, the shapes are related by Φ ≈ Φₒ Q, where Q is the orthogonal polar factor of Φₒ⁺Φ. The exact derivatives of the
@@ -57,7 +57,7 @@ class Beside:
 
 
 def modes_beside(configuration: str, configured: ConfiguredModel, x: Reals, table: RunsTable) -> Beside | None:
-    """The first run of a table beside the own model at x; None where they have fewer DOFs in common than modes.
+    """The first run of a table compared with femtune's model at x; None if they share fewer DOFs than there are modes.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def _common(configured: ConfiguredModel, dofs: DofSet) -> tuple[Integers, sp.csr
 
 @dataclass(frozen=True, eq=False)
 class DeckDerivatives:
-    """Modes near a point: those of the solver there, moved by the exact derivatives of the own model.
+    """Modes near a point: those of the solver at the point, corrected by the exact derivatives of femtune's model.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class DeckDerivatives:
         return np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi), shapes
 
     def table(self, names: Sequence[str], points: Sequence[Reals]) -> RunsTable:
-        """The run of the solver, of which the point is the first one, and modes at the others."""
+        """The run of the solver at the first point, and modes at the other points."""
         modes = [self.at(point - points[0]) for point in points[1:]]
         hz = np.array([self.beside.modes.freq_hz, *(f for f, _ in modes)])
         shapes = np.array([self.beside.shapes, *(s for _, s in modes)])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def components_of(file: StudyFile, built: BuiltModel) -> Components | None:
-    """The components of a study, None without any.
+    """The components of a study; None if it has none.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def components_of(file: StudyFile, built: BuiltModel) -> Components | None:
 
 
 def whole_structure(model: ParametricModel) -> ConfiguredModel:
-    """The structure of the deck with all its elements, by which interfaces are found."""
+    """The structure of the deck with all its elements, from which interfaces are found."""
     return configure(model, Configuration())
 
 

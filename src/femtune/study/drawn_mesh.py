@@ -35,7 +35,7 @@ _CELL_GROWTH = 1.25
 class DrawnMesh:
     """Rows of the grid points: `lines` (l, 2) with their `kinds` (l,), `faces` (f, 4), −1 for the fourth of a triangle.
 
-    `sentence` says what was left out; "" where all is there.
+    `sentence` says what was left out; "" if nothing was.
     """
 
     lines: Rows
@@ -45,7 +45,7 @@ class DrawnMesh:
 
     @property
     def used(self) -> Rows:
-        """Rows of the grid points that something is drawn at."""
+        """Rows of the grid points of all lines and faces."""
         rows = np.unique(np.concatenate([self.lines.ravel(), self.faces.ravel()]))
         return rows[rows >= 0]
 
@@ -55,7 +55,7 @@ class DrawnMesh:
         return DrawnMesh(np.searchsorted(rows, self.lines), self.kinds, faces, self.sentence)
 
     def line_of(self, ends: Rows) -> Rows:
-        """The line (l,) of elements between both `ends` (l, 2), in any order; −1 where none is drawn."""
+        """(l,) the line of elements between two `ends` (l, 2), in any order; −1 if none is drawn."""
         of_elements = np.flatnonzero(self.kinds == ELEMENT)
         if not len(of_elements):
             return np.full(len(ends), -1)
@@ -67,12 +67,12 @@ class DrawnMesh:
 
 
 def whole_mesh(structure: Structure, off: Collection[int] = ()) -> DrawnMesh:
-    """All that can be drawn of a structure, but for elements that are switched off."""
+    """All that can be drawn of a structure, without elements that are switched off."""
     return DrawnMesh(*active_lines(structure, off), active_faces(structure, off))
 
 
 def mesh_beside(structure: Structure, nodes: NodeTable) -> DrawnMesh:
-    """The mesh of a structure on other grid points of the same numbers: what has all of its points there."""
+    """The mesh of a structure on other grid points of the same numbers, without parts that lack a point there."""
     mesh, order = whole_mesh(structure), np.argsort(nodes.ids)
     at = np.minimum(np.searchsorted(nodes.ids[order], structure.nodes.ids), len(order) - 1)
     row = np.append(np.where(nodes.ids[order][at] == structure.nodes.ids, order[at], -2), -1)
@@ -129,7 +129,7 @@ def _rigid_lines(rigid: ConstraintRows, n_grids: int) -> Rows:
 
 
 def _drawable(structure: Structure, lines: Rows) -> Rows:
-    """Each line once; none to ground, to scalar points, or of no length."""
+    """Each line once, without lines to ground, to scalar points, or of zero length."""
     xyz = structure.nodes.xyz
     lines = np.unique(np.sort(lines, axis=1), axis=0)
     lines = lines[(lines >= 0).all(axis=1) & (lines < len(xyz)).all(axis=1)]
@@ -153,9 +153,8 @@ def _sides(nodes: Rows, sides: tuple[tuple[int, ...], ...]) -> Rows:
 
 
 def thinned(points: Reals, mesh: DrawnMesh, most_lines: int = MOST_LINES, most_faces: int = MOST_FACES) -> DrawnMesh:
-    """A mesh of no more lines and faces than that: points (n, 3) in one cell of a grid are drawn as one of them.
-
-    The cells grow until it is so.
+    """A mesh with at most so many lines and faces: points (n, 3) in one cell of a grid are drawn as one. The cells are
+    enlarged until the limits are met.
     """
     if len(mesh.lines) <= most_lines and len(mesh.faces) <= most_faces:
         return mesh
@@ -174,7 +173,7 @@ def _sentence(mesh: DrawnMesh, fewer: DrawnMesh) -> str:
 
 
 def _in_cells(points: Reals, mesh: DrawnMesh, size: float) -> DrawnMesh:
-    """The mesh with one point for all of a cell; what has shrunk to nothing, or is there twice, is left out."""
+    """The mesh with one point per cell, without degenerate and duplicate lines and faces."""
     used = mesh.used
     cells = np.floor((points[used] - points[used].min(axis=0)) / size).astype(np.int64)
     _, first, which = np.unique(cells, axis=0, return_index=True, return_inverse=True)
@@ -194,7 +193,7 @@ def _different_faces(faces: Rows) -> Rows:
     """Faces of three or four different corners, each once; quadrilaterals that lost a corner are triangles."""
     following = np.roll(np.where(faces < 0, faces[:, [2]], faces), -1, axis=1)
     lost = (faces == following) | (faces < 0)
-    # the corners that are left, in their order, before those that are lost
+    # the remaining corners in their order, then the lost ones
     order = np.argsort(lost, axis=1, kind="stable")
     kept = np.where(np.take_along_axis(lost, order, axis=1), -1, np.take_along_axis(faces, order, axis=1))
     kept = kept[(kept[:, 2] >= 0) & (kept[:, 0] != kept[:, 2]) & ((kept[:, 3] < 0) | (kept[:, 1] != kept[:, 3]))]

@@ -1,4 +1,4 @@
-"""Axes of a test that are exchanged or turned round, although all of its sensors lie at grid points."""
+"""Axes of a test that are exchanged or inverted, although all of its sensors lie at grid points."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ the first one is then kept."""
 
 
 def fitting_axes(file: StudyFile, case: StudyCase, solution: EigenSolution) -> str:
-    """What to write so that the axes of a test fit the mode shapes; "" where the present ones do, or no others do.
+    """What to write so that the axes of a test fit the mode shapes; "" if the present axes fit, or no others fit
+    better.
 
     The 48 exchanges and inversions of axes are tried where the mean MAC of test modes and model modes of similar
     frequency is below 0.7. One is proposed if the mean MAC is above 0.85 with it and all sensors lie at grid points.

@@ -1,7 +1,6 @@
-"""A study of an external solver: runs around a point, and the model that is made of them.
-
-Around a point there are two runs for each parameter, for which central differences have the smallest error: the step
-is chosen from the noise of the solver's results. All of them are made side by side.
+"""A study of an external solver: runs around a point, and the model that is fitted to them. There are two runs for each
+parameter, which are made in parallel. The step of these central differences is chosen from the noise of the solver's
+results so that their error is smallest.
 """
 
 from __future__ import annotations
@@ -91,7 +90,7 @@ class DeckFiles:
 
     @property
     def version(self) -> str:
-        """Digest of all files of the deck, of which a run has only those that are changed."""
+        """Digest of all files of the deck; the folder of a run contains only those that change."""
         return sha256("".join(line.text for file in self.built.deck.files for line in file.lines).encode()).hexdigest()
 
     def files(self, values: Mapping[str, float]) -> dict[str, bytes]:
@@ -100,7 +99,7 @@ class DeckFiles:
         updates = self.model.field_values(x)
         updates = {**updates, **self.model.structure.values.following(updates, self.built.fields)}
         regions = {a.parameter: a.elements for a in self.model.assignments if a.elements is not None}
-        # in fields of 16 columns, where 8 would round a value
+        # in fields of 16 columns if 8 would round a value
         plan = plan_edits(self.built, updates, regions, wide=True)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -129,7 +128,7 @@ def of_solver(file: StudyFile) -> StudyFile:
         middle = None if entry.lower is None or entry.upper is None else 0.5 * (entry.lower + entry.upper)
         start = known.get(entry.name, middle)
         entries.append(entry if entry.nominal is not None else entry.model_copy(update={"nominal": start}))
-    # what the polynomials are good for is told by the next run, not by one that is left out
+    # the next run, not one that is left out, shows the error of the polynomials
     of_configurations = [name for e in file.configuration if e.solver is not None for name in e.solver.templates or ()]
     templates = [*FromSolver(file).solver.templates, *of_configurations]
     runs = RunsModelTable(file=deck or templates[0], degree=2, crossed=False, tolerance=0.5)
@@ -147,13 +146,13 @@ class PointRuns:
 
     @property
     def failure(self) -> Failure | None:
-        """Of the first run that failed for good; None where all have modes."""
+        """Outcome of the first run that failed finally; None if all have modes."""
         part = self.failed_part
         return None if part is None else self.parts[part].failures[-1]
 
     @property
     def failed_part(self) -> int | None:
-        """Position of the first run that failed for good in `sources`."""
+        """Position in `sources` of the first run that failed finally."""
         return next((i for i, outcome in enumerate(self.parts) if outcome.modes is None), None)
 
 
@@ -198,7 +197,8 @@ class SolverRuns:
 
     @property
     def steps(self) -> Reals:
-        """(k,) distances of the runs from the central one: where rounding and curvature spoil differences alike."""
+        """(k,) distances of the runs from the central one, at which errors from rounding and from curvature are
+        equal."""
         lower, upper = self.bounds
         return 0.5 * self.relative_step * (upper - lower)
 
@@ -209,11 +209,11 @@ class SolverRuns:
 
     @property
     def relative_step(self) -> float:
-        """These distances in half ranges of the bounds."""
+        """These distances as fractions of half the range of the bounds."""
         return self.asked.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _SMALLEST_STEP, _LARGEST_STEP))
 
     def run(self, points: Sequence[Reals]) -> tuple[PointRuns, ...]:
-        """The runs of points; what is known is not run again."""
+        """The runs of points; known ones are not repeated."""
         told = [dict(zip(self.names, map(float, point))) for point in points]
 
         def say(done: int, outcome: RunOutcome) -> None:
@@ -227,7 +227,8 @@ class SolverRuns:
         return tuple(map(PointRuns, zip(*columns)))
 
     def measure_noise(self, point: Reals, known: PointRuns) -> None:
-        """Run a point twice (error ``external.not-repeatable``); the second run is kept in the journal, too."""
+        """Run a point a second time to measure the noise (error ``external.not-repeatable``); the journal keeps that
+        run, too."""
         values = dict(zip(self.names, map(float, point)))
         noise = [_RESULT_ROUNDING]
         for solver, first in zip(self.solvers, known.parts):
@@ -258,13 +259,13 @@ class SolverRuns:
         return self.tables(rows)
 
     def follow_deck(self, point: Reals) -> None:
-        """Take derivatives from the deck from here on, if both models are alike at a point that was run."""
+        """Take derivatives from the deck from now on, if both models agree at a point that was run."""
         self.by_deck = bool(self.decks)
         if self.by_deck:
             self._by_deck(point)
 
     def _by_deck(self, point: Reals) -> tuple[RunsTable, ...] | None:
-        """One run at a point, and modes beside it by the derivatives of the own model; None where these mislead."""
+        """One run at a point, and modes around it from the derivatives of femtune's model; None if these mislead."""
         centre = self.run([point])[0]
         if centre.failure is not None:
             raise self.failed(point, centre)
@@ -301,7 +302,7 @@ class SolverRuns:
         )
 
     def failed(self, point: Reals, runs: PointRuns) -> FemtuneError:
-        """The error that a point has no modes, with the configuration where they have inputs of their own."""
+        """The error that a point has no modes; it names the configuration if configurations have different inputs."""
         failure, part = runs.failure, runs.failed_part
         assert failure is not None
         assert part is not None
@@ -316,7 +317,7 @@ class SolverRuns:
     def _pair(
         self, i: int, point: Reals, offsets: list[Reals], outcomes: dict[tuple[float, ...], PointRuns]
     ) -> list[tuple[Reals, PointRuns]]:
-        """Two runs for a parameter; those that fail for good are replaced by others."""
+        """Two runs for a parameter; runs that fail finally are replaced by others."""
         good: list[tuple[Reals, PointRuns]] = []
         bad: list[PointRuns] = []
         for offset in offsets:
@@ -350,13 +351,13 @@ _MOST_UNPAIRED = 0.25
 
 
 def _alike(beside: ModesBeside) -> bool:
-    """True where nearly all elastic modes have partners in the own model."""
+    """True if nearly all elastic modes have partners in femtune's model."""
     elastic = beside.elastic
     return bool(elastic.any()) and bool((elastic & ~beside.paired).sum() <= _MOST_UNPAIRED * elastic.sum())
 
 
 def _compared(file: StudyFile, beside: ModesBeside | None) -> Notice:
-    """Both models mode by mode; a warning where they differ so much that derivatives mislead."""
+    """Both models compared mode by mode; a warning if they differ so much that derivatives mislead."""
     where = file.where("solver", "derivatives")
     if beside is None:
         return Notice("external.deck/no-shapes", where=where)
@@ -427,7 +428,7 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
 def _deck_of(
     file: StudyFile, part: int, overrides: ConfigurationSolver, inputs: InputFiles
 ) -> tuple[DeckFiles, ConfiguredModel]:
-    """femtune's model of the deck that belongs to some inputs, in the state of the first configuration with these."""
+    """femtune's model of the deck that belongs to some inputs, in the first configuration with these inputs."""
     name = overrides.deck or file.study.deck
     assert name is not None
     deck = inputs if isinstance(inputs, DeckFiles) else _deck_files(file, name)
@@ -463,7 +464,7 @@ def _runs(
 
 
 def _solver_overrides(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
-    """What the configurations have of their own, in the order of `sources`."""
+    """The keys of [solver] that configurations override, in the order of `sources`."""
     distinct: dict[str, ConfigurationSolver] = {}
     for entry in file.configurations:
         overrides = entry.solver or ConfigurationSolver()
@@ -472,7 +473,7 @@ def _solver_overrides(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
 
 
 def _solver(file: StudyFile, overrides: ConfigurationSolver, inputs: InputFiles) -> ExternalSolver:
-    """[solver] with what a configuration has of its own (error ``external.no-program``)."""
+    """[solver] with the keys that a configuration overrides (error ``external.no-program``)."""
     entry = FromSolver(file).solver.model_copy(update={k: v for k, v in overrides if v is not None and k != "deck"})
     checks = Checks(file.modes.count or 1, entry.mass, entry.mass_tolerance)
     solver = ExternalSolver(
@@ -491,7 +492,7 @@ def _solver(file: StudyFile, overrides: ConfigurationSolver, inputs: InputFiles)
 
 
 def _inputs(file: StudyFile) -> tuple[InputFiles, ...]:
-    """Decks, or templates whose placeholders are the parameters, each of which occurs in one of them at least."""
+    """Decks, or templates whose placeholders are the parameters; each parameter must occur in at least one of them."""
     files: list[InputFiles] = []
     names = [p.name for p in file.parameter]
     placeholders: dict[str, None] = {}
@@ -527,7 +528,7 @@ def _workers(file: StudyFile) -> int:
 
 
 def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bool = True) -> BuiltModel:
-    """The model around the initial values; that of the run at these alone, where the step runs other points."""
+    """The model around the initial values; with `around` = False that of the run at these alone."""
     runs = solver_runs(file, progress, fresh=fresh)
     try:
         point = nominal_point(file)
@@ -556,14 +557,15 @@ def _of_one_run(file: StudyFile, runs: SolverRuns, tables: tuple[RunsTable, ...]
 
 
 def _hidden(built: BuiltModel) -> tuple[Notice, ...]:
-    """What was said of modes that are not visible; what the fit says has no run to be checked by."""
+    """Notices of modes that are not visible; those of the fit do not apply, since no run checks it."""
     return tuple(notice for notice in built.notices if notice.code == "runs.hidden-modes")
 
 
 def _beside_own(
     file: StudyFile, runs: SolverRuns, known: PointRuns
 ) -> tuple[tuple[Notice, ...], tuple[ModesBeside, ...]]:
-    """How far femtune's own elements are from the solver, mode by mode in their order, where they can be solved."""
+    """Differences between femtune's elements and the solver, mode by mode in their order, if femtune can solve the
+    model."""
     inputs, modes = runs.solvers[0].inputs, known.parts[0].modes
     assert isinstance(inputs, DeckFiles)
     assert modes is not None
@@ -613,7 +615,7 @@ UPDATED_FOLDER = "updated"
 
 
 def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:
-    """The input files with some values, beside the folders of the runs (error ``external.folder``)."""
+    """Write the input files with given values, beside the folders of the runs (error ``external.folder``)."""
     folder = runs.solvers[0].folder / UPDATED_FOLDER
     try:
         for i, solver in enumerate(runs.solvers):
@@ -627,7 +629,7 @@ def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:
 
 
 def _folder_name(file: StudyFile, part: int) -> str:
-    """Of the first configuration with these inputs, without characters that a file system may refuse."""
+    """Name of the first configuration with these inputs, without characters that a file system may refuse."""
     asked = _solver_overrides(file)[part].model_dump_json()
     first = next(c.name for c in file.configurations if (c.solver or ConfigurationSolver()).model_dump_json() == asked)
     return f"{part + 1}-" + re.sub(r"[^A-Za-z0-9_-]", "_", first)[:60]

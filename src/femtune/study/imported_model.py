@@ -1,4 +1,4 @@
-"""A study of matrices: its files read and put together as a model, and its modes beside the listed ones."""
+"""A study of matrices: the model from its files, and its modes compared with the listed ones."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _groups(file: StudyFile, matrices: Sequence[ReadMatrix], placed: Placement) 
 
 
 def _facts(file: StudyFile, matrices: Sequence[ReadMatrix]) -> list[Notice]:
-    """What was read of each file."""
+    """Notices of what was read from each file."""
     return [
         Notice(
             "matrices.read",
@@ -129,13 +129,14 @@ def _negative(structure: Structure, kind: str, total: NDArray[np.float64], bad: 
 
 
 def mesh_of_grid(file: StudyFile, nodes: NodeTable) -> DrawnMesh | None:
-    """The mesh of the deck that gave the coordinates, to be drawn; None where there is none, or it is no whole deck."""
+    """The mesh of the deck that gave the coordinates, for drawings; None if there is none, or it is not a complete
+    deck."""
     if file.model.grid is None or not len(nodes.ids) or Path(file.model.grid).suffix.lower() in INPUT_SUFFIXES:
         return None
     try:
         mesh = mesh_beside(build_structure(read_deck(file.path_of(file.model.grid)), True).structure, nodes)
     except FemtuneError:
-        # whatever is wrong with its properties, the coordinates were read
+        # its coordinates were read, although something else in it is wrong
         return None
     return mesh if len(mesh.lines) or len(mesh.faces) else None
 

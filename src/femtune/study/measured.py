@@ -1,4 +1,4 @@
-"""The test of a configuration in the study's units and axes, its sensors on the model, and what of it is compared."""
+"""The test of a configuration in the study's units and axes, its sensors on the model, and what is compared."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def _sensors(file: StudyFile, i: int, one: HoldOutEntry, dofs: DofSet) -> Iterat
 
 
 def _of_frfs(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None) -> tuple[Notice, ...]:
-    """What is wrong with functions that the study compares, as far as they tell themselves."""
+    """Warnings of checks of the FRFs that the study compares."""
     several, used = entry.specimen is not None, entry.use == "update"
     if frfs is None or not any(r.kind == "frf" and r.is_in(entry.name, several, used) for r in file.residual):
         return ()
@@ -169,7 +169,7 @@ def _held_functions(
 def _worst(
     file: StudyFile, i: int, one: HoldOutEntry, entry: ConfigurationEntry, frfs: FrfSet
 ) -> tuple[list[int], Notice]:
-    """Positions of the worst outputs, and what is said of the choice (errors ``study.hold-out``)."""
+    """Positions of the worst outputs, and the notice of the choice (errors ``study.hold-out``)."""
     from femtune.identification.channel_quality import quality  # noqa: PLC0415  few studies ask for it
 
     if one.by == "coherence" and frfs.coherence is None:
@@ -203,7 +203,7 @@ def _worst(
 
 
 def _channels(file: StudyFile, key: tuple[int, str], labels: tuple[str, ...], dofs: DofSet) -> list[int]:
-    """Positions of the DOFs with some labels; of all without labels."""
+    """Positions of the DOFs with given labels; of all DOFs without labels."""
     at = {(dof.node, dof.direction): k for k, dof in enumerate(dofs)}
     named = [parse_dof(label) for label in labels]
     for j, dof in enumerate(named):
@@ -232,13 +232,13 @@ def _check_something_left(file: StudyFile, entry: ConfigurationEntry, case: Comp
 
 
 def _check_coordinates(file: StudyFile, structure: Structure) -> None:
-    """Sensors cannot be put on points whose place is not known (error ``matrices.no-coordinates``)."""
+    """Refuse sensors at points without coordinates (error ``matrices.no-coordinates``)."""
     if not structure.nodes.has_coordinates and (not file.sensors.by_id or file.rigid_floor):
         raise FemtuneError("matrices.no-coordinates/for-sensors", where=file.where("sensors"))
 
 
 def _of_modes(sensors: SensorMap, modes: ModeSet) -> SensorMap:
-    """The sensors of the modes; what only FRFs have is left aside."""
+    """The sensors of the modes, without those of FRFs only."""
     keep = [i for i, dof in enumerate(sensors.dofs) if dof in modes.dofs]
     matches = tuple(sensors.matches[i] for i in keep)
     return replace(sensors, matrix=sp.csr_array(sensors.matrix[keep]), dofs=sensors.dofs.select(keep), matches=matches)
@@ -278,7 +278,7 @@ def _with_deviations(file: StudyFile, entry: ConfigurationEntry, test: ModalTest
 
 
 def _given(test: ModalTest, units: UnitSystem) -> ModalTest:
-    """A test that is no file, in the units of the study; its wire frame says where its sensors are."""
+    """A test in memory, in the units of the study; its wire frame states where its sensors are."""
     dofs = [*(test.modes.dofs if test.modes else ()), *(test.frfs.responses if test.frfs else ())]
     sensors = test.sensors or sensors_at(test.geometry, dofs)
     return convert_units(replace(test, sensors=sensors), units)
@@ -383,10 +383,9 @@ def _compared(
 
 
 def _modes_wanted(file: StudyFile, test: ModeSet) -> tuple[int | None, float | None]:
-    """How many modes of the model are solved, or up to which frequency.
-
-    Where the study says nothing, all up to 1.25 times the highest frequency of the test, and at least ten elastic
-    modes, or as many as METHOD of the deck asks for; rigid-body modes do not count among these.
+    """Number of modes of the model that are solved, or their upper frequency. By default these are all modes up to 1.25
+    times the highest frequency of the test, and at least ten elastic modes, or as many as METHOD of the deck states;
+    rigid-body modes are not counted.
     """
     asked, of_deck = file.modes, isinstance(file.modes, ModesOfDeck)
     if not len(test) or (not of_deck and (asked.count is not None or asked.max_hz is not None)):

@@ -29,7 +29,7 @@ _FURTHER_MODES = 6
 
 @dataclass(frozen=True)
 class ModelRun:
-    """What a run gave: values, or the reason why there are none.
+    """Result of a run: values, or the reason why there are none.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class FollowedFrequencies:
 
 @dataclass(frozen=True, eq=False)
 class FollowedModes(FollowedFrequencies):
-    """How the elastic modes of one configuration at the initial values are found again at other points."""
+    """The elastic modes of one configuration at the initial values, followed to other points."""
 
     configured: ConfiguredModel
     solver: ModelSolver
@@ -130,10 +130,10 @@ class ResidualRuns:
 
 
 class ManyAtOnce(Protocol):
-    """Work that makes the runs of many points itself, side by side."""
+    """Work that makes the runs of many points in parallel by itself."""
 
     def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
-        """What the runs gave, in the order of the points; a run that failed is named and gives NaN."""
+        """Results of the runs in the order of the points; a run that failed has NaN and states its reason."""
         ...
 
 
@@ -155,7 +155,8 @@ def runs_at(
 
 
 def alone(study: Study, name: str | None) -> Study:
-    """The study with one of its configurations (error ``screen.unknown-configuration``); whole without a name."""
+    """The study with one of its configurations (error ``screen.unknown-configuration``), or with all if none is
+    named."""
     if name is None:
         return study
     cases = tuple(case for case in study.cases if case.name == name)

@@ -36,7 +36,7 @@ _MOST_STIFFNESSES_SHOWN = 12
 
 
 def with_named_fields(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
-    """The model with all values that the parameters of a study move.
+    """The model with all values that the parameters of a study change.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def _offset_elements(file: StudyFile, built: BuiltDeck) -> Iterator[int]:
 
 
 def _places(built: BuiltDeck, elements: set[int]) -> Iterator[tuple[FieldRef, FieldPlace]]:
-    """Where filled offset fields stand."""
+    """Positions of offset fields that are filled in."""
     for number in sorted(elements):
         card = built.deck.cards[built.element_cards[number]]
         kind = CATALOGUE.get(card.name)
@@ -76,7 +76,7 @@ def _places(built: BuiltDeck, elements: set[int]) -> Iterator[tuple[FieldRef, Fi
 
 
 def _with_groups(file: StudyFile, built: BuiltDeck, named: list[FieldRef]) -> BuiltDeck:
-    """The generic elements, with a notice of each; several problems are shown together."""
+    """The generic elements, with a notice for each; several problems are shown together."""
     errors, structure, notices = ErrorCollector(), built.structure, list(built.notices)
     words = [ref.name.split() for ref in named if ref.card == "GENERIC"]
     for i, entry in enumerate(file.generic):
@@ -110,9 +110,8 @@ _LARGEST_FIELD_FACTOR = 1e4
 
 
 def _check_range(file: StudyFile, i: int, distribution: Distribution) -> None:
-    """Refuse bounds of amplitudes within which 1 + Σ a f is not positive, or huge, at some element.
-
-    Tied amplitudes are left aside.
+    """Refuse bounds of amplitudes within which 1 + Σ a f is not positive, or is huge, at some element. Tied amplitudes
+    are not checked.
 
     Raises
     ------
@@ -156,7 +155,7 @@ def _amplitude_bounds(file: StudyFile, distribution: Distribution) -> list[tuple
 
 
 def _positive_from(names: list[str], j: int, side: str, limit: float, total: float) -> str:
-    """The bound from which the field is positive; a factor on all bounds where one bound is not enough."""
+    """The bound from which the field is positive; a factor on all bounds if one bound is not enough."""
     if (limit < 0.0) == (side == "lower") and limit != 0.0:
         relation = "above" if side == "lower" else "below"
         return f"it is positive with {side} of {names[j]} {relation} {limit:.4g}"
@@ -190,7 +189,7 @@ def _distribution(
 
 
 def _eigenvalues(name: str, modes: GenericModes, where: Where) -> Notice:
-    """What a study may name: the eigenvalues of a group, and how many shapes each has."""
+    """Fields of a group that a study may name: its eigenvalues, and the number of shapes of each."""
     pairs = list(enumerate(zip(modes.kappa, modes.multiplicity), 1))
     shown = (f"K{i} = {k:.6g}" + (f" ({n} shapes)" if n > 1 else "") for i, (k, n) in pairs[:_MOST_STIFFNESSES_SHOWN])
     more = f" and {len(pairs) - _MOST_STIFFNESSES_SHOWN} more" if len(pairs) > _MOST_STIFFNESSES_SHOWN else ""

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Target:
-    """A parameter of the study, the fields that it moves, and the elements that it is limited to (None: no limit)."""
+    """A parameter of the study, the fields that it changes, and the elements that it is limited to (None: no limit)."""
 
     entry: ParameterEntry
     where: Where
@@ -50,7 +50,7 @@ class Target:
 
 
 def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
-    """What each parameter moves; several problems are shown together.
+    """The fields that each parameter changes; several problems are shown together.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
 
 
 def _of_runs(name: str, built: BuiltModel) -> list[FieldRef]:
-    """The variable of a model of runs that has the name of the parameter; none where that is used by ties alone."""
+    """The variable of a model of runs that has the name of the parameter; none if only ties use the parameter."""
     ref = field_of_variable(name)
     return [] if built.structure.values.index(ref) is None else [ref]
 
@@ -189,7 +189,7 @@ def _check_factors(target: Target, built: BuiltModel, nominal: float, bounds: tu
 
 
 def _check_positive(target: Target) -> None:
-    """Refuse factors and eigenvalues of zero or below, with which a part of the structure would fall off."""
+    """Refuse factors and eigenvalues that are not positive, with which the structure would fall apart."""
     for ref in target.refs:
         stiff = ref.card in FACTORS or (ref.card == "GENERIC" and ref.name.split()[-1].startswith("K"))
         if stiff and target.entry.lower is not None and target.entry.lower <= 0.0:
@@ -238,7 +238,7 @@ class _Asked:
 
 
 def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
-    """Elements that parameter i of a study is limited to, None where it is not limited.
+    """Elements that parameter i of a study is limited to; None if it is not limited.
 
     Raises
     ------
@@ -255,7 +255,7 @@ def elements_of(
     built: BuiltModel,
     subject: str,
 ) -> Numbers | None:
-    """Elements that satisfy `elements` and `region` of an entry of the study, None where it has neither.
+    """Elements that satisfy `elements` and `region` of an entry of the study; None if it has neither.
 
     `subject` is what errors call the entry: "parameter E".
     """
@@ -310,7 +310,7 @@ def _with_material(asked: _Asked, wanted: IntegerList) -> Numbers:
 
 
 def _known(asked: _Asked, wanted: IntegerList, known: set[int], what: str) -> None:
-    """Refuse a number that no element refers to, unless it stands in a range."""
+    """Refuse a number that no element refers to, unless it is within a range."""
     unknown = sorted(set(wanted.singles) - known)
     if unknown:
         shown = ", ".join(map(str, sorted(known)[:10])) or "none"
@@ -355,7 +355,7 @@ def _place(asked: _Asked, near: NearTable) -> Reals:
 
 
 def _middle(asked: _Asked, element: int) -> Reals:
-    """Mean of the grid points of an element, a rigid one too."""
+    """Mean of the grid points of an element or rigid element."""
     structure = asked.built.structure
     numbers, centres = element_centres(asked.built)
     if element in numbers:
@@ -380,7 +380,7 @@ def element_centres(built: BuiltModel) -> tuple[NDArray[np.int64], Reals]:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Damping ratios of modes that are parameters: values of the model, though no card of the deck holds them.
+# Damping ratios of modes as parameters: values of the model that no card of the deck states.
 
 
 def with_parameters_of_modes(file: StudyFile, built: BuiltModel) -> BuiltModel:
@@ -393,7 +393,7 @@ def with_parameters_of_modes(file: StudyFile, built: BuiltModel) -> BuiltModel:
 
 
 def with_updated_ratios(built: BuiltModel, values: Mapping[FieldRef, float]) -> BuiltModel:
-    """The model of a written deck, which says nothing of modes, with the ratios that an update found."""
+    """The model of an updated deck with the updated damping ratios of modes, which a deck cannot state."""
     return _with(built, {ref.id: value for ref, value in values.items() if ref.card == MODAL})
 
 

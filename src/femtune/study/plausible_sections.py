@@ -30,7 +30,7 @@ LEAST_FREQUENCY = 3e-5
 
 
 def section_notices(structure: Structure) -> tuple[Notice, ...]:
-    """``deck.sections-doubtful`` where all sections are far too thin, or one far too thick, for the coordinates."""
+    """``deck.sections-doubtful`` if all sections are far too thin, or one is far too thick, for the coordinates."""
     sizes = section_sizes(structure)
     if sizes is None:
         return ()
@@ -43,7 +43,7 @@ def section_notices(structure: Structure) -> tuple[Notice, ...]:
 
 
 def slow_modes(structure: Structure, freq_hz: float) -> tuple[Notice, ...]:
-    """``deck.sections-doubtful/slow`` where the lowest elastic mode is too slow for materials, extent and sections."""
+    """``deck.sections-doubtful/slow`` if the lowest elastic frequency is too low for materials, extent and sections."""
     sizes = section_sizes(structure)
     speeds = [(m.modulus / m.density) ** 0.5 for m in materials_of(structure)]
     if sizes is None or not speeds or section_notices(structure):
@@ -60,8 +60,8 @@ def section_sizes(structure: Structure) -> tuple[float, float, float] | None:
     """Largest thickness, its lower bound, and extent of the elements with sections.
 
     The thickness of a bar is the larger one of sqrt(A) and sqrt(12 I/A), the height of a rectangle with this A and I;
-    the lower bound is the smaller one, since an A or I that shall have no effect is given a large value. None where
-    there are solids, which have no sections, or no section or no extent.
+    the lower bound is the smaller one, since an A or I that shall have no effect is given a large value. None if there
+    are solids, which have no sections, or if there is no section or no extent.
     """
     sized = [(size, b) for b in structure.batches if (size := _sizes(structure, b))]
     if not sized or not structure.nodes.has_coordinates or any("C11" in b.roles for b in structure.batches):

@@ -19,13 +19,13 @@ Vector3 = tuple[float, float, float]
 class Record(BaseModel):
     """Base of all records: frozen; a key that the schema does not know, NaN and infinity are errors."""
 
-    # a validator is built when a record of its type is first made: no command makes all of them
+    # validators are built when the first record of a type is made, since no command makes records of all types
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, protected_namespaces=(), defer_build=True
     )
 
     def __repr_args__(self) -> Iterator[tuple[str | None, object]]:
-        """Numbers and texts as they are, of longer lists the length: a whole run would fill hundreds of pages."""
+        """Numbers and texts in full, and only the length of longer lists: a whole run would fill hundreds of pages."""
         for name, value in super().__repr_args__():
             yield name, _short(value)
 

@@ -46,7 +46,7 @@ class Repeats:
 
     @property
     def measured(self) -> tuple[int, ...]:
-        """Positions of the test modes that any repeat has."""
+        """Positions of the test modes that at least one repeat has."""
         return tuple(int(i) for i in np.flatnonzero(np.isfinite(self.hz).any(axis=0)))
 
     def of_modes(self, labels: tuple[str, ...]) -> NDArray[np.float64]:
@@ -110,7 +110,7 @@ def _of_table(
 
 
 def _check_frequencies(repeats: RepeatsTable, used: list[int], heads: Sequence[str], path: Path) -> None:
-    """Refuse what no structure does: zero, negative and astronomic frequencies; gaps (NaN) may stand."""
+    """Refuse impossible frequencies: zero, negative or huge ones; missing values (NaN) are allowed."""
     hz = repeats.values[:, used]
     raise_together(
         FemtuneError(
@@ -127,7 +127,7 @@ def _check_frequencies(repeats: RepeatsTable, used: list[int], heads: Sequence[s
 def _check_columns(
     study: Study, heads: tuple[str, ...], repeats: RepeatsTable, labels: tuple[str, ...], *, given: bool
 ) -> None:
-    """Refuse columns that are of no test mode, or of one twice: nothing is guessed from their order."""
+    """Refuse columns without a test mode, or two of one mode: nothing is guessed from their order."""
     named = [h for h in heads if h]
     unknown = [h for h in named if h not in labels]
     if len(heads) == len(repeats.heads) and named and not unknown and len(set(named)) == len(named):

@@ -1,4 +1,4 @@
-"""Residuals of a configuration, from what the study compares in it."""
+"""Residuals of a configuration: what the study compares in it."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class AskedOf:
 
     @property
     def short(self) -> bool:
-        """Whether [residuals] says it."""
+        """True if it is a key of [residuals]."""
         return self.comparison.short
 
     @property
@@ -69,7 +69,7 @@ class AskedOf:
 
     @property
     def tested(self) -> ModeSet | None:
-        """The same; None where there are none."""
+        """The modes of the configuration's test; None if there are none."""
         return None if self.case.modal is None else self.case.modal.test
 
     @property
@@ -78,7 +78,7 @@ class AskedOf:
         return self.case.used_frfs
 
     def equalised(self) -> EqualisedTest | None:
-        """These FRFs with one damping ratio, where [equalise] is in the study; they are identified once."""
+        """The measured FRFs with equal damping ratios, if the study has [equalise]; they are identified once."""
         table, test = self.file.equalise, self.case.test
         if table is None or test is None or test.frfs is None:
             return None
@@ -114,7 +114,7 @@ class AskedOf:
         return named_axis(self.file, self.case, tuple(getattr(self.entry, key)), *self.comparison.place, key).rows
 
     def seen(self, wanted: DofSet) -> tuple[DofSet, sp.csr_array, tuple[Notice, ...]]:
-        """DOFs of the test that have a place in the model and can move, their rows, and remarks on the others."""
+        """DOFs of the test that exist in the model and can move, their rows, and notices of the others."""
         axis, notices = sensor_axis(self.case, wanted)
         return axis.labels, axis.rows, notices
 
@@ -138,7 +138,7 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
     errors.raise_if_any()
     if len(file.configurations) == 1:
         separate.extend(file.given.residuals)
-    # [residuals] compares what it names mode by mode, before all others
+    # [residuals] compares mode by mode, before all others
     by_mode = ByMode(tuple(cast(PairResidual, r) for r in short))
     residuals = (by_mode, *separate) if short else tuple(separate)
     if not residuals:
@@ -154,7 +154,8 @@ _QUANTITIES = {
 
 
 def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:
-    """A warning for each residual with the deviations of the test, which lacks those of modes that may be paired."""
+    """A warning for each residual that uses the standard deviations of the test, if these lack modes that may be
+    paired."""
     if case.compared is None:
         return ()
     test, notices = case.compared.test, []
@@ -203,7 +204,7 @@ def _radians(degrees: float | dict[int, float]) -> float | dict[int, float]:
 
 
 def _is_of(comparison: Comparison, case: StudyCase) -> bool:
-    """[residuals] holds for all configurations with modes that the update uses, a [[residual]] for its own."""
+    """[residuals] applies to all configurations with modes that the update uses, a [[residual]] to its own."""
     if comparison.short:
         return case.modal is not None and case.entry.use == "update"
     several, used = case.entry.specimen is not None, case.entry.use == "update"
@@ -211,7 +212,7 @@ def _is_of(comparison: Comparison, case: StudyCase) -> bool:
 
 
 def _compared(file: StudyFile, case: StudyCase, residuals: tuple[Residual, ...], scaled: bool) -> ComparedCase:
-    """What the update uses; `scaled` where the study says that the test's shapes are of unit modal mass."""
+    """What the update uses; `scaled` is True if the study states that the test's shapes are of unit modal mass."""
     if case.modal is None:
         return case_without_modes(case.configured, residuals, count=file.modes.count, max_hz=file.modes.max_hz)
     test = replace(case.modal.test, normalisation="mass") if scaled else case.modal.test

@@ -1,4 +1,5 @@
-"""What [response] asks of one configuration: ports, lines, damping, and the measured functions beside them."""
+"""The request of [response] for one configuration: ports, lines, damping, and the measured functions to compare
+with."""
 
 from __future__ import annotations
 
@@ -69,7 +70,7 @@ class ResponseRequest:
 
     @property
     def modes(self) -> tuple[int | None, float | None]:
-        """How many modes, or up to which frequency: twice the highest line where nothing is said."""
+        """Number of modes, or their upper frequency: by default twice the highest line."""
         table = self.table
         if table.modes is not None or table.max_hz is not None:
             return table.modes, table.max_hz
@@ -78,7 +79,7 @@ class ResponseRequest:
 
     @property
     def limit(self) -> str:
-        """What keeps vectors from the basis: ``modes = 3``; "" where nothing does."""
+        """The key that limits the basis: ``modes = 3``; "" if there is none."""
         table = self.table
         if self.method == "direct":
             return ""
@@ -89,7 +90,7 @@ class ResponseRequest:
 
     @property
     def needs_modes(self) -> bool:
-        """True where the functions cannot be computed without modes."""
+        """True if the functions cannot be computed without modes."""
         mode_ratios = self.case.configured.model.structure.damping.mode_ratios
         return self.method != "direct" or self.damping is not None or bool(mode_ratios)
 
@@ -205,7 +206,7 @@ def _compared(file: StudyFile, frfs: FrfSet) -> FrfSet:
 
 
 def _measured(case: StudyCase, frfs: FrfSet, outputs: Axis, inputs: Axis) -> FrfSet | None:
-    """The measured functions on the request's outputs and inputs; None where there is none."""
+    """The measured functions on the request's outputs and inputs; None if there are none."""
     rows, row_signs = seen_as(outputs, case, frfs.responses)
     columns, column_signs = seen_as(inputs, case, frfs.references)
     shape = (len(rows), len(columns), len(frfs.freq_hz))
@@ -219,7 +220,7 @@ def _measured(case: StudyCase, frfs: FrfSet, outputs: Axis, inputs: Axis) -> Frf
 
 
 # ----------------------------------------------------------------------------------------------------
-# Responses of the full model, from the journal of the run folder where it has them.
+# Responses of the full model, from the journal of the run folder if it has them.
 
 
 T = TypeVar("T")
@@ -260,7 +261,7 @@ def solved_frfs(
 ) -> tuple[NDArray[np.complex128], float | None]:
     """(outputs, inputs, lines) values, and the error of their truncation (`WithError.error`).
 
-    `modes` is called where they are needed and the journal has no solution. `progress` is called with the lines that
+    `modes` is called if they are needed and the journal has no solution. `progress` is called with the lines that
     are done, and with all.
     """
     table, ports = request.table, request.ports
@@ -304,14 +305,14 @@ def solved_static(study: Study, point: ModelPoint, ports: Ports) -> tuple[NDArra
 
     shape = (ports.outputs.shape[0], ports.inputs.shape[1])
     form = Form("static", _of_static, partial(_static, shape))
-    # the elastic motion of a free structure depends on its mass
+    # the elastic displacements of a free structure depend on its mass
     return _obtained(study, form, (matrices_digest(point, "stiffness", "mass"), *_of_ports(ports)), solve)
 
 
 def pole_table(
     modes: EigenSolution, damping: ModalDamping | None, top_hz: float, rows: sp.csr_array
 ) -> ComplexModeTable:
-    """The complex modes of a model beside its real modes."""
+    """The complex modes of a model, each with the real mode that it resembles most."""
     natural = np.where(is_rigid(modes)[: modes.wanted], 0.0, modes.freq_hz)
     poles = complex_modes(modes, max(1, int((natural <= top_hz).sum())), damping)
     overlap = np.abs(modes.shapes[:, : modes.wanted].T @ (modes.point.mass @ poles.shapes))

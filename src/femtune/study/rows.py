@@ -112,7 +112,7 @@ class Rows(list[Row]):
 
 
 def text_of(value: object) -> str:
-    """A value of a table as it is shown: six digits, a dash where there is none."""
+    """A value of a table as it is shown: six digits, or a dash if there is none."""
     if value is None:
         return "–"
     if isinstance(value, bool):

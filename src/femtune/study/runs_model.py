@@ -46,7 +46,7 @@ def build_of_runs(file: StudyFile) -> BuiltModel:
 
 
 def sources(file: StudyFile) -> tuple[Hashable, ...]:
-    """What the configurations take their runs from: tables, or input files of a solver; each once."""
+    """The tables, or the input files of a solver, from which the configurations take their runs; each once."""
     return tuple(dict.fromkeys(map(model_source(file).input_of, file.configurations)))
 
 
@@ -58,7 +58,7 @@ def part_of(file: StudyFile, entry: ConfigurationEntry) -> int:
 def built_of_tables(
     file: StudyFile, tables: Sequence[RunsTable], centre: int | None = None, degree: int | None = None
 ) -> BuiltModel:
-    """The model of tables at hand, one for each of `sources`; `centre` and `degree` as of `fit_configurations`."""
+    """The model of tables in memory, one for each of `sources`; `centre` and `degree` as in `fit_configurations`."""
     names, asked = _columns(file, tables), FromRuns(file).table
     tables = _at_common_dofs(tables)
     nodes, dofs = _nodes(file, tables[0])
@@ -74,7 +74,7 @@ def built_of_tables(
 
 
 def _rules(table: RunsModelTable) -> SurrogateRules | None:
-    """Of the surrogates of a table; None for polynomials."""
+    """Settings of the surrogates of a table; None for polynomials."""
     if table.method == "kriging":
         return KrigingRules(tuple(TRENDS)[table.order], table.correlation)
     if table.method == "radial-basis":
@@ -84,7 +84,8 @@ def _rules(table: RunsModelTable) -> SurrogateRules | None:
 
 @dataclass(frozen=True, eq=False)
 class _Used:
-    """The runs of a table that are used, which of its rows these are, and how many of its modes do not move."""
+    """The runs of a table that are used, the rows that have them, and the number of modes without motion at its
+    DOFs."""
 
     runs: Runs
     usable: np.ndarray
@@ -128,7 +129,7 @@ def _at_common_dofs(tables: Sequence[RunsTable]) -> Sequence[RunsTable]:
 
 
 def _columns(file: StudyFile, tables: Sequence[RunsTable]) -> tuple[str, ...]:
-    """Parameters that are columns of a table; a free one that is none must be used by a tie."""
+    """Parameters that are columns of a table; a free parameter that is not a column must be used by a tie."""
     used = {name for p in file.parameter if p.tie is not None for name in _names_in(p.tie)}
     known = tuple(dict.fromkeys(name for table in tables for name in table.columns))
     columns = []
@@ -230,7 +231,7 @@ def with_modes_of_runs(file: StudyFile, built: BuiltModel) -> StudyFile:
 
 
 def _measured(file: StudyFile, nodes: NodeTable, count: int) -> ModalTest:
-    """Frequencies without shapes: a mode of the runs is a scalar point, and its shape moves there alone."""
+    """Frequencies without shapes: each mode of the runs is a scalar point, the only one that its shape moves."""
     assert file.test is not None
     hz = np.array(file.test.freq_hz)
     if len(nodes.ids):

@@ -1,4 +1,4 @@
-"""What to write into the study where the sensors of a test do not lie at grid points: units, axes, tolerance."""
+"""What to write into the study if the sensors of a test do not lie at grid points: units, axes, tolerance."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ points; neighbouring units differ by a factor of 2.5 and more."""
 
 @contextmanager
 def with_keys(file: StudyFile, entry: ConfigurationEntry, test: ModalTest, structure: Structure) -> Iterator[None]:
-    """Errors that sensors have no grid point say which keys of the study would put them there, if some do."""
+    """Errors of sensors without a grid point state the keys of the study that would place them at grid points, if any
+    do."""
     try:
         yield
     except FemtuneError as error:

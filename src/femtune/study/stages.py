@@ -47,7 +47,8 @@ Tell = Callable[[str, int, Iteration], None]
 def bottom_up(
     study: Study, at: Evaluation, tell: Tell, told: Told = NOBODY
 ) -> tuple[UpdateResult, tuple[StageResult, ...]]:
-    """Run the stages of a study: the whole as one update, and the stages. `at` is the whole at the initial values.
+    """Run the stages of a study. Returns them as one update, and each stage. `at` is the whole study at the initial
+    values.
 
     Raises
     ------
@@ -80,7 +81,7 @@ def _stage(study: Study, i: int) -> Stage:
 
 
 def stage_parameters(study: Study, entry: StageEntry) -> tuple[str, ...]:
-    """The parameters that a stage updates; none where it compares nothing of the study of one specimen."""
+    """The parameters that a stage updates; none if it compares nothing of the specimen that the study is limited to."""
     if study.specimen is None:
         return study.expand(entry.parameters)
     some = any(case.used is not None for case in stage_cases(study, entry))
@@ -88,7 +89,7 @@ def stage_parameters(study: Study, entry: StageEntry) -> tuple[str, ...]:
 
 
 def _problem(study: Study, i: int, x: Reals) -> UpdateProblem:
-    """What a stage compares, made at the parameters where it starts."""
+    """The update problem of a stage, made at the parameters where it starts."""
     entry = study.file.stage[i]
     cases = tuple(c for case in stage_cases(study, entry) for c in _compared(study, case, i, x))
     if not cases:
@@ -108,7 +109,7 @@ def _nothing(study: Study, i: int) -> FemtuneError:
 
 
 def stage_cases(study: Study, entry: StageEntry) -> tuple[StudyCase, ...]:
-    """The configurations of a stage; all that the update uses where it names none."""
+    """The configurations of a stage; by default all that the update uses."""
     return tuple(
         case
         for case in study.cases
@@ -148,7 +149,7 @@ def used_in_stage(case: StudyCase, entry: StageEntry) -> ComparedCase | None:
 
 
 def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> UpdateResult:
-    """The whole as one update: from the initial values to the last belief, with the iterations of all stages."""
+    """All stages as one update: from the initial values to the result of the last stage, with all iterations."""
     belief = stages[-1].belief
     after = study.problem().start(belief.x)
     failed = [s.best.status for s in stages if not s.best.status.ok]
@@ -165,7 +166,7 @@ def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> Up
 
 
 def _history(stages: tuple[StageResult, ...]) -> tuple[Iteration, ...]:
-    """The best run of every stage, numbered through."""
+    """The iterations of the best run of every stage, numbered consecutively."""
     iterations = [iteration for stage in stages for iteration in stage.best.history]
     return tuple(replace(iteration, number=i) for i, iteration in enumerate(iterations))
 
@@ -187,7 +188,7 @@ def covariance_of_stages(belief: Belief, after: Evaluation) -> ParameterCovarian
 
 
 def reduction_rules(study: Study) -> ReductionRules | None:
-    """What [reduction] asks for, with the components of the study; None without the table."""
+    """The rules of [reduction] with the components of the study; None without the table."""
     table = study.file.reduction
     if table is None:
         return None

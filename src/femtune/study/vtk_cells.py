@@ -45,7 +45,8 @@ class Cells:
 def vtk_cells(structure: Structure, off: Collection[int] = ()) -> list[Cells]:
     """Lines, shells, solids and concentrated masses of a structure, without elements that are switched off.
 
-    An element that lacks a mid-side grid point has the corners alone. Elements to ground or scalar points are left out.
+    An element that lacks a mid-side grid point is shown with its corners only. Elements to ground or scalar points are
+    left out.
     """
     return [cells for batch in structure.batches for cells in _of_batch(batch, structure, off) if len(cells.elements)]
 
@@ -69,7 +70,7 @@ def _of_batch(batch: ElementBatch, structure: Structure, off: Collection[int]) -
 
 
 def _kind(batch: ElementBatch) -> str:
-    """Name of the cells of a batch; "" where nothing can be shown."""
+    """Name of the cells of a batch; "" if it cannot be shown."""
     kind, count = KINDS[batch.kind], batch.nodes.shape[1]
     if kind.sides:
         return _SOLIDS[count]

@@ -1,4 +1,4 @@
-"""How the update went: objective and parameters by iteration."""
+"""Course of the update: objective and parameters by iteration."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MAIN_EFFECTS_PER_ROW = 6
-"""Panels of main effects side by side; they have no labels between them."""
+"""Panels of main effects side by side; narrow ones suffice for a few levels."""
 _PANELS_PER_ROW = 3
 """Other panels side by side."""
 _DASHES = ("-", "--", "-.", ":")

@@ -25,7 +25,7 @@ _SMALLEST_SHOWN = 1e-6
 _LOWEST_PHASE_DEG = -165.0
 """Lowest phase in degrees: not −180°, so that noise does not make phases about ±180° jump."""
 LOOKS: dict[str, dict[str, Any]] = {
-    # a wide pale line, opaque so that colours do not mix, under narrow ones: both stay visible where they coincide
+    # a wide pale line under narrow ones, opaque so that colours do not mix: both stay visible if they coincide
     "test": {"color": PALE_ORANGE, "linewidth": 4.0, "zorder": 2.0, "solid_capstyle": "butt"},
     "identified": {"color": INK, "linewidth": 0.9, "linestyle": (0, (1, 1.5)), "zorder": 2.3},
     "before": {"color": SOFT, "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 2.1},
@@ -101,7 +101,7 @@ def _finish(upper: Axes, lower: Axes, panel: FrfPanel, smallest: float, largest:
 
 
 def _phase(freq_hz: NDArray, values: NDArray) -> tuple[NDArray, NDArray]:
-    """Degrees, with a gap where the curve leaves on one side and comes back on the other."""
+    """Phase in degrees, with a gap where the curve leaves on one side and returns on the other."""
     angle = np.degrees(np.angle(values))
     angle = np.where(angle < _LOWEST_PHASE_DEG, angle + 360.0, angle)
     jumps = np.flatnonzero(np.abs(np.diff(angle)) > 180.0) + 1

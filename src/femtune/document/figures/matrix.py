@@ -107,7 +107,7 @@ def _cells(picture: MatrixPicture, s: _MatrixSheet) -> Iterable[str]:
     """Coloured cells with their values; in large matrices only values that are not small, so that they stand out."""
     threshold = 0.1 * picture.limit if max(picture.values.shape) > SIDE_BY_SIDE else -1.0
     font = min(8.5, 0.3 * s.size)
-    # so many cells are not drawn one by one, only those that stand out
+    # of very many cells, only those of large values are drawn
     drawn = threshold if max(picture.values.shape) > _SPARSE_CELLS else -1.0
     for i, j in np.argwhere(np.isfinite(picture.values) & (np.abs(picture.values) >= drawn)):
         value = picture.values[i, j]

@@ -161,7 +161,7 @@ def weight_path_svg(
     Parameters
     ----------
     paths : an entry each weight, the change of each parameter in %
-    chosen : the weight that was found; None where none was
+    chosen : the weight that was chosen; None if none was
     """
 
     def draw(figure: Figure) -> None:

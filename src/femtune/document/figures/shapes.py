@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
 
 # ----------------------------------------------------------------------------------------------------
-# Where the eye is: an orthographic view in which structures, tall or flat, can be read.
+# An orthographic view that suits tall and flat structures.
 
 
 _AZIMUTH = np.radians(-58.0)
@@ -88,7 +88,7 @@ def fitted(view: View, parts: Sequence[Reals], width: float, top: float, margin:
     flat = np.concatenate(parts) @ view.axes[:2].T
     low, high = flat.min(axis=0), flat.max(axis=0)
     size, room = high - low, width - 2 * margin
-    # a line along the direction of view has no size on the sheet, and a single point none at all
+    # a line along the direction of view, or a single point, has no size on the sheet
     least = 1e-9 * size.max() or 1.0
     scale = float(min(room / max(size[0], least), 1.25 * room / max(size[1], least)))
     left = 0.5 * (width - scale * size[0])
@@ -97,13 +97,14 @@ def fitted(view: View, parts: Sequence[Reals], width: float, top: float, margin:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Shells as filled faces: the farthest first, coloured by how much they move.
+# Shells as filled faces, the farthest first, coloured by their motion.
 
 
 Faces = NDArray[np.int64]
 
 COLOURS = ("#eaf2f8", "#c3d8ea", "#8db6d8", "#4f8cc0", "#1f5a92", "#0b2d52")
-"""From no motion to the largest: one hue, ever darker, so that grey prints and colour-blind readers show the order."""
+"""Colours from no motion to the largest: one hue that darkens steadily, legible in grey prints and for the
+colour-blind."""
 STEPS = 32
 """Number of distinguishable shades."""
 _CREASE = np.cos(np.radians(25.0))
@@ -116,7 +117,7 @@ def closed(faces: Faces) -> Faces:
 
 
 def far_to_near(faces: Faces, depth: Reals) -> NDArray[np.int64]:
-    """Order in which faces cover each other, from the depth of each point."""
+    """Drawing order of the faces from the depth of each point."""
     return np.argsort(mean_over_corners(faces, depth), kind="stable")
 
 

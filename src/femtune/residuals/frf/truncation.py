@@ -19,8 +19,7 @@ from femtune.residuals.frf.residual import FrfResidual, frf_comparison
 SMALL = 0.1
 """Error of superposed FRFs in standard deviations of the measured ones up to which it is small."""
 FURTHER_TIMES = (3.0, 4.0)
-"""Frequency up to which modes are superposed, over the highest line, if those up to `TIMES_HIGHEST_LINE` times that line
-leave a larger error."""
+"""Frequency up to which modes are superposed, over the highest line, if `TIMES_HIGHEST_LINE` leaves a larger error."""
 _MOST_DOFS = 30_000
 """Free DOFs up to which the error is computed; direct solutions of larger models would take as long as the update."""
 _COMPARED_LINES = 4
@@ -29,7 +28,7 @@ _COMPARED_LINES = 4
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truncation:
-    """Superposed functions of a residual beside those of (K + iωC − ω²M)u = f, at a few of its lines.
+    """Superposed FRFs of a residual compared with solutions of (K + iωC − ω²M)u = f at a few of its lines.
 
     Parameters
     ----------
