@@ -33,7 +33,7 @@ Built = TypeVar("Built", bound="BuiltModel")
 
 @dataclass(frozen=True, eq=False)
 class ModelSource(ABC, Generic[Built]):
-    """Source of the model of a study. Each variant states what its models can do; no other code asks for the variant."""
+    """Source of the model of a study. Each variant states what its models can do; no other code needs to know it."""
 
     file: StudyFile
 

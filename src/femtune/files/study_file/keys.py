@@ -1,4 +1,4 @@
-"""What the classes of the tables say about each key: schemas, pages and docstrings are made from it."""
+"""The docstrings of the keys of all tables, from which schemas, pages and docstrings of classes are made."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LINK = re.compile(r"\[((?:`[^`]*`|[^\]`])*)\]\([^)]*\)")
 
 @dataclass(frozen=True)
 class Key:
-    """What the docstring of a key says.
+    """The docstring of a key.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ Data = dict[str, Any]
 
 
 def solver_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """A solver has no table of runs beside it, a number of modes, and free parameters alone."""
+    """A solver excludes a table of runs, and needs a number of modes and free parameters only."""
     if "solver" not in data:
         return
     if "runs" in data:
@@ -103,7 +103,7 @@ def solver_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
 
 
 def _inputs(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """Every configuration has a deck or templates, of its own or those of all."""
+    """Every configuration needs a deck or templates, its own or those of [solver]."""
     solver = table(data, "solver")
     deck = table(data, "study").get("deck")
     derivatives = solver.get("derivatives", "differences")
