@@ -64,7 +64,7 @@ class ModelSource(ABC, Generic[Built]):
 
     @property
     def run_files(self) -> tuple[Path, ...]:
-        """Files that runs read or that hold their results; none where there are no runs."""
+        """Files that runs read or that contain their results; none without runs."""
         return ()
 
     def input_of(self, entry: ConfigurationEntry) -> Hashable:
@@ -94,7 +94,7 @@ class ModelSource(ABC, Generic[Built]):
         return ()
 
     def mesh(self, nodes: NodeTable) -> DrawnMesh | None:
-        """The mesh to be drawn where the model has no elements; None where there is none."""
+        """The mesh to be drawn for a model without elements; None if there is none."""
         from femtune.study.imported_model import mesh_of_grid  # noqa: PLC0415  of models without elements
 
         return mesh_of_grid(self.file, nodes)
