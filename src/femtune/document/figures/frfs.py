@@ -32,6 +32,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "model": {"color": BLUE, "linewidth": 1.1, "zorder": 2.2},
     "after": {"color": BLUE, "linewidth": 1.1, "zorder": 2.2},
 }
+"""Colour, width and line style of each kind of curve."""
 
 
 @dataclass(frozen=True)
