@@ -41,7 +41,7 @@ _LARGEST_WEIGHT = 1e12
 _COMPONENTS = re.compile(r"0|(?!.*(.).*\1)[1-6]{1,6}")
 """Components of a grid point, each at most once, or 0 for a scalar point."""
 _GROUP = r"[A-Z][A-Z0-9]{0,15}"
-"""Name of a generic element, or of a distribution."""
+"""A name of capital letters and digits, such as that of a generic element."""
 _GENERIC = re.compile(rf"GENERIC +({_GROUP}) +([KS][0-9]+(?:-[0-9]+)?)")
 """An eigenvalue or a shape of a generic element."""
 _AMPLITUDE = re.compile(rf"DISTRIBUTION +({_GROUP}) +F([1-9][0-9]?)")
