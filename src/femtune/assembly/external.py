@@ -31,6 +31,7 @@ from femtune.files.nastran.write import plan_edits, write_deck
 from femtune.files.runs_table import RunsTable
 from femtune.files.study_file import ConfigurationSolver, RunsModelTable
 from femtune.files.whole_file import write_whole
+from femtune.journal.run_files import RUNS_FOLDER
 from femtune.journal.runs import RunJournal, open_run_journal
 from femtune.modal.beside import ModesBeside
 from femtune.model import configure, parametric_model, solve_modes
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     from femtune.model import ConfiguredModel, ParametricModel
     from femtune.parameters import ParameterSet
 
-RUNS_FOLDER = "external"
 _DIGITS = 5e-7
 """Rounding of results that have seven digits, relative."""
 _LEAST_STEP, _LARGEST_STEP = 0.01, 0.2

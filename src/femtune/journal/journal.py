@@ -17,8 +17,8 @@ from typing import Generic, TypeVar
 
 from femtune.errors import Notice, Where
 from femtune.journal.entry import DamagedEntryError, Entry, read_entry, write_entry
+from femtune.journal.run_files import JOURNAL_FOLDER
 
-JOURNAL_FOLDER = "journal"
 SCHEMA = 1
 """Rises when entries of an earlier femtune must not be used any more."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,28 +12,26 @@ from numpy.typing import NDArray
 
 from femtune.arguments import checked
 from femtune.assembly.described import StudySource, Test, source_of
+from femtune.assembly.inputs import check_outputs, inputs_of_study
 from femtune.assembly.progress import silent
 from femtune.assembly.study import read_study
-from femtune.files.study_file import BootstrapTable
+from femtune.errors import FemtuneError, Where
+from femtune.files.study_file import BootstrapTable, StudyFile, is_deck, read_study_file
+from femtune.journal.run_files import REPORT_FILE
 from femtune.results import folder as run_folder
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.results import Results
 from femtune.results.step_results import CandidatesResult, RunResult
 from femtune.steps.pages import checked_page, report, with_page
-from femtune.study.bootstrap import forget_bootstrap
 from femtune.study.executor import check_executor, with_jobs
-from femtune.study.quantify import forget_samples
 from femtune.study.run import Run
-from femtune.study.run_lock import locked
+from femtune.study.run_folder import held
 from femtune.study.select import check_parameters
 from femtune.study.solutions import keeping, warnings_of
-from femtune.study.starts import forget_starts
-from femtune.study.write_back import check_inputs_safe
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
-    from femtune.files.study_file import StudyFile
     from femtune.files.study_file.objects import Parameter
 
 
@@ -218,22 +217,24 @@ def candidates(
     [('initial values', 0, False), ('S1', 1, False), ('S2', 1, False), ('S1.2', 2, True)]
     """
     # what the other steps do without
-    from femtune.study.candidates import candidate_citations, compare_candidates, forget_candidates  # noqa: PLC0415
+    from femtune.study.candidates import candidate_citations, compare_candidates  # noqa: PLC0415
 
     given = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
     watch = Stopwatch(call("candidates", given))
     page = checked_page(report)
-    with watch.step("read"):
-        study = read_study(with_jobs(given, jobs), progress)
-        study.problem()
-        check_parameters(study)
-        check_executor(study)
-        inputs = inputs_of(study)
-    folder = _folder(study, output)
     arrays: dict[str, NDArray[Any]] = {}
-    with locked(folder):
+    file, folder = _opened(given, jobs, output)
+    with held(file, folder, "candidates") as place:
+        with watch.step("read"):
+            study = read_study(file, progress)
+            study.problem()
+            check_parameters(study)
+            check_executor(study)
+            inputs = inputs_of(study)
+        place.check(study)
+        _check_page(page, study)
         if fresh:
-            forget_candidates(folder)
+            place.forget()
         with watch.step("candidates"):
             record = compare_candidates(study, folder, study.file.study.journal, arrays, progress)
     results = Results(
@@ -295,32 +296,45 @@ def _run(
 ) -> RunResult:
     """The run of a study; `word` is the function recorded in the provenance."""
     watch = Stopwatch(call(word, source))
-    with watch.step("read"):
-        study = read_study(with_jobs(source, jobs), progress, fresh=fresh)
-        if word == "bootstrap" and study.file.bootstrap is None:
-            study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
-        study.problem()
-        check_parameters(study)
-        if study.file.update.starts > 1 or study.file.bootstrap is not None:
-            check_executor(study)
-        inputs = inputs_of(study)
-    folder = _folder(study, output)
-    with locked(folder):
+    file, folder = _opened(source, jobs, output)
+    with held(file, folder, word) as place:
+        if word == "run":
+            checked_page(folder / REPORT_FILE)
+        # the folder is held before a solver is started
+        with watch.step("read"):
+            study = read_study(file, progress, fresh=fresh)
+            if word == "bootstrap" and study.file.bootstrap is None:
+                study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
+            study.problem()
+            check_parameters(study)
+            if study.file.update.starts > 1 or study.file.bootstrap is not None:
+                check_executor(study)
+            inputs = inputs_of(study)
+        place.check(study)
         study, journal = keeping(study, folder, fresh)
         if fresh:
-            forget_starts(folder)
-            forget_bootstrap(folder)
-            forget_samples(folder)
+            place.forget()
         wide = study.file.write.wide if wide is None else wide
-        return Run(study, folder, wide, watch, progress, inputs, journal).go()
+        return Run(study, place, wide, watch, progress, inputs, journal).go()
 
 
-def _folder(study: Study, output: Path | str | None) -> Path:
-    """The run folder, checked to be writable and to contain no input file that would be overwritten."""
-    folder = Path(output) if output is not None else study.file.output_folder
-    run_folder.check_writable(folder)
-    check_inputs_safe(study, folder)
-    return folder
+def _opened(source: Path | str | StudyFile, jobs: int | None, output: Path | str | None) -> tuple[StudyFile, Path]:
+    """The study with its run folder, which `output` replaces for all that is kept there."""
+    given = with_jobs(source, jobs)
+    if not isinstance(given, StudyFile):
+        if is_deck(given):
+            raise FemtuneError("study.deck-alone", where=Where(str(given)))
+        given = read_study_file(given)
+    if output is None:
+        return given, given.output_folder
+    table = given.output.model_copy(update={"folder": os.path.abspath(output)})
+    return given.model_copy(update={"output": table}), Path(output)
+
+
+def _check_page(page: Path | None, study: Study) -> None:
+    """Refuse a page in place of an input (error ``write.overwrites-input``)."""
+    if page is not None:
+        check_outputs(inputs_of_study(study), [page])
 
 
 @checked
@@ -347,5 +361,5 @@ def read_results(folder: Path | str) -> RunResult:
     True
     """
     folder = Path(folder)
-    page = folder / "report.html"
+    page = folder / REPORT_FILE
     return RunResult(folder, *run_folder.read_results(folder), page if page.is_file() else None)

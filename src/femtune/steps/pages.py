@@ -11,6 +11,7 @@ from femtune.assembly.described import Study
 from femtune.assembly.progress import silent
 from femtune.errors import FemtuneError
 from femtune.files.study_file import read_study_file
+from femtune.journal.run_files import REPORT_FILE
 from femtune.results.step_results import (
     CandidatesResult,
     ModesResult,
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from femtune.reporting.document import Document
     from femtune.study.identification import IdentifyResult
 
-REPORT_FILE = "report.html"
 R = TypeVar("R", CandidatesResult, ModesResult, PlanResult, RespondResult, ScreenResult, SearchResult)
 
 

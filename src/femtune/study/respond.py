@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.assembly.inputs import check_outputs, inputs_of_study
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError, Where
 from femtune.files.study_file import with_response
 from femtune.files.uff import write_uff_frfs
-from femtune.results.provenance import Stopwatch, call, input_paths, inputs_of, provenance, study_facts
+from femtune.journal.run_files import numbered
+from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.response import response_results
 from femtune.results.results import Results
 from femtune.results.step_results import RespondResult, frf_set
@@ -35,9 +37,6 @@ if TYPE_CHECKING:
     from femtune.results.response import ResponseResults
 
 Arrays = dict[str, NDArray]
-
-FRFS_FILE = "frfs.uff"
-"""In a run folder, the functions of the model at its last stage."""
 
 
 @dataclass(frozen=True)
@@ -149,9 +148,7 @@ def responses_at(
 
 def uff_paths(path: Path, study: Study) -> list[Path]:
     """A file for each configuration: the path itself, or with several its name and a number."""
-    if len(study.cases) == 1:
-        return [path]
-    return [path.with_name(f"{path.stem}_{i + 1}{path.suffix}") for i in range(len(study.cases))]
+    return numbered(path, len(study.cases))
 
 
 def _check_files(study: Study, files: Sequence[Path], uff: Path | None) -> None:
@@ -169,24 +166,14 @@ def check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
     ------
     FemtuneError : ``uff.cannot-write``, ``write.overwrites-input``
     """
-    read = (study.file.path, *input_paths(study), *_solver_files(study))
-    taken = dict.fromkeys(map(os.path.realpath, read), "an input file")
     if uff is not None and not (uff.name and uff.parent.is_dir()):
         raise FemtuneError("uff.cannot-write/folder", where=Where(str(uff)))  # fmt: skip
+    check_outputs(inputs_of_study(study), files)
+    taken: set[str] = set()
     for file in files:
         if (place := os.path.realpath(file)) in taken:
-            raise FemtuneError("write.overwrites-input/named-file", where=Where(str(file)), other_file=taken[place])
-        taken[place] = "another file that is to be written"
-
-
-def _solver_files(study: Study) -> list[Path]:
-    """Templates and files of an external solver, and tables of runs."""
-    tables = [t for t in (study.file.solver, *(case.entry.solver for case in study.cases)) if t is not None]
-    names = [name for table in tables for name in (*(table.templates or ()), *(table.files or ()))]
-    if study.file.runs is not None:
-        names.append(study.file.runs.file)
-    names += [case.entry.runs for case in study.cases if case.entry.runs is not None]
-    return [study.file.path_of(name) for name in names]
+            raise FemtuneError("write.overwrites-input/named-file", where=Where(str(file)))
+        taken.add(place)
 
 
 def write_frf_files(

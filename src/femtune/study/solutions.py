@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from femtune.assembly.study import solved_by
 from femtune.errors import FemtuneError, Notice, folded
-from femtune.journal.journal import JOURNAL_FOLDER, open_journal
+from femtune.journal.journal import open_journal
+from femtune.journal.run_files import JOURNAL_FOLDER
 from femtune.results.journal import JournalResults, SolutionCount
 
 if TYPE_CHECKING:

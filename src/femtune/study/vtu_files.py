@@ -14,6 +14,7 @@ from femtune._optional import require
 from femtune.assembly.vtk_cells import vtk_cells
 from femtune.errors import FemtuneError, Where
 from femtune.files.whole_file import write_whole
+from femtune.journal.run_files import VTU_FILE
 from femtune.model.response.rigid import is_rigid
 from femtune.results.shapes import grid_translations
 from femtune.study.respond import uff_paths
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.assembly.vtk_cells import Cells
     from femtune.model import EigenSolution
-
-VTU_FILE = "shapes.vtu"
-"""In a run folder, the modes and parameters after the update."""
 
 
 def check_vtu(study: Study, path: Path) -> None:
