@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 from femtune.assembly.inputs import check_outputs, inputs_of_study, named_inputs
 from femtune.files.study_file.reading import is_file
 from femtune.journal.owner import Owner, check_foreign, check_owner, digests, sign
-from femtune.journal.run_files import OWNER_FILE, REPORT_FILE, VTU_FILE, Role, forget, made_by
+from femtune.journal.run_files import JOURNAL_FOLDER, OWNER_FILE, REPORT_FILE, VTU_FILE, Role, forget, made_by
 from femtune.results.folder import check_writable, unwritable
 from femtune.study.run_lock import locked
 from femtune.study.vtu_files import check_cells
@@ -106,8 +107,17 @@ def held(file: StudyFile, folder: Path, step: str) -> Iterator[RunFolder]:
             check_foreign(folder, owner, [name for name in planned if name != REPORT_FILE])
             yield RunFolder(folder, file, step, _signed(folder, title_and_path, owner, planned))
     finally:
-        if is_new and os.listdir(folder) == [OWNER_FILE]:
-            (folder / OWNER_FILE).unlink()
+        if is_new:
+            _remove_if_empty(folder)
+
+
+def _remove_if_empty(folder: Path) -> None:
+    """Remove a folder into which a run that was refused has brought nothing but its name and an empty journal."""
+    if [name for _, _, files in os.walk(folder) for name in files] == [OWNER_FILE]:
+        (folder / OWNER_FILE).unlink()
+        with contextlib.suppress(OSError):
+            (folder / JOURNAL_FOLDER).rmdir()
+        with contextlib.suppress(OSError):
             folder.rmdir()
 
 
