@@ -36,7 +36,7 @@ from femtune.model.imported.model import ImportedMatrix, field_of_matrix, import
 from femtune.model.imported.polynomial import MatrixSet
 from femtune.parameters import Parameter, ParameterSet
 from femtune.residuals import ComparedCase, FrequencyResidual, ShapeResidual
-from femtune.residuals.shape import Scaling
+from femtune.residuals.kinds import ShapeScaling
 from structures.frames import bars, make_structure, scalars
 from structures.shells import Isotropic, Section, ShellPart, dofs_of, rectangle, shell_mesh, shell_structure
 from structures.springs import factor_model, spring_structure
@@ -248,7 +248,7 @@ def _element_matrices(structure: Structure, kind: str) -> list[sp.csr_array]:
 
 
 def building(seed: int, columns: str, bounds: tuple[float, float], frequency_sd: float, shape_sd: float,
-             scaling: Scaling = "unit-norm") -> BestPairing:  # fmt: skip
+             scaling: ShapeScaling = "unit-norm") -> BestPairing:  # fmt: skip
     """Columns by sides of a storey ("sides") or one by one ("single"), every beam, and the masses of the floors.
 
     `seed` 0 is the published test; others add noise of the stated size to it. Modes 4a and 4b are left out as in the
@@ -287,7 +287,7 @@ def _members_of_building(columns: str) -> list[tuple[str, FieldRef, tuple[int, .
 
 
 def _of_building(
-    case: ComparedCase, model: ParametricModel, frequency_sd: float, shape_sd: float, scaling: Scaling,
+    case: ComparedCase, model: ParametricModel, frequency_sd: float, shape_sd: float, scaling: ShapeScaling,
     rng: np.random.Generator | None,
 ) -> ComparedCase:  # fmt: skip
     keep = [i for i in range(len(case.test)) if i not in case.left_out]

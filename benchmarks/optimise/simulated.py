@@ -12,7 +12,7 @@ from femtune.dofs import DofSet
 from femtune.modal import ModeSet
 from femtune.model import ConfiguredModel, solve_modes
 from femtune.residuals import ComparedCase, FrequencyResidual, ShapeResidual
-from femtune.residuals.shape import Scaling
+from femtune.residuals.kinds import ShapeScaling
 from femtune.residuals.weights import Weights
 from structures.springs import sensor_rows
 
@@ -36,7 +36,7 @@ class Simulation:
     sensors: int
     frequency_sd: float = 0.003
     shape_sd: float = 0.03
-    scaling: Scaling = "unit-norm"
+    scaling: ShapeScaling = "unit-norm"
 
 
 def simulated(

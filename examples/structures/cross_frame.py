@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from femtune.arrays import Complexes, Reals
 from femtune.fem import FieldRef
 from femtune.identification import EqualisedTest, InputKnown, equalised_test
+from femtune.identification.kinds import Drawing
 from femtune.modal import FrfSet
 from femtune.model import (
     Assignment,
@@ -44,7 +45,6 @@ from femtune.residuals import (
     frf_residual,
 )
 from femtune.uncertainty import Bootstrap, BootstrapRules, BootstrapRun, bootstrap_of, bootstrap_result
-from femtune.uncertainty.bootstrap import Resampling
 from femtune.updating import NoRegularisation, SensitivityMethod, update
 from structures.frames import bars, make_structure
 
@@ -208,7 +208,7 @@ class Campaigns:
         kind: Scatter = "stated" if self.weighted else "estimated"
         return UpdateProblem((case,), self.model.model.parameters, scatter=kind)
 
-    def bootstrap(self, seed: int, method: Resampling = "lines", runs: int = 1000) -> Bootstrap:
+    def bootstrap(self, seed: int, method: Drawing = "lines", runs: int = 1000) -> Bootstrap:
         """The bootstrap of a test about its calibration.
 
         With noise weights the truth is so near that its derivatives serve all steps; otherwise it is a whole update.
@@ -307,7 +307,7 @@ class IdentifiedCampaigns:
         """The test with one damping ratio."""
         return equalised_test(self.test(seed), EQUAL, InputKnown(largest_order=26))
 
-    def bootstrap(self, seed: int, method: Resampling = "lines", runs: int = 1000) -> Bootstrap:
+    def bootstrap(self, seed: int, method: Drawing = "lines", runs: int = 1000) -> Bootstrap:
         """The bootstrap of a test about its calibration."""
         test, model = self.identified(seed), self.frame.model
         way = ModelWay("real-modes", (MODES, None), constant_damping(EQUAL))

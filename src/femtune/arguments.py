@@ -21,9 +21,9 @@ T = TypeVar("T")
 def checked(function: Callable[P, T]) -> Callable[P, T]:
     """The function, with a `FemtuneError` instead of a TypeError for a call that does not fit its signature.
 
-    The annotations are the texts of the signature. Classes are compared by name, so that nothing is imported that the
-    function itself imports for type checkers only. Elements of ``Sequence[...]`` and values of ``Mapping[str, ...]``
-    are checked as well.
+    The annotations are the texts of the signature. Classes are compared by name, so that classes that are imported for
+    type checkers only are not needed. Elements of ``Sequence[...]`` and values of ``Mapping[str, ...]`` are checked as
+    well.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def _check(value: Any, allowed: Sequence[tuple[str, ast.expr | None]], name: str
 
 
 def _alternatives(annotation: ast.expr, names: Mapping[str, Any]) -> list[tuple[str, ast.expr | None]]:
-    """Name of each class of a union, with the annotation of the elements of a sequence or the values of a mapping."""
+    """Name of each class of a union, with the annotation of a sequence's elements or a mapping's values."""
     match annotation:
         case ast.BinOp(left=left, right=right):
             return _alternatives(left, names) + _alternatives(right, names)
@@ -119,7 +119,7 @@ _ABSTRACT: dict[str, Callable[[Any], bool]] = {
     "NDArray": lambda value: hasattr(value, "__array_interface__"),
     "Progress": lambda value: callable(getattr(value, "step", None)),
 }
-"""Annotations that are no class, or that stand for more than one: numbers of numpy are numbers."""
+"""Annotations that are not a class or that permit several, such as numbers of numpy."""
 
 
 def _fits(value: Any, word: str) -> bool:

@@ -1,4 +1,4 @@
-"""Names for arrays by what they hold; their shapes stand in the docstrings of the functions that take them."""
+"""Types of arrays by their elements; shapes are given in the docstrings of the functions that use them."""
 
 from __future__ import annotations
 

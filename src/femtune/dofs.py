@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 DIRECTIONS = ("S", "X", "Y", "Z", "RX", "RY", "RZ")
 """Code 0 is a scalar point; 1 to 6 are the components of Nastran."""
 
-# 18 digits fit into a 64-bit integer
+# 18 digits fit in a 64-bit integer
 _PATTERN = re.compile(r"([0-9]{1,18})(S|R?[XYZ])([+-])")
 
 
@@ -80,7 +80,7 @@ class DofSet:
 
     Parameters
     ----------
-    dofs : in their order
+    dofs : the DOFs in their order
 
     Raises
     ------
@@ -158,7 +158,7 @@ class DofSet:
         return DofSet(self._dofs[i] for i in keep)
 
     def align(self, other: DofSet) -> tuple[Integers, Reals]:
-        """Positions in `other` of each DOF of this set, and the sign that turns one into the other.
+        """Positions in `other` of each DOF of this set, and the relative signs (+1 or −1).
 
         Raises
         ------

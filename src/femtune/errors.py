@@ -38,7 +38,7 @@ class Where:
 
 @dataclass(frozen=True)
 class Wording:
-    """What the registry says of a code: the sentence and the hint, with ``{names}`` of the facts that fill them."""
+    """Wording of a code in the registry: sentence and hint, with the ``{names}`` of the facts that are filled in."""
 
     what: str
     hint: str = ""
@@ -47,8 +47,8 @@ class Wording:
 def wording(code: str) -> tuple[str, Wording]:
     """The code without its variant, and its wording.
 
-    The wording stands in ``messages/<area>.toml``, once for each ``area.problem``; a code that has several wordings
-    names one of them as ``area.problem/variant``.
+    The wording is in ``messages/<area>.toml``, once for each ``area.problem``; a code with several wordings selects one
+    as ``area.problem/variant``.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def wording(code: str) -> tuple[str, Wording]:
 
 @lru_cache
 def _registry(area: str) -> dict[str, Any]:
-    """The messages of an area, none where there is no such area; read when the first of them is needed."""
+    """The messages of an area, empty if there is no such area; read when the first of them is needed."""
     import tomllib  # noqa: PLC0415 only a message needs it
 
     path = Path(__file__).with_name("messages") / f"{area}.toml"
@@ -110,16 +110,16 @@ class FemtuneError(Exception):
 
     Parameters
     ----------
-    code : stable code, ``area.problem``; ``area.problem/variant`` where the registry has several wordings of it
-    what : one sentence that says what is wrong, for codes that the registry does not have
+    code : stable code, ``area.problem``; ``area.problem/variant`` if the registry has several wordings
+    what : one sentence that describes the problem, for codes that are not in the registry
     where : file, line and record
     values : the values at fault, by name
-    hint : the smallest fix, where it is computed; otherwise it is that of the registry
-    facts : what fills the wording of the registry, by name; they stay with the error as data
+    hint : the smallest fix; by default that of the registry
+    facts : values for the wording of the registry, by name; they are kept as data of the error
 
     Attributes
     ----------
-    notices : what was found in the same data before, often the cause; `with_notices` adds them
+    notices : notices about the same data, often the cause; added by `with_notices`
 
     Examples
     --------
@@ -230,10 +230,11 @@ class ErrorCollector:
 
 
 _MOST_TOGETHER = 20
+"""Number of errors that are reported together; more fill the screen and often have one cause."""
 
 
 def raise_together(errors: Iterable[FemtuneError]) -> None:
-    """Raise the errors of a file, if there are any: the first twenty, the last of which says that there are more.
+    """Raise the errors of a file, if any: the first twenty, the last of which mentions that there are more.
 
     Raises
     ------
@@ -250,29 +251,29 @@ def raise_together(errors: Iterable[FemtuneError]) -> None:
 
 
 def each(make: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
-    """`make` of each item; what is wrong with several of them is reported together.
+    """`make` of each item; errors of several items are reported together.
 
     Raises
     ------
     FemtuneError : that of `make`, if one item is wrong
     FemtuneErrors : of several items, as `raise_together` does
     """
-    errors, found = ErrorCollector(), list[Made]()
+    errors, results = ErrorCollector(), list[Made]()
     for item in items:
         with errors.catch():
-            found.append(make(item))
+            results.append(make(item))
         if len(errors.errors) > _MOST_TOGETHER:
             break
     raise_together(errors.errors)
-    return found
+    return results
 
 
 @dataclass(frozen=True, init=False)
 class Notice:
     """A remark that does not stop the analysis.
 
-    `level` is "info", "warning" or "problem"; the wording is that of the registry, filled with `facts`, or `what` as it
-    is given. A fact that needs no explanation has the code "". `repeated` is the number of further notices of the same
+    `level` is "info", "warning" or "problem"; the wording is that of the registry, filled with `facts`, or the given
+    `what`. A fact that needs no explanation has the code "". `repeated` is the number of further notices of the same
     kind for which this one stands.
     """
 
@@ -320,7 +321,7 @@ def folded(notices: Iterable[Notice]) -> list[Notice]:
 
 @contextmanager
 def with_notices(notices: Iterable[Notice]) -> Iterator[None]:
-    """Add what was found before to an error that is raised inside the block."""
+    """Add earlier notices to an error that is raised inside the block."""
     try:
         yield
     except FemtuneError as error:
@@ -329,12 +330,12 @@ def with_notices(notices: Iterable[Notice]) -> Iterator[None]:
 
 
 def printable(text: str) -> str:
-    """`text` with control characters spelled out, so that what a file holds cannot steer a terminal."""
+    """`text` with control characters escaped, so that the content of a file cannot control a terminal."""
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A sentence naming the closest known word, or the list of them when nothing is close; "" without any."""
+    """A sentence with the closest known word, or with all of them if none is close; "" without known words."""
     known = sorted(set(known))
     if not known:
         return ""

@@ -79,7 +79,7 @@ Parts = tuple[Variables, dict[str, Any]]
 @singledispatch
 def _parts(result: Any, configuration: str | None) -> Parts:
     """Variables and coordinates of a result."""
-    # an identification stands above this floor for those who import it; it is told by what it holds
+    # the class of an identification's result must not be imported here; it is recognised by its attributes
     if hasattr(result, "found") and isinstance(getattr(result, "modes", None), ModeSet):
         return _of_modes(result.modes, configuration)
     raise FemtuneError("plot.nothing-to-draw/no-arrays", result=type(result).__name__)

@@ -1,7 +1,7 @@
 """Plots of results with matplotlib, for notebooks and papers; the functions take the results of the steps.
 
-Each takes an optional `ax` to draw on and returns it; a plot with several panels returns its figure. Colour-blind
-readers can tell the colours apart, and so can grey print. matplotlib is imported at the first plot.
+Each takes an optional `ax` to draw on and returns it; a plot with several panels returns its figure. The colours can be
+distinguished by colour-blind readers and in grey print. matplotlib is imported at the first plot.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 __all__ = ["convergence", "frf", "mac", "modes", "parameters", "stabilisation"]
 
-_MOST_NUMBERS = 16
-"""Matrices with more rows or columns are drawn without numbers in the cells."""
-_ROOM = 0.12
-"""Largest motion that is drawn, as a part of the structure's diagonal."""
+_MOST_NUMBERED_CELLS = 16
+"""Largest number of rows or columns of a matrix whose cells have numbers; more would overlap in print."""
+_DEFORMATION = 0.12
+"""Largest displacement in a drawing, as a fraction of the structure's diagonal: visible, but still recognisable."""
 
 
 @checked
@@ -46,12 +46,12 @@ def mac(
     *,
     configuration: str | None = None,
 ) -> Axes:
-    """The MAC of test and model as a matrix: paired modes are framed, values written into the cells.
+    """The MAC of test and model as a matrix, with frames around paired modes and values in the cells.
 
     Parameters
     ----------
-    result : of `femtune.correlate`; or of an update: the model after the update (``run.before`` has the model
-        before); or a matrix (test modes, model modes) of values in 0 … 1
+    result : of `femtune.correlate`; of an update, for the model after it (``run.before`` for the model before it); or a
+        matrix (test modes, model modes) of values in 0 … 1
     ax : axes to draw on; None: a new figure
     configuration : name of the configuration, if there are several
 
@@ -93,7 +93,7 @@ def _only(result: CorrelateResult, configuration: str | None) -> CorrelationResu
 def _mode_labels(record: CorrelationResults) -> tuple[tuple[str, ...], tuple[str, ...]]:
     rows = zip(record.mac_test_labels, record.mac_test_freq_hz)
     columns = zip(record.mac_model_numbers, record.mac_model_freq_hz)
-    rigid = 1e-6 * max(record.mac_model_freq_hz, default=0.0)  # the frequencies of rigid-body modes are rounding errors
+    rigid = 1e-6 * max(record.mac_model_freq_hz, default=0.0)  # frequencies of rigid-body modes are rounding errors
     names = tuple(f"{n}: {f if f > rigid else 0.0:.4g}" for n, f in columns)
     return tuple(f"{label}: {f:.4g}" for label, f in rows), names
 
@@ -117,7 +117,7 @@ def _matrix(
     ax.set_xlabel(titles[1])
     ax.set_ylabel(titles[0])
     ax.tick_params(length=0, labelsize=8)
-    if max(values.shape) <= _MOST_NUMBERS:
+    if max(values.shape) <= _MOST_NUMBERED_CELLS:
         for i, j in np.argwhere(np.isfinite(values)):
             text = f"{values[i, j]:.2f}".replace("0.", ".", 1)
             ax.text(j, i, text, ha="center", va="center", fontsize=7, color="white" if values[i, j] > 0.55 else INK)
@@ -145,15 +145,15 @@ def modes(
 
     Parameters
     ----------
-    result : of `femtune.modes`, or of an update: the model after the update
+    result : of `femtune.modes`, or of an update, for the model after it
     numbers : numbers of the modes, from 1; None: the first six elastic modes
     configuration : name of the configuration, if there are several; None: the first
     scale : factor on the default deformation
 
     Raises
     ------
-    FemtuneError : ``study.unknown-configuration``, ``plot.nothing-to-draw`` where the model has nothing to draw,
-        keeps no shapes, or has no such mode
+    FemtuneError : ``study.unknown-configuration``, ``plot.nothing-to-draw`` if the model has nothing to draw, no
+        stored shapes, or no such mode
 
     Examples
     --------
@@ -213,7 +213,7 @@ def _shape(ax: Axes, arrays: dict[str, NDArray[Any]], motion: NDArray[np.float64
     view = direction(points)
     size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
     largest = float(np.linalg.norm(motion, axis=1).max(initial=0.0)) or 1.0
-    moved = points + scale * _ROOM * size / largest * motion
+    moved = points + scale * _DEFORMATION * size / largest * motion
     rest, bent = (points @ view.axes[:2].T, moved @ view.axes[:2].T)
     collections = require("matplotlib.collections")
     if len(faces):
@@ -247,7 +247,7 @@ def frf(
     configuration: str | None = None,
     ax: Axes | None = None,
 ) -> Axes | Figure:
-    """A frequency response function: magnitude and phase, measured and of the model.
+    """Magnitude and phase of a frequency response function of the test and of the model.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ def _finish_functions(upper: Axes, lower: Axes | None) -> None:
 def _functions(
     result: RespondResult | IdentifyResult | FrfSet, configuration: str | None
 ) -> tuple[dict[str, FrfSet], str]:
-    """Functions by what they are called, measured ones first, and their unit."""
+    """Functions by name, measured ones first, and their unit."""
     if isinstance(result, FrfSet):
         return {"function": result}, ""
     if isinstance(result, RespondResult):
@@ -396,7 +396,7 @@ def _estimate(ax: Axes, i: int, p: ParameterResult, nominal: float) -> None:
     text = f"{change:+.3g}"
     if p.interval_95 is not None:
         ends = sorted(_percent(end, nominal) for end in p.interval_95)
-        # a value on its bound may lie outside its interval
+        # a value at its bound may lie outside its interval
         ax.plot(ends, [i, i], color=BLUE, linewidth=1.6, marker="|", markersize=8.0)
         text += f" % ({ends[0]:+.3g} … {ends[1]:+.3g})"
     else:
@@ -538,8 +538,8 @@ def _poles(ax: Axes, result: IdentifyResult) -> None:
     firm, method = poles.column("stable").astype(bool), poles.column("method")
     ax.plot(freq[~firm], order[~firm], ".", color=PALE, markersize=2.5, label="not stable")
     for mark, colour, name in zip("o^sDv", _SAFE, dict.fromkeys(method)):
-        own = firm & (method == name)
-        ax.plot(freq[own], order[own], mark, color=colour, markersize=3.2, label=f"{name}, stable")
+        of_method = firm & (method == name)
+        ax.plot(freq[of_method], order[of_method], mark, color=colour, markersize=3.2, label=f"{name}, stable")
 
 
 def _axes(width_in: float, height_in: float) -> Axes:

@@ -9,6 +9,7 @@ from femtune.errors import FemtuneError, did_you_mean
 
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 _POUND_FORCE = 4.4482216152605
+"""lbf in newtons, exact by definition: 0.45359237 kg times the standard gravity of 9.80665 m/s²."""
 _MASSES = {
     "kg": 1.0,
     "g": 1e-3,
@@ -21,7 +22,7 @@ _MASSES = {
 
 _FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": _POUND_FORCE, "kip": 1e3 * _POUND_FORCE}
 _OF_FORCE = re.compile(rf"(?P<force>{'|'.join(_FORCES)})[-*·.]?s(?:2|\^2|²)/(?P<length>{'|'.join(_LENGTHS)})")
-"""A unit of mass that is spelled as force·s²/length, as lbf-s2/in."""
+"""A unit of mass that is written as force·s²/length, such as lbf-s2/in."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class UnitSystem:
 
     @property
     def word(self) -> str:
-        """length-mass-s; the name where it is none of the systems that have a word."""
+        """length-mass-s, or the name of a system that has no such word."""
         lengths = [name for name, size in _LENGTHS.items() if _same(size, self.length)]
         masses = [name for name, size in _MASSES.items() if _same(size, self.mass)]
         return f"{lengths[0]}-{masses[0]}-s" if lengths and masses else self.name
@@ -64,7 +65,7 @@ SI = UnitSystem("m-kg-s", 1.0, 1.0)
 
 
 def _by_force(name: str) -> UnitSystem | None:
-    """The system of a length and a force, None where the name is none; lbm and lbf are never taken for each other."""
+    """The system of a length and a force, or None; lbm and lbf are never confused."""
     if spelled := _OF_FORCE.search(name):
         rest = name.replace(spelled[0], "mass").split("-")
         force, per, length = spelled["force"], spelled["length"], rest[0]
@@ -81,8 +82,8 @@ def _by_force(name: str) -> UnitSystem | None:
 def unit_system(name: str) -> UnitSystem:
     """The system called ``length-mass-s``, for example "m-kg-s", "mm-t-s", "mm-kg-s", "in-slinch-s".
 
-    A force may stand in place of the mass, in either order with the length: in "in-lbf-s" and "kip-ft-s" the unit of
-    mass is lbf·s²/in and kip·s²/ft, with which force = mass·length/s². The mass may be spelled so: "in-lbf-s2/in-s".
+    A force may replace the mass, before or after the length: in "in-lbf-s" and "kip-ft-s" the unit of mass is lbf·s²/in
+    and kip·s²/ft, with which force = mass·length/s². The mass may also be written as "in-lbf-s2/in-s".
 
     Raises
     ------

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.deck_models import model_of
 
 from femtune.correlation import map_sensors, sensor_placement
 from femtune.correlation.placement import SensorPlacement
 from femtune.dofs import DofSet
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
 from femtune.modal import ModeSet
-from femtune.model import Configuration, ConfiguredModel, configure, parametric_model
-from femtune.parameters import ParameterSet
+from femtune.model import ConfiguredModel
 from femtune.testdata import ModalTest, WireFrame, sensors_at
 from femtune.units import SI
 
@@ -25,8 +23,7 @@ TAIL = "SPC1    1       123456  1\nENDDATA\n"
 def _configured(folder: Path, cards: list[str]) -> ConfiguredModel:
     path = folder / "model.bdf"
     path.write_text(HEAD + "\n".join(cards) + "\n" + TAIL)
-    model = parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ())
-    return configure(model, Configuration())
+    return model_of(path)
 
 
 def _grids(points: np.ndarray) -> list[str]:

@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from tests.files.matrices.matrices_by_hand import full, symmetric_example
 from tests.files.nastran.mutant_trial import time_limit
 from tests.files.nastran.mutations import mutant
-from tests.files.study_file.test_study_reading import FULL as STUDY
+from tests.files.study_file.whole_study import STUDY
 
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError

@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
+from tests.study.cantilever import EI
 
 import femtune as ft
 from femtune.testing import example_deck, example_test
 from femtune.testing.examples import TRUTH
 
 FIELDS = {"root": "PBAR 1 I1", "tip": "PBAR 2 I1"}
-STUDY = """
+STUDY = f"""
 [study]
 title = "cantilever.bdf"
 deck = "cantilever.bdf"
@@ -29,19 +30,7 @@ count = 8
 
 [test]
 file = "cantilever.uff"
-
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
-
-[[parameter]]
-name = "tip"
-fields = ["PBAR 2 I1"]
-lower = 0.5
-upper = 2.0
-
+{EI}
 [[residual]]
 kind = "frequency"
 sd = 0.01

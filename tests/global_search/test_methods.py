@@ -9,13 +9,14 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
-from femtune.global_search import SEARCH_METHODS, GlobalMinimum, SearchRules, global_minimum, surrogate_minimum
+from femtune.global_search import GlobalMinimum, SearchRules, global_minimum, surrogate_minimum
+from femtune.global_search.kinds import METHODS
 from femtune.surrogates import KrigingRules, SumOfSquares, Surrogate, fit_surrogate
 from structures import rack_tables
 
 _METHODS = [
     pytest.param(m, marks=pytest.mark.skipif(m == "cma-es" and not importlib.util.find_spec("cma"), reason="needs cma"))
-    for m in SEARCH_METHODS
+    for m in METHODS
 ]
 
 

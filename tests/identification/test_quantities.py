@@ -11,7 +11,8 @@ from tests.messages.shown import check_shown
 
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
-from femtune.identification.operational import METHODS, Operational, by_covariances
+from femtune.identification.kinds import OUTPUT_ONLY
+from femtune.identification.operational import Operational, by_covariances
 from femtune.identification.quantities import moved_in_one_quantity
 from femtune.identification.setups import to_rigid_motion
 from femtune.identification.ssi import PoleScatter, covariance_driven, scatter_of_order
@@ -76,11 +77,11 @@ def record(measured: dict[str, np.ndarray], quantities: Sequence[str], units: Se
 
 
 @pytest.mark.parametrize("quantities", [VELOCITIES, THREE], ids=["two", "three"])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", OUTPUT_ONLY)
 @pytest.mark.quick(2)
 def test_shapes_of_mixed_records_are_those_of_accelerations(measured, method, quantities):
     truth = plant().truth
-    mixed, plain = (METHODS[method](record(measured, q), ASKED) for q in (quantities, ALL))
+    mixed, plain = (OUTPUT_ONLY[method].load()(record(measured, q), ASKED) for q in (quantities, ALL))
     for found in (mixed, plain):
         assert np.abs(found.modes.freq_hz[:, None] / truth.freq_hz - 1.0).min(axis=0).max() < 0.01
     rows = [int(np.abs(mixed.modes.freq_hz - f).argmin()) for f in truth.freq_hz]
@@ -125,7 +126,7 @@ def test_records_of_one_quantity_are_not_converted(measured, quantity):
     assert (by_covariances(other, ASKED).modes.shapes == plain.shapes).all()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", OUTPUT_ONLY)
 @pytest.mark.parametrize(
     ("name", "quantities", "units"),
     [
@@ -136,7 +137,7 @@ def test_records_of_one_quantity_are_not_converted(measured, quantity):
 )
 def test_quantities_that_cannot_be_converted_are_refused(measured, method, name, quantities, units):
     with pytest.raises(FemtuneError) as caught:
-        METHODS[method](record(measured, quantities, units), ASKED)
+        OUTPUT_ONLY[method].load()(record(measured, quantities, units), ASKED)
     check_shown(name, caught.value)
 
 
@@ -147,7 +148,7 @@ def test_turning_channels_have_another_unit(measured):
         for i, (q, u) in enumerate(zip(VELOCITIES, units))
     )
     made = TimeSeries(record(measured, VELOCITIES).values, channels, 100.0)
-    assert len(METHODS["FDD"](made, ASKED).modes) == 4
+    assert len(OUTPUT_ONLY["FDD"].load()(made, ASKED).modes) == 4
 
 
 def test_rigid_motions_are_of_one_quantity(measured):

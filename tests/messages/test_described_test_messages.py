@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.files.uff.coherences import content_of
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError, FemtuneErrors
@@ -89,8 +90,6 @@ def test_an_archive_that_expands(tmp_path: Path) -> None:
 
 
 def test_coherence_without_its_function(tmp_path: Path) -> None:
-    from tests.files.uff.test_coherence import content_of  # noqa: PLC0415
-
     notices = content_of(tmp_path, {(3, 1): np.full(20, 0.8)}).notices
     notice = next(n for n in notices if n.code == "uff.unused-coherence")
     check_shown("uff.unused-coherence", str(notice).replace(f"{tmp_path}/", ""))

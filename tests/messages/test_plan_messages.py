@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from tests.messages.shown import check_shown
-from tests.study.test_planning import plate_deck
+from tests.study.plate import plate_deck
 
 from femtune import steps
 from femtune.errors import FemtuneError

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.study.cantilever import EI
 
 from femtune import steps
 from femtune.dofs import DofSet
@@ -37,7 +38,7 @@ SPC1    1       123456  1
 ENDDATA
 """
 
-STUDY = """[study]
+STUDY = f"""[study]
 title = "Beam"
 deck = "beam.bdf"
 units = "m-kg-s"
@@ -48,19 +49,7 @@ count = 4
 [[configuration]]
 name = "as found"
 test = "beam.uff"
-
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
-
-[[parameter]]
-name = "tip"
-fields = ["PBAR 2 I1"]
-lower = 0.5
-upper = 2.0
-"""
+{EI}"""
 
 FREE = "SPC1    1       123456  1"
 CONFIGURATION = 'test = "beam.uff"\n'

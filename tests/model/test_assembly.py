@@ -135,8 +135,8 @@ def test_pieces_are_the_whole_batch() -> None:
 def test_small_pieces_give_the_same_model(monkeypatch: pytest.MonkeyPatch) -> None:
     """Regions, coefficients and slots that span pieces."""
     whole = model(shells(loss=0.02), nu="MAT1 1 NU", **THREE)
-    monkeypatch.setattr("femtune.fem.elements.shells.flat.CHUNK", 5)
-    monkeypatch.setattr("femtune.fem.elements.kernels.PIECE", 1)
+    monkeypatch.setattr("femtune.fem.elements.shells.flat.ELEMENTS_PER_CHUNK", 5)
+    monkeypatch.setattr("femtune.fem.elements.kernels.ELEMENTS_PER_PIECE", 1)
     parts = model(shells(loss=0.02), nu="MAT1 1 NU", **THREE)
     for kind in ("stiffness", "mass", "hysteretic"):
         a, b = (getattr(p, kind).toarray() for p in (whole, parts))

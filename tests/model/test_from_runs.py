@@ -17,24 +17,11 @@ from femtune.parameters import Parameter, ParameterSet
 from femtune.parameters.jet import Jet, constant, variables
 from femtune.surrogates import ChaosRules, KrigingRules, RadialRules, SurrogateRules, fit_surrogate
 
-MASS = np.diag([2.0, 1.0, 1.5, 0.5])
+from .chain_runs import MASS, modes, sample
+
 NODES = NodeTable(np.arange(1, 5), np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)), has_coordinates=False)
 DOFS = 6 * np.arange(4)
 NAMES = ("k1", "k2")
-
-
-def stiffness(k1: float, k2: float) -> np.ndarray:
-    """A chain to ground, to whose last mass a spring k2 is tied; the modes change places as it stiffens."""
-    s = np.array([k1, 2e4, 3e4, 1e4])
-    K = np.diag(s + np.append(s[1:], 0.0)) - np.diag(s[1:], 1) - np.diag(s[1:], -1)
-    K[3, 3] += k2
-    return K
-
-
-def modes(point: np.ndarray, count: int = 4) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and shapes of unit modal mass."""
-    values, shapes = la.eigh(stiffness(*point), MASS)
-    return np.sqrt(values[:count]) / (2 * np.pi), shapes[:, :count]
 
 
 def runs_at(points: np.ndarray, count: int = 4, seed: int = 1) -> Runs:
@@ -54,10 +41,6 @@ def solved(fitted: FittedRuns, point: np.ndarray, count: int = 4) -> tuple[np.nd
     configured = configure(model, Configuration("runs"))
     solution = solve_modes(configured.at(point / fitted.nominal - 1.0), count)
     return solution.freq_hz, (configured.transformation @ solution.shapes[:, :count])[DOFS]
-
-
-def sample(count: int, width: float = 0.6, seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).uniform(1 - width, 1 + width, (count, 2)) * [1e4, 2e4]
 
 
 def alignment(one: np.ndarray, other: np.ndarray) -> np.ndarray:

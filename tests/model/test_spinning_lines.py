@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.deck_models import model_of
 
-from femtune.files.nastran import build_structure, read_deck
-from femtune.model import Configuration, configure, parametric_model, solve_modes
+from femtune.model import solve_modes
 from femtune.model.configured import ConfiguredModel
-from femtune.parameters import ParameterSet
 
 N, LENGTH, E, RHO, A, I1 = 40, 4.0, 7.0e10, 2700.0, 1e-3, 8e-8
 # roots of cosh x cos x = 1
@@ -28,8 +27,7 @@ def line(folder: Path, *more: str, autospc: str = "YES", cards: str = "PARAM,COU
     head = ["CORD2R,5,,1.,2.,3.,2.,4.,3.", ",1.,2.,7.", "MAT1,1,7.+10,,.3,2700.", "PBAR,1,1,1.-3,8.-8,8.-8,1.6-7"]
     text = "\n".join([*head, *grids, *bars, f"PARAM,AUTOSPC,{autospc}", cards, *more, "ENDDATA", ""])
     (folder / "line.bdf").write_text(text)
-    model = parametric_model(build_structure(read_deck(folder / "line.bdf")).structure, ParameterSet(()), ())
-    return configure(model, Configuration())
+    return model_of(folder / "line.bdf")
 
 
 @pytest.mark.parametrize("cards", ["PARAM,COUPMASS,1", "PARAM,COUPMASS,-1"])

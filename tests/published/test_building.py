@@ -13,11 +13,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 import scipy.linalg as la
+from tests.deck_models import model_of
 
-from femtune.files.nastran.build import build_structure
-from femtune.files.nastran.deck import read_deck
-from femtune.model import Configuration, configure, parametric_model, solve_modes
-from femtune.parameters import ParameterSet
+from femtune.model import Configuration, solve_modes
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "01_building"
 
@@ -81,9 +79,8 @@ def _blocks_off(configuration: str) -> list[int]:
 
 
 def _deck_frequencies(path: Path, configuration: str) -> np.ndarray:
-    model = parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ())
     state = Configuration(configuration, elements_off=frozenset(_blocks_off(configuration)))
-    return solve_modes(configure(model, state).at(np.zeros(0)), 6).freq_hz
+    return solve_modes(model_of(path, state).at(np.zeros(0)), 6).freq_hz
 
 
 @pytest.mark.parametrize("configuration", ["BC", "NC", "SC"])

@@ -14,7 +14,7 @@ from femtune.reporting.source import ReportSource
 from femtune.reporting.view import view_of
 from femtune.results.response import ComplexPole, Displacement, FrfPair, FrfResults, ResponseResults, StaticResults
 
-from .test_view import unpacked
+from .packed import unpacked
 
 
 def _curve(look: str, count: int = 200) -> FrfCurve:

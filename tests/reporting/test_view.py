@@ -8,19 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from femtune.reporting import view as views
 from femtune.reporting.document import Document
-from femtune.reporting.page_view import Packed, PageView, SceneView
+from femtune.reporting.page_view import PageView, SceneView
 from femtune.reporting.source import ReportSource
 from femtune.reporting.view import in_phase, quantised, view_of
 from femtune.results.results import Results
 
-
-def unpacked(packed: Packed) -> NDArray[Any]:
-    numbers = np.frombuffer(base64.b64decode(packed.data), f"<{packed.type}").reshape(packed.shape).astype(float)
-    return numbers * (packed.scale or 1.0) + (packed.offset or 0.0)
+from .packed import unpacked
 
 
 @pytest.fixture(scope="module")

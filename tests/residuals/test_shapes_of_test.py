@@ -10,13 +10,13 @@ from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
 from femtune.residuals import ComparedCase, ShapeResidual, UpdateProblem
-from femtune.residuals.shape import Scaling
+from femtune.residuals.kinds import ShapeScaling
 from femtune.testing import check_residual
 from structures.springs import factor_model, simulated_case, spring_structure
 
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
 TRUTH = (0.25, -0.3, 0.15)
-SCALINGS: tuple[Scaling, ...] = ("unit-norm", "largest-entry", "scale-factor", "mass")
+SCALINGS: tuple[ShapeScaling, ...] = ("unit-norm", "largest-entry", "scale-factor", "mass")
 
 
 def case_of(sd: np.ndarray | float | None, seed: int | None = None) -> ComparedCase:
@@ -38,12 +38,12 @@ SD = 0.01 * np.array([[1.0, 2.0, 1.0], [3.0, 1.0, 0.5], [0.5, 1.0, 2.0], [2.0, 1
 
 
 @pytest.mark.parametrize("scaling", SCALINGS)
-def test_jacobian(scaling: Scaling) -> None:
+def test_jacobian(scaling: ShapeScaling) -> None:
     check_residual(problem(case_of(SD), ShapeResidual("test", scaling)), np.array([0.02, 0.1, -0.1]))
 
 
 @pytest.mark.parametrize("scaling", ["unit-norm", "scale-factor", "mass"])
-def test_equal_deviations_are_one_number(scaling: Scaling) -> None:
+def test_equal_deviations_are_one_number(scaling: ShapeScaling) -> None:
     """Of shapes of one norm; residuals may be turned, their squares are the same."""
     case = case_of(0.02)
     norm = np.linalg.norm(case.test.shapes, axis=0)
@@ -57,7 +57,7 @@ def test_equal_deviations_are_one_number(scaling: Scaling) -> None:
 
 @pytest.mark.parametrize("scaling", SCALINGS)
 @pytest.mark.slow
-def test_residuals_of_the_true_model_have_unit_variance(scaling: Scaling) -> None:
+def test_residuals_of_the_true_model_have_unit_variance(scaling: ShapeScaling) -> None:
     squares, free = [], 0
     for seed in range(40):
         case = case_of(SD, seed)

@@ -10,16 +10,20 @@ import numpy as np
 import pytest
 from tests.runs.fake import SCRIPT as FAKE
 from tests.runs.fake import exact_hz, fail, fake_solver, started
-from tests.study.test_solver_study import TRUTH, study, values
-from tests.study.test_solver_study import started as started_of_study
+from tests.study.two_masses import TRUTH, prepared, values
+from tests.study.two_masses import started as started_of_study
 
 import femtune as ft
 from femtune.executor import Cluster
 from femtune.journal.runs import open_run_journal
 from femtune.runs import Template, Templates, evaluate
 
-__all__ = ["study"]
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    return prepared(tmp_path)
 
 
 @pytest.fixture(scope="module")

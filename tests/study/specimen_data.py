@@ -18,8 +18,8 @@ from femtune.parameters import Parameter, ParameterSet
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
-from .conftest import CANTILEVER, LABELS
-from .test_frf_residuals import DAMPED
+from .cantilever import CANTILEVER, LABELS
+from .damped_cantilever import DAMPED
 
 TRUTH = {"A": 0.9, "B": 1.0, "C": 1.15}
 TIP = 1.1

@@ -17,18 +17,17 @@ from femtune.errors import FemtuneError
 from femtune.results.step_results import RunResult
 from femtune.study.bootstrap import BOOTSTRAP_FILE
 
-from .conftest import Bench
-from .test_frf_residuals import DAMPED, PARAMETERS, TRULY, functions, measured, study_of
+from .cantilever import EI, Bench
+from .damped_cantilever import DAMPED, TRULY, functions, study_of
 
-FEW = PARAMETERS.partition('[[parameter]]\nname = "loss"')[0]
 FRF = 'kind = "frf"\ncount = 12\nmost = 40\nto_hz = 150.0\nfloor = 0.003\n'
 TABLE = "\n[bootstrap]\nruns = {runs}\nseed = 3\nchecked = 2\n"
 
 
 def bootstrapped(bench: Bench, runs: int = 12, more: str = "", table: str = TABLE, frf: str = FRF) -> Path:
     if not (bench.folder / "frfs.uff").exists():
-        measured(bench, functions(bench.truth(TRULY, DAMPED), 0.003))
-    return study_of(bench, f"{frf}{table.format(runs=runs)}{more}", FEW)
+        bench.functions(functions(bench.truth(TRULY, DAMPED), 0.003))
+    return study_of(bench, f"{frf}{table.format(runs=runs)}{more}", EI)
 
 
 def check_same(run: RunResult, whole: RunResult) -> None:

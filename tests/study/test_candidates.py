@@ -18,7 +18,7 @@ from femtune.results.step_results import CandidatesResult
 from femtune.study.candidates import CANDIDATES_FILE, _Population
 from femtune.updating.sensitivity_method import moving_parameters
 
-from .conftest import EI, LABELS, TRUE, Bench, measured
+from .cantilever import EI, LABELS, TRUE, Bench, measured
 
 THREE = EI + '\n[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\nlower = 0.5\nupper = 2.0\n'
 CASES = """

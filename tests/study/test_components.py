@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 from tests.messages.shown import check_shown
-from tests.study.test_bottom_up import TRUTH, folder  # noqa: F401  the spans and their tests
 
 from femtune import steps
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
 from femtune.reporting import build_report, html_text
 from femtune.results.step_results import RunResult
+
+from .two_spans import TRUTH, write_spans
 
 _COMPONENTS = """
 [[component]]
@@ -34,10 +35,9 @@ _LEFT = 'components = ["left"]'
 
 
 @pytest.fixture(scope="module")
-def spans(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: F811
+def spans(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The study of two spans with components."""
-    own = tmp_path_factory.mktemp("components") / "spans"
-    shutil.copytree(folder, own, ignore=shutil.ignore_patterns("run"))
+    own = write_spans(tmp_path_factory.mktemp("spans"))
     text = (own / "study.toml").read_text()
     (own / "study.toml").write_text(text.replace("[sensors]", _COMPONENTS[1:], 1).replace(_OFF, _LEFT))
     return own

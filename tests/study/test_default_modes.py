@@ -8,19 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.deck_models import model_of
 from tests.messages.shown import check_shown
 
 from femtune import steps
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
-from femtune.model import Configuration, configure, parametric_model, solve_modes
+from femtune.model import solve_modes
 from femtune.model.eigen import default_count
 from femtune.model.eigen import solution as eigen_solution
 from femtune.model.reduce.modes_in_basis import reduced_modes
 from femtune.model.reduce.reduced_model import reduce_model
-from femtune.parameters import ParameterSet
 
-Bench = Any
+from .cantilever import Bench
 
 
 def _chain(n: int = 24, more: str = "") -> str:
@@ -37,8 +35,7 @@ HEAD = "SOL 103\nCEND\n{}BEGIN BULK\n"
 def _point(folder: Path, text: str) -> Any:
     path = folder / "chain.bdf"
     path.write_text(text)
-    model = parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ())
-    return configure(model, Configuration()).at(np.zeros(0))
+    return model_of(path).at(np.zeros(0))
 
 
 SUPPORTS = {

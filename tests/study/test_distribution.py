@@ -16,7 +16,7 @@ from femtune.files.uff import write_uff_modes
 from femtune.results.step_results import RunResult
 from structures.pressed_plate import NX, NY, TRUTH, plate
 
-from .conftest import measured
+from .cantilever import measured
 
 SD = 5e-4
 _COUNT = 8

@@ -7,41 +7,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.deck_models import model_of
+from tests.reporting.packed import unpacked
 
 from femtune import steps
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError, Notice
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
-from femtune.files.uff import write_uff_frfs
-from femtune.model import Configuration, configure, damping_by_mode, parametric_model, solve_modes
+from femtune.model import damping_by_mode, solve_modes
 from femtune.model.response import frf, make_ports
-from femtune.parameters import ParameterSet
 from femtune.reporting.single_steps import bootstrap_document, subject_of
 from femtune.reporting.source import ReportSource
 from femtune.reporting.view import view_of
 from femtune.residuals import state_at
 from femtune.results.step_results import RunResult
-from femtune.testdata import ModalTest, WireFrame
-from femtune.units import SI
 
 from ..messages.shown import check_shown
-from ..reporting.test_view import unpacked
-from .conftest import CANTILEVER, TRUE, Bench
+from .cantilever import CANTILEVER, EI, TRUE, Bench
 
-PARAMETERS = """
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
-
-[[parameter]]
-name = "tip"
-fields = ["PBAR 2 I1"]
-lower = 0.5
-upper = 2.0
-"""
 BAND = (5.0, 240.0)
 LINES = np.arange(BAND[0], BAND[1], 0.1)
 # of all modes, those in the other plane and beyond the band included
@@ -50,21 +32,17 @@ UNEVEN = (0.004, 0.03, 0.02, 0.008, 0.012, 0.02, *([0.01] * 14))
 
 def _measured(bench: Bench, noise: float, seed: int = 4) -> None:
     deck = bench.truth(TRUE, CANTILEVER)
-    model = configure(
-        parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ()), Configuration()
-    )
+    model = model_of(deck)
     ports = make_ports(model, ["5Y+"], ["2Y+", "3Y+", "4Y+", "5Y+"])
     exact = frf(solve_modes(model.at(np.zeros(0)), 20), ports, LINES, damping=damping_by_mode(UNEVEN))
     random = np.random.default_rng(seed).standard_normal((2, *exact.values.shape))
     noisy = replace(exact, values=exact.values * (1.0 + noise * (random[0] + 1j * random[1])))
-    nodes = np.array([1, 2, 3, 4, 5])
-    frame = WireFrame(nodes, np.column_stack([0.25 * (nodes - 1.0), np.zeros((5, 2))]))
-    write_uff_frfs(bench.folder / "frfs.uff", ModalTest("frfs", SI, frame, frfs=noisy))
+    bench.functions(noisy)
 
 
 def _study(bench: Bench, table: str, residual: str = "") -> Path:
     bench.write("beam.bdf", CANTILEVER)
-    text = f'{PARAMETERS}\n[[residual]]\nkind = "frf"\n{residual}\n{table}'
+    text = f'{EI}\n[[residual]]\nkind = "frf"\n{residual}\n{table}'
     return bench.study(text, test="frfs.uff")
 
 

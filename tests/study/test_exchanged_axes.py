@@ -13,7 +13,7 @@ from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.testdata import ModalTest
 
-from .conftest import EI, Bench
+from .cantilever import EI, Bench
 
 BY_ID = "[sensors]\nby_id = true\n"
 

@@ -18,7 +18,7 @@ from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff
 from femtune.units import SI
 
-from .conftest import EI, Bench, modes_of_deck
+from .cantilever import EI, Bench, modes_of_deck
 
 FEW = tuple(f"{node}{d}+" for node in (2, 4, 5) for d in ("Y", "Z"))
 

@@ -8,29 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from tests.deck_models import model_of
 from tests.messages.shown import check_shown
 
 from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
-from femtune.files.uff import write_uff_frfs
 from femtune.model import (
-    Configuration,
     ConfiguredModel,
-    configure,
     frequency_table,
     modes_at_own_frequency,
-    parametric_model,
 )
 from femtune.model.response import complex_modes_at_own_frequency, frf, make_ports
-from femtune.parameters import ParameterSet
 from femtune.results.step_results import RunResult
-from femtune.testdata import ModalTest, WireFrame
-from femtune.units import SI
 
-from .conftest import CANTILEVER, LABELS, Bench
+from .cantilever import CANTILEVER, LABELS, Bench
 
 RUBBER = "CELAS2  21      2.0+4   3       2                       0.15\n"
 DECK = CANTILEVER.replace("CONM2 ", f"{RUBBER}CONM2 ")
@@ -67,9 +59,7 @@ def true_model(bench: Bench) -> ConfiguredModel:
         frequency_table([FieldRef("CELAS2", 21, "K")], [0.0, 50.0, 200.0, 1000.0], [0.8, 1.0, 1.6, 2.2]),
         frequency_table([FieldRef("CELAS2", 21, "GE")], [0.0, 100.0, 1000.0], [0.5, 1.0, 1.8]),
     )
-    return configure(
-        parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), (), tables), Configuration()
-    )
+    return model_of(path, tables=tables)
 
 
 @pytest.fixture
@@ -101,9 +91,7 @@ def measured_frfs(bench: Bench) -> Path:
     outputs = [label for label in LABELS if "Y" in label]
     ports = make_ports(model, ["3Y+", "5Y+"], outputs)
     found = frf(model.at(np.zeros(0)), ports, np.arange(5.0, 300.0, 5.0), "accelerance", "direct")
-    nodes = np.array([1, 2, 3, 4, 5])
-    frame = WireFrame(nodes, np.column_stack([0.25 * (nodes - 1.0), np.zeros((5, 2))]))
-    return write_uff_frfs(bench.folder / "frfs.uff", ModalTest("frfs", SI, frame, frfs=found))
+    return bench.functions(found)
 
 
 def told_of_first_table(found: RunResult) -> str:

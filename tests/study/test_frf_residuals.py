@@ -11,88 +11,16 @@ import pytest
 from femtune import steps
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
 from femtune.files.uff import write_uff_frfs
-from femtune.modal import FrfSet
-from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
-from femtune.model.response import frf, make_ports
-from femtune.parameters import ParameterSet
+from femtune.model import constant_damping
 from femtune.reporting.build import build_report
 from femtune.reporting.source import ReportSource
 from femtune.reporting.view import view_of
 from femtune.residuals import FrfResidual
 from femtune.residuals.frf.model_way import settled
-from femtune.testdata import ModalTest, WireFrame
-from femtune.units import SI
 
-from .conftest import CANTILEVER, TRUE, Bench
-
-MATERIAL = "MAT1    1       2.1+11          0.3     7850."
-DAMPED = CANTILEVER.replace(MATERIAL, f"{MATERIAL}                   .01").replace(
-    "CONM2   9", "CDAMP2  20      40.     3       2\nCDAMP2  21      40.     3       3\nCONM2   9"
-)
-TRULY = (*TRUE, (".01\n", ".03\n"), ("CDAMP2  20      40.", "CDAMP2  20      90."))
-PARAMETERS = """
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
-
-[[parameter]]
-name = "tip"
-fields = ["PBAR 2 I1"]
-lower = 0.5
-upper = 2.0
-
-[[parameter]]
-name = "loss"
-fields = ["MAT1 1 GE"]
-lower = 0.001
-upper = 0.2
-absolute = true
-
-[[parameter]]
-name = "joint"
-fields = ["CDAMP2 20 B"]
-lower = 0.1
-upper = 10.0
-"""
-TRUTH = [1.3, 0.85, 0.03, 2.25]
-LINES = np.arange(4.0, 240.0, 0.5)
-LABELS = ("3Y+", "5Y+", "5Z+")
-
-
-def functions(
-    deck: Path,
-    noise: float = 0.0,
-    inputs: tuple[str, ...] = ("5Y+", "5Z+"),
-    outputs: tuple[str, ...] = LABELS,
-    **options: object,
-) -> FrfSet:
-    """FRFs of a deck, past everything that a study does; noise as a part of the largest magnitude of each."""
-    model = configure(
-        parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ()), Configuration()
-    )
-    ports, modes = make_ports(model, inputs, outputs), solve_modes(model.at(np.zeros(0)), 20)
-    exact = frf(modes, ports, LINES, "accelerance", **options)  # type: ignore[arg-type]
-    chance = np.random.default_rng(1)
-    size = noise * np.abs(exact.values).max(axis=2, keepdims=True)
-    scatter = chance.standard_normal(exact.values.shape) + 1j * chance.standard_normal(exact.values.shape)
-    return replace(exact, values=exact.values + size * scatter)
-
-
-def measured(bench: Bench, frfs: FrfSet, name: str = "frfs.uff") -> None:
-    """A Universal File of functions."""
-    nodes = np.array([1, 2, 3, 4, 5])
-    frame = WireFrame(nodes, np.column_stack([0.25 * (nodes - 1.0), np.zeros((5, 2))]))
-    write_uff_frfs(bench.folder / name, ModalTest("frfs", SI, frame, frfs=frfs))
-
-
-def study_of(bench: Bench, residual: str, parameters: str = PARAMETERS, test: str | None = "frfs.uff") -> Path:
-    bench.write("beam.bdf", DAMPED)
-    return bench.study(f"{parameters}\n[[residual]]\n{residual}\n", test=test)
+from .cantilever import CANTILEVER, Bench
+from .damped_cantilever import DAMPED, LABELS, PARAMETERS, TRULY, TRUTH, functions, study_of
 
 
 @pytest.fixture
@@ -103,7 +31,7 @@ def true_deck(bench: Bench) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["log-complex", "log-magnitude", "linear"])
 def test_stiffness_loss_factor_and_dashpot_are_found(bench: Bench, true_deck: Path, form: str) -> None:
-    measured(bench, functions(true_deck))
+    bench.functions(functions(true_deck))
     more = "to_hz = 60.0\n" if form == "linear" else ""
     text = f'kind = "frf"\nform = "{form}"\ncount = 20\n{more}'
     start = PARAMETERS
@@ -126,7 +54,7 @@ def test_stiffness_loss_factor_and_dashpot_are_found(bench: Bench, true_deck: Pa
 
 @pytest.mark.slow
 def test_noise_and_honest_standard_deviations(bench: Bench, true_deck: Path) -> None:
-    measured(bench, functions(true_deck, 0.005))
+    bench.functions(functions(true_deck, 0.005))
     update = steps.run(study_of(bench, 'kind = "frf"\nfloor = 0.005\ncount = 20')).results.update
     assert update is not None
     for parameter, truth in zip(update.parameters, TRUTH):
@@ -167,7 +95,7 @@ def test_damping_in_the_resonance_regions_with_modes_and_functions_of_one_file(b
 
 @pytest.mark.slow
 def test_modal_damping_is_found_and_told_where_the_deck_has_no_card_for_it(bench: Bench) -> None:
-    measured(bench, functions(bench.truth((), CANTILEVER), damping=constant_damping(0.02)))
+    bench.functions(functions(bench.truth((), CANTILEVER), damping=constant_damping(0.02)))
     bench.write("beam.bdf", CANTILEVER)
     zeta = 'name = "zeta"\nfields = ["MODAL ZETA"]\nlower = 0.001\nupper = 0.2\nabsolute = true\nnominal = 0.005\n'
     run = steps.run(bench.study(f'[[parameter]]\n{zeta}[[residual]]\nkind = "frf"\ncount = 20\n', test="frfs.uff"))
@@ -180,7 +108,7 @@ def test_modal_damping_is_found_and_told_where_the_deck_has_no_card_for_it(bench
 @pytest.mark.slow
 def test_antiresonances_update_stiffness(bench: Bench, true_deck: Path) -> None:
     seen = ("2Y+", "3Y+", "4Y+", "5Y+")
-    measured(bench, functions(true_deck, 0.0, ("3Y+", "5Y+"), seen))
+    bench.functions(functions(true_deck, 0.0, ("3Y+", "5Y+"), seen))
     stiffness = PARAMETERS[: PARAMETERS.index('[[parameter]]\nname = "loss"')]
     update = steps.run(study_of(bench, 'kind = "antiresonance"\ncount = 20', stiffness)).results.update
     assert update is not None
@@ -191,7 +119,7 @@ def test_antiresonances_update_stiffness(bench: Bench, true_deck: Path) -> None:
 
 @pytest.mark.slow
 def test_a_channel_that_does_not_couple_is_named_in_the_alerts(bench: Bench, true_deck: Path) -> None:
-    measured(bench, functions(true_deck, 1e-4, ("5Y+",)))
+    bench.functions(functions(true_deck, 1e-4, ("5Y+",)))
     run = steps.run(study_of(bench, 'kind = "frf"\ncount = 20'))
     (alert,) = [a for a in run.results.alerts if a.code == "residual.silent-frf"]
     assert (
@@ -217,7 +145,7 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_be_compared_is_refused_in_a_sentence(name: str, bench: Bench, true_deck: Path) -> None:
     text, code = REFUSED[name]
-    measured(bench, functions(true_deck))
+    bench.functions(functions(true_deck))
     if name == "no functions":
         bench.uff(bench.measure(true_deck), "frfs.uff")
     with pytest.raises(FemtuneError) as error:
@@ -227,7 +155,7 @@ def test_what_cannot_be_compared_is_refused_in_a_sentence(name: str, bench: Benc
 
 
 def test_what_is_seen_only_at_the_start_points_to_its_own_table(bench: Bench, true_deck: Path) -> None:
-    measured(bench, functions(true_deck))
+    bench.functions(functions(true_deck))
     path = study_of(bench, 'kind = "frf"\nto_hz = 50.0\n\n[[residual]]\nkind = "frf"\nfrom_hz = 900.0')
     with pytest.raises(FemtuneError, match="no frequency line from 900 Hz on") as error:
         load_study(path).problem().start(np.zeros(4))
@@ -239,7 +167,7 @@ def test_what_is_seen_only_at_the_start_points_to_its_own_table(bench: Bench, tr
 @pytest.mark.slow
 def test_functions_on_reduced_models(bench: Bench, true_deck: Path) -> None:
     """The same end as with the full model, the comparison of both in the results and in the report."""
-    measured(bench, functions(true_deck, 0.002))
+    bench.functions(functions(true_deck, 0.002))
     ends = []
     for table in ("", "\n[reduction]\n"):
         run = steps.run(study_of(bench, f'kind = "frf"\nfloor = 0.002\n{table}'))
@@ -262,7 +190,7 @@ def test_functions_on_reduced_models(bench: Bench, true_deck: Path) -> None:
 
 def test_poor_channels_and_turned_sensors_weigh_less(bench: Bench, true_deck: Path) -> None:
     """σ of the logarithm: that of the output; with a turned sensor more where the other axis moves more."""
-    measured(bench, functions(true_deck))
+    bench.functions(functions(true_deck))
     weights = 'sd = 0.02\noutput_sd = { "3Y+" = 0.3 }\nangle_sd_deg = { 5 = 2.0 }'
     study = load_study(study_of(bench, f'kind = "frf"\ncount = 20\n{weights}'))
     study.problem().start(np.zeros(4))

@@ -14,8 +14,8 @@ from femtune.results.step_results import RunResult
 from femtune.results.validation import ValidationVerdict
 
 from ..messages.shown import check_shown
-from .conftest import Bench
-from .test_frf_truncation import BEAM, OUTPUTS, measured, write_functions
+from .cantilever import Bench
+from .fine_cantilever import BEAM, OUTPUTS, measure, write_functions
 
 LIMITS = """
 [validate]
@@ -54,7 +54,7 @@ def by_criterion(run: RunResult, configuration: str = "as the deck") -> dict[str
 @pytest.fixture(scope="module")
 def with_frfs(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     made = Bench(tmp_path_factory.mktemp("frfs"))
-    measured(made, LINES)
+    measure(made, LINES)
     return made
 
 

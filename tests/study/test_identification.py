@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from tests.messages.shown import check_shown
+from tests.reporting.packed import unpacked
 from tests.reporting.page_scripts import without_own_scripts
-from tests.reporting.test_view import unpacked
 
 from femtune.cli import main
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.files.deviations import with_deviations
 from femtune.files.uff import read_uff, write_uff_frfs
-from femtune.identification.operational import METHODS
+from femtune.identification import operational
 from femtune.modal import StateSpace
 from femtune.modal.shape_criteria import mac
 from femtune.reporting.identification import build_identification_page
@@ -95,14 +95,14 @@ def test_choices_by_hand_are_kept(record, tmp_path):
 def test_a_choice_by_hand_need_not_be_met_by_every_method_and_fragment(record, tmp_path, monkeypatch):
     # in every other piece of work the mode that is dropped was not found at all
     lowest, calls = float(PLANT.truth.freq_hz[0]), []
-    whole = METHODS["SSI-cov"]
+    whole = operational.by_covariances
 
     def half(piece, asked):
         calls.append(piece)
         above = replace(asked, band_hz=(1.3 * lowest, 12.0))
         return whole(piece, asked if len(calls) % 2 else above)
 
-    monkeypatch.setitem(METHODS, "SSI-cov", half)
+    monkeypatch.setattr(operational, "by_covariances", half)
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "drop_hz": (lowest,), "fragments": 2, "methods": ("SSI-cov",)}
     made = identify(record, output=tmp_path / "out", **{**asked, "largest_order": 20})
     assert len(calls) == 2
@@ -327,8 +327,10 @@ def test_a_record_of_velocities_and_accelerations_gives_the_shapes_of_accelerati
 
 @pytest.mark.slow
 def test_agreement_is_of_the_modes_that_several_methods_found(record, tmp_path, monkeypatch):
-    lowest, whole = float(PLANT.truth.freq_hz[0]), METHODS["FDD"]
-    monkeypatch.setitem(METHODS, "FDD", lambda piece, asked: whole(piece, replace(asked, band_hz=(1.3 * lowest, 12.0))))
+    lowest, whole = float(PLANT.truth.freq_hz[0]), operational.by_decomposition
+    monkeypatch.setattr(
+        operational, "by_decomposition", lambda piece, asked: whole(piece, replace(asked, band_hz=(1.3 * lowest, 12.0)))
+    )
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "largest_order": 16}
     made = identify(record, output=tmp_path / "two", methods=("SSI-cov", "FDD"), **asked)
     sentence = build_identification_page(made).verdict
@@ -349,7 +351,7 @@ def test_agreement_is_of_the_modes_that_several_methods_found(record, tmp_path, 
     assert "identify.further-modes" not in {n.code for n in dropped.found.notices}
     alone = identify(record, output=tmp_path / "one", methods=("SSI-cov",), **asked)
     assert "method" not in build_identification_page(alone).verdict
-    monkeypatch.setitem(METHODS, "FDD", whole)
+    monkeypatch.setattr(operational, "by_decomposition", whole)
     both = identify(record, output=tmp_path / "both", methods=("SSI-cov", "FDD"), **asked)
     assert "several methods found all modes" in build_identification_page(both).verdict
     assert "identify.one-method" not in {n.code for n in both.found.notices}

@@ -20,7 +20,8 @@ from femtune.reporting.html import html_text
 from femtune.results.alerts import alerts_of
 from femtune.testdata import ModalTest
 
-Bench = Any
+from .cantilever import Bench
+
 SHAPES = '[[residual]]\nkind = "shape"\n'
 
 

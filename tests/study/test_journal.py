@@ -17,7 +17,7 @@ from femtune.residuals import direct
 from femtune.results.folder import read_results
 from femtune.results.step_results import RunResult
 
-Bench = Any
+from .cantilever import Bench
 
 
 class Solved:

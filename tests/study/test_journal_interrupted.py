@@ -18,7 +18,7 @@ from femtune.residuals import direct
 from femtune.results.folder import read_results
 from femtune.results.step_results import RunResult
 
-Bench = Any
+from .cantilever import Bench
 
 # the run of a study that ends itself without any farewell: before or after a solution, or amid the writing of one
 _KILLED = """

@@ -11,16 +11,15 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from tests.study.test_frf_residuals import DAMPED, PARAMETERS, TRULY, functions, measured, study_of
 
 from femtune import steps
 from femtune.results.folder import read_results
 
-Bench = Any
+from .cantilever import Bench
+from .damped_cantilever import DAMPED, PARAMETERS, TRULY, functions, study_of
 
 _RUN = "import sys; from femtune import steps; steps.run(sys.argv[1])"
 _LIMITED = """
@@ -47,7 +46,7 @@ _FILES = ("starts.jsonl", "bootstrap.jsonl")
 
 
 def _study(bench: Bench, tables: str) -> Path:
-    measured(bench, functions(bench.truth(TRULY, DAMPED), 0.002))
+    bench.functions(functions(bench.truth(TRULY, DAMPED), 0.002))
     return study_of(bench, f'kind = "frf"\nfloor = 0.002\nmost = 60\n[reduction]\n{tables}', PARAMETERS)
 
 

@@ -7,44 +7,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.deck_models import model_of
 
 from femtune import steps
 from femtune.errors import FemtuneError, Notice
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
-from femtune.files.uff import write_uff_frfs
-from femtune.model import Configuration, ConfiguredModel, configure, constant_damping, parametric_model, solve_modes
+from femtune.model import ConfiguredModel, constant_damping, solve_modes
 from femtune.model.response import frf_gradient, make_ports
-from femtune.parameters import ParameterSet
 from femtune.results.step_results import RunResult
-from femtune.testdata import ModalTest, WireFrame
-from femtune.units import SI
 
 from ..messages.shown import check_shown
-from .conftest import CANTILEVER, TRUE, Bench
+from .cantilever import CANTILEVER, EI, TRUE, Bench
 
-PARAMETERS = """
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
-
-[[parameter]]
-name = "tip"
-fields = ["PBAR 2 I1"]
-lower = 0.5
-upper = 2.0
-"""
 LINES, RATIO, SECOND = np.arange(10.0, 400.0, 2.0), 0.02, 1
 """Lines in Hz, damping, and which of the modes that bend in the plane of the test is not in it."""
 
 
 def _model(bench: Bench, deck: Path | None = None) -> ConfiguredModel:
     path = deck or bench.write("beam.bdf", CANTILEVER)
-    return configure(
-        parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ()), Configuration()
-    )
+    return model_of(path)
 
 
 def _missing(bench: Bench, deck: Path | None = None) -> tuple[int, float]:
@@ -65,15 +45,13 @@ def _measured(bench: Bench) -> None:
         solve_modes(model.at(np.zeros(0)), 20), ports, LINES, damping=constant_damping(RATIO),
         left_out=[_missing(bench, deck)[0]],
     ).frfs  # fmt: skip
-    nodes = np.array([1, 2, 3, 4, 5])
-    frame = WireFrame(nodes, np.column_stack([0.25 * (nodes - 1.0), np.zeros((5, 2))]))
-    write_uff_frfs(bench.folder / "frfs.uff", ModalTest("frfs", SI, frame, frfs=replace(found, coherence=None)))
+    bench.functions(replace(found, coherence=None))
 
 
 def _study(bench: Bench, more: str, after: str = "") -> Path:
     bench.write("beam.bdf", CANTILEVER)
     residual = f'[[residual]]\nkind = "frf"\nratio = {RATIO}\n{more}\n'
-    return bench.study(f"{PARAMETERS}\n{residual}\n{after}", test="frfs.uff")
+    return bench.study(f"{EI}\n{residual}\n{after}", test="frfs.uff")
 
 
 def _values(run: RunResult) -> dict[str, float]:

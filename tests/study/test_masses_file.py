@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +14,8 @@ from femtune.errors import FemtuneError, FemtuneErrors, Notice
 from femtune.files.masses_table import read_masses_table
 from femtune.model import AddedMass, Configuration
 
-from .conftest import modes_of_deck
+from .cantilever import Bench, modes_of_deck
 
-Bench = Any
 TABLE = "node;mass_g;z;label\n3;40;0.01;triaxial\n5; 25 ;0;uniaxial\n3;5;0;cable\n"
 OWN = '[[configuration]]\nname = "a"\nmasses_file = "sensors.csv"\n'
 

@@ -11,7 +11,7 @@ from femtune import steps
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
 
-from .conftest import Bench
+from .cantilever import Bench
 
 TWO = """SOL 111
 CEND

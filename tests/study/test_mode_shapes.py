@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.deck_models import model_of
 
 from femtune import steps
 from femtune.assembly.drawn_mesh import ELEMENT, RIGID, DrawnMesh, active_faces, active_lines, mesh_beside, thinned
 from femtune.fem import NodeTable
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
-from femtune.model import Configuration, ConfiguredModel, configure, parametric_model, solve_modes
-from femtune.parameters import ParameterSet
+from femtune.model import Configuration, ConfiguredModel, solve_modes
 from femtune.results import shapes as record_shapes
 from femtune.results.shapes import grid_translations
 from femtune.results.step_results import RunResult
@@ -49,8 +47,7 @@ ENDDATA
 def _portal(folder: Path, cd: str = "", off: frozenset[int] = frozenset()) -> ConfiguredModel:
     path = folder / f"portal{cd}.bdf"
     path.write_text("SOL 103\nCEND\nSPC = 1\n" + PORTAL.replace("{cd}", cd))
-    model = parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ())
-    return configure(model, Configuration(elements_off=off))
+    return model_of(path, Configuration(elements_off=off))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from femtune import steps
 from femtune.errors import FemtuneError
 
-Bench = Any
+from .cantilever import Bench
 
 
 def _by_check(checks: Any) -> dict[str, Any]:

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.study.conftest import CANTILEVER, Bench
 
 from femtune import steps
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
 from femtune.model import Configuration, solve_modes
+
+from .cantilever import CANTILEVER, Bench
 
 OFFSET = CANTILEVER.replace(
     "CBAR    3       2       3       4       0.0     1.0     0.0\n",

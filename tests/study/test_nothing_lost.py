@@ -15,7 +15,7 @@ from femtune.errors import FemtuneError
 from femtune.results.folder import read_results, unwritable
 from femtune.study import run
 
-Bench = Any
+from .cantilever import Bench
 
 
 class Told:

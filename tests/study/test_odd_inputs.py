@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from tests.messages.shown import check_shown
 
 from femtune import steps
 
-Bench = Any
+from .cantilever import Bench
 
 
 @pytest.mark.slow

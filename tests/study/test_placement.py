@@ -17,7 +17,7 @@ from femtune.residuals.weights import ResidualBlock
 from femtune.results.solved import nominal
 from femtune.results.versions import start
 
-from .conftest import EI, Bench, modes_of_deck
+from .cantilever import EI, Bench, modes_of_deck
 
 SHAPES = '[[residual]]\nkind = "shape"\nsd = 0.01\n{}'
 

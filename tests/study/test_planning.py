@@ -14,7 +14,6 @@ import pytest
 import pyuff
 from click.testing import CliRunner
 from scipy.stats import qmc
-from tests.study.test_imported_study import written
 
 from femtune import Study, steps
 from femtune.arrays import Reals
@@ -29,42 +28,21 @@ from femtune.results.step_results import PlanResult
 from femtune.study.planning.candidates import surface_normals
 from structures.plan_chain import BOUNDS, NAMES, chain_deck, chain_modes, scatter_of_updates
 
-_NX, _NY = 8, 6
-
-
-def plate_deck(clamped: bool = False, *extra: str) -> str:
-    """A plate of .8 × .6 m with its grid points numbered by row, 1 at the origin; clamped along x = 0 or free."""
-    lines = ["SOL 103", "CEND", "METHOD = 1", *(["SPC = 1"] if clamped else []), "BEGIN BULK", "PARAM,COUPMASS,1"]
-    for j in range(_NY + 1):
-        for i in range(_NX + 1):
-            lines.append(f"GRID,{_at(i, j)},,{0.1 * i:.2f},{0.1 * j:.2f},0.")
-    for j in range(_NY):
-        for i in range(_NX):
-            corners = (_at(i, j), _at(i + 1, j), _at(i + 1, j + 1), _at(i, j + 1))
-            lines.append(f"CQUAD4,{1 + i + _NX * j},1,{','.join(map(str, corners))}")
-    lines += ["PSHELL,1,1,.004,1,,1", "MAT1,1,7.+10,,.33,2700.", "EIGRL,1,,,12"]
-    if clamped:
-        held = ",".join(str(_at(0, j)) for j in range(_NY + 1))
-        first, rest = held.split(",")[:5], held.split(",")[5:]
-        lines += [f"SPC1,1,123456,{','.join(first)}", f"SPC1,1,123456,{','.join(rest)}"]
-    return "\n".join([*lines, *extra, "ENDDATA", ""])
-
-
-def _at(i: int, j: int) -> int:
-    return 1 + i + (_NX + 1) * j
-
-
-@pytest.fixture
-def free(tmp_path: Path) -> Path:
-    path = tmp_path / "plate.bdf"
-    path.write_text(plate_deck())
-    return path
+from .matrix_chain import written
+from .plate import NX, NY, grid_at, plate_deck
 
 
 @pytest.fixture
 def clamped(tmp_path: Path) -> Path:
     path = tmp_path / "clamped.bdf"
     path.write_text(plate_deck(clamped=True))
+    return path
+
+
+@pytest.fixture
+def free(tmp_path: Path) -> Path:
+    path = tmp_path / "plate.bdf"
+    path.write_text(plate_deck())
     return path
 
 
@@ -106,7 +84,7 @@ def test_elastic_modes_are_the_targets_where_none_are_named(free: Path) -> None:
 def test_all_modes_and_all_points(free: Path) -> None:
     found = steps.plan(free, modes="ALL", nodes="ALL", uniaxial=8)
     assert [m.number for m in found.record.modes] == list(range(7, 13))
-    assert found.record.candidate_points == (_NX + 1) * (_NY + 1)
+    assert found.record.candidate_points == (NX + 1) * (NY + 1)
     with pytest.raises(FemtuneError, match="has none of the listed numbers"):
         steps.plan(free, uniaxial=8, suspension=[{"nodes": "500 THRU 600", "stiffness": (1.0, 1.0, 1.0)}])
 
@@ -124,7 +102,7 @@ def test_targets_of_a_band_are_solved_for(free: Path) -> None:
 def test_placed_sets_are_better_than_random_ones(free: Path, method: str, weighting: str) -> None:
     found = steps.plan(free, uniaxial=9, method=method, weighting=weighting, uniaxial_threshold=0.0)
     shapes = steps.modes(free).mode_sets["as the deck"]
-    z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, _at(_NX, _NY) + 1))).shapes[:, 6:]
+    z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, grid_at(NX, NY) + 1))).shapes[:, 6:]
     rng = np.random.default_rng(0)
     others = [log_det(information_of(z[rng.choice(len(z), 9, replace=False)])) for _ in range(500)]
     assert found.record.chosen.log_det is not None
@@ -134,17 +112,17 @@ def test_placed_sets_are_better_than_random_ones(free: Path, method: str, weight
 def test_kinetic_energy_is_weighted_by_the_mass_at_the_points(tmp_path: Path) -> None:
     # a mass beside which all others are nothing draws a sensor, though the point moves less for it
     path = tmp_path / "plate.bdf"
-    path.write_text(plate_deck(False, f"CONM2,900,{_at(4, 3)},,20."))
+    path.write_text(plate_deck(False, f"CONM2,900,{grid_at(4, 3)},,20."))
     plain = steps.plan(path, modes=[7, 8, 9, 10], uniaxial=5)
     weighted = steps.plan(path, modes=[7, 8, 9, 10], uniaxial=5, weighting="kinetic-energy")
-    assert _at(4, 3) not in [s.node for s in plain.record.sensors]
-    assert _at(4, 3) in [s.node for s in weighted.record.sensors]
+    assert grid_at(4, 3) not in [s.node for s in plain.record.sensors]
+    assert grid_at(4, 3) in [s.node for s in weighted.record.sensors]
 
 
 def test_constrained_points_are_no_candidates(clamped: Path) -> None:
     found = steps.plan(clamped, uniaxial=12)
-    assert found.record.still == _NY + 1
-    assert not {s.node for s in found.record.sensors} & {_at(0, j) for j in range(_NY + 1)}
+    assert found.record.still == NY + 1
+    assert not {s.node for s in found.record.sensors} & {grid_at(0, j) for j in range(NY + 1)}
     assert "plan.still" in [a.code for a in found.record.alerts]
 
 
@@ -154,9 +132,9 @@ def test_candidates_are_limited(free: Path) -> None:
     assert some.record.candidate_points == 28
     assert {s.node for s in some.record.sensors} <= set(range(2, 31)) - {9}
     of_elements = steps.plan(free, elements="1 THRU 8", **asked)
-    assert of_elements.record.candidate_points == 2 * (_NX + 1)
+    assert of_elements.record.candidate_points == 2 * (NX + 1)
     boxed = steps.plan(free, region={"box": ((0.0, 0.0, -1.0), (0.4, 0.6, 1.0))}, **asked)
-    assert boxed.record.candidate_points == 5 * (_NY + 1)
+    assert boxed.record.candidate_points == 5 * (NY + 1)
 
 
 def test_points_of_a_named_set_of_the_deck(tmp_path: Path) -> None:
@@ -172,7 +150,7 @@ def test_directions_along_the_axes(free: Path) -> None:
     found = steps.plan(free, directions=["X", "Z"], modes="7 THRU 10", uniaxial=8)
     assert {s.dofs[0][-2] for s in found.record.sensors} == {"Z"}
     # in-plane motion is zero but for rounding in bending modes
-    assert found.record.candidate_directions == (_NX + 1) * (_NY + 1)
+    assert found.record.candidate_directions == (NX + 1) * (NY + 1)
 
 
 def test_given_sensors_stay_and_count(free: Path) -> None:
@@ -304,7 +282,7 @@ def test_options_replace_single_keys_of_the_study(tmp_path: Path) -> None:
     )
     found = steps.plan(study, uniaxial=4)
     assert len(found.record.sensors) == 4
-    assert found.record.candidate_points == 5 * (_NY + 1)
+    assert found.record.candidate_points == 5 * (NY + 1)
     assert found.record.suspension is not None
     assert [m.number for m in found.record.modes] == [7, 8, 9]
 
@@ -330,7 +308,7 @@ def test_exciters_excite_every_target_mode(free: Path) -> None:
     found = steps.plan(free, modes="7 THRU 12", uniaxial=12, exciters=2)
     assert [e.name for e in found.record.exciters] == ["E1", "E2"]
     shapes = steps.modes(free).mode_sets["as the deck"]
-    z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, _at(_NX, _NY) + 1))).shapes[:, 6:12]
+    z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, grid_at(NX, NY) + 1))).shapes[:, 6:12]
     levels = (z**2 / (z**2).max(axis=0))[[e.node - 1 for e in found.record.exciters]]
     assert [m.level for m in found.record.excitation] == pytest.approx(levels.max(axis=0), rel=1e-6)
     # no pair of points is much better
@@ -344,7 +322,7 @@ def test_exciters_excite_every_target_mode(free: Path) -> None:
 @pytest.mark.slow
 def test_a_given_exciter_and_the_sensor_at_its_driving_point(free: Path) -> None:
     # on the axis of symmetry: antisymmetric modes are not excited
-    middle = f"{_at(4, 3)}Z+"
+    middle = f"{grid_at(4, 3)}Z+"
     found = steps.plan(free, modes="7 THRU 10", placed=[middle], uniaxial=8, exciters_placed=[middle])
     (exciter,) = found.record.exciters
     assert exciter.given
@@ -392,7 +370,7 @@ def test_masses_of_the_sensors_shift_as_masses_of_the_configuration(free: Path) 
 
 @pytest.mark.slow
 def test_a_suspension_beside_springs_in_the_deck(tmp_path: Path, free: Path) -> None:
-    corners = [_at(0, 0), _at(_NX, 0), _at(0, _NY), _at(_NX, _NY)]
+    corners = [grid_at(0, 0), grid_at(NX, 0), grid_at(0, NY), grid_at(NX, NY)]
     found = steps.plan(
         free, modes="7 THRU 10", uniaxial=6, suspension=[{"nodes": corners, "stiffness": (30.0, 40.0, 50.0)}]
     ).record.suspension

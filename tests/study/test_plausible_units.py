@@ -21,9 +21,8 @@ from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.units import unit_system
 
-from .conftest import EI
+from .cantilever import EI, Bench
 
-Bench = Any
 MATERIAL = "MAT1    1       2.1+11          0.3     7850."
 
 

@@ -22,7 +22,7 @@ from femtune.reporting.sections.quantify import variability_blocks
 from femtune.results.quantify import QuantifyResults
 from femtune.study.quantify import SAMPLES_FILE, in_words_of_the_study, quantify_at, repeats_of
 
-from .conftest import EI, Bench
+from .cantilever import EI, Bench
 
 SPREAD, COUNT = 0.05, 12
 IN_PLANE = [0, 2, 4]

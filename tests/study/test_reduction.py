@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -13,21 +12,7 @@ from femtune.reporting.build import build_report
 from femtune.results.step_results import RunResult
 from femtune.study.reduction import TrainingProgress
 
-Bench = Any
-
-EI = """
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
-
-[[parameter]]
-name = "tip"
-fields = ["PBAR 2 I1"]
-lower = 0.5
-upper = 2.0
-"""
+from .cantilever import EI, Bench
 
 
 def _run(bench: Bench, table: str) -> RunResult:

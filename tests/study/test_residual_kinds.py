@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.deck_models import model_of
 
 from femtune import steps
 from femtune.dofs import DofSet
@@ -16,13 +17,11 @@ from femtune.files.deviations import deviations_text
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.modal import ModeSet
-from femtune.model import Configuration, configure, parametric_model
 from femtune.model.response import make_ports, static_response
-from femtune.parameters import ParameterSet
 from femtune.results.step_results import RunResult
 from femtune.testdata import ModalTest
 
-from .conftest import CANTILEVER, EI, Bench, modes_of_deck
+from .cantilever import CANTILEVER, EI, Bench, modes_of_deck
 
 LOAD = "forces = { '5Y+' = 100.0, '5Z+' = 30.0 }"
 SEEN = ("2Y+", "3Y+", "5Y+")
@@ -30,9 +29,7 @@ SEEN = ("2Y+", "3Y+", "5Y+")
 
 def displacements(deck: Path, labels: tuple[str, ...] = SEEN) -> NDArray:
     """Of the true beam under the load, past everything that a study does."""
-    model = configure(
-        parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ()), Configuration()
-    )
+    model = model_of(deck)
     found = static_response(model.at(np.zeros(0)), make_ports(model, ["5Y+", "5Z+"], labels)).values
     return np.asarray(found @ [100.0, 30.0])
 

@@ -10,25 +10,23 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tests.reporting.test_view import unpacked
+from tests.deck_models import model_of
+from tests.reporting.packed import unpacked
 
 from femtune import steps
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
 from femtune.files.uff import read_uff, write_uff_frfs
 from femtune.modal import FrfSet, as_kind
-from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
+from femtune.model import constant_damping, solve_modes
 from femtune.model.response import ACCURACY, frf, make_ports
-from femtune.parameters import ParameterSet
 from femtune.reporting.source import ReportSource
 from femtune.reporting.view import view_of
 from femtune.results.response import ResponseResults
 from femtune.testdata import ModalTest
 from femtune.units import SI
 
-from .conftest import CANTILEVER, EI, Bench
+from .cantilever import CANTILEVER, EI, Bench
 
 OSCILLATOR = """SOL 111
 CEND
@@ -177,8 +175,7 @@ def test_a_free_beam_beside_its_closed_form(bench: Bench) -> None:
 
 def _functions(deck: Path, outputs: list[str], inputs: list[str], lines: NDArray) -> FrfSet:
     """What a test of a deck with 1 % damping measures."""
-    model = parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ())
-    configured = configure(model, Configuration())
+    configured = model_of(deck)
     modes = solve_modes(configured.at(np.zeros(0)), 20)
     ports = make_ports(configured, inputs, outputs)
     return frf(modes, ports, lines, "accelerance", "real-modes", damping=constant_damping(0.01))

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,7 +18,7 @@ from femtune.errors import FemtuneError
 from femtune.study import run_lock
 from femtune.study.run_lock import LOCK_FILE, locked
 
-Bench = Any
+from .cantilever import Bench
 
 _HOLDER = """
 import sys, time

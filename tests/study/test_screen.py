@@ -13,7 +13,7 @@ from femtune.errors import FemtuneError, Notice
 from femtune.experiments import orthogonal_array
 from femtune.study.model_runs import FollowedModes
 
-from .conftest import CANTILEVER, EI, Bench
+from .cantilever import CANTILEVER, EI, Bench
 
 MASS = '\n[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\nlower = 0.8\nupper = 1.2\n'
 NARROW = EI.replace("0.5", "0.8").replace("2.0", "1.2")

@@ -17,7 +17,7 @@ from femtune.residuals.mac import mac_residual
 from femtune.study.global_search import _Responses
 from femtune.study.search_front import one_less_mac
 
-from .conftest import EI, TRUE, Bench, measured
+from .cantilever import EI, TRUE, Bench, measured
 
 RESIDUALS = "\n[residuals]\nfrequency_sd = 0.01\n"
 SHAPES = "\n[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.05\n"

@@ -15,7 +15,7 @@ from femtune.reporting.single_steps import selection_document, subject_of
 from femtune.results.selection import SelectionMeasures
 from femtune.results.solved import solved_cases
 
-from .conftest import EI, Bench
+from .cantilever import EI, Bench
 
 TWICE = """
 [[parameter]]

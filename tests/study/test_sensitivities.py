@@ -6,15 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.deck_models import model_of
 
 from femtune import steps
 from femtune.dofs import DofSet
-from femtune.files.nastran.build import build_structure
-from femtune.files.nastran.deck import read_deck
 from femtune.files.uff import write_uff_modes
 from femtune.modal import ModeSet
-from femtune.model import Configuration, configure, parametric_model, solve_modes
-from femtune.parameters import ParameterSet
+from femtune.model import solve_modes
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
@@ -64,8 +62,7 @@ frequency_form = "{form}"
 def _frequencies(folder: Path, k1: float, m: float) -> tuple[np.ndarray, np.ndarray]:
     path = folder / "typed.bdf"
     path.write_text(DECK.format(k1=repr(float(k1)), m=repr(float(m))))
-    model = parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ())
-    solution = solve_modes(configure(model, Configuration()).at(np.zeros(0)), 2)
+    solution = solve_modes(model_of(path).at(np.zeros(0)), 2)
     return solution.freq_hz, solution.shapes
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from femtune import steps
 from femtune.files.nastran.lines import parse_real
 
-Bench = Any
+from .cantilever import Bench
 
 MATERIAL, GIVEN = "MAT1    1       2.1+11          0.3     7850.", "MAT1    1       2.1+11  8.08+10 0.3     7850."
 E = '[[parameter]]\nname = "E"\nfields = ["MAT1 1 E"]\nlower = 0.5\nupper = 2.0\n'

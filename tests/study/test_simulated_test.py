@@ -16,7 +16,7 @@ from femtune.files.uff import read_uff
 from femtune.study.simulated_test import SimulatedTest, sensor_dofs
 from femtune.units import SI
 
-Bench = Any
+from .cantilever import Bench
 
 
 def _written(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:

@@ -10,7 +10,7 @@ from femtune import steps
 from femtune.errors import FemtuneError
 from structures import subframe
 
-from .conftest import CANTILEVER
+from .cantilever import CANTILEVER
 
 
 @pytest.mark.parametrize("step", ["info", "modes", "correlate", "select", "update", "run", "respond"])

@@ -7,15 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.messages.shown import check_shown
-from tests.study.test_solver_study import SCRIPT, TRUTH, exact, started, write
 
 import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.files.runs_table import RunsTable, write_runs_table
-from femtune.modal import ModeSet
-from femtune.testdata import ModalTest, WireFrame
-from femtune.units import SI
+
+from .two_masses import SCRIPT, TRUTH, exact, of_both_masses, prepared, started
 
 BOLT = 430.0
 DOFS = DofSet.parse(["1Z+", "2Z+"])
@@ -46,23 +44,18 @@ def bolted(k1: float, k2: float, bolt: float) -> tuple[np.ndarray, np.ndarray]:
 
 def with_configurations(path: Path, own: str) -> None:
     """Two tests and a parameter that the second configuration has alone."""
-    places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    for name, (hz, shapes) in (("free", exact(*TRUTH)), ("bolted", bolted(*TRUTH, BOLT))):
-        test = ModalTest(name, SI, WireFrame(np.array([1, 2]), places), modes=ModeSet(hz, shapes, DOFS))
-        ft.write_test(test, path.parent / f"{name}.uff")
+    for name, modes in (("free", exact(*TRUTH)), ("bolted", bolted(*TRUTH, BOLT))):
+        ft.write_test(of_both_masses(modes, name), path.parent / f"{name}.uff")
     text = path.read_text().replace('[test]\nfile = "test.uff"\n', CONFIGURATIONS.format(own=own))
     path.write_text(text.replace("\n[residuals]\n", PARAMETER))
 
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
-    (tmp_path / "state").mkdir()
-    (tmp_path / "in.txt").write_text("{{k1}}\n{{k2}}\n")
+    path = prepared(tmp_path)
     (tmp_path / "bolted.txt").write_text("{{k1}}\n{{k2}}\n{{bolt}}\n")
-    (tmp_path / "solve.py").write_text(SCRIPT)
     script = SCRIPT.replace('k1, k2 = (float(x) for x in open("in.txt"))', _READ)
     (tmp_path / "bolted.py").write_text(script)
-    path = write(tmp_path)
     command = path.read_text().split("command = ")[1].split("\n")[0].replace("solve.py", "bolted.py")
     own = f'solver = {{ command = {command}, templates = ["bolted.txt"], files = ["bolted.py"] }}'
     with_configurations(path, own)

@@ -6,13 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.study.test_runs_study import study as table_study
-from tests.study.test_solver_study import TRUTH, exact, started, study, write
 
 import femtune as ft
 from femtune.errors import FemtuneError
 
-__all__ = ["study", "table_study"]
+from .runs_of_chain import prepared as prepared_table
+from .two_masses import TRUTH, exact, prepared, started, write_study
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    return prepared(tmp_path)
+
+
+@pytest.fixture
+def table_study(tmp_path: Path) -> Path:
+    return prepared_table(tmp_path)
 
 
 def modes_at(k1: float, k2: float) -> np.ndarray:
@@ -76,7 +85,7 @@ def test_a_table_does_not_overwrite_the_table_of_runs(table_study: Path) -> None
 
 
 def test_runs_of_a_screening_that_fail_are_named(study: Path) -> None:
-    write(study.parent, FAKE_ABOVE="1400")
+    write_study(study.parent, FAKE_ABOVE="1400")
     found = ft.screen(study)
     points = found.arrays["screen_runs"][:, 0]
     assert [f.run for f in found.record.failed] == (np.flatnonzero(points > 1400.0) + 1).tolist()
@@ -98,7 +107,7 @@ def test_a_search_on_the_solver_finds_the_truth_and_a_second_one_costs_nothing(s
 
 @pytest.mark.slow
 def test_a_search_where_some_runs_fail(study: Path) -> None:
-    write(study.parent, FAKE_ABOVE="1300")
+    write_study(study.parent, FAKE_ABOVE="1300")
     found = ft.search(study, runs=16)
     assert found.record.failed
     # 16 and one more for each that failed of them, 5 fresh ones, 5 where the objective may be better, the minimum

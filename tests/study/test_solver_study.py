@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.messages.shown import check_shown
-from tests.runs.test_real_solvers import BDF, HEIGHT, INP, WIDTH
+from tests.runs.solver_beam import BDF, HEIGHT, INP, WIDTH
 
 import femtune as ft
 from femtune.dofs import DofSet
@@ -28,106 +28,12 @@ from femtune.runs.process import begun, run_process
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
-# two masses of 1 kg on springs k1 and k2 to ground, coupled by a weak spring: their modes change places at k1 = k2;
-# the frequencies are rounded to seven digits, as those of a listing
-SCRIPT = """
-import math, os, sys, time
-k1, k2 = (float(x) for x in open("in.txt"))
-state = os.environ["FAKE_STATE"]
-os.close(os.open("%s/started-%d" % (state, time.time_ns()), os.O_CREAT))
-time.sleep(float(os.environ.get("FAKE_S", "0")))
-if os.environ.get("FAKE_ONCE") and not os.path.exists("%s/%r-%r" % (state, k1, k2)):
-    open("%s/%r-%r" % (state, k1, k2), "w").close()
-    sys.exit(1)
-if k1 > float(os.environ.get("FAKE_ABOVE", "inf")):
-    sys.exit(2)
-c = 10.0
-a, b = k1 + c, k2 + c
-mean, half = 0.5 * (a + b), math.hypot(0.5 * (a - b), c)
-angle = 0.5 * math.atan2(-2.0 * c, a - b)
-low, high = (-math.sin(angle), math.cos(angle)), (math.cos(angle), math.sin(angle))
-with open("modes.txt", "w") as out:
-    out.write(" ".join("%.6e" % (math.sqrt(v) / (2 * math.pi)) for v in (mean - half, mean + half)) + "\\n")
-    for i in (0, 1):
-        out.write("%dZ %.6e %.6e\\n" % (i + 1, low[i], high[i]))
-    out.write("end\\n")
-"""
-STUDY = """[study]
-title = "Two masses"
-units = "m-kg-s"
-
-[modes]
-count = 2
-
-[solver]
-command = {command}
-templates = ["in.txt"]
-files = ["solve.py"]
-result = "modes.txt"
-format = "table"
-environment = {{ {environment} }}
-
-[sensors]
-by_id = true
-
-[test]
-file = "test.uff"
-
-[[parameter]]
-name = "k1"
-absolute = true
-nominal = 800.0
-lower = 500.0
-upper = 1500.0
-
-[[parameter]]
-name = "k2"
-absolute = true
-lower = 500.0
-upper = 1500.0
-
-[residuals]
-frequency_sd = 0.001
-shape_sd = 0.01
-"""
-TRUTH = np.array([1210.0, 940.0])
-
-
-def exact(k1: float, k2: float) -> tuple[np.ndarray, np.ndarray]:
-    values, shapes = np.linalg.eigh(np.array([[k1 + 10.0, -10.0], [-10.0, k2 + 10.0]]))
-    return np.sqrt(values) / (2 * np.pi), shapes
+from .two_masses import SCRIPT, TRUTH, prepared, started, values, write_study
 
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
-    """The study, with the modes of the truth as its test: between it and the initial values the modes change places."""
-    (tmp_path / "state").mkdir()
-    (tmp_path / "in.txt").write_text("{{k1}}\n{{k2}}\n")
-    (tmp_path / "solve.py").write_text(SCRIPT)
-    hz, shapes = exact(*TRUTH)
-    frame = WireFrame(np.array([1, 2]), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
-    modes = ModeSet(hz, shapes, DofSet.parse(["1Z+", "2Z+"]))
-    ft.write_test(ModalTest("two masses", SI, frame, modes=modes), tmp_path / "test.uff")
-    return write(tmp_path)
-
-
-def write(folder: Path, **environment: str) -> Path:
-    """The study file, with further variables for the script."""
-    variables = {"FAKE_STATE": str(folder / "state"), **environment}
-    text = ", ".join(f'{name} = "{value}"' for name, value in variables.items())
-    command = str([sys.executable, "-I", "-S", "solve.py"]).replace("'", '"')
-    (folder / "study.toml").write_text(STUDY.format(command=command, environment=text))
-    return folder / "study.toml"
-
-
-def started(study: Path) -> int:
-    return len(list((study.parent / "state").glob("started-*")))
-
-
-def values(result: object) -> np.ndarray:
-    table = result.parameters  # type: ignore[attr-defined]
-    found = dict(zip(table.column("name"), table.column("value")))
-    return np.array([found["k1"], found["k2"]])
+    return prepared(tmp_path)
 
 
 @pytest.mark.slow
@@ -152,7 +58,7 @@ def test_the_truth_is_found_though_modes_change_places_on_the_way_and_a_second_r
 @pytest.mark.slow
 def test_failures_that_pass_do_not_change_the_result(study: Path) -> None:
     first = values(ft.run(study))
-    write(study.parent, FAKE_ONCE="yes")
+    write_study(study.parent, FAKE_ONCE="yes")
     begin = started(study)
     second = ft.run(study)
     assert values(second).tolist() == first.tolist()
@@ -163,7 +69,7 @@ def test_failures_that_pass_do_not_change_the_result(study: Path) -> None:
 @pytest.mark.slow
 def test_points_that_fail_for_good_are_replaced_and_the_effect_is_stated(study: Path) -> None:
     """Above 1212 the solver fails: of two runs beside the result one is replaced."""
-    write(study.parent, FAKE_ABOVE="1212")
+    write_study(study.parent, FAKE_ABOVE="1212")
     result = ft.run(study)
     np.testing.assert_allclose(values(result), TRUTH, rtol=1e-4)
     told = [a for a in result.results.alerts if a.code == "external.replaced"]
@@ -183,7 +89,7 @@ def test_an_update_that_may_not_move_far_enough_says_so(study: Path) -> None:
 @pytest.mark.slow
 def test_where_the_solver_fails_the_steps_are_halved_and_the_best_point_is_kept(study: Path) -> None:
     """The truth lies where the solver fails: the update ends before that, and says that it has not settled."""
-    write(study.parent, FAKE_ABOVE="1100")
+    write_study(study.parent, FAKE_ABOVE="1100")
     result = ft.run(study)
     found = values(result)
     assert 1000.0 < found[0] <= 1110.0
@@ -201,7 +107,7 @@ def _without_digits(text: str) -> str:
 @pytest.mark.skipif(os.name != "posix", reason="SIGTERM ends a process of Windows without asking it")
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, name: str) -> None:
-    write(study.parent, FAKE_S="0.1")
+    write_study(study.parent, FAKE_S="0.1")
     # a job in the background ignores SIGINT and so would its children
     code = "import signal, femtune.cli; signal.signal(signal.SIGINT, signal.default_int_handler); femtune.cli.main()"
     command = [sys.executable, "-c", code, "update", str(study)]

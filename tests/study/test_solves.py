@@ -12,7 +12,7 @@ from femtune.assembly.study import read_study
 from femtune.files.uff import scan_uff
 from femtune.residuals import direct
 
-Bench = Any
+from .cantilever import Bench
 
 
 @pytest.mark.slow

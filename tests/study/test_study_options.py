@@ -19,7 +19,7 @@ from femtune.testdata import ModalTest, WireFrame
 from femtune.testdata.convert import convert_units, place
 from femtune.units import unit_system
 
-Bench = Any
+from .cantilever import Bench
 
 
 def values(run: RunResult) -> dict[str, float]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,7 +14,7 @@ from femtune.files.study_file.reading import study_from_text
 from femtune.results.step_results import RunResult
 from femtune.study.starts import STARTS_FILE
 
-Bench = Any
+from .cantilever import Bench
 
 
 def values(run: RunResult) -> dict[str, float]:

@@ -11,7 +11,7 @@ from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.results.step_results import RunResult
 
-Bench = Any
+from .cantilever import Bench
 
 HALF = """
 [[parameter]]

@@ -8,15 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from tests.deck_models import model_of
 from tests.messages.shown import check_shown
 
 from femtune import steps
 from femtune.errors import FemtuneError, FemtuneErrors
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
 from femtune.files.study_file.reading import read_study_file
 from femtune.files.study_file.validation import ValidateTable
-from femtune.model import Configuration, configure, parametric_model, solve_modes
+from femtune.model import solve_modes
 from femtune.model.damping import constant_damping
 from femtune.model.response import make_ports
 from femtune.model.vibration import (
@@ -27,11 +26,10 @@ from femtune.model.vibration import (
     response_density,
     swept_response,
 )
-from femtune.parameters import ParameterSet
 from femtune.results.step_results import RunResult
 from femtune.results.vibration import VibrationPoint, VibrationResults, vibration_verdicts
 
-from .conftest import EI, Bench
+from .cantilever import EI, Bench
 
 SWEEP = """
 [[vibration]]
@@ -84,8 +82,7 @@ measured = "shock_response.csv"
 
 def _transfer(deck: Path) -> ModalTransfer:
     """The deck on its base with a damping ratio of 2 %."""
-    model = parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ())
-    modes = solve_modes(configure(model, Configuration()).at(np.zeros(0)), 6)
+    modes = solve_modes(model_of(deck).at(np.zeros(0)), 6)
     ports = make_ports(modes.point.configured, ["5Y+"], ["5Y+", "3Y+"])
     return base_transfer(modes, ports, "Y", constant_damping(0.02))
 

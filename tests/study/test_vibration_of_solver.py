@@ -8,15 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.messages.shown import check_shown
-from tests.study.test_solver_study import SCRIPT, TRUTH, exact, started, write
 
 import femtune as ft
-from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
-from femtune.modal import ModeSet
 from femtune.results.vibration import VibrationResults
-from femtune.testdata import ModalTest, WireFrame
-from femtune.units import SI
+
+from .two_masses import SCRIPT, TRUTH, prepared, started
 
 STIFFER, RATIO = 300.0, 0.02
 TABLE_SCRIPT = SCRIPT.replace('in open("in.txt"))', f'in open("table.txt"))\nk1 += {STIFFER}').replace(
@@ -70,20 +67,13 @@ def _density(values: np.ndarray, hz: np.ndarray) -> np.ndarray:
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
-    (tmp_path / "state").mkdir()
-    for name in ("in", "table"):
-        (tmp_path / f"{name}.txt").write_text("{{k1}}\n{{k2}}\n")
-    (tmp_path / "solve.py").write_text(SCRIPT)
+    path = prepared(tmp_path)
+    (tmp_path / "table.txt").write_text("{{k1}}\n{{k2}}\n")
     (tmp_path / "table.py").write_text(TABLE_SCRIPT)
-    hz, shapes = exact(*TRUTH)
-    frame = WireFrame(np.array([1, 2]), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
-    test = ModalTest("two masses", SI, frame, modes=ModeSet(hz, shapes, DofSet.parse(["1Z+", "2Z+"])))
-    ft.write_test(test, tmp_path / "test.uff")
     lines = np.geomspace(2.0, 20.0, 40_000)
     _write(tmp_path / "random.csv", lines, _density(TRUTH, lines))
     lines = np.linspace(4.0, 7.0, 2000)
     _write(tmp_path / "sweep.csv", lines, np.abs(_transfer(TRUTH, lines))[:1])
-    path = write(tmp_path)
     command = str([sys.executable, "-I", "-S", "table.py"]).replace("'", '"')
     own = f'solver = {{ command = {command}, templates = ["table.txt"], files = ["table.py"] }}'
     path.write_text(path.read_text() + VIBRATION.format(solver=own))

@@ -12,7 +12,7 @@ from tests.messages.shown import check_shown
 import femtune as ft
 from femtune.errors import FemtuneError
 
-from .conftest import Bench
+from .cantilever import Bench
 
 
 @pytest.fixture(autouse=True)

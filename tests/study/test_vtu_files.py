@@ -17,7 +17,7 @@ from femtune.errors import FemtuneError
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 
-from .conftest import EI, Bench, modes_of_deck
+from .cantilever import EI, Bench, modes_of_deck
 
 # edges on which the mid-side grid points lie: as Nastran counts them, as VTK does
 SOLIDS: dict[str, tuple[str, list[tuple[int, int]], list[tuple[int, int]]]] = {

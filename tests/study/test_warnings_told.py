@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from click.testing import CliRunner
-from tests.study.conftest import EI, measured
 
 from femtune import steps
 from femtune.cli.commands import main
 from femtune.errors import FemtuneError
 
-Bench = Any
+from .cantilever import EI, Bench, measured
 
 
 @pytest.mark.parametrize("step", ["modes", "correlate", "select"])

@@ -16,7 +16,7 @@ from femtune.results.folder import read_results
 from femtune.results.results import Results, json_schema
 from femtune.results.step_results import RunResult
 
-Bench = Any
+from .cantilever import Bench
 
 
 @pytest.fixture(scope="module")

@@ -16,9 +16,8 @@ from femtune.reporting.source import ReportSource
 from femtune.residuals.frf.model_way import AtFirstState
 
 from ..messages.shown import check_shown
-from .conftest import Bench
-from .test_bootstrap_step import FEW
-from .test_frf_residuals import DAMPED, LABELS, TRULY, functions, measured, study_of
+from .cantilever import EI, Bench
+from .damped_cantilever import DAMPED, LABELS, TRULY, functions, study_of
 
 FRF = 'kind = "frf"\ncount = 12\nto_hz = 150.0\n'
 
@@ -29,11 +28,11 @@ def noisy(bench: Bench, size: dict[str, float], **changes: object) -> None:
     rng = np.random.default_rng(3)
     chance = rng.standard_normal((2, *exact.values.shape))
     part = np.array([size.get(label, 1e-4) for label in LABELS])[:, None, None]
-    measured(bench, replace(exact, values=exact.values * (1.0 + part * (chance[0] + 1j * chance[1])), **changes))
+    bench.functions(replace(exact, values=exact.values * (1.0 + part * (chance[0] + 1j * chance[1])), **changes))
 
 
 def study(bench: Bench, hold: str) -> Path:
-    return study_of(bench, f"{FRF}\n[[hold_out]]\n{hold}\n", FEW)
+    return study_of(bench, f"{FRF}\n[[hold_out]]\n{hold}\n", EI)
 
 
 def test_the_noisiest_output_is_held_out(bench: Bench) -> None:
@@ -73,14 +72,14 @@ def test_a_wrong_sign_a_dead_channel_and_a_driving_point_are_told(bench: Bench) 
     values[0] *= -1.0
     values[2, 0] = 0.0
     values[1, 0] = np.conj(values[1, 0])
-    measured(bench, replace(exact, values=values))
-    found = load_study(study_of(bench, FRF, FEW))
+    bench.functions(replace(exact, values=values))
+    found = load_study(study_of(bench, FRF, EI))
     codes = {n.code for n in found.notices}
     assert "frf.driving-point" in codes or "frf.kind-contradicts" in codes
     dead = exact.values.copy()
     dead[0] *= 1e-9
-    measured(bench, replace(exact, values=dead))
-    found = load_study(study_of(bench, FRF, FEW))
+    bench.functions(replace(exact, values=dead))
+    found = load_study(study_of(bench, FRF, EI))
     (notice,) = [n for n in found.notices if n.code == "frf.dead"]
     assert "3Y+" in notice.what
 
@@ -88,8 +87,8 @@ def test_a_wrong_sign_a_dead_channel_and_a_driving_point_are_told(bench: Bench) 
 def test_a_wrong_sign_is_told_once_the_model_is_solved(bench: Bench) -> None:
     exact = functions(bench.truth(TRULY, DAMPED), 0.001, outputs=("2Y+", "3Y+", "4Y+", "5Y+"), inputs=("5Y+",))
     sign = np.array([1.0, -1.0, 1.0, 1.0])[:, None, None]
-    measured(bench, replace(exact, values=sign * exact.values))
-    found = load_study(study_of(bench, FRF, FEW))
+    bench.functions(replace(exact, values=sign * exact.values))
+    found = load_study(study_of(bench, FRF, EI))
     problem = found.problem()
     problem.start(np.zeros(2))
     (residual,) = problem.cases[0].residuals

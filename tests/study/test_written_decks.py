@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from femtune.results.alerts import alerts_of
 from femtune.results.step_results import RunResult
 from femtune.results.update import parameter_facts
 
-Bench = Any
+from .cantilever import Bench
 
 SHARED = """
 [[parameter]]

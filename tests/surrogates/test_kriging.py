@@ -10,7 +10,8 @@ from scipy import stats
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
-from femtune.surrogates import CORRELATIONS, TRENDS, KrigingRules, Surrogate, fit_surrogate
+from femtune.surrogates import KrigingRules, Surrogate, fit_surrogate
+from femtune.surrogates.kinds import CORRELATIONS, TRENDS
 from femtune.surrogates.kriging import _Likelihood
 from femtune.surrogates.trend import term_slopes, terms
 from structures import rack_tables
@@ -35,7 +36,7 @@ def _refitted(surrogate: Surrogate, kept: np.ndarray) -> Surrogate:
     return replace(fitted, fits=tuple(replace(new, variance=old.variance) for new, old in pairs))
 
 
-@pytest.mark.parametrize("correlation", CORRELATIONS)
+@pytest.mark.parametrize("correlation", [c for c in CORRELATIONS if c != "none"])
 @pytest.mark.parametrize("trend", TRENDS)
 def test_the_gradient_of_the_likelihood(correlation: str, trend: str) -> None:
     y = _function(_X)[:, 0]
@@ -58,7 +59,7 @@ def test_the_restricted_likelihood_is_that_of_contrasts() -> None:
     constants = []
     for log in (np.array([0.0, 0.0, 0.0, -4.0]), np.array([0.5, -0.5, 0.2, -6.0])):
         fit = likelihood.solved(log)[0]
-        R = CORRELATIONS["gaussian"].value(np.sum(((_X[:, None] - _X) / fit.lengths) ** 2, axis=2))
+        R = CORRELATIONS["gaussian"].load().value(np.sum(((_X[:, None] - _X) / fit.lengths) ** 2, axis=2))
         covariance = fit.variance * contrasts @ (R + fit.noise * np.eye(len(_X))) @ contrasts.T
         density = stats.multivariate_normal(cov=covariance, allow_singular=False).logpdf(contrasts @ y)
         constants.append(density - fit.log_likelihood)
@@ -81,7 +82,7 @@ def test_prediction_and_its_variance_are_those_of_the_conditional_normal() -> No
     fit = surrogate.fits[0]
     y = (surrogate.y[:, 0] - surrogate.centre[0]) / surrogate.scale[0]
     every = surrogate._unit(np.vstack([_X, _NEW]))
-    kernel = CORRELATIONS["gaussian"].value(np.sum(((every[:, None] - every) / fit.lengths) ** 2, axis=2))
+    kernel = CORRELATIONS["gaussian"].load().value(np.sum(((every[:, None] - every) / fit.lengths) ** 2, axis=2))
     F = terms(every, "linear")
     covariance = fit.variance * (kernel + fit.noise * np.eye(len(every))) + 1e5 * F @ F.T
     old, new = slice(0, 25), slice(25, 32)
@@ -107,7 +108,7 @@ def test_a_response_surface_is_ordinary_least_squares() -> None:
 
 
 @pytest.mark.parametrize("logarithms", [False, True])
-@pytest.mark.parametrize("correlation", [*CORRELATIONS, "none"])
+@pytest.mark.parametrize("correlation", [*CORRELATIONS])
 def test_the_gradient_of_a_prediction_by_complex_step(correlation: str, logarithms: bool) -> None:
     x = _X + 0.5
     surrogate = fit_surrogate(
@@ -158,7 +159,7 @@ def test_a_response_that_does_not_vary() -> None:
 def test_intervals_cover_responses_that_are_what_kriging_assumes(correlation: str) -> None:
     """90 % intervals of draws from the process itself; plug-in lengths make them a little short."""
     rng = np.random.default_rng(8)
-    kind, inside = CORRELATIONS[correlation], []
+    kind, inside = CORRELATIONS[correlation].load(), []
     for _ in range(60):
         x = rng.random((55, 2))
         R = kind.value(np.sum(((x[:, None] - x) / [0.4, 0.8]) ** 2, axis=2)) + 1e-4 * np.eye(55)

@@ -10,7 +10,8 @@ from scipy.interpolate import RBFInterpolator
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
-from femtune.surrogates import RADIAL, RadialRules, Surrogate, fit_surrogate
+from femtune.surrogates import RadialRules, Surrogate, fit_surrogate
+from femtune.surrogates.kinds import KERNELS
 from femtune.surrogates.trend import terms
 
 _RNG = np.random.default_rng(4)
@@ -28,7 +29,7 @@ def _fitted(kernel: str, noise: str = "estimate") -> Surrogate:
     return fit_surrogate(_X, _function(_X), RadialRules(kernel, noise), _UNIT)
 
 
-@pytest.mark.parametrize("kernel", RADIAL)
+@pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("noise", ["none", "estimate"])
 def test_predictions_are_those_of_scipy(kernel: str, noise: str) -> None:
     surrogate = _fitted(kernel, noise)
@@ -38,7 +39,7 @@ def test_predictions_are_those_of_scipy(kernel: str, noise: str) -> None:
         np.testing.assert_allclose(surrogate.predict(_NEW)[:, j], other(_NEW), rtol=1e-7)
 
 
-@pytest.mark.parametrize("kernel", RADIAL)
+@pytest.mark.parametrize("kernel", KERNELS)
 def test_leaving_out_one_run_is_fitting_without_it(kernel: str) -> None:
     surrogate = _fitted(kernel)
     for i in (0, 7, 24):
@@ -51,11 +52,11 @@ def test_leaving_out_one_run_is_fitting_without_it(kernel: str) -> None:
         np.testing.assert_allclose(np.abs(error), without.predict_sd(_X[i])[0], rtol=1e-4)
 
 
-@pytest.mark.parametrize("kernel", RADIAL)
+@pytest.mark.parametrize("kernel", KERNELS)
 def test_the_variance_is_that_of_kriging_with_the_covariance_of_increments(kernel: str) -> None:
     """The equations of universal Kriging, solved as one system."""
     surrogate = _fitted(kernel)
-    function, trend = RADIAL[kernel].function, RADIAL[kernel].trend
+    function, trend = KERNELS[kernel].load().function, KERNELS[kernel].load().trend
     F, f = terms(_X, trend), terms(_NEW, trend)
     q = F.shape[1]
     Phi, phi = (function.value(np.sum((a[:, None] - _X) ** 2, axis=2)) for a in (_X, _NEW))
@@ -67,15 +68,15 @@ def test_the_variance_is_that_of_kriging_with_the_covariance_of_increments(kerne
         np.testing.assert_allclose(surrogate.predict_sd(_NEW)[:, j], sd, rtol=1e-6)
 
 
-@pytest.mark.parametrize("kernel", RADIAL)
+@pytest.mark.parametrize("kernel", KERNELS)
 def test_the_smoothing_maximises_the_likelihood_of_contrasts(kernel: str) -> None:
     rng = np.random.default_rng(5)
     x = rng.random((60, 2))
     y = np.sin(6.0 * x[:, :1]) + x[:, 1:] + 0.1 * rng.standard_normal((60, 1))
     surrogate = fit_surrogate(x, y, RadialRules(kernel), (np.zeros(2), np.ones(2)))
-    F = terms(x, RADIAL[kernel].trend)
+    F = terms(x, KERNELS[kernel].load().trend)
     contrasts = np.linalg.svd(F)[0][:, F.shape[1] :].T
-    Phi = RADIAL[kernel].function.value(np.sum((x[:, None] - x) ** 2, axis=2))
+    Phi = KERNELS[kernel].load().function.value(np.sum((x[:, None] - x) ** 2, axis=2))
 
     def likelihood(noise: float) -> float:
         covariance = contrasts @ (Phi + noise * np.eye(60)) @ contrasts.T
@@ -88,7 +89,7 @@ def test_the_smoothing_maximises_the_likelihood_of_contrasts(kernel: str) -> Non
 
 
 @pytest.mark.parametrize("logarithms", [False, True])
-@pytest.mark.parametrize("kernel", RADIAL)
+@pytest.mark.parametrize("kernel", KERNELS)
 def test_the_gradient_of_a_prediction_by_complex_step(kernel: str, logarithms: bool) -> None:
     x, new = _X + 0.5, _NEW + 0.5
     surrogate = fit_surrogate(x, _function(_X), RadialRules(kernel, logarithms=logarithms))

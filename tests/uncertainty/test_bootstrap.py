@@ -15,6 +15,7 @@ from tests.residuals.damped import TRUTH, chain, measured, ports_of
 
 from femtune.errors import FemtuneError
 from femtune.executor import Processes, Serial
+from femtune.identification.kinds import Drawing
 from femtune.model import solve_modes
 from femtune.residuals import FrfScatter, ModelWay, ResidualBlock, UpdateProblem, case_without_modes, frf_residual
 from femtune.residuals.weights import LineSamples
@@ -26,7 +27,7 @@ from femtune.uncertainty import (
     bootstrap_of,
     bootstrap_result,
 )
-from femtune.uncertainty.bootstrap import Resampling, drawn_groups, noise_of
+from femtune.uncertainty.bootstrap import drawn_groups, noise_of
 from femtune.updating import UpdateResult, update
 
 FLOOR = 0.01
@@ -44,7 +45,7 @@ def calibrated(form: str = "log-complex", seed: int = 1, inflated: float = 1.0) 
     return problem, update(problem, start=problem.start(TRUTH))
 
 
-def work(method: Resampling = "lines", form: str = "log-complex", **rules: object) -> Bootstrap:
+def work(method: Drawing = "lines", form: str = "log-complex", **rules: object) -> Bootstrap:
     problem, found = calibrated(form)
     return bootstrap_of(problem, found.after, found.side, found.active, BootstrapRules(method, **rules))  # type: ignore[arg-type]
 
@@ -87,7 +88,7 @@ def test_noise_of_logarithms_is_that_of_the_functions() -> None:
     ("method", "form"), [("lines", "log-complex"), ("entries", "log-magnitude"), ("noise", "linear")]
 )
 @pytest.mark.slow
-def test_a_run_is_the_optimum_of_its_data(method: Resampling, form: str) -> None:
+def test_a_run_is_the_optimum_of_its_data(method: Drawing, form: str) -> None:
     """Against a trust-region optimiser with its own differences, on the same draw."""
     bootstrap = work(method, form)
     start = bootstrap.at
@@ -145,7 +146,7 @@ def test_spread_of_noise_is_that_of_the_fisher_information() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["lines", "entries"])
-def test_spread_of_lines_is_that_of_the_first_steps(method: Resampling) -> None:
+def test_spread_of_lines_is_that_of_the_first_steps(method: Drawing) -> None:
     """The linearised covariance by an independent sum over the drawn groups; residuals three times the stated ones."""
     problem, best = calibrated(inflated=3.0)
     bootstrap = bootstrap_of(problem, best.after, best.side, best.active, BootstrapRules(method))

@@ -14,7 +14,7 @@ from femtune.dofs import Dof, DofSet
 from femtune.modal import ModeSet
 from femtune.results.correlation import correlation_results
 from femtune.results.validation import prediction
-from femtune.validation import PROFILES, FrequencyMiss, Outcome, assess, profile
+from femtune.validation import FrequencyMiss, Outcome, assess, profile
 
 
 def _case(noise: float = 0.0) -> tuple[ModeSet, ModeSet, ReducedMass]:
@@ -152,7 +152,7 @@ def test_only_the_chosen_test_modes_count() -> None:
     test, model, mass = _case()
     off = ModeSet(test.freq_hz * np.array([1.0, 1.0, 1.0, 1.12]), test.shapes, test.dofs)
     found = correlate(off, model, mass=mass)
-    limits = PROFILES["NASA"].criteria
+    limits = profile("NASA").criteria
     assert assess(found, limits)[0].outcome is Outcome.FAIL
     assert assess(found, limits, tests=[0, 2])[0].measured == pytest.approx(0.02)
     only = assess(found, limits, tests=[3])
@@ -163,7 +163,7 @@ def test_only_the_chosen_test_modes_count() -> None:
 
 def test_numbers_of_the_standards() -> None:
     """METHODS: NASA 5 %, .9 and .1; MIL 3 % and .95; ECSS 5 % and MAC .9; self-orthogonality .1."""
-    limits = {word: [c.limit for c in PROFILES[word].criteria] for word in ("NASA", "MIL", "ECSS")}
+    limits = {word: [c.limit for c in profile(word).criteria] for word in ("NASA", "MIL", "ECSS")}
     assert limits == {"NASA": [0.05, 0.9, 0.1, 0.1], "MIL": [0.03, 0.95, 0.1], "ECSS": [0.05, 0.9, 0.1]}
 
 
@@ -181,17 +181,17 @@ def test_a_miss_is_told_with_what_noise_explains() -> None:
     slow = ModeSet(test.freq_hz / 1.04, test.shapes, test.dofs)
     found = correlate(slow, model)
     misses = [(i, FrequencyMiss(float(e), 0.02, 0.03)) for i, e in enumerate(found.frequency_errors)]
-    worst = assess(found, PROFILES["NASA"].criteria, misses=misses)[0]
+    worst = assess(found, profile("NASA").criteria, misses=misses)[0]
     assert worst.outcome is Outcome.FAIL
     assert "could explain the error of 6.1 % (1.7 σ)" in worst.sentence
     assert worst.sentence.startswith("fail: frequency error 6.08 %, at most 5 % required by NASA-STD-5002; test mode")
-    good = assess(found, [replace(c, limit=0.1) for c in PROFILES["NASA"].criteria[:1]], misses=misses)[0]
+    good = assess(found, [replace(c, limit=0.1) for c in profile("NASA").criteria[:1]], misses=misses)[0]
     assert (good.outcome, good.noise) == (Outcome.PASS, "")
 
 
 def test_a_verdict_that_was_not_reached_says_why() -> None:
     test, model, _ = _case()
-    verdict = assess(correlate(test, model), PROFILES["NASA"].criteria)[1]
+    verdict = assess(correlate(test, model), profile("NASA").criteria)[1]
     assert verdict.measured is None
     assert verdict.required == 0.9
     assert verdict.sentence == (

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,21 +12,9 @@ from femtune.fem.assemble import assemble
 from femtune.files.nastran import build_structure, read_deck
 from structures.shells import Isotropic, Section, ShellPart, shell_structure
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "09_element_matrices"
+from .element_matrices import changed_decks, commercial, op2, ours
+
 PLATE = {"young": 2.9e7, "poisson": 0.32, "shear": 1.1e7}
-
-
-def _load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, EXAMPLE / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-op2, changed_decks, commercial, ours = (_load(name) for name in ("op2", "changed_decks", "commercial", "ours"))
 
 
 @pytest.fixture(scope="module")

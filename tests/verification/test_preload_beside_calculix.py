@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.model.decks import card
-from tests.model.test_prestress import RHO, E, eigenvalues, force
+from tests.model.preloaded import RHO, E, eigenvalues, force
 
 N, SIZES, COUNT = 10, (1.0, 0.1, 0.01), 6
 EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6), (6, 7), (7, 4)]

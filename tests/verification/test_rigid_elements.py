@@ -15,12 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.deck_models import model_of
 
-from femtune.files.nastran import build_structure, read_deck
-from femtune.model import Configuration, configure, parametric_model, solve_modes
-from femtune.parameters import ParameterSet
+from femtune.model import Configuration, solve_modes
 
-from .test_random_frames import _HEAD, _bars, _frequencies, _points, _sections, _systems
+from .random_frames import HEAD, bars, frequencies, points, sections, systems
 
 _MASSES = ["CONM2,41,7,,25.", "CONM2,42,8,,10."]
 _AVERAGED = ["RBE3,31,,7,123456,1.,123,6,3", ",5,2.,123,4", "RBE3,32,,8,123456,1.,123,2,3", ",4,5"]
@@ -28,7 +27,7 @@ _AVERAGED = ["RBE3,31,,7,123456,1.,123,6,3", ",5,2.,123,4", "RBE3,32,,8,123456,1
 
 def _frame(seed: int, rotated: bool, rigid: list[str]) -> str:
     rng = np.random.default_rng(seed)
-    lines = [*_HEAD, *_systems(rng), *_points(rng, rotated), *_sections(rng, False), *_bars(rng, True)]
+    lines = [*HEAD, *systems(rng), *points(rng, rotated), *sections(rng, False), *bars(rng, True)]
     return "\n".join([*lines, *_MASSES, *rigid, "SPC1,1,123456,1", "ENDDATA"]) + "\n"
 
 
@@ -44,7 +43,7 @@ def test_another_solver_agrees_on_rbe3(tmp_path: Path, seed: int) -> None:
     )
     # its MGIV leaves the shift of 1 (rad/s)² that it works with in the eigenvalues that it lists
     listed = np.sqrt(np.array(rows[:10], dtype=float) + 1.0) / (2 * np.pi)
-    np.testing.assert_allclose(_frequencies(tmp_path / "a.bdf"), listed, rtol=2e-5)
+    np.testing.assert_allclose(frequencies(tmp_path / "a.bdf"), listed, rtol=2e-5)
 
 
 _KINDS = {
@@ -60,7 +59,6 @@ def test_an_element_that_is_switched_off_ties_nothing(tmp_path: Path, kind: str)
     found = []
     for rigid in (_KINDS[kind], []):
         (tmp_path / "a.bdf").write_text(_frame(300, True, [*rigid, "RBE2,32,3,123456,8", "SPC1,1,123456,7"]))
-        model = parametric_model(build_structure(read_deck(tmp_path / "a.bdf")).structure, ParameterSet(()), ())
         off = Configuration(elements_off=frozenset([31] if rigid else []))
-        found.append(solve_modes(configure(model, off).at(np.zeros(0)), 8).freq_hz)
+        found.append(solve_modes(model_of(tmp_path / "a.bdf", off).at(np.zeros(0)), 8).freq_hz)
     np.testing.assert_allclose(found[0], found[1], rtol=1e-10)

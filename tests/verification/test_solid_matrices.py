@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.fem.solid_parts import dense
-from tests.verification.test_element_matrices import op2, ours
 
 from structures.shells import Isotropic
 from structures.solids import SolidPart, solid_structure
+
+from .element_matrices import op2, ours
 
 STEEL = Isotropic(2.9e7, 0.32, 0.283)
 KINDS = {"CHEXA": "hexa8", "CPENTA": "penta6", "CTETRA": "tetra4"}

@@ -19,11 +19,11 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.executor import Processes
+from femtune.identification.kinds import Drawing
 from femtune.uncertainty import bootstrap_result
-from femtune.uncertainty.bootstrap import Resampling
 from structures.cross_frame import GROUPS, LINES, IdentifiedCampaigns
 
-METHODS: tuple[Resampling, ...] = ("lines", "entries", "noise")
+METHODS: tuple[Drawing, ...] = ("lines", "entries", "noise")
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def main() -> None:
         (asked.evidence / "cases_bootstrap_identified.md").write_text(page, encoding="utf-8")
 
 
-def text(carlo: Reals, ratios: dict[Resampling, Reals], differences: dict[Resampling, float | None], size: Size) -> str:
+def text(carlo: Reals, ratios: dict[Drawing, Reals], differences: dict[Drawing, float | None], size: Size) -> str:
     """The page."""
     head = "| parameter | Monte Carlo σ, 1e-5 | " + " | ".join(f"{m}: ratio | single data sets" for m in METHODS) + " |"
     rows = [

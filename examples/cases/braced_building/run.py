@@ -24,7 +24,8 @@ from femtune.identification.averaging import cross_spectra
 from femtune.identification.combine import CombinedModes, Estimate, combine
 from femtune.identification.fdd import decompose
 from femtune.identification.input_lines import InputVerdict, ground_to_floor, judge_peaks, unmoved_by_mass
-from femtune.identification.operational import METHODS, Operational, prepared, segment_of
+from femtune.identification.kinds import OUTPUT_ONLY
+from femtune.identification.operational import Operational, prepared, segment_of
 from femtune.identification.setups import to_rigid_motion
 from femtune.identification.tfie import phase_scatter
 from femtune.modal import ModeSet, TimeSeries
@@ -94,7 +95,7 @@ def identify(name: str, size: Size, seed: int) -> State:
     estimates = []
     for i in range(size.fragments):
         piece = motions.select_samples(i * length, (i + 1) * length)
-        estimates += [Estimate(m, i, METHODS[m](piece, ASKED).modes) for m in WANTED]
+        estimates += [Estimate(m, i, OUTPUT_ONLY[m].load()(piece, ASKED).modes) for m in WANTED]
     found = combine(estimates, share=0.6)
     spectra = cross_spectra(record.values, record.even_hz, 16384)
     return State(

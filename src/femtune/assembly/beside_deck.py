@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from femtune.files.runs_table import RunsTable
 from femtune.modal.assignment import linear_sum_assignment
-from femtune.modal.beside import RIGID, ModesBeside
+from femtune.modal.beside import RIGID_FREQUENCY_RATIO, ModesBeside
 from femtune.model.full_model import direct
 from femtune.model.imported.from_runs import seen_modes
 
@@ -126,7 +126,7 @@ class DeckDerivatives:
         Q = u @ vt
         kept, freq_hz = beside.modes.paired, beside.modes.freq_hz
         own = np.sqrt(np.maximum(found.eigenvalues, 0.0))
-        rigid = own <= 0.5 * RIGID * own.max(initial=0.0)
+        rigid = own <= 0.5 * RIGID_FREQUENCY_RATIO * own.max(initial=0.0)
         root = np.where(kept, 2.0 * np.pi * freq_hz, 0.0)
         C = np.where(rigid, 0.0, 1.0 / np.where(rigid, 1.0, own))[:, None] * Q * root
         k, m = len(names), phi.shape[1]

@@ -112,6 +112,7 @@ def model_of_deck(path: Path | str, units: str | UnitSystem | None, allow_ignore
 def model_of_matrices(matrices: Sequence[Mapping[str, Any]], units: str | UnitSystem | None, **words: Any) -> Model:
     """Matrices, read; `words` are those of [model] and ``variable`` (errors ``matrices.*``)."""
     from femtune.assembly.imported_model import build_imported  # noqa: PLC0415  readers of other solvers' matrices
+    from femtune.assembly.model_source import model_source  # noqa: PLC0415
 
     variables = words.pop("variable", None)
     tables = _plain({"matrix": list(matrices), "model": {k: v for k, v in words.items() if v is not None}})
@@ -119,7 +120,7 @@ def model_of_matrices(matrices: Sequence[Mapping[str, Any]], units: str | UnitSy
         tables["variable"] = _plain(variables)
     data = {**tables, "study": {"title": "matrices", "units": units_word(units) or "m-kg-s"}}
     file = study_from_data(data, Path.cwd() / "matrices", StudyLines("read_matrices"))
-    return Model(Path(file.source_name), units_word(units), build_imported(file), tables)
+    return Model(Path(model_source(file).name), units_word(units), build_imported(file), tables)
 
 
 class Study:

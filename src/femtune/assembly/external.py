@@ -19,6 +19,7 @@ import numpy as np
 from femtune.assembly.beside_deck import DeckDerivatives, modes_beside
 from femtune.assembly.cases import overlay
 from femtune.assembly.error_places import errors_at
+from femtune.assembly.model_source import FromSolver
 from femtune.assembly.parameters import assignments, parameter_set, targets
 from femtune.assembly.progress import silent
 from femtune.assembly.runs_model import built_of_tables, part_of
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from femtune.executor import Executor
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.study_file import StudyFile
+    from femtune.files.study_file.solver import SolverTable
     from femtune.model import ConfiguredModel, ParametricModel
     from femtune.parameters import ParameterSet
 
@@ -104,18 +106,16 @@ class DeckFiles:
 
 def _deck_files(file: StudyFile, deck: str) -> DeckFiles:
     """Errors of the deck, and of fields that the parameters name."""
-    assert file.solver is not None
     plain = file.model_copy(update={"runs": None, "solver": None})
     plain._path, plain._source, plain._given = file._path, file._source, file._given
     built = build_allowing(read_deck(file.path_of(deck)), file.study.allow_ignored)
     found = targets(plain, built)
     model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
-    return DeckFiles(built, model, file.output_folder / RUNS_FOLDER, file.solver.deck_name)
+    return DeckFiles(built, model, file.output_folder / RUNS_FOLDER, FromSolver(file).solver.deck_name)
 
 
 def of_solver(file: StudyFile) -> StudyFile:
     """The study with initial values for all parameters, and polynomials of degree two without products."""
-    assert file.solver is not None
     deck = file.study.deck
     known = {} if deck is None else {p.name: p.nominal for p in _deck_files(file, deck).model.parameters.free}
     entries = []
@@ -125,7 +125,7 @@ def of_solver(file: StudyFile) -> StudyFile:
         entries.append(entry if entry.nominal is not None else entry.model_copy(update={"nominal": start}))
     # what the polynomials are good for is told by the next run, not by one that is left out
     own = [name for e in file.configuration if e.solver is not None for name in e.solver.templates or ()]
-    templates = [*file.solver.templates, *own]
+    templates = [*FromSolver(file).solver.templates, *own]
     runs = RunsModelTable(file=deck or templates[0], degree=2, crossed=False, tolerance=0.5)
     changed: dict[str, object] = {"parameter": tuple(entries), "runs": runs}
     if deck is not None and file.model.grid is None:
@@ -197,10 +197,14 @@ class SolverRuns:
         return 0.5 * self.relative_step * (upper - lower)
 
     @property
+    def asked(self) -> SolverTable:
+        """[solver] of the study."""
+        return FromSolver(self.file).solver
+
+    @property
     def relative_step(self) -> float:
         """These distances in half ranges of the bounds."""
-        assert self.file.solver is not None
-        return self.file.solver.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _LEAST_STEP, _LARGEST_STEP))
+        return self.asked.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _LEAST_STEP, _LARGEST_STEP))
 
     def run(self, points: Sequence[Reals]) -> tuple[PointRuns, ...]:
         """The runs of points; what is known is not run again."""
@@ -218,14 +222,13 @@ class SolverRuns:
 
     def measure_noise(self, point: Reals, known: PointRuns) -> None:
         """Run a point twice (error ``external.not-repeatable``); the second run is kept in the journal, too."""
-        assert self.file.solver is not None
         values = dict(zip(self.names, map(float, point)))
         noise = [_DIGITS]
         for solver, first in zip(self.solvers, known.parts):
             again = replace(solver, version=f"{solver.version}, repeated")
             found = evaluate(again, [values], self.executor, self.journal)
             self.started += found.started
-            noise.append(compare_repeated(values, first, found.outcomes[0], self.file.solver.repeat_tolerance))
+            noise.append(compare_repeated(values, first, found.outcomes[0], self.asked.repeat_tolerance))
         self.noise = max(noise)
 
     def around(self, point: Reals) -> tuple[RunsTable, ...]:
@@ -405,8 +408,7 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     inputs = _inputs(file)
     solvers = tuple(_solver(file, own, files) for own, files in zip(_owners(file), inputs))
     runs = _runs(file, solvers, progress, fresh)
-    assert file.solver is not None
-    if file.solver.derivatives == "deck":
+    if FromSolver(file).solver.derivatives == "deck":
         runs.decks = tuple(_deck_of(file, i, own, files) for i, (own, files) in enumerate(zip(_owners(file), inputs)))
         runs.by_deck = True
     return runs
@@ -461,8 +463,7 @@ def _owners(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
 
 def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> ExternalSolver:
     """[solver] with what a configuration has of its own (error ``external.no-program``)."""
-    assert file.solver is not None
-    entry = file.solver.model_copy(update={k: v for k, v in own if v is not None and k != "deck"})
+    entry = FromSolver(file).solver.model_copy(update={k: v for k, v in own if v is not None and k != "deck"})
     checks = Checks(file.modes.count or 1, entry.mass, entry.mass_tolerance)
     solver = ExternalSolver(
         entry.command, inputs, ResultFile(entry.result, entry.format), file.output_folder / RUNS_FOLDER, checks,
@@ -488,7 +489,7 @@ def _inputs(file: StudyFile) -> tuple[InputFiles, ...]:
         found.append(_input_files(file, own))
         check_names(found[-1].names, names, (), _place_of_templates(file, own))
         placeholders |= dict.fromkeys(found[-1].names)
-    used = ConfigurationSolver() if file.solver and file.solver.templates else _owners(file)[0]
+    used = ConfigurationSolver() if FromSolver(file).solver.templates else _owners(file)[0]
     check_names(tuple(placeholders), names, names, _place_of_templates(file, used))
     return tuple(found)
 
@@ -502,12 +503,12 @@ def _place_of_templates(file: StudyFile, own: ConfigurationSolver) -> Where:
 
 
 def _input_files(file: StudyFile, own: ConfigurationSolver) -> DeckFiles | Templates:
-    assert file.solver is not None
+    asked = FromSolver(file).solver
     deck = own.deck or file.study.deck
-    templates = file.solver.templates if own.templates is None else own.templates
+    templates = asked.templates if own.templates is None else own.templates
     if deck is not None and not templates:
         return _deck_files(file, deck)
-    files = file.solver.files if own.files is None else own.files
+    files = asked.files if own.files is None else own.files
     return Templates(tuple(read_template(file.path_of(name)) for name in templates), tuple(map(file.path_of, files)))
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from femtune.assembly.cases import overlay
 from femtune.assembly.drawn_mesh import mesh_beside
 from femtune.assembly.error_places import errors_at
+from femtune.assembly.model_source import model_source
 from femtune.errors import ErrorCollector, FemtuneError, Notice
 from femtune.files.matrices.calculix import read_dof_list
 from femtune.files.matrices.listed_modes import read_listed_modes
@@ -128,11 +129,8 @@ def _negative(structure: Structure, kind: str, total: NDArray[np.float64], bad: 
 
 def _files(file: StudyFile) -> Deck:
     """A deck without cards, which names the files that were read."""
-    names = [m.file for m in file.matrix] + [n for n in (file.model.grid, file.model.dofs, file.model.listing) if n]
-    paths = list(dict.fromkeys(file.path_of(name) for name in names))
-    beside = [p.with_suffix(".dof") for p in paths if p.suffix in (".sti", ".mas") and p.with_suffix(".dof").is_file()]
-    files = tuple(SourceFile(str(p), "", ()) for p in dict.fromkeys([*paths, *beside]))
-    return Deck(Path(paths[0]), DeckSource(files, (), (), False), Executive(), CaseControl(), (), {}, ())
+    files = tuple(SourceFile(str(path), "", ()) for path in model_source(file).files)
+    return Deck(Path(files[0].file), DeckSource(files, (), (), False), Executive(), CaseControl(), (), {}, ())
 
 
 def mesh_of_grid(file: StudyFile, nodes: NodeTable) -> DrawnMesh | None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.assembly.error_places import errors_at
+from femtune.assembly.model_source import model_source
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import ALL_MODES, MODAL, with_mode_ratios
 from femtune.fem.fields import FACTORS
@@ -60,11 +61,12 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
         ``study.unknown-field``, ``catalogue.*``
     """
     errors, found = ErrorCollector(), []
+    moves_fields = model_source(file).moves_fields
     for i, given in enumerate(file.parameter):
         with errors.catch():
             entry = _with_known(file, i, given)
             where = file.where("parameter", i)
-            if file.runs is not None:
+            if not moves_fields:
                 # factors and tied parameters are values for the runs, too
                 value = entry.model_copy(update={"absolute": True})
                 found.append(Target(value, where, tuple(_of_runs(entry.name, built)), None))

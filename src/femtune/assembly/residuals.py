@@ -15,7 +15,7 @@ from femtune.correlation import sensor_placement
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, did_you_mean
 from femtune.identification import InputKnown, equalised_test
 from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
-from femtune.residuals.kinds import kinds
+from femtune.residuals.kinds import RESIDUALS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -219,7 +219,7 @@ def _compared(file: StudyFile, case: StudyCase, residuals: tuple[Residual, ...],
 
 
 def _built(asked: AskedOf) -> Residual:
-    built = kinds()[asked.entry.kind].of_study(asked)
+    built: Residual = RESIDUALS[asked.entry.kind].load().of_study(asked)
     labels = asked.entry.modes if isinstance(built, OfPairs) or built.of_modes else None
     for i, label in enumerate(labels or ()):
         if label not in asked.modes.labels:

@@ -28,6 +28,7 @@ from femtune.model import (
 )
 from femtune.model.response import TIMES_HIGHEST_LINE, complex_modes, frf_with_error, matrix_ports, static_response
 from femtune.model.response.rigid import is_rigid
+from femtune.residuals.kinds import FRF_METHODS
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from femtune.model.digests import Part
     from femtune.model.response import Method, Ports, StaticResponse
 
-_METHODS: dict[str, Method] = {"real modes": "real-modes", "complex modes": "complex-modes", "direct": "direct"}
 _MOST_VALUES = 200_000_000
 
 
@@ -64,7 +64,7 @@ class ResponseRequest:
     @property
     def method(self) -> Method:
         """The way as the model's functions call it."""
-        return _METHODS[self.table.method]
+        return FRF_METHODS[self.table.method]
 
     @property
     def modes(self) -> tuple[int | None, float | None]:

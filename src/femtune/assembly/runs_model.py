@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femtune.assembly.error_places import errors_at
+from femtune.assembly.model_source import FromRuns, model_source
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice, did_you_mean
 from femtune.fem import NodeTable
@@ -20,10 +21,11 @@ from femtune.files.nastran.control import EigenMethod
 from femtune.files.nastran.deck import Deck, Executive
 from femtune.files.nastran.source import DeckSource, SourceFile
 from femtune.files.runs_table import RunsTable, read_runs_table
-from femtune.files.study_file import MEASURED, ConfigurationSolver, ModesTable
+from femtune.files.study_file import MEASURED, ModesTable
 from femtune.modal import ModeSet
 from femtune.model.imported.from_runs import FittedRuns, Runs, fit_configurations, seen_modes
-from femtune.surrogates import TRENDS, ChaosRules, KrigingRules, RadialRules
+from femtune.surrogates import ChaosRules, KrigingRules, RadialRules
+from femtune.surrogates.kinds import SURROGATES, TRENDS
 from femtune.testdata import ModalTest
 
 if TYPE_CHECKING:
@@ -32,7 +34,6 @@ if TYPE_CHECKING:
     from femtune.surrogates import SurrogateRules
 
 
-_NAMES = {"kriging": "Kriging", "radial-basis": "radial basis functions", "chaos": "polynomial chaos"}
 _TYPICAL = 0.9
 """Part of the runs of a table that has as many visible modes as are used; the others are left out."""
 
@@ -44,7 +45,6 @@ def build_of_runs(file: StudyFile) -> BuiltModel:
     ------
     FemtuneError : ``runs.*``, ``matrices.points`` for the grid points
     """
-    assert file.runs is not None
     tables = [read_runs_table(file.path_of(str(name))) for name in sources(file)]
     with errors_at(file.where("runs")):
         return built_of_tables(file, tables)
@@ -52,34 +52,26 @@ def build_of_runs(file: StudyFile) -> BuiltModel:
 
 def sources(file: StudyFile) -> tuple[Hashable, ...]:
     """What the configurations take their runs from: tables, or input files of a solver; each once."""
-    return tuple(dict.fromkeys(_source(file, entry) for entry in file.configurations))
+    return tuple(dict.fromkeys(map(model_source(file).input_of, file.configurations)))
 
 
 def part_of(file: StudyFile, entry: ConfigurationEntry) -> int:
     """Position in `sources` of what a configuration takes its runs from."""
-    return sources(file).index(_source(file, entry))
-
-
-def _source(file: StudyFile, entry: ConfigurationEntry) -> Hashable:
-    if file.solver is not None:
-        return (entry.solver or ConfigurationSolver()).model_dump_json()
-    assert file.runs is not None
-    return entry.runs or file.runs.file
+    return sources(file).index(model_source(file).input_of(entry))
 
 
 def built_of_tables(
     file: StudyFile, tables: Sequence[RunsTable], centre: int | None = None, degree: int | None = None
 ) -> BuiltModel:
     """The model of tables at hand, one for each of `sources`; `centre` and `degree` as of `fit_configurations`."""
-    assert file.runs is not None
-    names = _columns(file, tables)
+    names, asked = _columns(file, tables), FromRuns(file).table
     tables = _at_common_dofs(tables)
     nodes, dofs = _nodes(file, tables[0])
     found = [_used(file, table, names, dofs, centre) for table in tables]
     parts = [used.runs for used in found]
     # the central run is the first one, and it is usable
-    order = file.runs.order if degree is None else degree
-    fitted = fit_configurations(parts, nodes, order, file.runs.crossed, centre, _rules(file.runs))
+    order = asked.order if degree is None else degree
+    fitted = fit_configurations(parts, nodes, order, asked.crossed, centre, _rules(asked))
     notices = [n for used, f in zip(found, fitted) for n in _notices(file, used, f)]
     count = min(runs.freq_hz.shape[1] for runs in parts)
     method = EigenMethod(0, "runs", None, None, count)
@@ -191,16 +183,12 @@ def _nodes(file: StudyFile, table: RunsTable) -> tuple[NodeTable, np.ndarray | N
 
 def _files(file: StudyFile) -> Deck:
     """A deck without cards, which names the files that were read."""
-    assert file.runs is not None
-    tables = [file.runs.file] if file.solver is not None else [str(name) for name in sources(file)]
-    names = [*tables, *([file.model.grid] if file.model.grid else [])]
-    files = tuple(SourceFile(str(file.path_of(name)), "", ()) for name in names)
+    files = tuple(SourceFile(str(path), "", ()) for path in model_source(file).files)
     return Deck(Path(files[0].file), DeckSource(files, (), (), False), Executive(), CaseControl(), (), {}, ())
 
 
 def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
-    assert file.runs is not None
-    where, usable = file.where("runs"), table.usable
+    asked, where, usable = FromRuns(file).table, file.where("runs"), table.usable
     found = []
     if table.hidden:
         facts: dict[str, Any] = {"hidden": table.hidden, "count": table.count}
@@ -224,10 +212,10 @@ def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
         "percent": 100.0 * float(size.max()),
         "mode": worst + 1,
     }
-    poor = not size.max() <= file.runs.tolerance
-    if file.runs.method in _NAMES:
+    poor = not size.max() <= asked.tolerance
+    if asked.method in SURROGATES:
         code = "runs.poor-fit/surrogate" if poor else "runs.fitted/surrogate"
-        facts["method"] = _NAMES[file.runs.method]
+        facts["method"] = SURROGATES[asked.method].label
     else:
         code = "runs.poor-fit" if poor else "runs.fitted"
     return [*found, Notice(code, where=where, level="warning" if poor else "info", **facts)]

@@ -10,16 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.assembly.cases import ModesOfDeck, States, on_model
-from femtune.assembly.named_fields import with_named_fields
+from femtune.assembly.model_source import model_source
 from femtune.assembly.parameters import assignments, parameter_set, targets, with_parameters_of_modes
 from femtune.assembly.progress import silent
 from femtune.assembly.specimens import specimens_of_study
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, with_notices
-from femtune.files.nastran.build import build_allowing
-from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.error_places import errors_at_cards
-from femtune.files.nastran.inventory import MISSING
-from femtune.files.nastran.left_out import preloads
 from femtune.files.study_file import Given, StudyFile, is_deck, read_study_file, test_files, with_modes
 from femtune.files.study_file.source import StudyLines
 from femtune.model import frequency_table, parametric_model
@@ -32,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from femtune.assembly.cases import StudyCase
+    from femtune.assembly.model_source import ModelSource
     from femtune.assembly.progress import Progress
     from femtune.assembly.specimens import Specimens
     from femtune.files.nastran.build import BuiltModel
@@ -62,6 +59,11 @@ class Study:
     components: Components | None = None
     specimens: Specimens | None = None
     specimen: str | None = None
+
+    @property
+    def source(self) -> ModelSource:
+        """What the model is made of, and what can be done with it."""
+        return model_source(self.file)
 
     @property
     def parameters(self) -> ParameterSet:
@@ -149,73 +151,16 @@ def load_study(
         file = source
     else:
         file = _study_of_deck(Path(source)) if is_deck(source) else read_study_file(source)
-    if file.solver is not None:
-        from femtune.assembly.external import of_solver  # noqa: PLC0415  few studies have a solver
-
-        file = of_solver(file)
-    built = with_parameters_of_modes(file, _built(file, progress, fresh, around))
-    if file.runs is not None:
-        from femtune.assembly.runs_model import with_modes_of_runs  # noqa: PLC0415  few studies have runs
-
-        file = with_modes_of_runs(file, built)
-    doubts = _doubts(file, built)
+    file = model_source(file).prepared()
+    made_of = model_source(file)
+    built = with_parameters_of_modes(file, made_of.built(progress, fresh, around))
+    file = made_of.completed(built)
+    doubts = made_of.doubts(built)
     with errors_at_cards(built), with_notices(doubts):
         study = _assembled(_with_modes_of_deck(file, built), built, progress)
-    study = replace(study, notices=(*doubts, *study.notices))
-    if file.imported:
-        from femtune.assembly.imported_model import mesh_of_grid  # noqa: PLC0415
-
-        mesh = mesh_of_grid(file, built.structure.nodes)
-        study = replace(study, cases=tuple(replace(case, mesh=mesh) for case in study.cases))
-    return replace(study, units_known=file.given.units_known)
-
-
-def _doubts(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
-    """Warnings where units and dimensions of a deck contradict each other: often the cause of what fails later."""
-    if file.imported:
-        return ()
-    from femtune.assembly.plausible_sections import section_notices  # noqa: PLC0415  of a deck alone
-    from femtune.assembly.plausible_units import unit_notices  # noqa: PLC0415
-
-    of_units = unit_notices(file, built) if file.given.units_known else ()
-    return (*of_units, *section_notices(built.structure), *_large_deviation(file))
-
-
-LARGE_DEVIATION = 0.2
-"""Relative standard deviation of a frequency from which it is asked whether per cent are meant."""
-
-
-def _large_deviation(file: StudyFile) -> tuple[Notice, ...]:
-    stated = file.residuals.frequency_sd
-    if not isinstance(stated, float | int) or stated < LARGE_DEVIATION:
-        return ()
-    where, meant = file.where("residuals", "frequency_sd"), stated / 100.0
-    return (Notice("study.large-sd", where=where, value=stated, percent=100.0 * stated, meant=meant),)
-
-
-def _built(file: StudyFile, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
-    """The model of the deck, or of matrices, whose modes are compared with those that were listed."""
-    if file.solver is not None:
-        from femtune.assembly.external import build_of_solver  # noqa: PLC0415
-
-        return file.given.model or build_of_solver(file, progress, fresh, around)
-    if file.runs is not None:
-        from femtune.assembly.runs_model import build_of_runs  # noqa: PLC0415
-
-        progress.step("fitting the runs", 0, None)
-        return file.given.model or build_of_runs(file)
-    if file.imported:
-        # readers of the matrices of other solvers, which few studies have
-        from femtune.assembly.imported_model import build_imported, compare_listed  # noqa: PLC0415
-
-        progress.step("reading the matrices", 0, None)
-        built = file.given.model or build_imported(file)
-        progress.step("comparing their modes with the listed ones", 0, None)
-        return replace(built, notices=(*built.notices, compare_listed(file, built.structure)))
-    progress.step("reading the deck", 0, None)
-    built = file.given.model or build_allowing(read_deck(file.deck_path), file.study.allow_ignored)
-    _check_allowed(file, built)
-    return with_named_fields(file, built)
+    mesh = made_of.mesh(built.structure.nodes)
+    cases = study.cases if mesh is None else tuple(replace(case, mesh=mesh) for case in study.cases)
+    return replace(study, cases=cases, notices=(*doubts, *study.notices), units_known=file.given.units_known)
 
 
 def _with_modes_of_deck(file: StudyFile, built: BuiltModel) -> StudyFile:
@@ -235,17 +180,6 @@ def _study_of_deck(path: Path) -> StudyFile:
     file = StudyFile.model_validate({"study": {"title": path.name, "deck": path.name, "units": "m-kg-s"}})
     file._path, file._source, file._given = path, StudyLines(str(path)), Given(units_known=False)
     return file
-
-
-def _check_allowed(file: StudyFile, built: BuiltModel) -> None:
-    """Cards that the model lacks must be among those that the study allows to be ignored."""
-    allowed = {name.upper() for name in file.study.allow_ignored}
-    if allowed and (loaded := [error for name, error in preloads(built.deck).items() if name not in allowed]):
-        raise loaded[0]
-    missing = [c for c in built.cards if c.use == MISSING and c.name not in allowed]
-    if missing:
-        names = ", ".join(f"{c.name} ({c.count})" for c in missing)
-        raise FemtuneError("deck.unsupported-element/not-allowed", where=missing[0].where, names=names)
 
 
 def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:

@@ -23,9 +23,9 @@ Proslier (1998) and Balmès (2000), minimum dynamic residual.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import scipy.linalg as la
@@ -34,14 +34,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from femtune.arrays import Reals
+from femtune.correlation.kinds import EXPANSION_METHODS, ExpansionMethod
 from femtune.dofs import DofSet
 from femtune.modal import ModeSet
 from femtune.model import EigenSolution
 from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import SingularMatrixError
-
-ExpansionMethod = Literal["serep", "dynamic", "mdre"]
-METHODS: tuple[ExpansionMethod, ...] = get_args(ExpansionMethod)
 
 MOST_GROUPS = 10
 """Groups of sensors that are left out one after the other."""
@@ -260,7 +258,7 @@ def expand_shapes(
     *,
     basis: Sequence[int],
     noise: float = 0.01,
-    compare: Sequence[ExpansionMethod] = METHODS,
+    compare: Sequence[ExpansionMethod] = get_args(ExpansionMethod),
 ) -> ExpandedShapes:
     """Expand all shapes of a test by one method, and test the methods at sensors that are left out.
 
@@ -316,11 +314,29 @@ def _at(
     basis: Sequence[int],
     noise: float,
 ) -> Expansion | None:
+    at_frequency: Callable[..., Expansion | None] = EXPANSION_METHODS[name].load()
     try:
-        if name == "serep":
-            return serep(solution, sensors, basis) if len(basis) else None
-        if name == "dynamic":
-            return dynamic_expansion(solution, sensors, freq_hz)
-        return minimum_residual(solution, sensors, freq_hz, noise)
+        return at_frequency(solution, sensors, freq_hz, basis, noise)
     except SingularMatrixError:
         return None
+
+
+def serep_at(
+    solution: EigenSolution, sensors: sp.csr_array, freq_hz: float, basis: Sequence[int], noise: float
+) -> Expansion | None:
+    """`serep`, the same at every frequency; None without modes in its basis."""
+    return serep(solution, sensors, basis) if len(basis) else None
+
+
+def dynamic_at(
+    solution: EigenSolution, sensors: sp.csr_array, freq_hz: float, basis: Sequence[int], noise: float
+) -> Expansion:
+    """`dynamic_expansion`."""
+    return dynamic_expansion(solution, sensors, freq_hz)
+
+
+def minimum_residual_at(
+    solution: EigenSolution, sensors: sp.csr_array, freq_hz: float, basis: Sequence[int], noise: float
+) -> Expansion:
+    """`minimum_residual`."""
+    return minimum_residual(solution, sensors, freq_hz, noise)

@@ -38,12 +38,12 @@ def assemble(structure: Structure, matrix: MatrixKind) -> sp.csr_array:
 
 
 def offset_mass(structure: Structure, absent: Collection[int] = ()) -> tuple[sp.csr_array, int]:
-    """What neutral axes beside the shear centres add to the mass matrix, (n_g, n_g), and the number of such elements.
+    """Part of the mass matrix (n_g, n_g) due to neutral axes off the shear centres, and the number of such elements.
 
-    The mass matrix less this one is that of a model whose beams have their structural mass on the line of their shear
-    centres. Elements with the numbers `absent` do not count.
+    Subtracted from the mass matrix, it leaves that of a model whose beams have their structural mass on the line of
+    their shear centres. Elements whose numbers are in `absent` are left out.
     """
-    n, found = structure.nodes.n_dofs, sp.csr_array((structure.nodes.n_dofs,) * 2)
+    n, offset = structure.nodes.n_dofs, sp.csr_array((structure.nodes.n_dofs,) * 2)
     elements: set[int] = set()
     for batch in structure.batches:
         if batch.kind != TAPERED_BEAM.key:
@@ -54,9 +54,9 @@ def offset_mass(structure: Structure, absent: Collection[int] = ()) -> tuple[sp.
             matrices = nominal_matrices(batch, structure, term)
             there = ~np.isin(batch.ids[term.at], list(absent)) & matrices.any(axis=(1, 2))
             rows, cols, values = _entries(batch.dofs[term.at[there]], matrices[there])
-            found = found + sp.csr_array((values, (rows, cols)), shape=(n, n))
+            offset = offset + sp.csr_array((values, (rows, cols)), shape=(n, n))
             elements.update(batch.ids[term.at[there]].tolist())
-    return found, len(elements)
+    return offset, len(elements)
 
 
 def _entries(dofs: Integers, matrices: Reals) -> tuple[Integers, Integers, Reals]:

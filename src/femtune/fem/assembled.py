@@ -1,4 +1,4 @@
-"""AssembledMatrix: a matrix of a whole structure that no element of ours made, with a coefficient."""
+"""AssembledMatrix: a matrix of the whole structure that does not come from elements, with a coefficient."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class AssembledMatrix:
     Parameters
     ----------
     kind : "stiffness", "mass", "viscous" or "hysteretic"
-    label : what it is, for messages: "K2GG STIFF"
+    label : name for messages, for example "K2GG STIFF"
     upper : (n_g, n_g) upper triangle with the diagonal, csr, real
     roles : positions in the value table that the coefficient needs, by name
     coefficient : (jets of shape (1,) by role, no facts) -> jet of shape (1,); plain arithmetic, complex-safe

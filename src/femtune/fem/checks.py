@@ -14,13 +14,23 @@ from femtune.fem.elements import pieces
 from femtune.fem.elements.placement import arm_transform
 from femtune.fem.structure import NodeTable, Structure
 
-# a force that rigid motion leaves at a DOF, relative to the forces that cancel there
 STRAIN_FREE = 1e-8
-# entries that cancelled when elements were added leave rounding of the diagonal behind; forces of this part of what the
-# diagonals could hold cancel at every DOF
-_CANCELLED = 1e-4
-# masses felt in two directions that differ by less count as one
+"""Largest force that a strain-free rigid-body motion leaves at a DOF, relative to the forces that cancel there.
+
+Half of the digits of a double, so that neither rounding of many terms fails the check nor a weak spring to ground
+passes it.
+"""
+_LEAST_FORCE_SCALE = 1e-4
+"""Smallest scale of the forces at a DOF, as a fraction of the bound that the diagonal stiffness sets.
+
+Entries that cancel when elements are added leave rounding errors of the size of the diagonal. Without this lower limit
+a row of such remainders would be compared with itself.
+"""
 SAME_MASS = 1e-9
+"""Relative difference of the masses in two directions up to which they are equal.
+
+Well above the rounding of a sum over all grid points, and below any scalar mass that matters.
+"""
 
 
 def rigid_body_modes(nodes: NodeTable, about: Reals | None = None) -> Reals:
@@ -97,16 +107,16 @@ def _centre(matrix: Reals) -> Reals:
 
 @dataclass(frozen=True, eq=False)
 class RigidMotionCheck:
-    """What one rigid motion costs.
+    """Strain energy and residual forces of one rigid-body motion.
 
     Parameters
     ----------
     motion : "X" to "RZ"
     energy : ½ rᵀKr for a unit motion
-    relative_energy : the energy over the sum of the magnitudes of its terms
-    relative_force : largest force left at a DOF over the sum of the magnitudes that cancel there, which counts as no
-        less than a ten-thousandth of what it could be with the stiffness of the DOFs on the diagonal
-    worst : DOFs with the largest relative forces, and these, at most ten, only those above the threshold
+    relative_energy : the energy divided by the sum of the magnitudes of its terms
+    relative_force : largest force left at a DOF, divided by the sum of the magnitudes that cancel there; this sum is
+        taken as at least 1e-4 of its upper bound from the diagonal stiffness
+    worst : at most ten DOFs with the largest relative forces above the threshold, and these forces
     """
 
     motion: str
@@ -124,17 +134,17 @@ class RigidMotionCheck:
 def rigid_motion_checks(
     nodes: NodeTable, stiffness: sp.csr_array, about: Reals | None = None
 ) -> tuple[RigidMotionCheck, ...]:
-    """Strain energy and left-over forces of the six rigid motions of the unconstrained structure (n_g, n_g)."""
+    """Strain energy and residual forces of the six rigid motions of the unconstrained structure (n_g, n_g)."""
     motions = rigid_body_modes(nodes, about)
     forces, sizes = stiffness @ motions, _force_sizes(stiffness, np.abs(motions))
     return tuple(_motion_check(nodes, i, motions[:, i], forces[:, i], sizes[:, i]) for i in range(6))
 
 
 def _force_sizes(stiffness: sp.csr_array, motions: Reals) -> Reals:
-    """(n_g, 6) Σ_j |K_ij| |r_j|, and no less than a small part of Σ_j √(K_ii K_jj) |r_j|, which bounds it."""
+    """(n_g, 6) Σ_j |K_ij| |r_j|, but at least a small fraction of its upper bound Σ_j √(K_ii K_jj) |r_j|."""
     root = np.sqrt(np.maximum(stiffness.diagonal(), 0.0))[:, None]
     pattern = sp.csr_array((np.ones(stiffness.nnz), stiffness.indices, stiffness.indptr), shape=stiffness.shape)
-    return np.maximum(abs(stiffness) @ motions, _CANCELLED * root * (pattern @ (root * motions)))
+    return np.maximum(abs(stiffness) @ motions, _LEAST_FORCE_SCALE * root * (pattern @ (root * motions)))
 
 
 def _motion_check(nodes: NodeTable, i: int, r: Reals, force: Reals, size: Reals) -> RigidMotionCheck:
@@ -148,7 +158,7 @@ def _motion_check(nodes: NodeTable, i: int, r: Reals, force: Reals, size: Reals)
 
 @dataclass(frozen=True)
 class GroundingElement:
-    """An element that strains in a rigid motion: its energy for a unit motion, and that over its terms' magnitudes."""
+    """An element that a rigid motion strains: its energy for a unit motion, absolute and relative to its terms."""
 
     card: str
     id: int
@@ -160,7 +170,7 @@ class GroundingElement:
 def grounding_elements(structure: Structure, about: Reals | None = None) -> tuple[GroundingElement, ...]:
     """Elements that rigid motions strain (springs to ground, bushes and springs across a gap), largest energy first."""
     motions = rigid_body_modes(structure.nodes, about)
-    found = []
+    elements = []
     for batch in structure.batches:
         known = np.where(batch.dofs[:, :, None] >= 0, motions[batch.dofs], 0.0)
         energy, scale = np.zeros((2, len(batch), 6))
@@ -170,10 +180,10 @@ def grounding_elements(structure: Structure, about: Reals | None = None) -> tupl
                 energy[term.at] += 0.5 * np.einsum("eim,eim->em", r, m @ r)
                 scale[term.at] += 0.5 * np.einsum("eim,eim->em", np.abs(r), np.abs(m) @ np.abs(r))
         relative = np.divide(energy, scale, out=np.zeros_like(energy), where=scale > 0.0)
-        found += [
+        elements += [
             GroundingElement(
                 batch.card, int(batch.ids[e]), DIRECTIONS[1 + i], float(energy[e, i]), float(relative[e, i])
             )
             for e, i in np.argwhere(relative > STRAIN_FREE)
         ]
-    return tuple(sorted(found, key=lambda g: -g.energy))
+    return tuple(sorted(elements, key=lambda g: -g.energy))

@@ -14,14 +14,25 @@ from femtune.fem.elements.placement import arm_transform
 from femtune.fem.structure import ConstraintRows, NodeTable
 
 Components = Sequence[tuple[int, Sequence[int]]]
-"""Grid points with components of 1 to 6; a point may stand there several times."""
+"""Grid points with components of 1 to 6; a point may occur several times."""
 
-# coefficients are direction cosines and lever arms; what is left of exact cancellation is dropped
-NOISE = 1e-13
-# largest condition number of six independent components, lengths in units of the element's own
-CONDITION = 1e8
-# a rod's dependent component has at least this part along the rod
-ALONG = 1e-6
+COEFFICIENT_ROUNDING = 1e-13
+"""Coefficients below this fraction of the largest of their equation are dropped.
+
+Coefficients are direction cosines and lever arms. Where they cancel exactly, a few roundings of 1e-16 remain, which
+would only fill the matrices.
+"""
+LARGEST_CONDITION = 1e8
+"""Largest condition number of six independent components, with lengths in units of the element's size.
+
+Half of the digits of a double are lost beyond it; components of points that determine the motion stay far below.
+"""
+LEAST_COSINE = 1e-6
+"""Smallest direction cosine between a rod and its dependent component.
+
+The equation is divided by it, so that up to six digits are lost; a component that is perpendicular to the rod but for
+rounding of the coordinates is refused.
+"""
 ALL_COMPONENTS = (1, 2, 3, 4, 5, 6)
 
 
@@ -30,7 +41,7 @@ def rigid_element_rows(
 ) -> ConstraintRows:
     """RBE2: the given components of the dependent grid points follow the independent one as a rigid body.
 
-    `independent` and `dependents` are numbers of grid points, `components` are of 1 to 6 in the displacement
+    `independent` and `dependents` are numbers of grid points, `components` are 1 to 6 in the displacement
     frames of the dependents, `owner` is the element's number.
 
     Raises
@@ -56,7 +67,7 @@ def rigid_motion(nodes: NodeTable, ends: NDArray[np.int64], starts: NDArray[np.i
 
 
 def follow_rows(
-    dependent: NDArray[np.int64], on: NDArray[np.int64], follow: Reals, owner: int, noise: float = NOISE
+    dependent: NDArray[np.int64], on: NDArray[np.int64], follow: Reals, owner: int, noise: float = COEFFICIENT_ROUNDING
 ) -> ConstraintRows:  # fmt: skip
     """Equations u_dependent − Σ follow · u_on = 0; `on` and `follow` are (m, k).
 
@@ -98,10 +109,10 @@ def rigid_bar_rows(
 def rigid_plate_rows(
     nodes: NodeTable, points: Sequence[int], independent: Components, dependent: Components, owner: int, card: str
 ) -> ConstraintRows:  # fmt: skip
-    """RBAR, RTRPLT: the components of a few points that are not independent follow, or those that are named.
+    """RBAR, RTRPLT: the named components of a few points follow the independent ones, by default all others.
 
-    `card` is the card's name for messages. Errors as of `rigid_body_rows`, and ``constraint.own-node`` where a point
-    stands there twice.
+    `card` is the card's name for messages. Raises the errors of `rigid_body_rows`, and ``constraint.own-node`` if a
+    point is listed twice.
     """
     where = Where(record=f"{card} {owner}")
     again = [n for i, n in enumerate(points) if n in points[:i]]
@@ -144,7 +155,7 @@ def motion_of(nodes: NodeTable, dofs: NDArray[np.int64], start: NDArray[np.int64
 
 
 def _size(nodes: NodeTable, free: NDArray[np.int64], slaves: NDArray[np.int64], start: NDArray[np.int64]) -> float:
-    """Largest distance of the element's points from the first, the unit of length of its judgements."""
+    """Largest distance of the element's points from the first: the unit of length of its tolerances."""
     rows = np.unique(np.concatenate([free, slaves])) // 6
     return float(np.linalg.norm(nodes.xyz[rows] - nodes.xyz[start], axis=1).max(initial=0.0))
 
@@ -158,14 +169,14 @@ def _check_twice(nodes: NodeTable, free: NDArray[np.int64], slaves: NDArray[np.i
 
 
 def check_once(nodes: NodeTable, dofs: NDArray[np.int64], kind: str, where: Where) -> None:
-    """Error ``constraint.twice-in-element`` for a DOF that stands twice in a list."""
+    """Error ``constraint.twice-in-element`` for a DOF that is listed twice."""
     numbers, counts = np.unique(dofs, return_counts=True)
     if (counts > 1).any():
         raise twice_in_element(nodes, int(numbers[counts > 1][0]), f"twice as {kind}", where)
 
 
 def twice_in_element(nodes: NodeTable, dof: int, what: str, where: Where) -> FemtuneError:
-    """A DOF stands in two lists of an element, or twice in one."""
+    """Error for a DOF that is in two lists of an element, or twice in one."""
     name = f"component {dof % 6 + 1} of grid point {nodes.ids[dof // 6]}"
     return FemtuneError("constraint.twice-in-element", where=where, dof=name, roles=what)
 
@@ -173,20 +184,20 @@ def twice_in_element(nodes: NodeTable, dof: int, what: str, where: Where) -> Fem
 def _invert(motion: Reals, length: float, where: Where) -> Reals:
     """Rigid motion, at the first point, from the six independent components.
 
-    Lengths are scaled so that the judgement does not depend on the unit.
+    Lengths are scaled so that the condition number does not depend on their unit.
     """
     if len(motion) != 6:
         raise FemtuneError("constraint.rigid-independent/number", where=where, count=len(motion))
     scale = np.array([1.0] * 3 + [1.0 / (length or 1.0)] * 3)
     scaled = motion * scale
     scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
-    if np.linalg.cond(scaled) > CONDITION:
+    if np.linalg.cond(scaled) > LARGEST_CONDITION:
         raise FemtuneError("constraint.rigid-independent", where=where)
     return np.asarray(np.linalg.inv(motion))
 
 
 def rigid_rod_rows(nodes: NodeTable, ends: tuple[int, int], dependent: tuple[int, int], owner: int) -> ConstraintRows:
-    """RROD: the distance of two grid points stays; one translation, (0 for end A or 1 for end B, 1 to 3), follows.
+    """RROD: the distance of two grid points is fixed; one translation, (0 for end A or 1 for end B, 1 to 3), follows.
 
     Raises
     ------
@@ -199,7 +210,7 @@ def rigid_rod_rows(nodes: NodeTable, ends: tuple[int, int], dependent: tuple[int
     along = np.concatenate([-axis @ nodes.frames[rows[0]], axis @ nodes.frames[rows[1]]])
     dofs = (6 * rows[:, None] + np.arange(3)).ravel()
     chosen = 3 * dependent[0] + dependent[1] - 1
-    if abs(along[chosen]) < ALONG:
+    if abs(along[chosen]) < LEAST_COSINE:
         raise FemtuneError("constraint.rod-component", where=where, component=dependent[1], grid=ends[dependent[0]])
     others = np.delete(np.arange(6), chosen)
     follow = -along[others] / along[chosen]
@@ -219,15 +230,22 @@ def _rod_axis(nodes: NodeTable, rows: NDArray[np.int64], where: Where) -> Reals:
 # Equations of an averaging element (RBE3): a point moves with the mean rigid motion of others.
 
 
-# singular value of the fit, relative to the largest and lengths in units of the element's own, taken for zero
-RANK = 1e-9
-# part of a reference component in a motion that the points do not determine, taken for zero
-OPEN = 1e-6
+RANK_TOLERANCE = 1e-9
+"""Singular values of the fit up to this fraction of the largest are zero, with lengths in units of the element's size.
+
+They are zero but for rounding errors, for example where the points lie on a line; the fit divides by the others, which
+leaves it seven digits.
+"""
+LARGEST_OPEN_SHARE = 1e-6
+"""Share up to which a reference component may take part in a motion that the points do not determine.
+
+Singular vectors beside a small singular value are known to about 1e-16 over `RANK_TOLERANCE`, that is seven digits.
+"""
 
 
 @dataclass(frozen=True)
 class WeightedPoints:
-    """One group of an RBE3: `components` of 1 to 6 at the grid points `numbers`, all of one weight (WT, C, G)."""
+    """One group of an RBE3: `components` of 1 to 6 at the grid points `numbers`, with one weight (WT, C, G)."""
 
     weight: float
     components: Sequence[int]
@@ -244,8 +262,8 @@ def average_rows(
 ) -> ConstraintRows:
     """RBE3: components of a reference grid point follow the rigid motion that fits the points best.
 
-    The fit is that of least squares, Σ w (u − rigid motion)² over the listed components of the points; rotations
-    count with w·L², L being the mean distance of the points from the reference, so that no unit of length matters.
+    The fit minimises Σ w (u − rigid motion)² over the listed components of the points. Rotations have the weight w·L²,
+    where L is the mean distance of the points from the reference, so that the unit of length does not matter.
 
     Parameters
     ----------
@@ -253,7 +271,7 @@ def average_rows(
     reference, components : REFGRID and REFC, of 1 to 6 in its displacement frame
     groups : WT, C, G
     owner : number of the element
-    dependent : the components that are dependent in place of REFC (UM); as many, of REFC and of the points'
+    dependent : components that are dependent in place of REFC (UM): as many as REFC has, of REFC or of the points
 
     Raises
     ------
@@ -263,16 +281,16 @@ def average_rows(
     where = Where(record=f"RBE3 {owner}")
     _check_groups(reference, groups, where)
     listed = [(n, g.components) for g in groups for n in g.numbers]
-    own = component_dofs(nodes, [(reference, components)], where)
+    moved = component_dofs(nodes, [(reference, components)], where)
     points = component_dofs(nodes, listed, where)
     check_once(nodes, points, "averaged", where)
     weights = np.concatenate([np.full(len(g.numbers) * len(g.components), g.weight) for g in groups])
-    length = _mean_distance(nodes, points, own)
-    follow = _fit(nodes, points, weights, own, length, where)
+    length = _mean_distance(nodes, points, moved)
+    follow = _fit(nodes, points, weights, moved, length, where)
     if not len(dependent):
-        return follow_rows(own, np.tile(points, (len(own), 1)), follow, owner, noise=0.0)
+        return follow_rows(moved, np.tile(points, (len(moved), 1)), follow, owner, noise=0.0)
     chosen = component_dofs(nodes, dependent, where)
-    return _exchange(nodes, (own, points, follow), chosen, length, owner)
+    return _exchange(nodes, (moved, points, follow), chosen, length, owner)
 
 
 def _check_groups(reference: int, groups: Sequence[WeightedPoints], where: Where) -> None:
@@ -283,63 +301,63 @@ def _check_groups(reference: int, groups: Sequence[WeightedPoints], where: Where
             raise FemtuneError("constraint.own-node/mean", where=where, grid=reference)
 
 
-def _mean_distance(nodes: NodeTable, points: Integers, own: Integers) -> float:
-    """Mean distance of the points from the reference; 1 where all are at the same place and no length enters."""
+def _mean_distance(nodes: NodeTable, points: Integers, moved: Integers) -> float:
+    """Mean distance of the points from the reference; 1 if all coincide, where the length does not matter."""
     rows = np.unique(points // 6)
-    distance = np.linalg.norm(nodes.xyz[rows] - nodes.xyz[own[0] // 6], axis=1)
+    distance = np.linalg.norm(nodes.xyz[rows] - nodes.xyz[moved[0] // 6], axis=1)
     return float(distance.mean()) or 1.0
 
 
-def _fit(nodes: NodeTable, points: Integers, weights: Reals, own: Integers, length: float, where: Where) -> Reals:
+def _fit(nodes: NodeTable, points: Integers, weights: Reals, moved: Integers, length: float, where: Where) -> Reals:
     """(reference components, point components): rows of (SᵀWS)⁻¹SᵀW, by singular values and in scaled lengths."""
     unit = _units(length)
-    motion = motion_of(nodes, points, own[:1] // 6) * unit[points % 6][:, None] / unit
+    motion = motion_of(nodes, points, moved[:1] // 6) * unit[points % 6][:, None] / unit
     root = np.sqrt(weights / weights.max())
-    # rows of zeros make six at least, so that the small decomposition knows every open motion
+    # at least six rows, padded with zeros, so that the reduced decomposition includes every undetermined motion
     padded = np.vstack([root[:, None] * motion, np.zeros((max(6 - len(root), 0), 6))])
     U, s, Vt = np.linalg.svd(padded, full_matrices=False)
-    rank = int((s > RANK * s[0]).sum())
-    _check_determined(Vt[rank:], own, where)
+    rank = int((s > RANK_TOLERANCE * s[0]).sum())
+    _check_determined(Vt[rank:], moved, where)
     fit = (Vt[:rank].T / s[:rank]) @ U[: len(root), :rank].T * root
-    fit = fit[own % 6]
-    fit[np.abs(fit) <= NOISE * np.abs(fit).max(axis=1, keepdims=True)] = 0.0
-    return np.asarray(fit * unit[points % 6] / unit[own % 6][:, None])
+    fit = fit[moved % 6]
+    fit[np.abs(fit) <= COEFFICIENT_ROUNDING * np.abs(fit).max(axis=1, keepdims=True)] = 0.0
+    return np.asarray(fit * unit[points % 6] / unit[moved % 6][:, None])
 
 
 def _units(length: float) -> Reals:
-    """Factors that make displacements of one unit of translations and rotations."""
+    """Factors that give translations and rotations the same unit."""
     return np.array([1.0] * 3 + [length] * 3)
 
 
-def _check_determined(open_motions: Reals, own: Integers, where: Where) -> None:
-    part = np.linalg.norm(open_motions[:, own % 6], axis=0)
-    if (part > OPEN).any():
-        digits = "".join(str(d % 6 + 1) for d in own[part > OPEN])
+def _check_determined(open_motions: Reals, moved: Integers, where: Where) -> None:
+    part = np.linalg.norm(open_motions[:, moved % 6], axis=0)
+    if (part > LARGEST_OPEN_SHARE).any():
+        digits = "".join(str(d % 6 + 1) for d in moved[part > LARGEST_OPEN_SHARE])
         raise FemtuneError("constraint.undetermined-motion", where=where, components=digits)
 
 
 def _exchange(
     nodes: NodeTable, terms: tuple[Integers, Integers, Reals], chosen: Integers, length: float, owner: int
 ) -> ConstraintRows:  # fmt: skip
-    """The equations u_own − follow·u_points = 0 solved for other components (UM)."""
-    own, points, follow = terms
+    """The equations u_moved − follow·u_points = 0 solved for other components (UM)."""
+    moved, points, follow = terms
     where = Where(record=f"RBE3 {owner}")
-    dofs, matrix = np.concatenate([own, points]), np.hstack([np.eye(len(own)), -follow])
-    _check_choice(nodes, chosen, own, dofs, where)
+    dofs, matrix = np.concatenate([moved, points]), np.hstack([np.eye(len(moved)), -follow])
+    _check_choice(nodes, chosen, moved, dofs, where)
     at = np.array([int(np.flatnonzero(dofs == d)[0]) for d in chosen])
     block = matrix[:, at]
     unit = _units(length)
-    if np.linalg.cond(block * unit[own % 6][:, None] / unit[chosen % 6]) > CONDITION:
+    if np.linalg.cond(block * unit[moved % 6][:, None] / unit[chosen % 6]) > LARGEST_CONDITION:
         raise FemtuneError("constraint.dependent-choice", where=where)
     others = np.delete(np.arange(len(dofs)), at)
     solved = -np.linalg.solve(block, matrix[:, others])
     return follow_rows(chosen, np.tile(dofs[others], (len(chosen), 1)), solved, owner)
 
 
-def _check_choice(nodes: NodeTable, chosen: Integers, own: Integers, dofs: Integers, where: Where) -> None:
+def _check_choice(nodes: NodeTable, chosen: Integers, moved: Integers, dofs: Integers, where: Where) -> None:
     check_once(nodes, chosen, "dependent", where)
-    if len(chosen) != len(own):
-        raise FemtuneError("constraint.dependent-choice/number", where=where, given=len(chosen), required=len(own))
+    if len(chosen) != len(moved):
+        raise FemtuneError("constraint.dependent-choice/number", where=where, given=len(chosen), required=len(moved))
     strange = np.setdiff1d(chosen, dofs)
     if len(strange):
         name = f"component {strange[0] % 6 + 1} of grid point {nodes.ids[strange[0] // 6]}"

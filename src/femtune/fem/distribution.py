@@ -20,7 +20,7 @@ from femtune.parameters.jet import Jet
 
 
 def region_of_element(name: str, element: int) -> str:
-    """Name of the region that one element of a distribution is."""
+    """Name of the region that consists of one element of a distribution."""
     return f"{name} {element}"
 
 
@@ -41,11 +41,11 @@ class Distribution:
 
 
 def with_distribution(structure: Structure, distribution: Distribution) -> Structure:
-    """The structure in which elements have values of their own, which follow from the amplitudes.
+    """The structure with an individual value for each element, which follows from the amplitudes.
 
     Raises
     ------
-    FemtuneError : ``distribution.field`` for a field that no element of the region uses, or that another one varies
+    FemtuneError : ``distribution.field`` for a field that no element of the region uses, or that varies already
     """
     d, n = distribution, distribution.functions.shape[1]
     amplitudes = {amplitude_ref(d.name, j + 1): 0.0 for j in range(n)}
@@ -91,5 +91,5 @@ def varied(base: Jet, *rest: Jet) -> Jet:
 
 def varied_entries(table: ValueTable) -> frozenset[int]:
     """Positions of the values of single elements, and of what follows from them."""
-    own = [d.target for d in table.derived if d.function is varied]
-    return frozenset(table.dependents(own))
+    targets = [d.target for d in table.derived if d.function is varied]
+    return frozenset(table.dependents(targets))

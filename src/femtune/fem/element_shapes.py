@@ -1,9 +1,9 @@
-"""Elements out of shape: the tests, the words and the usual default limits of Nastran's GEOMCHECK statement.
+"""Badly shaped elements: the tests and usual default limits of Nastran's GEOMCHECK statement.
 
-Shells are measured by their corners, also those with mid-side grid points. Sources: measures by the GEOMCHECK statement
-of the MSC Nastran Quick Reference Guide, which also lets a mid-side grid point lie anywhere between the quarter points
+Shells are measured by their corners, also those with mid-side grid points. Sources: the measures are those of GEOMCHECK
+in the MSC Nastran Quick Reference Guide, which also lets a mid-side grid point lie anywhere between the quarter points
 of its side (EPLR); aspect ratios of shells, and the limits of EPLR, EPIA (30 degrees from straight) and WARP of solids
-(45 degrees), by the Autodesk Nastran Reference Manual. The others are the usual defaults of GEOMCHECK.
+(45 degrees), are those of the Autodesk Nastran Reference Manual. All other limits are the usual defaults of GEOMCHECK.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from femtune.fem.structure import ElementBatch, Structure
 
 Measures = dict[str, Reals]
 """(e,) values by the key of a test; NaN where a test does not apply."""
-WORST = 10
+MOST_LISTED = 10
+"""Number of the worst elements that a test lists; more would not fit on a page."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class ShapeTest:
     key : as GEOMCHECK names it: "Q4_SKEW"
     meaning : what is measured
     limit : default
-    least : True where smaller values than the limit are out of shape, False where larger ones are
+    least : True if the limit is a lower one, False if it is an upper one
     unit : "deg" or ""
     """
 
@@ -45,13 +46,13 @@ class ShapeTest:
     unit: str = ""
 
     def beyond(self, values: Reals, limit: float) -> np.ndarray:
-        """(e,) which values are out of shape; a limit of zero is beyond itself, as such a Jacobian is degenerate."""
+        """(e,) which values exceed the limit; zero itself exceeds a limit of zero, as such a Jacobian is degenerate."""
         if not self.least:
             return np.asarray(values > limit)
         return np.asarray(values <= limit if limit == 0.0 else values < limit)
 
     def badness(self, values: Reals) -> Reals:
-        """What sorts the worst first."""
+        """Sort key that puts the worst first."""
         return values if self.least else -values
 
 
@@ -93,13 +94,13 @@ TESTS: dict[str, ShapeTest] = {
 
 @dataclass(frozen=True)
 class ShapeFound:
-    """What a test found.
+    """Result of a test.
 
     Parameters
     ----------
     test, limit : the test and the limit that was used
     tested, beyond : numbers of elements
-    cards, ids, values : of the worst elements beyond the limit, worst first, at most ``WORST``
+    cards, ids, values : of the worst elements beyond the limit, worst first, at most ``MOST_LISTED``
     extreme : the worst value of all elements
     """
 
@@ -132,13 +133,15 @@ def element_shapes(
     ['BAR_OFF']
     """
     given = limits or {}
-    found: dict[str, list[tuple[ElementBatch, Reals]]] = {}
+    measured: dict[str, list[tuple[ElementBatch, Reals]]] = {}
     for batch in structure.batches:
         for key, values in _measures(batch, structure).items():
             keep = np.where(np.isin(batch.ids, list(off)), np.nan, values) if off else values
             if np.isfinite(keep).any():
-                found.setdefault(key, []).append((batch, keep))
-    return tuple(_found(test, given.get(key, test.limit), found[key]) for key, test in TESTS.items() if key in found)
+                measured.setdefault(key, []).append((batch, keep))
+    return tuple(
+        _found(test, given.get(key, test.limit), measured[key]) for key, test in TESTS.items() if key in measured
+    )
 
 
 def _found(test: ShapeTest, limit: float, parts: list[tuple[ElementBatch, Reals]]) -> ShapeFound:
@@ -148,7 +151,7 @@ def _found(test: ShapeTest, limit: float, parts: list[tuple[ElementBatch, Reals]
     ids, values, cards = ids[known], values[known], cards[known]
     order = np.lexsort((ids, test.badness(values)))
     out = order[test.beyond(values[order], limit)]
-    worst = out[:WORST]
+    worst = out[:MOST_LISTED]
     return ShapeFound(
         test, limit, len(ids), len(out), tuple(map(str, cards[worst])), tuple(map(int, ids[worst])),
         tuple(map(float, values[worst])), float(values[order[0]]),
@@ -252,11 +255,11 @@ def _warp(face: Reals) -> Reals:
 
 
 def _middles(xyz: Reals, edges: Integers, count: int) -> Measures:
-    """Parts of the sides and angles at the mid-side nodes; NaN where an element has none."""
+    """Positions along the sides and angles at the mid-side nodes; NaN where an element has none."""
     middles = xyz[:, count:]
     one, two = xyz[:, edges[:, 0]] - middles, xyz[:, edges[:, 1]] - middles
     side = two - one
-    # of the side, from its first corner to the foot of the middle grid point
+    # fraction of the side between its first corner and the foot of the middle grid point
     along = -np.sum(one * side, axis=2) / np.sum(side**2, axis=2)
     missing = np.isnan(along)
     none = missing.all(axis=1)
@@ -266,7 +269,7 @@ def _middles(xyz: Reals, edges: Integers, count: int) -> Measures:
 
 
 def _jacobians(kind: ElementKind, xyz: Reals, faces: list[list[int]], count: int) -> Reals:
-    """(e,) smallest determinant at the nodes over the largest; at corners alone of elements without mid-side nodes."""
+    """(e,) ratio of the smallest to the largest determinant at the nodes; corners only without mid-side nodes."""
     if kind.volume is not None:
         shape = kind.volume
         # at the apex of a pyramid the determinant vanishes
@@ -280,7 +283,7 @@ def _jacobians(kind: ElementKind, xyz: Reals, faces: list[list[int]], count: int
 
 
 def _corner(xyz: Reals, faces: list[list[int]], corner: int) -> Reals:
-    """(e,) volume that the three sides at a corner span, positive where the element is not turned inside out.
+    """(e,) volume spanned by the three sides at a corner, positive if the element is not inside out.
 
     Faces list their corners anticlockwise as seen from outside: in each, the side before and the side after a corner
     follow each other in the order of a right-handed system.
@@ -303,8 +306,8 @@ def _corner(xyz: Reals, faces: list[list[int]], corner: int) -> Reals:
 
 def _offsets(batch: ElementBatch, structure: Structure) -> Measures:
     ends = structure.nodes.xyz[batch.nodes[:, 1]] - structure.nodes.xyz[batch.nodes[:, 0]]
-    own = ends + batch.facts["offset_b"] - batch.facts["offset_a"]
+    shifted = ends + batch.facts["offset_b"] - batch.facts["offset_a"]
     length = np.linalg.norm(ends, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        change = np.abs(np.linalg.norm(own, axis=1) / length - 1.0)
+        change = np.abs(np.linalg.norm(shifted, axis=1) / length - 1.0)
     return {"BAR_OFF" if batch.card == "CBAR" else "BEAM_OFF": change}

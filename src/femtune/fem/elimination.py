@@ -16,8 +16,11 @@ from femtune.fem.structure import ConstraintRows
 
 Describe = Callable[[int], Dof]
 
-# singular value of a loop of equations, relative to the largest, below which the loop has no solution
-SINGULAR = 1e-11
+SINGULAR_LOOP = 1e-11
+"""Singular values of a loop of equations up to this fraction of the largest mean that it has no unique solution.
+
+The loop is solved by a factorisation, which loses as many digits; five would be left.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +37,7 @@ def eliminate(n_dofs: int, rows: ConstraintRows, held: Iterable[int], describe: 
     Parameters
     ----------
     n_dofs : size of the g-set
-    rows : equations, one dependent DOF each, in any order; dependents may lean on other dependents
+    rows : equations, one dependent DOF each, in any order; dependent DOFs may depend on other dependent DOFs
     held : g-set DOFs that do not move
     describe : name of a g-set DOF, for messages
 
@@ -76,8 +79,8 @@ def _check(rows: ConstraintRows, matrix: sp.csr_array, fixed: Integers, describe
     for i in np.flatnonzero(np.isin(rows.dependent, fixed)):
         with errors.catch():
             raise _held(rows, int(i), describe)
-    own = matrix[np.arange(len(rows)), rows.dependent] if len(rows) else np.zeros(0)
-    for i in np.flatnonzero(np.asarray(own) == 0.0):
+    coefficients = matrix[np.arange(len(rows)), rows.dependent] if len(rows) else np.zeros(0)
+    for i in np.flatnonzero(np.asarray(coefficients) == 0.0):
         with errors.catch():
             raise _no_coefficient(rows, int(i), describe)
     errors.raise_if_any()
@@ -139,7 +142,7 @@ def _factorised(among: sp.csr_array, on: sp.csr_array) -> sp.csr_array:
 
 
 def _check_loops(among: sp.csr_array, step: sp.csr_array, rows: ConstraintRows, describe: Describe) -> bool:
-    """True where equations lean on each other in a loop; error if a loop has no solution."""
+    """True if equations depend on each other in a loop; error if a loop has no solution."""
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415  many models have no constraint equations
 
     count, label = connected_components(step, directed=True, connection="strong")
@@ -147,8 +150,8 @@ def _check_loops(among: sp.csr_array, step: sp.csr_array, rows: ConstraintRows, 
     for group in np.flatnonzero(sizes > 1):
         at = np.flatnonzero(label == group)
         _, s, vt = np.linalg.svd(among[at][:, at].toarray())
-        if s[-1] <= SINGULAR * s[0]:
-            # the first of those that move most, so that equal ones don't depend on rounding
+        if s[-1] <= SINGULAR_LOOP * s[0]:
+            # the first of those that move most, so that rounding does not choose among equal ones
             moving = np.abs(vt[-1]) > 0.999 * np.abs(vt[-1]).max()
             raise _circular(rows, int(at[np.argmax(moving)]), at, describe)
     return bool((sizes > 1).any())

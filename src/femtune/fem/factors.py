@@ -1,7 +1,7 @@
-"""Factors of whole element matrices: K_e, M_e and C_e of a group times a number of its own.
+"""Factors of whole element matrices: K_e, M_e and C_e of a group times one number.
 
-The simplest parameters there are (Friswell and Mottershead 1995, section 5.2): what multiplies a group is one value
-that its elements share, and the matrices are linear in it.
+The simplest parameters (Friswell and Mottershead 1995, section 5.2): the elements of a group share one factor, and the
+matrices are linear in it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def with_factors(structure: Structure, words: Collection[str]) -> Structure:
 
     Parameters
     ----------
-    words : of ``FACTORS``; the factor of the stiffness multiplies the hysteretic part that goes with it too
+    words : keys of ``FACTORS``; the factor of the stiffness also multiplies its hysteretic part
     """
     refs = {word: factor_ref(word) for word in words}
     values = structure.values.extended(dict.fromkeys(refs.values(), 1.0))
@@ -35,6 +35,6 @@ def _with_roles(batch: ElementBatch, at: Mapping[str, int]) -> ElementBatch:
 
 
 def factored(parts: list[Contribution], batch: ElementBatch) -> list[Contribution]:
-    """Contributions of a batch, times the factors that it has."""
+    """Contributions of a batch, multiplied by its factors."""
     words = {kind: word for word, kind in FACTORS.items() if word in batch.roles}
     return [times(p, words[p.matrix]) if p.matrix in words else p for p in parts]

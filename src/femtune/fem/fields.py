@@ -11,9 +11,9 @@ MatrixKind = Literal["stiffness", "mass", "viscous", "hysteretic"]
 
 @dataclass(frozen=True, order=True)
 class FieldRef:
-    """A field of a card, for example ``PBAR 3 I1``; `region` is set where a part of its users was split off.
+    """A field of a card, for example ``PBAR 3 I1``; `region` is set if some of its users were split off.
 
-    A PARAM has no number: ``PARAM G`` has id 0. A factor of matrices has no name either: ``STIFFNESS``.
+    A PARAM has no number: ``PARAM G`` has id 0. A factor of matrices has neither number nor name: ``STIFFNESS``.
     """
 
     card: str
@@ -29,23 +29,23 @@ class FieldRef:
 
 
 FACTORS: Mapping[str, MatrixKind] = {"STIFFNESS": "stiffness", "MASS": "mass", "VISCOUS": "viscous"}
-"""Words for factors of whole element matrices, and the matrices that they multiply."""
+"""Factors of whole element matrices, and the matrices that they multiply."""
 
 
 def factor_ref(word: str) -> FieldRef:
-    """The entry of the value table that is a factor."""
+    """Reference to the entry of the value table that holds a factor."""
     return FieldRef(word, 0, "")
 
 
 AMPLITUDE = "DISTRIBUTION"
-"""Word of the fields that are amplitudes of functions of position: ``DISTRIBUTION THIN F2``."""
+"""Card word of the amplitudes of functions of position: ``DISTRIBUTION THIN F2``."""
 
 
 def amplitude_ref(name: str, number: int) -> FieldRef:
-    """The entry of the value table that is the amplitude of a function of a distribution, from 1."""
+    """Reference to the amplitude of a function of a distribution; functions are numbered from 1."""
     return FieldRef(AMPLITUDE, 0, f"{name} F{number}")
 
 
 def generic_ref(group: str, name: str) -> FieldRef:
-    """The entry of the value table that is an eigenvalue (K1) or a rotation (S1-3) of a generic element group."""
+    """Reference to an eigenvalue (K1) or a rotation (S1-3) of a generic element group."""
     return FieldRef("GENERIC", 0, f"{group} {name}")

@@ -19,13 +19,20 @@ from femtune.fem.fields import generic_ref
 from femtune.fem.structure import ElementBatch, Structure
 
 KIND = "generic"
-LARGEST = 3000
-"""DOFs of a group whose matrix is decomposed at once."""
+MOST_DOFS = 3000
+"""Largest number of DOFs of a group: its dense matrix (72 MB) is decomposed as a whole, with time ∝ n³."""
 
-# eigenvalues below this part of the largest are those of rigid-body modes
-_NOTHING = 1e-11
-# eigenvalues that are closer than this have no shapes of their own
-_EQUAL = 1e-6
+_RIGID_EIGENVALUE = 1e-11
+"""Eigenvalues up to this fraction of the largest belong to rigid-body modes.
+
+They are zero but for rounding, about n·1e-16 of the largest (3e-13 for `MOST_DOFS`); elastic ones below it would
+have only a few correct digits.
+"""
+_REPEATED = 1e-6
+"""Relative distance up to which eigenvalues are one repeated eigenvalue.
+
+Shapes of eigenvalues this close have rounding errors amplified a million times, so they have no individual meaning.
+"""
 _NAME = re.compile(r"K([1-9][0-9]*)|S([1-9][0-9]*)-([1-9][0-9]*)")
 
 
@@ -37,7 +44,7 @@ class GenericGroup:
     ----------
     name : in capitals, as its fields are called: ``GENERIC JOINT K1``
     elements : numbers of its elements
-    nodes : grid points onto which its stiffness is condensed; none: all of the group
+    nodes : grid points onto which its stiffness is condensed; if empty, all of the group
     components : of these grid points, digits 1 to 6; the others are condensed too
     """
 
@@ -54,10 +61,10 @@ class GenericModes:
     Parameters
     ----------
     dofs : (d,) g-set DOFs
-    kappa : (n,) distinct eigenvalues above those of rigid-body modes, ascending; in the deck's units, forces over
-        displacements and moments over rotations alike
+    kappa : (n,) distinct eigenvalues above those of rigid-body modes, ascending; in the deck's units (force per
+        displacement, moment per rotation)
     shapes : (d, r) orthonormal shapes
-    owner : (r,) which eigenvalue a shape belongs to, from 0; copies of one joint in a group share theirs
+    owner : (r,) eigenvalue that a shape belongs to, from 0; copies of one joint in a group share it
     rigid : number of rigid-body modes
     """
 
@@ -87,22 +94,22 @@ def generic_modes(structure: Structure, group: GenericGroup) -> GenericModes:
     largest = values.max(initial=0.0)
     if largest <= 0.0:
         raise _error("generic.empty", group)
-    elastic = values > _NOTHING * largest
-    owner = np.cumsum(np.diff(values[elastic], prepend=-largest) > _EQUAL * values[elastic]) - 1
+    elastic = values > _RIGID_EIGENVALUE * largest
+    owner = np.cumsum(np.diff(values[elastic], prepend=-largest) > _REPEATED * values[elastic]) - 1
     kappa = np.bincount(owner, values[elastic]) / np.bincount(owner)
     return GenericModes(dofs[kept], kappa, vectors[:, elastic], owner, int((~elastic).sum()))
 
 
 def _group_matrix(structure: Structure, group: GenericGroup) -> tuple[Integers, Reals]:
     """DOFs of the group's stiffness, ascending, and the matrix at the deck's values."""
-    found = list(_matrices(structure, group.elements))
-    every = np.unique(np.concatenate([np.zeros(0, np.int64), *(dofs.ravel() for dofs, _ in found)]))
+    blocks = list(_matrices(structure, group.elements))
+    every = np.unique(np.concatenate([np.zeros(0, np.int64), *(dofs.ravel() for dofs, _ in blocks)]))
     every = every[every >= 0]
-    if len(every) > LARGEST:
-        raise _error("generic.too-large", group, dofs=len(every), largest=LARGEST)
+    if len(every) > MOST_DOFS:
+        raise _error("generic.too-large", group, dofs=len(every), largest=MOST_DOFS)
     K = np.zeros((len(every) + 1,) * 2)
-    for dofs, matrices in found:
-        # ground is the last row, which falls away
+    for dofs, matrices in blocks:
+        # ground is the last row, which is dropped
         at = np.where(dofs >= 0, np.searchsorted(every, dofs), len(every))
         np.add.at(K, (at[:, :, None], at[:, None, :]), matrices)
     return every, K[:-1, :-1]
@@ -127,11 +134,11 @@ def _kept(structure: Structure, group: GenericGroup, dofs: Integers) -> NDArray[
 
 
 def _condensed(K: Reals, kept: NDArray[np.bool_]) -> Reals:
-    """The Schur complement; motions of the others that take no force may be free."""
+    """The Schur complement; the other DOFs may have motions that need no force."""
     if kept.all():
         return K
     inner, across = K[np.ix_(~kept, ~kept)], K[np.ix_(~kept, kept)]
-    out = K[np.ix_(kept, kept)] - across.T @ np.linalg.pinv(inner, rcond=_NOTHING, hermitian=True) @ across
+    out = K[np.ix_(kept, kept)] - across.T @ np.linalg.pinv(inner, rcond=_RIGID_EIGENVALUE, hermitian=True) @ across
     return np.asarray(0.5 * (out + out.T))
 
 
@@ -178,12 +185,12 @@ def _batch(
         "members": np.array(sorted(group.elements), np.int64)[None],
     }
     one = np.full((1, 1), -1)
-    # the number 0 is that of no element
+    # 0 is not the number of any element
     return ElementBatch(KIND, f"GENERIC {group.name}", np.zeros(1, np.int64), one, modes.dofs[None], roles, facts)
 
 
 def _parsed(group: GenericGroup, modes: GenericModes, name: str) -> tuple[int, ...]:
-    """Numbers of the eigenvalues that a name speaks of."""
+    """Numbers of the eigenvalues that a name refers to."""
     if name == "K0":
         raise _error("generic.rigid-body", group, rigid=modes.rigid, eigenvalues=_listed(modes))
     match = _NAME.fullmatch(name)
@@ -212,7 +219,7 @@ def _check_overlap(structure: Structure, group: GenericGroup) -> None:
 
 
 def check_untouched(structure: Structure, touched: Collection[int]) -> None:
-    """Refuse parameters that move the stiffness of a group's elements beside its κ, whose values are the deck's.
+    """Refuse parameters that change the stiffness of a group's elements other than by its κ, which start from the deck.
 
     Raises
     ------

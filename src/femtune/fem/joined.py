@@ -1,4 +1,4 @@
-"""One structure from several that have numbers of their own, joined at pairs of points (superelements in parts)."""
+"""One structure from several that are numbered separately, joined at pairs of points (superelements in parts)."""
 
 from __future__ import annotations
 
@@ -16,16 +16,21 @@ from femtune.fem.structure import ConstraintRows, ElementBatch, NodeTable, Struc
 from femtune.fem.values import Derived, ValueTable
 
 S = TypeVar("S")
-# what kernels read of a structure, which may differ among the parts
+# settings that the element kernels read from a structure and that may differ among the parts
 _SETTINGS = ("mass_factor", "consistent_mass", "lumped_along", "drilling", "normals_within")
-_LARGEST_NUMBER = 2**62
-# of the size of the model: points that are joined elsewhere keep their places
+_LARGEST_INCREASE = 2**62
+"""Largest increase of a number: half of the range of 64-bit integers, so that the sum with any number fits."""
 _SAME_PLACE = 1e-6
+"""Distance between joined points, relative to the size of the model, up to which they become one point.
+
+About the rounding of coordinates of seven digits in decks that were written separately; points that are further apart
+keep their places and are joined by equations.
+"""
 
 
 @dataclass(frozen=True)
 class Increase:
-    """What is added to the numbers of a part, so that each is there once: of points, elements, and of other cards."""
+    """Increases that make the numbers of a part unique: for points, elements and other cards."""
 
     points: int = 0
     elements: int = 0
@@ -41,9 +46,9 @@ class StructurePart:
 
     Parameters
     ----------
-    structure : with numbers of its own
-    number : of the superelement, 0 for the residual structure
-    support_set, multipoint_set : sets that are active in the part; None takes those of the same number as elsewhere
+    structure : the part with its original numbers
+    number : number of the superelement, 0 for the residual structure
+    support_set, multipoint_set : sets that are active in the part; None for those of the residual structure
     """
 
     structure: Structure
@@ -52,14 +57,14 @@ class StructurePart:
     multipoint_set: int | None = None
 
     def is_of_element(self, ref: FieldRef) -> bool:
-        """Whether a value stands on the card of an element, whose number it has."""
+        """Whether a value is a field of an element's card and so has the element's number."""
         return self.structure.element_kinds.get(ref.id) == ref.card
 
     def in_whole(self, ref: FieldRef, more: Increase) -> FieldRef:
-        """Name of a value of the part in the whole."""
+        """Reference in the whole to a value of the part."""
         if ref.id or not self.number:
             return replace(ref, id=ref.id + (more.elements if self.is_of_element(ref) else more.cards))
-        # of the whole part: PARAM G, the factor of a matrix
+        # a value of the whole part: PARAM G, the factor of a matrix
         return replace(ref, name=f"{ref.name}.{self.number}")
 
 
@@ -83,7 +88,7 @@ class _Places:
 
 @dataclass(frozen=True)
 class Joined:
-    """The whole, and what was added to the numbers of each part."""
+    """The whole, and the increases of the numbers of each part."""
 
     structure: Structure
     increases: tuple[Increase, ...]
@@ -93,17 +98,17 @@ def join(parts: Sequence[StructurePart], pairs: Iterable[tuple[Point, Point]]) -
     """One structure from parts, the residual structure first.
 
     Points that are joined become one where they lie in one place and have the same displacement frame; otherwise
-    equations make their displacements and rotations equal. A number that stands in two parts is increased in the later
+    equations make their displacements and rotations equal. A number that occurs in two parts is increased in the later
     one by the number of the superelement times a power of ten.
 
     Parameters
     ----------
-    parts : the parts; settings of the first are those of the whole, the elements of others keep their own
+    parts : the parts; the whole has the settings of the first, and the elements of the others keep theirs
     pairs : points that are joined
 
     Raises
     ------
-    OverflowError : a number of a part times that of its superelement is no integer of 64 bits
+    OverflowError : if an increased number does not fit in 64 bits
     """
     joined = _Joining(parts, pairs)
     return Joined(joined.structure(), joined.increases)
@@ -115,7 +120,7 @@ class _Joining:
     def __init__(self, parts: Sequence[StructurePart], pairs: Iterable[tuple[Point, Point]]) -> None:
         self.parts = parts
         self.step = 10 ** len(str(max(1, *(_largest(part.structure) for part in parts))))
-        if self.step * max(1, *(part.number for part in parts)) > _LARGEST_NUMBER:
+        if self.step * max(1, *(part.number for part in parts)) > _LARGEST_INCREASE:
             raise OverflowError("numbers of the parts are too large")
         self.same, self.tied = self._classes(pairs)
         self.increases = self._increases()
@@ -123,7 +128,7 @@ class _Joining:
         self.starts = np.cumsum([0, *(len(p.structure.values.refs) for p in parts)])
 
     def _classes(self, pairs: Iterable[tuple[Point, Point]]) -> tuple[dict[Point, Point], list[tuple[Point, Point]]]:
-        """The point that stands for each that is joined, and pairs that equations join."""
+        """The point that replaces each joined one, and the pairs that are joined by equations."""
         stands: dict[Point, Point] = {}
 
         def first(point: Point) -> Point:
@@ -135,10 +140,10 @@ class _Joining:
             one, other = sorted((first(a), first(b)))
             if one != other:
                 stands[other] = one
-        found = {point: first(point) for point in stands}
-        tied = [(point, of) for point, of in found.items() if not self._alike(point, of)]
+        representative = {point: first(point) for point in stands}
+        tied = [(point, of) for point, of in representative.items() if not self._alike(point, of)]
         apart = {point for point, _ in tied}
-        return {point: of for point, of in found.items() if point not in apart}, tied
+        return {point: of for point, of in representative.items() if point not in apart}, tied
 
     def _alike(self, a: Point, b: Point) -> bool:
         one, other = (self.parts[i].structure.nodes for i, _ in (a, b))
@@ -153,7 +158,7 @@ class _Joining:
         points: set[int] = set()
         elements: set[int] = set()
         cards: set[tuple[str, int]] = set()
-        found = []
+        increases = []
         for i, part in enumerate(self.parts):
             own_points = {n for n in _points(part.structure) if (i, n) not in self.same}
             own_elements = _elements(part.structure)
@@ -167,16 +172,16 @@ class _Joining:
             points |= {n + increase.points for n in own_points}
             elements |= {n + increase.elements for n in own_elements}
             cards |= {(card, n + increase.cards) for card, n in own_cards}
-            found.append(increase)
-        return tuple(found)
+            increases.append(increase)
+        return tuple(increases)
 
     def _nodes(self) -> tuple[NodeTable, list[_Places]]:
-        own = [
+        kept = [
             np.array([(i, r) not in self.same for r in part.structure.nodes.ids.tolist()], bool)
             for i, part in enumerate(self.parts)
         ]
         tables = [part.structure.nodes for part in self.parts]
-        ids = [t.ids[keep] + more.points for t, keep, more in zip(tables, own, self.increases)]
+        ids = [t.ids[keep] + more.points for t, keep, more in zip(tables, kept, self.increases)]
         scalars = [
             [n + more.points for n in t.scalar_points.tolist() if (i, n) not in self.same]
             for i, (t, more) in enumerate(zip(tables, self.increases))
@@ -185,8 +190,8 @@ class _Joining:
         order = np.argsort(numbers, kind="stable")
         nodes = NodeTable(
             numbers[order],
-            np.concatenate([t.xyz[keep] for t, keep in zip(tables, own)])[order],
-            np.concatenate([t.frames[keep] for t, keep in zip(tables, own)])[order],
+            np.concatenate([t.xyz[keep] for t, keep in zip(tables, kept)])[order],
+            np.concatenate([t.frames[keep] for t, keep in zip(tables, kept)])[order],
             np.array(sorted(n for some in scalars for n in some), np.int64),
         )
         return nodes, [self._place(i, nodes) for i in range(len(self.parts))]
@@ -225,53 +230,53 @@ class _Joining:
         )
 
     def _default(self, name: str) -> int | None:
-        """Number of the selected set: that of the residual structure, or of the first part that has one."""
+        """Number of the selected set: that of the residual structure, or else of the first part that selects one."""
         return next((n for part in self.parts if (n := getattr(part, name)) is not None), None)
 
     def _supports(self) -> dict[int, Integers]:
-        found = self._by_number("support_set", lambda part: part.structure.support_sets, _Places.dof)
-        return {n: np.unique(np.concatenate([np.zeros(0, np.int64), *dofs])) for n, dofs in found.items()}
+        sets = self._by_number("support_set", lambda part: part.structure.support_sets, _Places.dof)
+        return {n: np.unique(np.concatenate([np.zeros(0, np.int64), *dofs])) for n, dofs in sets.items()}
 
     def _equations(self) -> dict[int, ConstraintRows]:
-        found = self._by_number(
+        sets = self._by_number(
             "multipoint_set", lambda part: part.structure.multipoint_sets, lambda place, rows: _rows(rows, place)
         )
-        return {n: join_constraints(rows) for n, rows in found.items()}
+        return {n: join_constraints(rows) for n, rows in sets.items()}
 
     def _by_number(
         self, name: str, sets: Callable[[StructurePart], Mapping[int, S]], placed: Callable[[_Places, S], S]
     ) -> dict[int, list[S]]:
-        """Sets of all parts by number; those that are selected, whatever their numbers, have that of the default."""
+        """Sets of all parts by number; selected sets get the number of the default, whatever theirs was."""
         chosen = self._default(name)
-        found: dict[int, list[S]] = {} if chosen is None else {chosen: []}
+        gathered: dict[int, list[S]] = {} if chosen is None else {chosen: []}
         for part, place in zip(self.parts, self.places):
             for number, members in sets(part).items():
                 active = number == getattr(part, name)
                 if active or number != chosen:
                     key = chosen if active and chosen is not None else number
-                    found.setdefault(key, []).append(placed(place, members))
-        return found
+                    gathered.setdefault(key, []).append(placed(place, members))
+        return gathered
 
     def _ties(self) -> ConstraintRows:
-        """Equations that give a point the displacements and rotations of another, each in its own frame."""
-        found = []
+        """Equations that equate the displacements and rotations of two points, each in its displacement frame."""
+        ties = []
         for a, b in self.tied:
             rows = [self.places[i].rows[self.parts[i].structure.nodes.position(n)] for i, n in (a, b)]
             turn = self.nodes.frames[rows[0]].T @ self.nodes.frames[rows[1]]
             block = np.kron(np.eye(2), turn)
-            own, other = (6 * row + np.arange(6) for row in rows)
+            dofs, other = (6 * row + np.arange(6) for row in rows)
             at, to = np.nonzero(block)
             equations = np.arange(6)
-            found.append(
+            ties.append(
                 ConstraintRows(
-                    own,
+                    dofs,
                     np.concatenate([equations, at]),
-                    np.concatenate([own, other[to]]),
+                    np.concatenate([dofs, other[to]]),
                     np.concatenate([np.ones(6), -block[at, to]]),
                     np.zeros(6, np.int64),
                 )
             )
-        return join_constraints(found)
+        return join_constraints(ties)
 
     def _values(self) -> ValueTable:
         tables = [part.structure.values for part in self.parts]
@@ -291,14 +296,14 @@ class _Joining:
         self, batch: ElementBatch, part: StructurePart, more: Increase, place: _Places, start: int
     ) -> ElementBatch:
         whole = self.parts[0].structure
-        own = {name: getattr(part.structure, name) for name in _SETTINGS}
+        settings = {name: getattr(part.structure, name) for name in _SETTINGS}
         return replace(
             batch,
             ids=batch.ids + more.elements,
             nodes=place.row(batch.nodes),
             dofs=place.dof(batch.dofs),
             roles={name: at + start for name, at in batch.roles.items()},
-            settings={name: value for name, value in own.items() if value != getattr(whole, name)},
+            settings={name: value for name, value in settings.items() if value != getattr(whole, name)},
         )
 
     def _assembled(self, matrix: AssembledMatrix, place: _Places, start: int) -> AssembledMatrix:

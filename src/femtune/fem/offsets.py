@@ -1,7 +1,8 @@
 """Offsets of the ends of bars and beams as values that parameters move.
 
 The fields W1A … W3B of a card are components along the displacement frame of the grid point, or along a frame of the
-element's line (OFFT). Elements whose offsets move are a batch of their own; all others keep theirs as constants.
+element's line (OFFT). Elements whose offsets are parameters form a separate batch; the offsets of all others are
+constants.
 """
 
 from __future__ import annotations
@@ -19,10 +20,16 @@ from femtune.fem.elements.placement import element_error
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch, Structure
 
-# rounding of offsets that are moved together
-_STILL = 1e-12
-# part of its length below which a beam is gone
-_SHORTEST = 1e-3
+_SPAN_ROUNDING = 1e-12
+"""Change of a span, relative to its coordinates and length, that is rounding of offsets that move together.
+
+A few roundings of 1e-16 in each coordinate; a parameter that turns a beam changes its span by far more.
+"""
+_SHORTEST_SPAN = 1e-3
+"""Smallest length of a beam along its original axis, as a fraction of its original length.
+
+Bending stiffness grows with 1/L³, by 1e9 here; any smaller value refuses the same bounds in practice.
+"""
 
 
 def with_offsets(structure: Structure, elements: Collection[int]) -> Structure:
@@ -40,8 +47,8 @@ def with_offsets(structure: Structure, elements: Collection[int]) -> Structure:
             continue
         if not chosen.all():
             batches.append(_rows(batch, ~chosen))
-        structure, own = _with_entries(structure, _rows(batch, chosen))
-        batches.append(own)
+        structure, movable = _with_entries(structure, _rows(batch, chosen))
+        batches.append(movable)
     return replace(structure, batches=tuple(batches))
 
 
@@ -51,7 +58,7 @@ def _rows(batch: ElementBatch, keep: Flags) -> ElementBatch:
 
 
 def _with_entries(structure: Structure, batch: ElementBatch) -> tuple[Structure, ElementBatch]:
-    """The batch with roles W1A … W3B and the frames in which they count."""
+    """The batch with roles W1A … W3B and the frames of their components."""
     frames = {end: _frames(batch, structure, k) for k, end in enumerate("AB")}
     entries: dict[FieldRef, float] = {}
     roles: dict[str, NDArray[np.int64]] = {}
@@ -61,29 +68,29 @@ def _with_entries(structure: Structure, batch: ElementBatch) -> tuple[Structure,
             entries |= {FieldRef(batch.card, int(n), name): float(w) for n, w in zip(batch.ids, arms[:, c])}
     values = structure.values.extended(entries)
     for name in (n for names in COMPONENTS.values() for n in names):
-        found = (values.index(FieldRef(batch.card, int(n), name)) for n in batch.ids)
-        roles[name] = np.array([i for i in found if i is not None], np.int64)
+        positions = (values.index(FieldRef(batch.card, int(n), name)) for n in batch.ids)
+        roles[name] = np.array([i for i in positions if i is not None], np.int64)
     facts = {**batch.facts, **{f"frame_{end.lower()}": frame for end, frame in frames.items()}}
     return replace(structure, values=values), replace(batch, roles={**batch.roles, **roles}, facts=facts)
 
 
 def _frames(batch: ElementBatch, structure: Structure, k: int) -> Reals:
     """(e, 3, 3) axes of the components of an end's offset, columns in the basic frame."""
-    own = placement.node_frames(batch, structure, k)
+    displacement = placement.node_frames(batch, structure, k)
     of_line = batch.facts.get("offset_of_line")
     if of_line is None or not of_line[:, k].any():
-        return own
+        return displacement
     a, b = (placement.node_positions(batch, structure, end) for end in (0, 1))
     x, _ = placement.line_axes(batch, a, b)
     along = placement.oriented_axes(batch, x, batch.facts["orientation"])
-    return np.where(of_line[:, k, None, None], along, own)
+    return np.where(of_line[:, k, None, None], along, displacement)
 
 
 def settled(structure: Structure, samples: Reals) -> Structure:
-    """The structure with the note which of its movable offsets leave the axes of their elements where they are.
+    """The structure with a note of the movable offsets that leave the axes of their elements parallel.
 
-    Where both ends move alike, matrices are polynomials of second degree in the offsets; elsewhere length and direction
-    change, and they are rational.
+    If both ends move by the same vector, matrices are quadratic polynomials in the offsets; otherwise length and
+    direction change, and the matrices are rational functions.
 
     Parameters
     ----------
@@ -91,7 +98,7 @@ def settled(structure: Structure, samples: Reals) -> Structure:
 
     Raises
     ------
-    FemtuneError : ``parameter.offset-axis`` where a tapered or skew beam would turn or change its length
+    FemtuneError : ``parameter.offset-axis`` if a tapered or skew beam would turn or change its length
     """
     if not any(has_offsets(b) for b in structure.batches):
         return structure
@@ -103,18 +110,18 @@ def _settled(structure: Structure, samples: Reals) -> Iterator[ElementBatch]:
         if not has_offsets(batch):
             yield batch
             continue
-        found = np.array([spans(batch, structure, table) for table in (structure.values.values, *samples)])
-        size = np.abs(structure.nodes.xyz[batch.nodes]).max(axis=(1, 2)) + np.linalg.norm(found[0], axis=1)
-        still = np.asarray(np.abs(found - found[0]).max(axis=(0, 2)) <= _STILL * size)
+        lines = np.array([spans(batch, structure, table) for table in (structure.values.values, *samples)])
+        size = np.abs(structure.nodes.xyz[batch.nodes]).max(axis=(1, 2)) + np.linalg.norm(lines[0], axis=1)
+        still = np.asarray(np.abs(lines - lines[0]).max(axis=(0, 2)) <= _SPAN_ROUNDING * size)
         _refuse(batch, ~still & ~may_turn(batch, structure))
         for part in (still, ~still):
             if part.any():
-                own = _rows(batch, part)
-                yield replace(own, facts={**own.facts, "still": part[part]} if part is still else own.facts)
+                some = _rows(batch, part)
+                yield replace(some, facts={**some.facts, "still": part[part]} if part is still else some.facts)
 
 
 def check_spans(structure: Structure, tables: Iterable[Reals]) -> None:
-    """Refuse bounds within which a beam would shrink to nothing or come to point the other way.
+    """Refuse bounds within which a beam would shrink to zero length or reverse its direction.
 
     Parameters
     ----------
@@ -129,7 +136,7 @@ def check_spans(structure: Structure, tables: Iterable[Reals]) -> None:
         for batch in batches:
             now, start = spans(batch, structure, table), spans(batch, structure, structure.values.values)
             along = np.einsum("ei,ei->e", now, start) / np.einsum("ei,ei->e", start, start)
-            for i in np.flatnonzero(along <= _SHORTEST)[:1]:
+            for i in np.flatnonzero(along <= _SHORTEST_SPAN)[:1]:
                 values = {"length along its axis": float(along[i] * np.linalg.norm(start[i]))}
                 raise element_error(batch, int(i), "parameter.offset-range", values=values)
 

@@ -1,8 +1,8 @@
-"""How a point of a surface patch moves: its projection on the patch, its displacement, and the rotation there.
+"""Motion of a point of a surface patch: its projection on the patch, its displacement, and the rotation there.
 
-A patch has three or four corners, or six or eight grid points with those at the middle of its sides. The displacement
-of a point is that of the shape functions. Its rotations are those of the surface: the slopes of the displacement along
-the normal (Kirchhoff), and about the normal half the difference of the slopes in the plane.
+A patch has three or four corners, or six or eight grid points including those at the middle of its sides. The
+displacement of a point is interpolated by the shape functions. Its rotations are those of the surface: the slopes of
+the normal displacement (Kirchhoff), and about the normal half the difference of the in-plane slopes.
 """
 
 from __future__ import annotations
@@ -18,8 +18,17 @@ from femtune.fem.elements.shells import quad
 from femtune.fem.elements.shells.curved_surface import QUAD8_SHAPE, TRI6_SHAPE
 
 OUTSIDE = 0.02
-"""Part of a patch by which a projection may lie outside of it."""
-_STEPS, _NEAR = 50, 1e-13
+"""Distance by which a projection may lie outside a patch, as a fraction of the patch.
+
+Projections on the common side of two patches of a curved mesh may miss both by a gap between facets.
+"""
+_MOST_STEPS = 50
+"""Gauss-Newton steps of a projection, after which the last point is taken.
+
+Flat patches need one or two; only points far from a strongly curved patch come near the limit.
+"""
+_STEP_TOLERANCE = 1e-13
+"""Step in the natural coordinates (of size 1) at which a projection has converged to rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +61,15 @@ class Patch:
         return shape.functions(np.asarray(place)[None])[0]
 
     def project(self, point: Reals) -> SurfacePoint:
-        """The point of the surface from which a point lies along the normal."""
+        """The foot of the normal from a point to the surface."""
         place = np.full(2, 1.0 / 3.0 if self.is_triangle else 0.0)
-        for _ in range(_STEPS):
+        for _ in range(_MOST_STEPS):
             functions = self.functions(place)
             gap, bases = point - functions[0] @ self.xyz, functions[1:] @ self.xyz
             step = np.linalg.lstsq(bases.T, gap, rcond=None)[0]
             # far away a curved surface may send the step anywhere
             place = np.clip(place + step, -5.0, 5.0)
-            if np.abs(step).max() < _NEAR:
+            if np.abs(step).max() < _STEP_TOLERANCE:
                 break
         return SurfacePoint(
             self, place, self.functions(place), float(np.linalg.norm(point - self.functions(place)[0] @ self.xyz))
@@ -74,9 +83,9 @@ class SurfacePoint:
     Parameters
     ----------
     patch : the patch
-    place : (2,) its r and s
+    place : (2,) natural coordinates r and s
     functions : (3, n) shape functions there, and their derivatives
-    distance : how far the point that was projected lies from the surface
+    distance : distance of the projected point from the surface
     """
 
     patch: Patch
@@ -106,11 +115,11 @@ class SurfacePoint:
         return np.stack([x, np.cross(z, x), z], axis=1)
 
     def displacement(self) -> Reals:
-        """(3, n, 3) its translations from those of the grid points, both in the basic frame."""
+        """(3, n, 3) from the translations of the grid points to that of the point, both in the basic frame."""
         return np.asarray(np.einsum("n,ij->inj", self.functions[0], np.eye(3)))
 
     def rotation(self) -> Reals:
-        """(3, n, 3) the rotations of the surface from the translations of the grid points."""
+        """(3, n, 3) from the translations of the grid points to the rotation of the surface."""
         bases = self.functions[1:] @ self.patch.xyz
         gradients = self.functions[1:].T @ np.linalg.pinv(bases).T
         x, y, z = self.axes.T
@@ -122,14 +131,14 @@ class SurfacePoint:
 
 @dataclass(frozen=True, eq=False)
 class EndMotion:
-    """How the end of a connector moves.
+    """Motion of the end of a connector.
 
     Parameters
     ----------
-    xyz : (3,) its place
+    xyz : (3,) position of the end
     normal : (3,) unit normal of the surface there
     rows : (n,) rows of the node table that it follows
-    motion : (6, n, 6) its translations and rotations from the displacements of these, all in the basic frame
+    motion : (6, n, 6) from the displacements of these nodes to its translations and rotations, in the basic frame
     """
 
     xyz: Reals
@@ -146,12 +155,12 @@ def on_surface(point: SurfacePoint) -> EndMotion:
 
 
 def at_grid(row: int, xyz: Reals, normal: Reals) -> EndMotion:
-    """An end that is a grid point."""
+    """An end at a grid point."""
     return EndMotion(xyz, normal, np.array([row]), np.eye(6)[:, None, :])
 
 
 def on_auxiliary_points(point: SurfacePoint, around: Sequence[SurfacePoint]) -> EndMotion:
-    """An end that moves as a rigid body with the mean motion of points around it, as RBE3 has it with equal weights."""
+    """An end that moves as a rigid body with the mean motion of points around it, as RBE3 with equal weights."""
     arms = np.array([p.xyz for p in around]) - point.xyz
     size = float(np.linalg.norm(arms, axis=1).max())
     unit = np.array([1.0] * 3 + [1.0 / size] * 3)
@@ -159,9 +168,9 @@ def on_auxiliary_points(point: SurfacePoint, around: Sequence[SurfacePoint]) -> 
     fit = unit[:, None] * np.linalg.pinv((rigid * unit).reshape(-1, 6))
     rows = np.unique(np.concatenate([p.patch.rows for p in around]))
     motion = np.zeros((6, len(rows), 6))
-    for k, own in enumerate(around):
-        at = np.searchsorted(rows, own.patch.rows)
-        motion[:, at, :3] += np.einsum("ai,inj->anj", fit[:, 3 * k : 3 * k + 3], own.displacement())
+    for k, point_there in enumerate(around):
+        at = np.searchsorted(rows, point_there.patch.rows)
+        motion[:, at, :3] += np.einsum("ai,inj->anj", fit[:, 3 * k : 3 * k + 3], point_there.displacement())
     return EndMotion(point.xyz, point.axes[:, 2], rows, motion)
 
 

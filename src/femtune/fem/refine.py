@@ -1,13 +1,13 @@
 """One uniform refinement of a mesh: bars become two, shells four, solids eight; all other elements stay as they are.
 
-Points: new grid points of elements with mid-side grid points lie on their curved surfaces, those of solids with corners
-only midway. Those of linear shells follow the smooth surface that their shared normals describe (`shared_normals`), as
-the elements themselves do; a fold stays a fold. What is attached to grid points, such as springs, masses, equations
-and matrices, stays at the old ones.
+Points: new grid points of elements with mid-side grid points lie on their curved surfaces, those of linear solids
+midway between the corners. Those of linear shells follow the smooth surface that their shared normals describe
+(`shared_normals`), as the elements themselves do; a fold stays a fold. What is attached to grid points, such as
+springs, masses, equations and matrices, stays at the old ones.
 
-Supports: a new point between grid points that are all held in a direction is held in it where it lies on the edge of a
+Supports: a new point between grid points that are all held in a direction is held in it if it lies on the edge of a
 sheet of shells or on the surface of a solid, or on a line of three or more held grid points within a sheet. Otherwise
-it is held only in what every grid point is held in (a plane problem).
+it is held only in the components in which every grid point is held (a plane problem).
 
 Rigid elements: at the same places a new point between grid points that follow the same grid point in all components
 follows it as well. Other rigid elements stay at the old points.
@@ -37,16 +37,24 @@ from femtune.fem.preload import Preload
 from femtune.fem.structure import ConstraintRows, ElementBatch, NodeTable, Structure, join_constraints
 
 _SEED = 20
-_SIXTEENTHS = 16
-"""Every new point is a mean of corners with weights in sixteenths."""
-_ONE_SIDED = 0.1
-"""A normal at the edge of a sheet that turns so much less than the one at the other end is that of its facet alone."""
-_STRAIGHT = np.cos(np.radians(30.0))
-"""Held edges that meet at a smaller angle are one line of support."""
+"""Seed of the random marks of grid points; any value serves, a fixed one makes refinements repeatable."""
+_WEIGHT_UNITS = 16
+"""Denominator of the weights: every new point is a mean of corners in sixteenths, as integers for exact keys."""
+_ONE_SIDED_SLOPE = 0.1
+"""Ratio of the slopes at the ends of a side below which the smaller one, at the edge of a sheet, is replaced.
+
+There the shared normal is that of the only facet, and its slope is zero but for warping; on a smooth surface of
+constant curvature both slopes are equal.
+"""
+_STRAIGHT_COSINE = np.cos(np.radians(30.0))
+"""Held edges that meet at less than 30 degrees from straight are one line of support.
+
+Sides of a circle of twelve or more elements still form a line, corners of a polygonal panel do not.
+"""
 
 
 class CannotRefineError(Exception):
-    """What the refinement does not know, in words."""
+    """The mesh holds something that cannot be refined; the message says what."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +63,7 @@ class Refined:
 
     Parameters
     ----------
-    structure : old grid points keep their rows, new ones follow; of the parts of an element the first keeps its number.
+    structure : old grid points keep their rows and new ones follow; the first part of an element keeps its number.
         DOFs without stiffness are held, as no deck can hold the rotations of new points of solids
     prolongation : (refined g-set, g-set) displacements of the mesh as its elements interpolate them
     whole : cards of surfaces that were not divided
@@ -128,7 +136,7 @@ def _rows(batch: ElementBatch, at: Integers) -> ElementBatch:
 
 
 def _fixed(structure: Structure, held: Integers) -> Flags:
-    """(n, 6) what is held at each grid point."""
+    """(n, 6) True for the components that are held at each grid point."""
     fixed = np.zeros((len(structure.nodes.ids), 6), dtype=bool)
     fixed.reshape(-1)[held[held < fixed.size]] = True
     return fixed
@@ -171,7 +179,7 @@ class _RigidBodies:
 
 
 def _runs(ascending: Integers) -> Iterator[tuple[int, int, int]]:
-    """Each value with the first place and the place after the last."""
+    """Each value with the index of its first occurrence and the index after its last."""
     values, first = np.unique(ascending, return_index=True)
     yield from zip(values.tolist(), first.tolist(), [*first[1:].tolist(), len(ascending)])
 
@@ -226,7 +234,7 @@ class _Pattern:
     Parameters
     ----------
     weights : (p, c) in sixteenths, of the corners
-    parts : places among the points of the nodes of each part, and the part
+    parts : each part, with the indices of its nodes among the points
     sides : (s, 2) corners of each side, in the order of mid-side nodes
     nodes : number of nodes of the element
     """
@@ -252,7 +260,7 @@ class _Pattern:
 
 
 def _sides(kind: ElementKind) -> list[tuple[int, int]]:
-    """Corners of each side; of linear solids none, as no part needs them."""
+    """Corners of each side; none for linear solids, whose parts need no sides."""
     if kind.volume is not None:
         return list(kind.volume.edges)
     if kind.line:
@@ -271,19 +279,19 @@ def _is_curved(kind: ElementKind) -> bool:
 
 
 def _pattern(kind: ElementKind) -> _Pattern:
-    corners = 1 + max(c for part in kind.children for own in part.corners for c in own)
-    found: dict[tuple[int, ...], int] = {}
+    corners = 1 + max(c for part in kind.children for weights in part.corners for c in weights)
+    points: dict[tuple[int, ...], int] = {}
     parts = []
     for part in kind.children:
-        own = np.zeros((len(part.corners), corners), np.int64)
-        for row, of in zip(own, part.corners):
-            row[list(of)] = _SIXTEENTHS // len(of)
+        weights = np.zeros((len(part.corners), corners), np.int64)
+        for row, of in zip(weights, part.corners):
+            row[list(of)] = _WEIGHT_UNITS // len(of)
         if _is_curved(kind):
             ends = np.array(_sides(KINDS[part.kind] if part.kind else kind))
-            own = np.concatenate([own, own[ends].sum(axis=1) // 2])
-        parts.append((part, np.array([found.setdefault(tuple(map(int, w)), len(found)) for w in own])))
+            weights = np.concatenate([weights, weights[ends].sum(axis=1) // 2])
+        parts.append((part, np.array([points.setdefault(tuple(map(int, w)), len(points)) for w in weights])))
     sides = np.array(_sides(kind), np.int64).reshape(-1, 2)
-    return _Pattern(np.array(list(found)), tuple(parts), sides, corners + (len(sides) if _is_curved(kind) else 0))
+    return _Pattern(np.array(list(points)), tuple(parts), sides, corners + (len(sides) if _is_curved(kind) else 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,21 +318,21 @@ class _Divided:
 
     def functions(self, xyz: Reals) -> Reals:
         """(e, p, n) shape functions at the points, of elements with grid points in a table (N, 3)."""
-        share = self.pattern.weights / _SIXTEENTHS
+        share = self.pattern.weights / _WEIGHT_UNITS
         if not _is_curved(self.kind):
             return np.broadcast_to(share, (len(self.batch), *share.shape))
         missing = self.nodes < 0
         places = np.where(missing[:, :, None], np.nan, xyz[self.nodes])
         if self.kind.volume is not None:
             shape = self.kind.volume
-            found = kept_functions(shape, places, shape.values(share @ shape.nodes[: shape.corners]))
+            values = kept_functions(shape, places, shape.values(share @ shape.nodes[: shape.corners]))
         else:
             assert self.kind.surface is not None
             surface = self.kind.surface
             known = np.where(missing[:, :, None], 0.0, places)
             curved = CurvedNodes(surface, known, np.zeros_like(known), missing)
-            found = curved.functions(share @ surface.nodes[: surface.corners])[:, :, 0]
-        return np.broadcast_to(found, (len(self.batch), *found.shape[1:]))
+            values = curved.functions(share @ surface.nodes[: surface.corners])[:, :, 0]
+        return np.broadcast_to(values, (len(self.batch), *values.shape[1:]))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -367,7 +375,7 @@ class _Points:
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """A structure without what is off, and what is divided of it."""
+    """A structure without the elements that are off, and its divided batches."""
 
     structure: Structure
     divided: tuple[_Divided, ...]
@@ -377,34 +385,34 @@ class _Mesh:
 
     @cached_property
     def _marks(self) -> NDArray[np.uint64]:
-        """A random number a grid point: the weighted sum of the corners' numbers tells the points apart."""
+        """A random number for each grid point; weighted sums over corners identify the new points."""
         n = len(self.structure.nodes.ids)
         return np.random.default_rng(_SEED).integers(0, 2**63, n, dtype=np.uint64)
 
     def _keys(self, d: _Divided) -> NDArray[np.uint64]:
-        """(e, p) what tells the points apart, whatever elements they belong to."""
+        """(e, p) keys of the points, equal for the same point of different elements."""
         # sums modulo 2^64
         return np.asarray(self._marks[d.corners] @ d.pattern.weights.T.astype(np.uint64))
 
     def _known(self) -> tuple[NDArray[np.uint64], Integers]:
         """Keys of the old grid points, ascending, and their rows."""
         n = len(self.structure.nodes.ids)
-        keys, rows = [self._marks * np.uint64(_SIXTEENTHS)], [np.arange(n)]
+        keys, rows = [self._marks * np.uint64(_WEIGHT_UNITS)], [np.arange(n)]
         for d in self.divided:
             if _is_curved(d.kind):
                 middles, ends = d.nodes[:, d.corners.shape[1] :], d.corners[:, d.pattern.sides]
-                own = self._marks[ends].sum(axis=2, dtype=np.uint64) * np.uint64(_SIXTEENTHS // 2)
-                keys.append(own[middles >= 0])
+                middle_keys = self._marks[ends].sum(axis=2, dtype=np.uint64) * np.uint64(_WEIGHT_UNITS // 2)
+                keys.append(middle_keys[middles >= 0])
                 rows.append(middles[middles >= 0])
-        found, first = np.unique(np.concatenate(keys), return_index=True)
-        return found, np.concatenate(rows)[first]
+        known, first = np.unique(np.concatenate(keys), return_index=True)
+        return known, np.concatenate(rows)[first]
 
     def points(self, fixed: Flags, body: Integers) -> _Points:
         """All points.
 
         Parameters
         ----------
-        fixed : (n, 6) what supports hold at the old ones
+        fixed : (n, 6) True for the components that supports hold at the old points
         body : (n,) number of the rigid body of each old point, 0 for none
         """
         old = self.structure.nodes
@@ -417,8 +425,8 @@ class _Mesh:
         order = np.argsort(every)
         at = np.concatenate([known_rows, len(old.ids) + np.arange(len(new))])[order]
         rows = {}
-        for d, own, use in zip(self.divided, keys, needed):
-            place = np.minimum(np.searchsorted(every[order], own), len(order) - 1)
+        for d, own_keys, use in zip(self.divided, keys, needed):
+            place = np.minimum(np.searchsorted(every[order], own_keys), len(order) - 1)
             rows[id(d)] = np.where(use, at[place], -1)
         shares = self._shares(rows, len(new))
         xyz = self._places(rows, shares)
@@ -436,14 +444,14 @@ class _Mesh:
         return _Points(nodes, rows, held, following, shares)
 
     def _shares(self, rows: dict[int, Integers], count: int) -> sp.csr_array:
-        """New points from the nodes of one element each, of a curved one where there is one."""
+        """New points from the nodes of one element each, a curved one if there is one."""
         n = len(self.structure.nodes.ids)
         owner = np.full(count, -1)
         parts = []
         for d in sorted(self.divided, key=lambda d: not _is_curved(d.kind)):
-            own = rows[id(d)] - n
-            e, p = np.nonzero(own >= 0)
-            target = own[e, p]
+            target_rows = rows[id(d)] - n
+            e, p = np.nonzero(target_rows >= 0)
+            target = target_rows[e, p]
             fresh = owner[target] < 0
             e, p, target = e[fresh], p[fresh], target[fresh]
             target, first = np.unique(target, return_index=True)
@@ -458,16 +466,16 @@ class _Mesh:
         return out
 
     def _places(self, rows: dict[int, Integers], shares: sp.csr_array) -> Reals:
-        """(new, 3) where the new points are: as the elements interpolate, and on the smooth surface of flat shells."""
+        """(new, 3) positions of the new points: interpolated, or on the smooth surface of flat shells."""
         old = self.structure.nodes
         xyz = np.asarray(shares @ old.xyz)
         lift = np.zeros_like(xyz)
         on_edge = self._at_sheet_edges()
         for d in self.divided:
             if d.kind.shell and not _is_curved(d.kind):
-                own, found = rows[id(d)] - len(old.ids), _lifted(d, self.structure, on_edge)
-                for p in range(own.shape[1]):
-                    at, by = own[own[:, p] >= 0, p], found[own[:, p] >= 0, p]
+                new_rows, height = rows[id(d)] - len(old.ids), _lifted(d, self.structure, on_edge)
+                for p in range(new_rows.shape[1]):
+                    at, by = new_rows[new_rows[:, p] >= 0, p], height[new_rows[:, p] >= 0, p]
                     larger = np.linalg.norm(by, axis=1) > np.linalg.norm(lift[at], axis=1)
                     lift[at[larger]] = by[larger]
         return xyz + lift
@@ -484,8 +492,8 @@ class _Mesh:
     def _free_sides(self) -> NDArray[np.uint64]:
         """Keys of the sides that only one shell has."""
         keys = [self._side_keys(d).ravel() for d in self._shells]
-        found, count = np.unique(np.concatenate([np.zeros(0, np.uint64), *keys]), return_counts=True)
-        return found[count == 1]
+        sides, count = np.unique(np.concatenate([np.zeros(0, np.uint64), *keys]), return_counts=True)
+        return sides[count == 1]
 
     def _at_sheet_edges(self) -> Flags:
         """(n,) True for grid points on the edge of a sheet of shells."""
@@ -498,11 +506,11 @@ class _Mesh:
     @cached_property
     def _free_faces(self) -> NDArray[np.uint64]:
         """Keys of the faces that only one solid has, each the sum of the corners' marks."""
-        found, count = np.unique(
+        faces, count = np.unique(
             np.concatenate([np.zeros(0, np.uint64), *(f.ravel() for d in self.divided for f in self._faces(d))]),
             return_counts=True,
         )
-        return found[count == 1]
+        return faces[count == 1]
 
     def _faces(self, d: _Divided) -> Iterator[NDArray[np.uint64]]:
         """(e,) keys of each face of a batch of solids."""
@@ -519,9 +527,9 @@ class _Mesh:
             outside = self._outside(d)
             if outside is None:
                 continue
-            own = fixed[np.maximum(d.nodes, 0)] | (d.nodes < 0)[:, :, None]
+            fixed_nodes = fixed[np.maximum(d.nodes, 0)] | (d.nodes < 0)[:, :, None]
             # (e, p, 6): all nodes of the side or face that the point lies on
-            all_held = ~np.einsum("pn,enk->epk", d.pattern.on, ~own)
+            all_held = ~np.einsum("pn,enk->epk", d.pattern.on, ~fixed_nodes)
             good = all_held & outside[:, :, None] if outside.ndim == 2 else all_held & outside
             at = rows[id(d)]
             e, p = np.nonzero(at >= old)
@@ -558,9 +566,9 @@ class _Mesh:
             number = np.where(d.nodes >= 0, body[np.maximum(d.nodes, 0)], 0)
             some = np.flatnonzero((number > 0).sum(axis=1) > 1)
             present = (d.nodes[some] >= 0)[:, None, :] & d.pattern.on[None]
-            own = np.broadcast_to(number[some][:, None, :], present.shape)
-            least = np.where(present, own, len(body)).min(axis=2)
-            good = (least > 0) & (least == np.where(present, own, 0).max(axis=2)) & outside[some]
+            bodies = np.broadcast_to(number[some][:, None, :], present.shape)
+            least = np.where(present, bodies, len(body)).min(axis=2)
+            good = (least > 0) & (least == np.where(present, bodies, 0).max(axis=2)) & outside[some]
             at = rows[id(d)][some]
             e, p = np.nonzero(good & (at >= old))
             out[at[e, p]] = least[e, p]
@@ -585,7 +593,9 @@ class _Mesh:
         ends, middles, outer = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)], [np.zeros(0, bool)]
         for d in self._shells:
             sides = d.corners[:, d.pattern.sides]
-            order = (d.pattern.order == 2)[None] & (d.pattern.weights[:, d.pattern.sides].sum(axis=2) == _SIXTEENTHS).T
+            order = (d.pattern.order == 2)[None] & (
+                d.pattern.weights[:, d.pattern.sides].sum(axis=2) == _WEIGHT_UNITS
+            ).T
             for s in range(len(d.pattern.sides)):
                 for p in np.flatnonzero(order[s]):
                     ends.append(sides[:, s])
@@ -603,17 +613,17 @@ def _in_line(pair: Integers, xyz: Reals) -> Flags:
         return np.zeros(len(pair), bool)
     along = xyz[sides[:, 1]] - xyz[sides[:, 0]]
     along /= np.linalg.norm(along, axis=1)[:, None]
-    # every end of a side, with the direction in which it leaves the point
+    # every end of a side, with the direction of the side away from it
     point, out = sides.T.ravel(), np.concatenate([along, -along])
-    own = np.tile(np.arange(len(sides)), 2)
+    side = np.tile(np.arange(len(sides)), 2)
     order = np.argsort(point, kind="stable")
-    point, out, own = point[order], out[order], own[order]
+    point, out, side = point[order], out[order], side[order]
     good = np.zeros(len(sides), bool)
     starts = np.flatnonzero(np.diff(point, prepend=-1))
     for a, b in zip(starts, [*starts[1:], len(point)]):
         if b - a > 1:
-            meets = (out[a:b] @ out[a:b].T <= -_STRAIGHT).any(axis=1)
-            good[own[a:b][meets]] = True
+            meets = (out[a:b] @ out[a:b].T <= -_STRAIGHT_COSINE).any(axis=1)
+            good[side[a:b][meets]] = True
     return good[where.ravel()]
 
 
@@ -623,7 +633,7 @@ def _needed(d: _Divided) -> Flags:
     if not _is_curved(d.kind):
         return use
     missing = d.nodes[:, d.corners.shape[1] :] < 0
-    quarter = (d.pattern.weights == _SIXTEENTHS // 4).any(axis=1) & (d.pattern.order == 2)
+    quarter = (d.pattern.weights == _WEIGHT_UNITS // 4).any(axis=1) & (d.pattern.order == 2)
     for s, ends in enumerate(d.pattern.sides):
         on = quarter & (d.pattern.weights[:, ends] > 0).all(axis=1)
         use[np.ix_(missing[:, s], on)] = False
@@ -636,7 +646,7 @@ def _mean_frames(frames: Reals, shares: sp.csr_array) -> Reals:
     same = np.isclose(mean, np.eye(3), atol=1e-12).all(axis=(1, 2))
     left, size, right = np.linalg.svd(mean[~same])
     turned = left @ right
-    # frames that point anywhere have no mean
+    # frames of very different directions have no mean
     turned[(size.min(axis=1) < 0.1) | (np.linalg.det(turned) < 0.0)] = np.eye(3)
     out = np.tile(np.eye(3), (len(mean), 1, 1))
     out[~same] = turned
@@ -646,7 +656,7 @@ def _mean_frames(frames: Reals, shares: sp.csr_array) -> Reals:
 def _lifted(d: _Divided, structure: Structure, on_edge: Flags) -> Reals:
     """(e, p, 3) from the flat points of shells to the surface through their corners with the shared normals.
 
-    A side is the cubic that is normal to both; the middle of a quadrilateral is that of Coons's surface.
+    A side is the cubic normal to both shared normals; the middle of a quadrilateral lies on the Coons surface.
     """
     xyz, normals = structure.nodes.xyz[d.corners], shared_normals(d.batch, structure)
     at_edge = on_edge[d.corners]
@@ -657,7 +667,7 @@ def _lifted(d: _Divided, structure: Structure, on_edge: Flags) -> Reals:
         down = [np.einsum("ea,ea->e", side, normals[:, k]) for k in (i, j)]
         slope = np.stack([-down[0], down[1]], axis=1)
         for k, other in ((0, 1), (1, 0)):
-            one_sided = at_edge[:, (i, j)[k]] & (np.abs(slope[:, k]) < _ONE_SIDED * np.abs(slope[:, other]))
+            one_sided = at_edge[:, (i, j)[k]] & (np.abs(slope[:, k]) < _ONE_SIDED_SLOPE * np.abs(slope[:, other]))
             slope[one_sided, k] = slope[one_sided, other]
         mean = normals[:, i] + normals[:, j]
         mean /= np.maximum(np.linalg.norm(mean, axis=1), 1e-9)[:, None]
@@ -675,13 +685,13 @@ def _lifted(d: _Divided, structure: Structure, on_edge: Flags) -> Reals:
 
 
 class _Values:
-    """The table of values with those that parts need beside it: thicknesses at new corners."""
+    """The table of values, and the additional values that the parts need, such as thicknesses at new corners."""
 
     def __init__(self, structure: Structure) -> None:
         self.table = structure.values
 
     def add(self, refs: list[FieldRef], values: Reals) -> Integers:
-        """(m,) positions of further values."""
+        """(m,) positions of the added values."""
         first = len(self.table.refs)
         self.table = replace(
             self.table, refs=(*self.table.refs, *refs), values=np.concatenate([self.table.values, values])
@@ -693,24 +703,24 @@ def _children(
     d: _Divided, structure: Structure, points: Integers, next_id: int, values: _Values
 ) -> Iterator[ElementBatch]:
     """The parts of every element; the first keeps its number."""
-    own = _by_direction(d.batch, structure) if d.kind.shell and d.kind.surface is None else d.batch
+    batch = _by_direction(d.batch, structure) if d.kind.shell and d.kind.surface is None else d.batch
     groups: dict[str, list[ElementBatch]] = {}
     for k, (part, at) in enumerate(d.pattern.parts):
-        child = _placed(own, points[:, at], part.kind or d.batch.kind)
+        child = _placed(batch, points[:, at], part.kind or d.batch.kind)
         if d.kind.end_offsets:
             child = _half(child, k)
             if "stations" in child.facts:
                 child = _own_stations(child, k, values)
         elif "uneven" in child.facts:
-            child = _own_thickness(child, d.pattern.weights[at[: len(part.corners)]] / _SIXTEENTHS, values)
+            child = _own_thickness(child, d.pattern.weights[at[: len(part.corners)]] / _WEIGHT_UNITS, values)
         if k:
-            child = replace(child, ids=next_id + (k - 1) * len(own) + np.arange(len(own)))
+            child = replace(child, ids=next_id + (k - 1) * len(batch) + np.arange(len(batch)))
         groups.setdefault(child.kind, []).append(child)
     yield from (_joined(parts) for parts in groups.values())
 
 
 def _by_direction(batch: ElementBatch, structure: Structure) -> ElementBatch:
-    """Material axes as directions, since the first sides of parts are not parallel to that of the element."""
+    """Material axes as directions, since the first sides of the parts are not parallel to that of the element."""
     axes = mean_plane(structure.nodes.xyz[batch.nodes])[0]
     cosine = material_axis(axes, batch.facts["theta"], batch.facts["direction"])
     return replace(batch, facts={**batch.facts, "direction": np.einsum("mij,mj->mi", axes[:, :, :2], cosine)})
@@ -724,7 +734,7 @@ def _placed(batch: ElementBatch, nodes: Integers, kind: str) -> ElementBatch:
 
 
 def _half(bar: ElementBatch, k: int) -> ElementBatch:
-    """Halves share the middle of the axis; releases stay at the ends that they were at."""
+    """Half of a bar; both halves share the middle of the axis, and releases stay at the original ends."""
     facts, pins = bar.facts, np.array(bar.facts["pins"])
     middle = 0.5 * (facts["offset_a"] + facts["offset_b"])
     pins[:, 6 if k == 0 else 0 : 12 if k == 0 else 6] = False
@@ -732,18 +742,18 @@ def _half(bar: ElementBatch, k: int) -> ElementBatch:
 
 
 def _own_stations(beam: ElementBatch, k: int, values: _Values) -> ElementBatch:
-    """Stations of a half; what varies along the beam is linear between them, so further ones change nothing."""
+    """Stations of a half; properties are linear between stations, so that additional ones change nothing."""
     stations = np.array(beam.facts["stations"], float)
     count, roles, halves = stations.shape[1], dict(beam.roles), np.empty_like(stations)
     names = sorted({name.partition("@")[0] for name in roles if "@" in name})
-    for own in np.unique(stations, axis=0):
-        at, inside = np.flatnonzero((stations == own).all(axis=1)), own[(own > 0.5 * k) & (own < 0.5 * (k + 1))]
+    for uncut in np.unique(stations, axis=0):
+        at, inside = np.flatnonzero((stations == uncut).all(axis=1)), uncut[(uncut > 0.5 * k) & (uncut < 0.5 * (k + 1))]
         places = np.array([0.5 * k, *inside, 0.5 * (k + 1)])
         while len(places) < count:
             widest = int(np.diff(places).argmax())
             places = np.insert(places, widest + 1, places[widest : widest + 2].mean())
         halves[at] = 2.0 * places - k
-        share = np.array([np.interp(places, own, hat) for hat in np.eye(count)]).T
+        share = np.array([np.interp(places, uncut, hat) for hat in np.eye(count)]).T
         for name in names:
             known = values.table.values[np.stack([beam.roles[f"{name}@{j}"][at] for j in range(count)], axis=1)]
             first = len(values.table.refs)

@@ -1,4 +1,4 @@
-"""DOFs without stiffness, or without stiffness and mass, found node by node as Nastran's AUTOSPC does."""
+"""DOFs without stiffness, or without stiffness and mass, sought node by node as by Nastran's AUTOSPC."""
 
 from __future__ import annotations
 
@@ -14,19 +14,27 @@ from femtune.arrays import Integers, Reals
 from femtune.fem.elimination import Elimination
 from femtune.fem.structure import NodeTable, Structure
 
-# smallest principal stiffness of a node, relative to the largest entry of its block (Nastran's EPZERO)
-RATIO = 1e-8
-# a node's block may be so many times stiffer than those of half of the nodes before its size is no measure any more
+SINGULAR_RATIO = 1e-8
+"""Principal stiffness of a node, relative to the largest entry of its 3 × 3 block, up to which it is singular.
+
+The default of Nastran's PARAM EPZERO, so that the same DOFs are held.
+"""
 _OUTSTANDING = 1e4
+"""Ratio of the largest entry of a block to the median one above which the block stands out.
+
+Meshes of one structure vary by two to three decades (element sizes, thicknesses); rigid springs of 1e6 and more stand
+out. The limit `SINGULAR_RATIO` then refers to this multiple of the median.
+"""
 _ROUNDING = 64 * np.finfo(float).eps
+"""Relative rounding error of an assembled entry: that of some dozens of elements that meet at a node."""
 
 
 def singular_dofs(stiffness: sp.csr_array, free: Integers, nodes: NodeTable) -> Integers:
-    """g-set DOFs to hold: those nearest to the directions in which a node has no stiffness of its own.
+    """g-set DOFs to hold: those nearest to the directions in which a node's diagonal block has no stiffness.
 
-    A direction has none where the principal stiffness is below `RATIO` times the block's largest entry, or times what
-    is usual where that entry stands out: beside one very stiff spring others are soft, not missing. A mechanism of
-    several nodes is not found here.
+    A direction has none if its principal stiffness is at most `SINGULAR_RATIO` times the block's largest entry. If that
+    entry stands out among the nodes, a usual one takes its place: beside one very stiff spring the other directions are
+    soft, not singular. A mechanism of several nodes is not found here.
 
     Parameters
     ----------
@@ -36,23 +44,23 @@ def singular_dofs(stiffness: sp.csr_array, free: Integers, nodes: NodeTable) -> 
     """
     blocks, present = _blocks(stiffness, free, 6 * len(nodes.ids))
     largest = _largest(blocks)
-    found = _without(blocks, present, np.maximum(RATIO * _measure(largest), _ROUNDING * largest))
+    at_grids = _without(blocks, present, np.maximum(SINGULAR_RATIO * _measure(largest), _ROUNDING * largest))
     scalar = (free >= 6 * len(nodes.ids)) & (stiffness.diagonal() == 0.0)
-    return np.union1d(found, free[scalar]).astype(np.int64)
+    return np.union1d(at_grids, free[scalar]).astype(np.int64)
 
 
 def empty_dofs(stiffness: sp.csr_array, mass: sp.csr_array, free: Integers, nodes: NodeTable) -> Integers:
-    """g-set DOFs to hold: those nearest to the directions in which a node has neither stiffness nor mass of its own.
+    """g-set DOFs to hold: those nearest to the directions in which a node's blocks have neither stiffness nor mass.
 
-    Each matrix is zero there but for rounding of its own entries at the node. Parameters are those of `singular_dofs`.
+    Each matrix is zero there except for rounding of its entries at the node. Parameters are those of `singular_dofs`.
     """
     n_grid = 6 * len(nodes.ids)
     (of_stiffness, present), (of_mass, _) = (_blocks(matrix, free, n_grid) for matrix in (stiffness, mass))
-    # of magnitudes about 1, so that neither hides the other, and without signs, so that they do not cancel
+    # both scaled to about 1, so that neither hides the other, and without signs, so that they do not cancel
     both = _magnitude(of_stiffness) + _magnitude(of_mass)
-    found = _without(both, present, _ROUNDING * _largest(both))
+    at_grids = _without(both, present, _ROUNDING * _largest(both))
     scalar = (free >= n_grid) & (stiffness.diagonal() == 0.0) & (mass.diagonal() == 0.0)
-    return np.union1d(found, free[scalar]).astype(np.int64)
+    return np.union1d(at_grids, free[scalar]).astype(np.int64)
 
 
 def _magnitude(blocks: Reals) -> Reals:
@@ -70,23 +78,23 @@ def _without(blocks: Reals, present: NDArray[np.bool_], limits: Reals) -> Intege
     """DOFs of grid points nearest to the principal directions of blocks (b, 3, 3) with values up to limits (b,)."""
     largest = _largest(blocks)
     empty = present & (largest == 0.0)[:, None]
-    found = [np.flatnonzero(empty.ravel())]
+    dofs = [np.flatnonzero(empty.ravel())]
     checked = np.flatnonzero(largest > 0.0)
     padded = blocks[checked] + np.eye(3) * (~present[checked] * largest[checked, None])[:, None, :]
     values, vectors = np.linalg.eigh(padded)
-    # negative stiffness is a fault that the eigen-solution reports, not a missing one that may be held
+    # negative stiffness is an error that the eigen-solution reports; such a DOF must not be held
     null = np.abs(values) <= limits[checked, None]
     one = null.sum(axis=1) == 1
-    # flat plates have one direction at every grid point
+    # the usual case: flat plates have one singular direction at every grid point
     only = np.take_along_axis(vectors[one], np.argmax(null[one], axis=1)[:, None, None], axis=2)[:, :, 0]
-    found.append(3 * checked[one] + np.argmax(np.abs(only), axis=1))
+    dofs.append(3 * checked[one] + np.argmax(np.abs(only), axis=1))
     for k in np.flatnonzero(null.any(axis=1) & ~one):
-        found.append(3 * checked[k] + _nearest(vectors[k][:, null[k]]))
-    return np.concatenate(found)
+        dofs.append(3 * checked[k] + _nearest(vectors[k][:, null[k]]))
+    return np.concatenate(dofs)
 
 
 def _measure(largest: Reals) -> Reals:
-    """(b,) largest entries of the blocks, those that stand out among translations or among rotations made smaller."""
+    """(b,) largest entries of the blocks, limited where they stand out among translations or among rotations."""
     out = largest.copy()
     for kind in (out[0::2], out[1::2]):
         stiff = kind[kind > 0.0]
@@ -99,30 +107,34 @@ def _blocks(stiffness: sp.csr_array, free: Integers, n_grid: int) -> tuple[Reals
     """Diagonal 3 × 3 blocks of all grid points' translations and rotations, and which of their DOFs are free."""
     entries = stiffness.tocoo()
     row, col = free[entries.row], free[entries.col]
-    own = (row // 3 == col // 3) & (row < n_grid)
+    diagonal = (row // 3 == col // 3) & (row < n_grid)
     blocks = np.zeros((n_grid // 3, 3, 3))
-    np.add.at(blocks, (row[own] // 3, row[own] % 3, col[own] % 3), entries.data[own])
+    np.add.at(blocks, (row[diagonal] // 3, row[diagonal] % 3, col[diagonal] % 3), entries.data[diagonal])
     present = np.zeros(n_grid, bool)
     present[free[free < n_grid]] = True
     return blocks, present.reshape(-1, 3)
 
 
 def _nearest(null: Reals) -> Integers:
-    """As many components as there are null directions (3, k), those in which they are largest."""
+    """The components in which the null directions (3, k) are largest, k of them."""
     *_, pivots = scipy.linalg.qr(null.T, pivoting=True)
     return np.asarray(pivots[: null.shape[1]], dtype=np.int64)
 
 
 # ----------------------------------------------------------------------------------------------------
-# Straight lines of bars that may turn about themselves: a mechanism of several nodes.
+# Straight lines of bars that can rotate about their axis: a mechanism of several nodes.
 
 
-_STRAIGHT = 1e-9
+_LINE_TOLERANCE = 1e-9
+"""Largest distance of points from a line, relative to its length, and largest error of the constrained rotation.
+
+Rounding of coordinates after transformations is 1e-15; a line that is bent by more resists the rotation.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Spin:
-    """A rotation of a part of the model about its own line.
+    """A rotation of a straight part of the model about its line.
 
     Parameters
     ----------
@@ -135,7 +147,7 @@ class Spin:
 
 
 def spinning_lines(structure: Structure, elimination: Elimination, off: Collection[int] = ()) -> list[Spin]:
-    """Parts of the model whose grid points lie on one line, and that the constraints let turn about it.
+    """Parts of the model whose grid points lie on one line and whose constraints permit rotation about it.
 
     Whether stiffness or mass resists the rotation is not examined.
 
@@ -155,7 +167,7 @@ def spinning_lines(structure: Structure, elimination: Elimination, off: Collecti
 
 
 def _parts(structure: Structure, off: list[int]) -> Integers:
-    """(n,) number of the connected part of each grid point; −1 where an element is more than a line."""
+    """(n,) number of the connected part of each grid point; −1 if the part has an element of more than two nodes."""
     n = len(structure.nodes.ids)
     pairs, solid = [np.zeros((0, 2), np.int64)], np.zeros(n, bool)
     for batch in structure.batches:
@@ -182,12 +194,12 @@ def _spin(structure: Structure, elimination: Elimination, points: Integers) -> S
     if size == 0.0:
         return None
     axis = far / size
-    if np.linalg.norm(relative - np.outer(relative @ axis, axis), axis=1).max() > _STRAIGHT * size:
+    if np.linalg.norm(relative - np.outer(relative @ axis, axis), axis=1).max() > _LINE_TOLERANCE * size:
         return None
     motion = np.zeros(nodes.n_dofs)
     turn = np.einsum("nji,j->ni", nodes.frames[points], axis)
     motion[6 * points[:, None] + np.arange(3, 6)] = turn
     free = motion[elimination.free]
-    if not free.any() or np.abs(elimination.T @ free - motion).max() > _STRAIGHT:
+    if not free.any() or np.abs(elimination.T @ free - motion).max() > _LINE_TOLERANCE:
         return None
     return Spin(free, int(elimination.free[np.argmax(np.abs(free))]))

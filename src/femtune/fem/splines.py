@@ -18,10 +18,19 @@ from femtune.fem.constraints import follow_rows, motion_of
 from femtune.fem.elements import placement
 from femtune.fem.structure import ConstraintRows, NodeTable
 
-# of a thin tube with unit area and Young's modulus: I = D²/8, J = 2I, G = E / 2.6
-_SHEAR = 1.0 / 2.6
-_NOISE = 1e-11
-_ACCURACY = 1e-6
+_SHEAR_MODULUS = 1.0 / 2.6
+"""G / E = 1 / (2 (1 + ν)) of the tube, ν = 0.3; its area and E are 1, I = D²/8 and J = 2I as for a thin tube."""
+_COEFFICIENT_ROUNDING = 1e-11
+"""Coefficients below this fraction of the largest of their equation are dropped.
+
+The equations come from a factorisation, which amplifies rounding errors by its condition number; coefficients that
+vanish exactly remain of this size in moderately conditioned tubes.
+"""
+_RIGID_ERROR = 1e-6
+"""Largest error of a rigid-body motion that the equations may have, relative to its largest displacement.
+
+It measures the digits that the factorisation lost; half of them must be left for the derivatives of modes.
+"""
 
 
 def spline_rows(
@@ -39,8 +48,8 @@ def spline_rows(
 
     Raises
     ------
-    FemtuneError : ``model.unknown-node``, ``constraint.own-node`` where two points in sequence are at one place,
-        ``constraint.spline`` where rounding spoils the equations
+    FemtuneError : ``model.unknown-node``, ``constraint.own-node`` if two successive points coincide,
+        ``constraint.spline`` if rounding errors of the equations are too large
     """
     where = Where(record=f"RSPLINE {owner}")
     at = np.array([nodes.position(n, where) for n in points], dtype=np.int64)
@@ -51,20 +60,20 @@ def spline_rows(
     dofs = (6 * at[:, None] + np.arange(6)).ravel()
     rigid = motion_of(nodes, dofs, at[:1])
     # rigid-body motion leaves the tube without strain, so the dependent components must follow it
-    wrong = np.abs(rigid[follows] - follow @ rigid[given]) > _ACCURACY * np.abs(rigid).max(axis=0)
+    wrong = np.abs(rigid[follows] - follow @ rigid[given]) > _RIGID_ERROR * np.abs(rigid).max(axis=0)
     if not np.isfinite(follow).all() or wrong.any():
         lengths = np.linalg.norm(np.diff(nodes.xyz[at], axis=0), axis=1)
         raise FemtuneError("constraint.spline", where=where, ratio=ratio, least=lengths.min(), most=lengths.max())
-    return follow_rows(dofs[follows], np.tile(dofs[given], (len(follows), 1)), follow, owner, _NOISE)
+    return follow_rows(dofs[follows], np.tile(dofs[given], (len(follows), 1)), follow, owner, _COEFFICIENT_ROUNDING)
 
 
 def _condensed(stiffness: Reals, follows: Integers, given: Integers) -> Reals:
-    """(m, n) displacements `follows` that unit displacements `given` cause; NaN where the tube is singular."""
-    # diagonal scaling: translations and rotations, short and long segments count alike
+    """(m, n) displacements `follows` due to unit displacements `given`; NaN if the tube is singular."""
+    # diagonal scaling gives translations and rotations, short and long segments the same weight
     size = np.sqrt(np.diag(stiffness)[follows])
-    own = stiffness[np.ix_(follows, follows)] / np.outer(size, size)
+    scaled = stiffness[np.ix_(follows, follows)] / np.outer(size, size)
     try:
-        factor = scipy.linalg.cho_factor(own)
+        factor = scipy.linalg.cho_factor(scaled)
     except np.linalg.LinAlgError:
         return np.full((len(follows), len(given)), np.nan)
     solved = scipy.linalg.cho_solve(factor, stiffness[np.ix_(follows, given)] / size[:, None])
@@ -90,10 +99,10 @@ def _tube(nodes: NodeTable, at: Integers, ratio: float, points: Sequence[int], w
             for part in (0, 3):
                 columns = slice(6 * end + part, 6 * end + part + 3)
                 rows[:, columns] = rows[:, columns] @ turn
-        twist, rotation = 2.0 * _SHEAR * bending / length, bending / length * np.array([[4.0, 2.0], [2.0, 4.0]])
+        twist, rotation = 2.0 * _SHEAR_MODULUS * bending / length, bending / length * np.array([[4.0, 2.0], [2.0, 4.0]])
         law = scipy.linalg.block_diag([[1.0 / length]], [[twist]], rotation, rotation)
-        own = slice(6 * k, 6 * k + 12)
-        out[own, own] += rows.T @ law @ rows
+        segment = slice(6 * k, 6 * k + 12)
+        out[segment, segment] += rows.T @ law @ rows
     return out
 
 

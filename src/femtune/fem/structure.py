@@ -29,7 +29,7 @@ class NodeTable:
     xyz : (n, 3) coordinates in the basic frame
     frames : (n, 3, 3) displacement frames: columns are unit axes in the basic frame, so u_basic = frame @ u
     scalar_points : (s,) ascending numbers of the scalar points
-    has_coordinates : False where the grid points have none: `xyz` is zero then, and nothing may be drawn from it
+    has_coordinates : False where the grid points have none: `xyz` is zero then and must not be used
 
     Grid point i has DOFs 6i … 6i+5, scalar point j has DOF 6n + j.
     """
@@ -103,13 +103,13 @@ class ElementBatch:
 
     Parameters
     ----------
-    kind : key of the element's module: "bar", "rod", "spring", "bush", "concentrated-mass", "scalar-mass"
+    kind : key of the element kind: "bar", "rod", "spring", "bush", "concentrated-mass", "scalar-mass"
     card : card name of the source, "CBAR"
     ids : (e,) element numbers
     nodes : (e, k) rows of the node table, −1 for ground
     dofs : (e, d) g-set DOFs of the element matrices, −1 for ground
     roles : for each value that the coefficients need ("E", "A", …), (e,) positions in the value table
-    facts : constant data an element (orientation, offsets, pin flags …), arrays with first axis e
+    facts : constant data per element (orientation, offsets, pin flags …), arrays with first axis e
     settings : fields of `Structure` that have other values for these elements (mass_factor, consistent_mass …)
     """
 
@@ -161,7 +161,7 @@ class ElementBatch:
 
     @cached_property
     def _uses(self) -> tuple[Integers, Integers]:
-        """Every entry that some element uses, in ascending order, and that element's row."""
+        """Every entry that is used by some element, in ascending order, with the row of that element."""
         columns = list({id(at): at for at in self.roles.values()}.values())
         entries = np.concatenate([np.zeros(0, np.int64), *columns])
         order = np.argsort(entries, kind="stable")
@@ -175,8 +175,8 @@ class ConstraintRows:
     Parameters
     ----------
     dependent : (m,) g-set DOF that each equation eliminates
-    row, dof, coefficient : (z,) entries of the equations; the dependent DOF is among them
-    owner : (m,) number of the element that gave the equation, 0 for an MPC card
+    row, dof, coefficient : (z,) entries of the equations, including those of the dependent DOFs
+    owner : (m,) number of the element that the equation belongs to, 0 for an MPC card
     """
 
     dependent: Integers
@@ -222,11 +222,11 @@ class OverallDamping:
 
     Parameters
     ----------
-    loss_factor : position in the value table of a loss factor of all stiffness (PARAM G), None without one
-    overall_omega, element_omega : rad/s at which viscous damping stands in for the overall and for the elements'
-        loss factors where a response is not harmonic (PARAM W3 and W4); 0 leaves them out there
-    mode_ratios : positions in the value table of damping ratios of modes, by number of the mode from 1; 0 stands for
-        all modes without one of their own
+    loss_factor : position in the value table of a loss factor of all stiffness (PARAM G), or None
+    overall_omega, element_omega : rad/s at which viscous damping replaces the overall and the elements' loss factors
+        in responses that are not harmonic (PARAM W3 and W4); 0 leaves this damping out
+    mode_ratios : positions in the value table of damping ratios of modes, by number of the mode from 1; 0 is for
+        all modes without an individual one
     """
 
     loss_factor: int | None = None
@@ -246,7 +246,7 @@ class Structure:
 
     Parameters
     ----------
-    nodes, values, batches : see there
+    nodes, values, batches : grid points, value table and elements
     rigid : equations of rigid elements, always active unless their element is switched off
     multipoint_sets : equations of the MPC sets by set number
     support_sets : g-set DOFs held by the SPC sets, by set number
@@ -256,16 +256,16 @@ class Structure:
     consistent_mass : True for consistent ("coupled") mass of bars, beams and rods, False for lumped
     lumped_along : share of lumped mass in the consistent mass along bars, beams and rods: Nastran's 1/2, 0 for the mass
         of linear shape functions
-    hold_singular : True where DOFs without stiffness are held (PARAM AUTOSPC); those without mass as well always are
+    hold_singular : True where DOFs without stiffness are held (PARAM AUTOSPC); those that also lack mass always are
     element_kinds : card name of every element number, rigid elements included
-    drilling : factor of a shell's stiffness against turning about its normal (PARAM K6ROT); 1e-6·drilling·G·t
-        times the squared difference of that turn and the membrane's own rotation
-    normals_within : degrees between the normals of shells at a grid point and their mean, up to which they share it
-        (PARAM SNORM); 0 for none that do
+    drilling : factor of a shell's stiffness against rotation about its normal (PARAM K6ROT); 1e-6·drilling·G·t
+        times the squared difference of that rotation and the membrane's rotation
+    normals_within : largest angle in degrees between the normals of shells at a grid point and their mean up to which
+        the shells share the mean (PARAM SNORM); 0 for no shared normals
     damping : damping of the whole structure (PARAM G, W3, W4)
     dof_sets : g-set DOFs by the name of a set that the deck lists ("ASET", "SUPORT", "USET U1"); they hold nothing
-    assembled : matrices on the g-set that no element made: of another solver, or of DMIG cards
-    preload : static load under which the modes are taken, None for those of the unloaded structure
+    assembled : matrices on the g-set that do not come from elements: of another solver, or from DMIG cards
+    preload : static load under which the modes are computed, None for the unloaded structure
     """
 
     nodes: NodeTable
@@ -290,7 +290,7 @@ class Structure:
     preload: Preload | None = None
 
     def split(self, index: int, elements: Iterable[int], region: str) -> Structure:
-        """The structure with its own copy of a value for some of its elements."""
+        """The structure with a separate copy of a value for some of its elements."""
         chosen = np.fromiter(elements, dtype=np.int64)
         values, moved = self.values.split(index, region)
         batches = tuple(b.repoint(np.isin(b.ids, chosen), moved) for b in self.batches)
@@ -307,7 +307,7 @@ class Structure:
         return replace(self, values=values, batches=tuple(batches)), [own[index] for own in moved]
 
     def direct_users(self, index: int) -> Integers:
-        """Numbers of the elements that have an entry, or what follows from it and is no value of one element only."""
+        """Numbers of the elements that use an entry, or an entry derived from it other than one of a single element."""
         chained = self.values.dependents([index]) - self.values.copies_of(index)
         return np.unique(np.concatenate([np.zeros(0, np.int64), *(b.users(chained) for b in self.batches)]))
 
@@ -330,7 +330,7 @@ MODAL = "MODAL"
 
 
 def mode_ratio_field(number: int) -> FieldRef:
-    """``MODAL 3 ZETA``, the damping ratio of mode 3; of every mode without one of its own ``MODAL ZETA``, number 0."""
+    """``MODAL 3 ZETA``, the damping ratio of mode 3, or ``MODAL ZETA``, that of all modes without one, for number 0."""
     return FieldRef(MODAL, number, "ZETA")
 
 

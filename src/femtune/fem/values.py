@@ -16,7 +16,7 @@ from femtune.parameters.jet import Jet
 
 @dataclass(frozen=True)
 class Derived:
-    """An entry that follows from others: ``function(*sources)``, written for jets (G from E and ν)."""
+    """An entry derived from others: ``function(*sources)``, written for jets (G from E and ν)."""
 
     target: int
     function: Callable[..., Jet]
@@ -25,13 +25,13 @@ class Derived:
 
 @dataclass(frozen=True, eq=False)
 class TableJet:
-    """The value table at a point of parameters; only what moves carries derivatives.
+    """The value table at a point of parameters; only entries that move carry derivatives.
 
     Parameters
     ----------
     value : (n,) all entries
-    rows : (n,) row in `moving` of what moves; −1, its last row, whose derivatives vanish, for the rest
-    moving : (m + 1,) jet of what moves
+    rows : (n,) row in `moving` of each entry that moves; −1, the last row with zero derivatives, for all others
+    moving : (m + 1,) jet of the entries that move
     """
 
     value: NDArray
@@ -56,7 +56,7 @@ class TableJet:
 
 @dataclass(frozen=True, eq=False)
 class _Rule:
-    """Derived entries of one function: `targets` (m,) and `sources` (k, m); sources come from earlier rules."""
+    """Derived entries of one function: `targets` (m,) and `sources` (k, m); sources belong to earlier rules."""
 
     function: Callable[..., Jet]
     targets: NDArray[np.int64]
@@ -88,7 +88,7 @@ class ValueTable:
 
     @cached_property
     def _followers(self) -> dict[int, list[int]]:
-        """The entries that follow from an entry directly."""
+        """The entries that are directly derived from an entry."""
         out: dict[int, list[int]] = {}
         for d in self.derived:
             for source in d.sources:
@@ -97,7 +97,7 @@ class ValueTable:
 
     @cached_property
     def _rules(self) -> list[_Rule]:
-        """Derived entries, those of one function together, in an order in which sources come first."""
+        """Derived entries grouped by function, in an order in which sources come first."""
         depth: dict[int, int] = {}
         groups: dict[tuple[int, int, Callable[..., Jet]], list[Derived]] = {}
         for d in self.derived:
@@ -110,33 +110,33 @@ class ValueTable:
         ]
 
     def is_derived(self, i: int) -> bool:
-        """True where entry i follows from others."""
+        """True if entry i is derived from others."""
         return i in self._targets
 
     def with_own(self, refs: Iterable[FieldRef]) -> ValueTable:
-        """The table in which some fields are values of their own, even if they would follow from others."""
-        own = {self._positions[ref] for ref in refs if ref in self._positions}
-        if own.isdisjoint(self._targets):
+        """The table in which some fields are independent values, even if they are derived ones."""
+        chosen = {self._positions[ref] for ref in refs if ref in self._positions}
+        if chosen.isdisjoint(self._targets):
             return self
-        return replace(self, derived=tuple(d for d in self.derived if d.target not in own))
+        return replace(self, derived=tuple(d for d in self.derived if d.target not in chosen))
 
     def followers(self, refs: Iterable[FieldRef], wanted: Container[FieldRef]) -> list[FieldRef]:
-        """The wanted fields (whatever their region) that follow from some fields and are none of them."""
-        own = {self._positions[ref] for ref in refs if ref in self._positions}
-        found = (self.refs[i] for i in sorted(self.dependents(own) - own) if self.is_derived(i))
-        return [ref for ref in found if replace(ref, region="") in wanted]
+        """The wanted fields (of any region) that are derived from the given fields and are not among them."""
+        given = {self._positions[ref] for ref in refs if ref in self._positions}
+        derived = (self.refs[i] for i in sorted(self.dependents(given) - given) if self.is_derived(i))
+        return [ref for ref in derived if replace(ref, region="") in wanted]
 
     def following(self, values: Mapping[FieldRef, float], wanted: Container[FieldRef]) -> dict[FieldRef, float]:
         """Values of the `followers` of fields that have new values."""
-        found = self.followers(values, wanted)
-        if not found:
+        followers = self.followers(values, wanted)
+        if not followers:
             return {}
         at = {self._positions[ref]: value for ref, value in values.items() if ref in self._positions}
         table = self.evaluate({i: jet.constant(value, 0) for i, value in at.items()}, 0)
-        return {ref: float(table.value[self._positions[ref]]) for ref in found}
+        return {ref: float(table.value[self._positions[ref]]) for ref in followers}
 
     def dependents(self, indices: Iterable[int]) -> set[int]:
-        """The given entries and all that follow from them."""
+        """The given entries and all that are derived from them."""
         touched, left = set(indices), list(indices)
         while left:
             new = [i for i in self._followers.get(left.pop(), ()) if i not in touched]
@@ -175,7 +175,7 @@ class ValueTable:
             table.put(rule.targets[wanted], rule.function(*(table[at] for at in rule.sources[:, wanted])))
 
     def split(self, index: int, region: str) -> tuple[ValueTable, dict[int, int]]:
-        """A copy of an entry, and of all that follow from it, under a region's name.
+        """A copy of an entry, and of all entries derived from it, under a region's name.
 
         Returns the longer table and the map from old to new positions.
         """
@@ -192,7 +192,7 @@ class ValueTable:
         return ValueTable(tuple(refs), values, tuple(derived)), moved
 
     def split_each(self, index: int, regions: Sequence[str]) -> tuple[ValueTable, list[dict[int, int]]]:
-        """As `split`, for many regions at once; a map of positions for each."""
+        """As `split`, for many regions at once, with a map of positions for each."""
         parts = sorted(self.dependents([index]), key=lambda i: (i != index, i))
         rules = [d for d in self.derived if d.target in parts and d.target != index]
         first, size = len(self.refs), len(parts)
@@ -205,13 +205,15 @@ class ValueTable:
         return ValueTable((*self.refs, *refs), values, (*self.derived, *derived)), moved
 
     def copies_of(self, index: int) -> set[int]:
-        """Entries of the same field for regions, and what follows from them."""
+        """Entries of the same field for regions, and the entries derived from them."""
         ref = self.refs[index]
-        own = [i for i, r in enumerate(self.refs) if i != index and r.region and replace(r, region=ref.region) == ref]
-        return self.dependents(own)
+        copies = [
+            i for i, r in enumerate(self.refs) if i != index and r.region and replace(r, region=ref.region) == ref
+        ]
+        return self.dependents(copies)
 
     def extended(self, entries: Mapping[FieldRef, float]) -> ValueTable:
-        """The table with further entries at its end; those that it has already stay as they are."""
+        """The table with additional entries at its end; existing ones stay as they are."""
         new = {ref: value for ref, value in entries.items() if self.index(ref) is None}
         values = np.concatenate([self.values, np.array(list(new.values()), float)])
         return ValueTable((*self.refs, *new), values, self.derived)
@@ -235,9 +237,9 @@ class ValueTableBuilder:
         return self._index[ref]
 
     def derive(self, ref: FieldRef, function: Callable[..., Jet], *sources: int, nominal: float | None = None) -> int:
-        """An entry that follows from others; `function` takes and returns jets of one shape, element by element.
+        """Add an entry derived from others; `function` takes and returns jets of one shape, element by element.
 
-        Entries that share the function itself are computed together. `nominal` is the value where it is known.
+        Entries that share the function itself are computed together. `nominal` is its value, if known.
         """
         known = self._index.get(ref)
         if known is not None:

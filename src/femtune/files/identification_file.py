@@ -15,14 +15,12 @@ from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
 from femtune.files.study_file.step_tables import OutputTable
+from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY, FrfEstimator, MethodWord
 
 # ----------------------------------------------------------------------------------------------------
 # Tables of an identification file; docs/identify-file.md explains every key.
 
 
-KNOWN_INPUT = ("N4SID", "pLSCF")
-OUTPUT_ONLY = ("SSI-cov", "SSI-data", "ERA", "FDD", "TFIE")
-MethodWord = Literal["N4SID", "pLSCF", "SSI-cov", "SSI-data", "ERA", "FDD", "TFIE"]
 NodePath = Annotated[tuple[Annotated[int, Field(ge=1, le=2**31)], ...], Field(min_length=2)]
 Hertz = Annotated[float, Field(ge=0, le=1e12)]
 RecordName = Annotated[Text, NamesFile("record")]
@@ -44,7 +42,7 @@ class IdentifyTable(TomlTable):
     band_hz: tuple[Hertz, Hertz] | None = None
     largest_order: Annotated[int, Field(ge=4, le=200)] | None = None
     methods: Annotated[tuple[MethodWord, ...], Field(min_length=1)] | None = None
-    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    estimator: FrfEstimator = "H1"
     resolution_hz: Positive | None = None
     period_s: Positive | None = None
     fragments: Annotated[int, Field(ge=1, le=1000)] = 1

@@ -6,13 +6,12 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.global_search.front import Front, front_of
-    from femtune.global_search.methods import SEARCH_METHODS, GlobalMinimum, SearchRules, global_minimum
+    from femtune.global_search.methods import GlobalMinimum, SearchRules, global_minimum
     from femtune.global_search.of_surrogate import SurrogateMinimum, surrogate_minimum
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
-    "SEARCH_METHODS",
     "Front",
     "GlobalMinimum",
     "SearchRules",

@@ -17,6 +17,7 @@ from scipy.optimize import differential_evolution
 
 from femtune._optional import require
 from femtune.arrays import Flags, Reals
+from femtune.global_search.kinds import METHODS, SearchWord
 
 Objective = Callable[[Reals], Reals]
 
@@ -41,7 +42,7 @@ class SearchRules:
     seed : of the random generator
     """
 
-    method: str = "differential-evolution"
+    method: SearchWord = "differential-evolution"
     population: int = 60
     generations: int = 300
     tolerance: float = 1e-6
@@ -115,7 +116,8 @@ def global_minimum(objective: Objective, lower: Reals, upper: Reals, rules: Sear
     rules = rules or SearchRules()
     lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     counted = _Counted(lambda unit: objective(lower + unit * (upper - lower)))
-    converged = _METHODS[rules.method](counted, len(lower), rules)
+    search: Callable[[_Counted, int, SearchRules], bool] = METHODS[rules.method].load()
+    converged = search(counted, len(lower), rules)
     found = counted.result(converged)
     return GlobalMinimum(lower + found.x * (upper - lower), *_rest(found))
 
@@ -128,7 +130,7 @@ def _spread_is_small(values: Reals, tolerance: float) -> bool:
     return bool(np.isfinite(values).all() and np.std(values) <= tolerance * abs(float(np.mean(values))))
 
 
-def _differential_evolution(counted: _Counted, factors: int, rules: SearchRules) -> bool:
+def by_differential_evolution(counted: _Counted, factors: int, rules: SearchRules) -> bool:
     found = differential_evolution(
         lambda x: counted(x.T if x.ndim == 2 else x[None]),
         [(0.0, 1.0)] * factors,
@@ -144,7 +146,7 @@ def _differential_evolution(counted: _Counted, factors: int, rules: SearchRules)
     return bool(found.success)
 
 
-def _genetic(counted: _Counted, factors: int, rules: SearchRules) -> bool:
+def by_genetic_algorithm(counted: _Counted, factors: int, rules: SearchRules) -> bool:
     rng = np.random.default_rng(rules.seed)
     size = 2 * max(_ELITE, round(rules.population / 2))
     points = rng.random((size, factors))
@@ -189,7 +191,7 @@ def mutated(children: Reals, probability: float | None, rng: np.random.Generator
     return np.clip(np.where(rng.random(children.shape) < chance, children + step, children), 0.0, 1.0)
 
 
-def _cma_es(counted: _Counted, factors: int, rules: SearchRules) -> bool:
+def by_cma_es(counted: _Counted, factors: int, rules: SearchRules) -> bool:
     cma = require("cma", extra="search")
     options = {
         "bounds": [0.0, 1.0], "popsize": rules.population, "maxiter": rules.generations,
@@ -200,11 +202,3 @@ def _cma_es(counted: _Counted, factors: int, rules: SearchRules) -> bool:
         points = strategy.ask()
         strategy.tell(points, counted(np.array(points)).tolist())
     return "maxiter" not in strategy.stop()
-
-
-_METHODS: dict[str, Callable[[_Counted, int, SearchRules], bool]] = {
-    "differential-evolution": _differential_evolution,
-    "genetic": _genetic,
-    "cma-es": _cma_es,
-}
-SEARCH_METHODS = tuple(_METHODS)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         power_in,
         reciprocity,
     )
-    from femtune.identification.input_known import FRF_METHODS, IdentifiedModes, InputKnown, identify_frfs
+    from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs
     from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band, join_frfs
     from femtune.identification.modal_fit import ModalFit, fit_modes
     from femtune.identification.n4sid import Subspace, n4sid_poles, subspace, subspace_poles
@@ -53,7 +53,6 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
-    "FRF_METHODS",
     "Averaging",
     "Candidate",
     "DrivingPoint",

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from femtune.arrays import Reals
+from femtune.identification.kinds import ChannelRule
 from femtune.modal import FrfSet
-
-Rule = Literal["coherence", "noise"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +21,7 @@ class Quality:
     values : (outputs,) NaN for outputs that were not measured
     """
 
-    rule: Rule
+    rule: ChannelRule
     values: Reals
 
     @property
@@ -39,12 +37,12 @@ class Quality:
         return "the lowest coherence" if self.rule == "coherence" else "the highest relative noise"
 
 
-def quality(frfs: FrfSet, rule: Rule | None = None) -> Quality:
+def quality(frfs: FrfSet, rule: ChannelRule | None = None) -> Quality:
     """By coherence where the functions have it and no rule is given, otherwise by noise.
 
     Functions without coherence have none by that rule.
     """
-    chosen: Rule = rule or ("noise" if frfs.coherence is None else "coherence")
+    chosen: ChannelRule = rule or ("noise" if frfs.coherence is None else "coherence")
     if chosen == "noise":
         return Quality(chosen, relative_noise(frfs))
     coherence = np.full(frfs.values.shape, np.nan) if frfs.coherence is None else frfs.coherence

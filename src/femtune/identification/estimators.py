@@ -9,9 +9,9 @@ import numpy as np
 from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.averaging import InputOutputSpectra
+from femtune.identification.kinds import FRF_ESTIMATORS
 from femtune.modal import FrfSet
 
-ESTIMATORS = ("H1", "H2", "Hv")
 KIND_OF = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 SAME_INPUT = 1e10
 """Condition of the inputs' spectra, each scaled to one, above which two of them are one and the same."""
@@ -59,7 +59,7 @@ def estimate_frfs(spectra: InputOutputSpectra, estimator: str = "H1") -> FrfEsti
     if kind is None:
         raise FemtuneError("identify.response-quantity", quantity=spectra.quantity)
     inverse = _inverse(spectra)
-    values = {"H1": _h1, "H2": _h2, "Hv": _hv}[estimator](spectra, inverse)
+    values = FRF_ESTIMATORS[estimator].load()(spectra, inverse)
     together = _multiple_coherence(spectra, inverse)
     pairs = _coherence(spectra)
     source = f"{estimator} of {spectra.averages:.1f} averages"
@@ -70,7 +70,7 @@ def estimate_frfs(spectra: InputOutputSpectra, estimator: str = "H1") -> FrfEsti
 
 
 def _check_estimator(estimator: str, references: int) -> None:
-    if estimator not in ESTIMATORS:
+    if estimator not in FRF_ESTIMATORS:
         raise FemtuneError("identify.estimator", estimator=estimator)
     if estimator == "H2" and references > 1:
         raise FemtuneError("identify.estimator/several-inputs", n_inputs=references)
@@ -94,17 +94,17 @@ def _inverse(spectra: InputOutputSpectra) -> Complexes:
     return inverse / (size[:, :, None] * size[:, None, :])
 
 
-def _h1(spectra: InputOutputSpectra, inverse: Complexes) -> Complexes:
+def h1(spectra: InputOutputSpectra, inverse: Complexes) -> Complexes:
     return spectra.cross @ inverse
 
 
-def _h2(spectra: InputOutputSpectra, inverse: Complexes) -> Complexes:
+def h2(spectra: InputOutputSpectra, inverse: Complexes) -> Complexes:
     with np.errstate(divide="ignore", invalid="ignore"):
         values = spectra.outputs[:, :, None] / spectra.cross.conj()
     return np.where(np.isfinite(values) & np.isfinite(inverse[:, :1, :1]), values, np.nan)
 
 
-def _hv(spectra: InputOutputSpectra, inverse: Complexes) -> Complexes:
+def hv(spectra: InputOutputSpectra, inverse: Complexes) -> Complexes:
     """[H, −1] is the left singular direction of least power of the scaled inputs and the response."""
     u = len(spectra.references)
     x = np.sqrt(np.einsum("kjj->kj", spectra.inputs).real)

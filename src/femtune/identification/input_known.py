@@ -11,6 +11,7 @@ from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.identification.choice import Candidate, Limits, Rule, change_choice, choose, chosen_poles
 from femtune.identification.frf_checks import check_frfs, dead_responses
 from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
+from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.modal_fit import ModalFit
 from femtune.identification.modal_solve import OUT_OF_BAND
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
@@ -31,8 +32,6 @@ from femtune.identification.significance import without_poles_of_noise
 from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 
-FRF_METHODS = ("N4SID", "pLSCF")
-
 
 @dataclass(frozen=True)
 class InputKnown:
@@ -42,7 +41,7 @@ class InputKnown:
     ----------
     band_hz : where modes are looked for; all lines where None
     largest_order : of N4SID, in steps of two; polynomials of pLSCF go to half of it
-    methods : out of FRF_METHODS
+    methods : out of KNOWN_INPUT
     limits, rule : of stable poles and of modes among them
     take, drop : frequencies in Hz of candidates that are modes, or none, whatever the rule says
     rigid : mass-normalised rigid-body modes whose motion is taken away first and put back into the system
@@ -53,7 +52,7 @@ class InputKnown:
 
     band_hz: tuple[float, float] | None = None
     largest_order: int = 60
-    methods: tuple[str, ...] = FRF_METHODS
+    methods: tuple[str, ...] = KNOWN_INPUT
     limits: Limits = field(default_factory=Limits)
     rule: Rule = field(default_factory=Rule)
     take: tuple[float, ...] = ()
@@ -65,10 +64,10 @@ class InputKnown:
     real: bool = True
 
     def __post_init__(self) -> None:
-        unknown = set(self.methods) - set(FRF_METHODS)
+        unknown = set(self.methods) - set(KNOWN_INPUT)
         if unknown or not self.methods:
             method = ", ".join(sorted(unknown))
-            raise FemtuneError("identify.method/for-functions", method=method, methods=", ".join(FRF_METHODS))
+            raise FemtuneError("identify.method/for-functions", method=method, methods=", ".join(KNOWN_INPUT))
         if self.largest_order < 4:
             raise FemtuneError("identify.method/order", order=self.largest_order)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
 
@@ -183,15 +183,6 @@ def by_steady_phases(record: TimeSeries, asked: Operational) -> OperationalModes
     modes = [mode_at(found, line) for line in at]
     freq = np.array([f for f, _ in modes])
     return _of_lines(record, "TFIE", found.freq_hz[at], [s for _, s in modes], freq, None)
-
-
-METHODS: dict[str, Callable[[TimeSeries, Operational], OperationalModes]] = {
-    "SSI-cov": by_covariances,
-    "SSI-data": by_data,
-    "ERA": by_era,
-    "FDD": by_decomposition,
-    "TFIE": by_steady_phases,
-}
 
 
 def segment_of(record: TimeSeries, asked: Operational) -> int:

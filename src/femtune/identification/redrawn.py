@@ -19,20 +19,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.linalg import qr
 
 from femtune.arrays import Complexes, Flags, Reals
+from femtune.identification.kinds import Drawing
 from femtune.identification.modal_fit import ModalFit, fit_modes
 from femtune.identification.modal_solve import Solved, modal_basis, real_rows, solve_residues
 from femtune.identification.shapes import as_modes
 from femtune.identification.state_space_fit import SystemFit, system_fit
 from femtune.modal import FrfSet, ModeSet, freq_and_damping, pole_of
 from femtune.modal.equalise import residue_factors
-
-Drawing = Literal["lines", "entries", "noise"]
 
 _RANK = 1e-13
 _TURNS = 1e-10

@@ -98,6 +98,11 @@ def _with_damping(file: StudyFile) -> bool:
     return any(entry.moves_damping for entry in file.parameter)
 
 
+def _of_deck(file: StudyFile) -> bool:
+    """The updated deck is that of a study whose model is a deck."""
+    return not file.matrix and file.runs is None and file.solver is None
+
+
 RUN_FILES = (
     RunFile(REPORT_FILE, ("run", "report")),
     RunFile(FRFS_FILE, UPDATES, wanted=lambda file: file.response is not None, each=True),
@@ -107,7 +112,7 @@ RUN_FILES = (
     RunFile(RESULTS_FILE, UPDATES),
     RunFile(ARRAYS_FILE, UPDATES),
     RunFile(HISTORY_FILE, UPDATES),
-    RunFile(DECK_FILE, UPDATES, wanted=lambda file: not file.imported, of_specimen=True),
+    RunFile(DECK_FILE, UPDATES, wanted=_of_deck, of_specimen=True),
     RunFile(STARTS_FILE, UPDATES, Role.RESUME),
     RunFile(BOOTSTRAP_FILE, UPDATES, Role.RESUME),
     RunFile(SAMPLES_FILE, UPDATES, Role.RESUME),

@@ -1,4 +1,4 @@
-"""The language that test and model share: modes, functions, records and systems, and how shapes compare."""
+"""Data common to test and model: modes, functions, records and systems, and criteria that compare shapes."""
 
 from typing import TYPE_CHECKING
 

@@ -10,7 +10,7 @@ from femtune.arrays import Integers
 def linear_sum_assignment(cost: NDArray, maximize: bool = False) -> tuple[Integers, Integers]:
     """Rows and columns of the assignment with the smallest sum, or the largest if `maximize`; the function of SciPy.
 
-    ``scipy.optimize`` is imported when an assignment is first wanted, since most commands want none.
+    ``scipy.optimize`` is imported at the first assignment, since most commands need none.
     """
     from scipy import optimize  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""Modes of two models of one structure beside each other."""
+"""Comparison of the modes of two models of one structure."""
 
 from __future__ import annotations
 
@@ -8,23 +8,29 @@ import numpy as np
 
 from femtune.arrays import Flags, Reals
 
-RIGID = 1e-3
-"""Frequency over the highest one, below which a mode is a rigid-body mode."""
-LEAST_MAC, LARGEST_DIFFERENCE = 0.7, 0.3
-"""MAC and relative difference of frequencies, beyond which modes are no partners."""
+RIGID_FREQUENCY_RATIO = 1e-3
+"""Ratio to the highest frequency up to which a mode is a rigid-body mode.
+
+λ is then below 1e-6 of the highest one: rounding errors of an eigen-solution are smaller, and elastic modes of the same
+solution are larger by decades.
+"""
+LEAST_MAC = 0.7
+"""Smallest MAC of partners; a customary limit, at which the angle between the shapes is 33 degrees."""
+LARGEST_DIFFERENCE = 0.3
+"""Largest relative difference of the frequencies of partners: models of one deck differ by far less than that."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModesBeside:
-    """Modes of an external solver beside those of femtune's own model of the deck.
+    """Modes of an external solver compared with those of femtune's model of the deck.
 
     Parameters
     ----------
-    configuration : the first one with this input of the solver
+    configuration : the first configuration with this input of the solver
     freq_hz : (m,) of the solver
     deck_hz : (m,) of the partners in the deck
-    mac : (m,) with the partners; None where the modes are compared in their order
-    derivatives : True where those of the deck are used
+    mac : (m,) with the partners; None if the modes are compared in their order
+    derivatives : True if the derivatives of the deck's model are used
     """
 
     configuration: str
@@ -35,8 +41,8 @@ class ModesBeside:
 
     @property
     def elastic(self) -> Flags:
-        """(m,) modes that are none of a rigid body."""
-        return np.asarray(self.freq_hz > RIGID * self.freq_hz.max(initial=0.0))
+        """(m,) True for elastic modes."""
+        return np.asarray(self.freq_hz > RIGID_FREQUENCY_RATIO * self.freq_hz.max(initial=0.0))
 
     @property
     def difference(self) -> Reals:
@@ -45,7 +51,7 @@ class ModesBeside:
 
     @property
     def paired(self) -> Flags:
-        """(m,) elastic modes that are alike; all of them where they are compared in their order."""
+        """(m,) True for elastic modes that agree; for all elastic modes if they are compared in their order."""
         if self.mac is None:
             return self.elastic
         return self.elastic & (self.mac >= LEAST_MAC) & (np.abs(self.difference) <= LARGEST_DIFFERENCE)

@@ -1,10 +1,10 @@
-"""Equal damping: poles of a state-space model moved to one damping ratio, and frequency lines to compare it on.
+"""Equal damping: poles of a state-space model moved to one damping ratio, and frequency lines for the comparison.
 
-A model of unknown damping and a test of uneven damping are compared where both have one stated damping ratio ζ. A pole
-λ becomes λ′ = |λ|(−ζ + i√(1 − ζ²)): its natural frequency stays. A mode of the receptance with the real shape φ has the
-residue φφᵀ/(λ − λ̄) at its pole, and λ^k φφᵀ/(λ − λ̄) for mobility (k = 1) and accelerance (k = 2), with a direct term
-that does not depend on the damping. Residues are therefore multiplied by the ratio of these factors at λ′ and λ, so
-that the equalised model of a system with real shapes is that system with the damping ratio ζ, exactly.
+A model of unknown damping and a test of uneven damping are compared after both have been given one damping ratio ζ. A
+pole λ becomes λ′ = |λ|(−ζ + i√(1 − ζ²)): its natural frequency is unchanged. A mode of the receptance with the real
+shape φ has the residue φφᵀ/(λ − λ̄) at its pole, and λ^k φφᵀ/(λ − λ̄) for mobility (k = 1) and accelerance (k = 2),
+with a direct term that does not depend on the damping. Residues are therefore multiplied by the ratio of these factors
+at λ′ and λ, so that the equalised model of a system with real shapes is that system with the damping ratio ζ, exactly.
 """
 
 from __future__ import annotations
@@ -20,9 +20,13 @@ from femtune.errors import FemtuneError
 from femtune.modal.frf_set import KINDS
 from femtune.modal.state_space import StateSpace, freq_and_damping, pole_of, system_modes
 
-OVERDAMPED = 0.5
-"""Poles with at least this damping ratio are no modes."""
-_SAME = 1e-9
+LARGEST_DAMPING_RATIO = 0.5
+"""Damping ratio from which on a pole is not a mode.
+
+Structures have less than 0.1; larger ratios belong to real or nearly real poles that a fit adds for other effects.
+"""
+_COUNT_ROUNDING = 1e-9
+"""Rounding error that is subtracted before a number of lines is rounded up, so that exact multiples stay."""
 
 Band = tuple[float, float]
 
@@ -34,7 +38,7 @@ class Equalised:
     Parameters
     ----------
     system : in real modal form
-    freq_hz, damping_ratio : (m,) of the poles that were moved, ascending, before they were
+    freq_hz, damping_ratio : (m,) of the moved poles, before the move, ascending
     """
 
     system: StateSpace
@@ -47,8 +51,8 @@ def equalise_damping(
 ) -> Equalised:
     """Move the poles inside a band to one damping ratio.
 
-    Poles outside stay: rigid-body poles, and residual poles, which stand for what lies outside the band. So do real and
-    nearly real poles, and those of bands that are left out.
+    Poles outside are not changed: rigid-body poles, and residual poles, which represent modes outside the band. Nor are
+    real and nearly real poles, and those in bands that are left out.
 
     Parameters
     ----------
@@ -81,11 +85,11 @@ def equalise_damping(
     pairs = [_conjugate_of(poles, int(j)) for j in upper]
     to = pole_of(hertz[upper], np.full(len(upper), damping_ratio))
     factor = residue_factors(poles[upper], to, system.kind)
-    # what stays is what is left of the system without the moved modes: nothing is asked of its own form
+    # the rest of the system is an invariant subspace; it need not be diagonalisable
     stays = np.setdiff1d(np.arange(len(poles)), np.concatenate([upper, pairs]).astype(int))
     rest = _real_part(system, poles, stays)
-    own = _real_modes(to, shapes[:, upper], factor[:, None] * participations[upper])
-    A, B, C = (_joined(a, b, way) for a, b, way in zip(rest, own, ("both", "rows", "columns")))
+    moved_part = _real_modes(to, shapes[:, upper], factor[:, None] * participations[upper])
+    A, B, C = (_joined(a, b, way) for a, b, way in zip(rest, moved_part, ("both", "rows", "columns")))
     order = np.argsort(hertz[upper])
     return Equalised(
         replace(system, A=A, B=B, C=C, source=f"{system.source}, damping ratio {damping_ratio:g}".lstrip(", ")),
@@ -94,9 +98,9 @@ def equalise_damping(
 
 
 def poles_to_move(poles: Complexes, band_hz: Band, left_out_hz: Sequence[Band] = ()) -> NDArray[np.bool_]:
-    """(m,) which poles get the damping ratio, one of each conjugate pair."""
+    """(m,) True for the poles that get the damping ratio, one of each conjugate pair."""
     hertz, zeta = freq_and_damping(poles)
-    moved = (poles.imag > 0.0) & (zeta < OVERDAMPED) & _inside(hertz, band_hz)
+    moved = (poles.imag > 0.0) & (zeta < LARGEST_DAMPING_RATIO) & _inside(hertz, band_hz)
     for band in left_out_hz:
         moved &= ~_inside(hertz, band)
     return np.asarray(moved)
@@ -111,7 +115,7 @@ def _conjugate_of(poles: Complexes, j: int) -> int:
 
 
 def residue_factors(poles: Complexes, to: Complexes, kind: str) -> Complexes:
-    """(m,) what residues of FRFs of a kind are multiplied by where poles are moved."""
+    """(m,) factors of the residues of FRFs of a kind when poles are moved."""
     k = KINDS.index(kind)
     return np.asarray((to / poles) ** k * (poles.imag / to.imag))
 
@@ -126,7 +130,7 @@ def _real_part(system: StateSpace, poles: Complexes, stays: NDArray[np.int64]) -
         return np.asarray(system.A), np.asarray(system.B), np.asarray(system.C)
     left = np.linalg.inv(right)
     V, W = right[:, stays], left[stays]
-    # a real basis: conjugates span what real and imaginary parts do
+    # a real basis: real and imaginary parts span the same space as conjugates
     Q = np.linalg.svd(np.hstack([V.real, V.imag]), full_matrices=False)[0][:, : len(stays)]
     project = (V @ W).real
     return Q.T @ system.A @ project @ Q, Q.T @ project @ system.B, system.C @ Q
@@ -152,13 +156,13 @@ def _joined(a: Reals, b: Reals, way: str) -> Reals:
 
 
 MOST_LINES = 100_000
-"""Of FRFs at equalised damping; many more do not fit into the memory."""
+"""Largest number of frequency lines; with 100 responses and 10 inputs, complex values take 1.6 GB."""
 
 
 def half_band_lines(
     band_hz: Band, damping_ratio: float, per_half_band: float = 3.0, left_out_hz: Sequence[Band] = ()
 ) -> Reals:
-    """(k,) lines of a band at constant ratio, of which a half bandwidth 2ζf has `per_half_band`.
+    """(k,) lines of a band with a constant ratio, `per_half_band` of them in a half-power bandwidth 2ζf.
 
     Parameters
     ----------
@@ -176,7 +180,7 @@ def half_band_lines(
     if not 0.0 < damping_ratio < 1.0:
         raise FemtuneError("system.equalise/ratio", ratio=damping_ratio)
     low, high = band_hz
-    count = int(np.ceil(per_half_band * np.log(high / low) / (2.0 * damping_ratio) - _SAME)) + 1
+    count = int(np.ceil(per_half_band * np.log(high / low) / (2.0 * damping_ratio) - _COUNT_ROUNDING)) + 1
     if count > MOST_LINES:
         raise FemtuneError("system.equalise/too-many-lines", lines=f"{count:,}", most=f"{MOST_LINES:,}")
     lines = np.geomspace(low, high, max(count, 2))

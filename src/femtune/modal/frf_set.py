@@ -21,17 +21,17 @@ class FrfSet:
     Parameters
     ----------
     freq_hz : (k,) frequency lines
-    values : (responses, references, k) complex, in units of motion over force; NaN where a pair was not measured
+    values : (responses, references, k) complex, in units of motion per force; NaN for pairs that were not measured
     responses, references : the DOFs of the first two axes
     kind : one of KINDS
     coherence : (responses, references, k) in 0 … 1, or None
     source : origin of the functions, a text
-    response_names, reference_names : names of the axes where some of them are combinations of DOFs, which bear the
-        label of the one DOF that they stand for; empty where the labels say all
+    response_names, reference_names : names of the axes if some are combinations of DOFs, which have the label of the
+        one DOF that they represent; empty if the labels suffice
 
     Raises
     ------
-    FemtuneError : ``frf.shape`` where the sizes disagree, ``frf.kind``, ``frf.values`` for frequency lines that are
+    FemtuneError : ``frf.shape`` if the sizes disagree, ``frf.kind``, ``frf.values`` for frequency lines that are
         not finite, negative or do not increase, or infinite values
 
     Examples
@@ -87,7 +87,7 @@ class FrfSet:
 
 
 # ----------------------------------------------------------------------------------------------------
-# FRFs of another kind, and how two of them compare.
+# Conversion of FRFs to another kind, and criteria that compare two FRFs.
 
 
 def as_kind(frfs: FrfSet, kind: str) -> FrfSet:
@@ -155,14 +155,14 @@ def fdac(test: NDArray, model: NDArray) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class FrequencyShift:
-    """How the FDAC of all lines agrees.
+    """Shift of the frequencies at which the deflection shapes agree best (FDAC).
 
     Parameters
     ----------
-    ratio : frequency of the model over that of the test at which the deflection shapes agree best; NaN where that is at
-        the end of the range that is searched
+    ratio : frequency of the model over that of the test at which the deflection shapes agree best; NaN if that is at
+        the end of the searched range
     mean : mean FDAC over the test's lines along this ratio; NaN without one
-    mean_unshifted : at equal frequencies; NaN where model and test have no frequency range in common
+    mean_unshifted : mean FDAC at equal frequencies; NaN if model and test have no common frequency range
     """
 
     ratio: float
@@ -171,7 +171,10 @@ class FrequencyShift:
 
 
 LARGEST_SHIFT = 1.25
-"""Frequency ratios that are searched: up to this and down to its inverse."""
+"""Largest frequency ratio that is searched, and inverse of the smallest.
+
+Frequencies that differ by more than a quarter are of other modes, or of a model too poor for a single ratio.
+"""
 
 
 def frequency_shift(values: NDArray[np.float64], test_hz: NDArray, model_hz: NDArray) -> FrequencyShift | None:
@@ -184,7 +187,7 @@ def frequency_shift(values: NDArray[np.float64], test_hz: NDArray, model_hz: NDA
 
     Returns
     -------
-    None where no ratio brings at least half of the test's lines into the model's range
+    None if no ratio brings at least half of the test's lines into the model's range
 
     Examples
     --------
@@ -200,7 +203,7 @@ def frequency_shift(values: NDArray[np.float64], test_hz: NDArray, model_hz: NDA
     if np.isnan(means).all():
         return None
     middle = len(ratios) // 2
-    # of equally good ratios the one nearest to one
+    # of equally good ratios, the one nearest to one
     good = np.flatnonzero(means >= np.nanmax(means) - 1e-12)
     best = int(good[np.argmin(np.abs(good - middle))])
     if best in (0, len(ratios) - 1):

@@ -31,14 +31,14 @@ class ModeSet:
     shapes_sd : (n, m) standard deviations of the entries, or None; of a complex entry √E|error|²
     source : origin of the modes, a text
     damping_sd : (m,) standard deviations of the damping ratios, or None
-    covariance : (2m, 2m) of the m frequencies in Hz and, after them, the m damping ratios, or None; its diagonal is the
-        squares of the standard deviations where these are given too
+    covariance : (2m, 2m) of the m frequencies in Hz and, after them, the m damping ratios, or None; its diagonal has
+        the squares of the standard deviations if these are given too
     modal_a : (m,) complex scale of modes with known input, or None: receptance = Σ ψψᵀ/(a(iω−λ)) and conjugates, so
-        a = 2iω_d where ψ is real and mass-normalised
+        a = 2iω_d if ψ is real and mass-normalised
 
     Raises
     ------
-    FemtuneError : ``modes.shape`` where the sizes disagree, ``modes.normalisation`` for a word that is not one of
+    FemtuneError : ``modes.shape`` if the sizes disagree, ``modes.normalisation`` for a word that is not one of
         NORMALISATIONS, ``modes.values`` for negative or infinite standard deviations, frequencies that are
         negative or not finite, infinite entries of shapes, a covariance that is not symmetric or contradicts the
         standard deviations, a scale of zero
@@ -106,7 +106,7 @@ class ModeSet:
         if np.isinf(self.shapes).any():
             raise FemtuneError("modes.values/infinite-shape")
         for name in ("freq_sd_hz", "damping_sd", "shapes_sd"):
-            # NaN is a standard deviation that is not known
+            # NaN is an unknown standard deviation
             sd = getattr(self, name)
             if sd is not None and (np.isinf(sd) | (sd < 0)).any():
                 raise FemtuneError("modes.values/standard-deviation", name=name)
@@ -146,7 +146,7 @@ class ModeSet:
         return self.omega_rad_s**2
 
     def select_modes(self, keep: Iterable[int]) -> ModeSet:
-        """The modes at the given positions, in that order, or where a mask with one entry a mode is true."""
+        """The modes at the given positions, in that order, or those for which a mask is true."""
         at = _positions(keep)
         return replace(
             self,
@@ -169,7 +169,7 @@ class ModeSet:
 
 
 def read_only(values: Any, dtype: type | None = None) -> Any:
-    """A view of `values` as an array that refuses writing (None stays None); nothing is copied."""
+    """A read-only view of `values` as an array (None stays None); nothing is copied."""
     if values is None:
         return None
     view = np.asarray(values, dtype=dtype).view()

@@ -1,4 +1,4 @@
-"""Modal assurance criterion and its kin; complex shapes are conjugated, NaN entries left out pair by pair."""
+"""Modal assurance criterion and related criteria; complex shapes are conjugated, NaN entries left out pair by pair."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.modal.mode_set import ModeSet
 
-STILL = 1e-12
-"""Motion below this fraction of a shape's largest entry is round-off, not motion."""
+ZERO_MOTION = 1e-12
+"""Motion, as a fraction of a shape's largest entry, up to which it is rounding error.
+
+Eigenvectors have errors of about 1e-14; no sensor resolves motion as small as this.
+"""
 
 
 @checked
@@ -21,7 +24,7 @@ def mac(a: NDArray | ModeSet, b: NDArray | ModeSet, weight: NDArray | None = Non
     Parameters
     ----------
     a, b : (n, p) and (n, q) real or complex, NaN marks an entry that was not measured; or two `ModeSet`, of which the
-        common DOFs are taken, with their signs
+        common DOFs are compared, with their signs
     weight : (n, n) Hermitian positive weighting (a mass matrix), or None for the identity
 
     Returns
@@ -57,7 +60,7 @@ def mac_where_defined(a: NDArray, b: NDArray, weight: NDArray | None = None) -> 
     check_rows(a, b)
     a, b = unit_largest(a), unit_largest(b)
     inner, norm_a, norm_b = _products(a, b) if weight is None else _weighted_products(a, b, weight)
-    still = (norm_a <= STILL**2) | (norm_b <= STILL**2)
+    still = (norm_a <= ZERO_MOTION**2) | (norm_b <= ZERO_MOTION**2)
     with np.errstate(invalid="ignore", divide="ignore"):
         value = np.abs(inner) ** 2 / (norm_a * norm_b)
     return np.where(still, np.nan, np.minimum(value, 1.0))
@@ -69,7 +72,7 @@ def auto_mac(shapes: NDArray, weight: NDArray | None = None) -> Reals:
 
 
 def modal_scale_factor(a: NDArray, b: NDArray) -> NDArray:
-    """Factors c, one a column, that bring c·b nearest to a: c = bᴴa / bᴴb over common entries.
+    """Factors c, one per column, that bring c·b nearest to a: c = bᴴa / bᴴb over common entries.
 
     Parameters
     ----------
@@ -93,9 +96,9 @@ def modal_scale_factor(a: NDArray, b: NDArray) -> NDArray:
 def comac(test: NDArray, model: NDArray) -> Reals:
     """Coordinate MAC of each DOF over paired modes: |Σ_r a_kr b*_kr|² / (Σ_r |a_kr|² Σ_r |b_kr|²).
 
-    Each pair is brought to unit norm and to one phase first, so that no mode outweighs the others by its scaling;
-    so the modulus can be taken of the sum (Allemang 2003), and a DOF that agrees in size and not in sign from mode
-    to mode is not called good, as it is with the modulus of each product (Lieven and Ewins 1988).
+    Each pair is brought to unit norm and to one phase first, so that no mode outweighs the others by its scaling.
+    The modulus is taken of the sum (Allemang 2003), so that a DOF that agrees in magnitude but not in sign from mode to
+    mode gets a low value, unlike with the modulus of each product (Lieven and Ewins 1988).
 
     Parameters
     ----------
@@ -103,7 +106,7 @@ def comac(test: NDArray, model: NDArray) -> Reals:
 
     Returns
     -------
-    (n,) in 0 … 1; 0 where only one side moves, NaN where neither does (or nothing was measured)
+    (n,) in 0 … 1; 0 if only one side moves, NaN if neither does (or nothing was measured)
 
     Raises
     ------
@@ -127,8 +130,8 @@ def enhanced_comac(test: NDArray, model: NDArray) -> Reals:
 
     Returns
     -------
-    (n,) 0 where both agree, half the relative amplitude of the DOF, averaged over the modes, where the sensor is
-    reversed; NaN where nothing was measured
+    (n,) 0 where both agree, half the relative amplitude of the DOF, averaged over the modes, if the sensor is
+    reversed; NaN if nothing was measured
 
     Raises
     ------
@@ -156,7 +159,7 @@ def enhanced_comac(test: NDArray, model: NDArray) -> Reals:
 
 
 def mac_without_each(test: NDArray, model: NDArray) -> Reals:
-    """MAC of each pair when one DOF is left out, (n, m): above the MAC of all DOFs where this DOF lowers it.
+    """MAC of each pair when one DOF is left out, (n, m): above the MAC of all DOFs if this DOF lowers it.
 
     Parameters
     ----------
@@ -164,7 +167,7 @@ def mac_without_each(test: NDArray, model: NDArray) -> Reals:
 
     Returns
     -------
-    (n, m); NaN where the DOF was not measured, where fewer than two others were, or where no motion is left
+    (n, m); NaN if the DOF was not measured, if fewer than two others were, or if no motion is left
 
     Raises
     ------
@@ -184,14 +187,14 @@ def mac_without_each(test: NDArray, model: NDArray) -> Reals:
     a, b = np.where(known, a, 0.0), np.where(known, b, 0.0)
     products = (a.conj() * b, np.abs(a) ** 2, np.abs(b) ** 2)
     inner, own_a, own_b = (p.sum(axis=0) - p for p in products)
-    defined = known & (known.sum(axis=0) > 2) & (own_a > STILL**2) & (own_b > STILL**2)
+    defined = known & (known.sum(axis=0) > 2) & (own_a > ZERO_MOTION**2) & (own_b > ZERO_MOTION**2)
     with np.errstate(invalid="ignore", divide="ignore"):
         value = np.abs(inner) ** 2 / (own_a * own_b)
     return np.where(defined, np.minimum(value, 1.0), np.nan)
 
 
 def motion_agreement(test: NDArray, model: NDArray) -> Reals:
-    """Signed companion of `comac`, (n,) in −1 … 1: near −1 where a DOF moves against the model in every mode."""
+    """Signed companion of `comac`, (n,) in −1 … 1: near −1 if a DOF moves opposite to the model in every mode."""
     a, b = _paired_units(test, model)
     inner = np.sum(a * b.conj(), axis=1).real
     return np.sign(inner) * np.sqrt(_squared_ratio(inner**2, a, b))
@@ -271,7 +274,7 @@ def _weighted_products(a: NDArray, b: NDArray, weight: NDArray) -> tuple[NDArray
 
 
 def _paired_units(test: NDArray, model: NDArray) -> tuple[NDArray, NDArray]:
-    """Paired columns of unit norm over common entries (0 elsewhere), the model's turned to the test's phase."""
+    """Paired columns of unit norm over common entries (0 elsewhere), the model's rotated to the test's phase."""
     factor = modal_scale_factor(test, model)
     known = ~(np.isnan(test) | np.isnan(model))
     a, b = np.where(known, test, 0.0), np.where(known, model, 0.0)
@@ -282,10 +285,10 @@ def _paired_units(test: NDArray, model: NDArray) -> tuple[NDArray, NDArray]:
 
 def _squared_ratio(top: Reals, a: NDArray, b: NDArray) -> Reals:
     moved_a, moved_b = np.sum(np.abs(a) ** 2, axis=1), np.sum(np.abs(b) ** 2, axis=1)
-    still = (moved_a <= STILL**2) & (moved_b <= STILL**2)
+    still = (moved_a <= ZERO_MOTION**2) & (moved_b <= ZERO_MOTION**2)
     product = moved_a * moved_b
     ratio = np.minimum(top / np.where(product > 0.0, product, 1.0), 1.0)
-    one_side = (moved_a <= STILL**2) | (moved_b <= STILL**2)
+    one_side = (moved_a <= ZERO_MOTION**2) | (moved_b <= ZERO_MOTION**2)
     return np.where(still, np.nan, np.where(one_side, 0.0, ratio))
 
 
@@ -304,16 +307,16 @@ def _mass_normalised(shapes: NDArray, mass: NDArray, whose: str) -> NDArray:
 
 
 # ----------------------------------------------------------------------------------------------------
-# The phase of a complex shape: what turns it as near to the real axis as it can be.
+# The phase of a complex shape: the rotation that brings it nearest to the real axis.
 
 
 def turn_to_real_axis(shapes: NDArray) -> NDArray[np.complex128]:
-    """Factors of modulus one, one a shape, that make the imaginary part of each shape smallest.
+    """Factors of modulus one, one per shape, that minimise the imaginary part of each shape.
 
     The phase is half the argument of Σ φ², the least-squares line through the entries.
 
     Parameters
     ----------
-    shapes : (n,) or (n, m); NaN entries count nothing
+    shapes : (n,) or (n, m); NaN entries are ignored
     """
     return np.asarray(np.exp(-0.5j * np.angle(np.nansum(shapes**2, axis=0))), dtype=complex)

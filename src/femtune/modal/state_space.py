@@ -17,19 +17,19 @@ from femtune.modal.mode_set import read_only
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """A linear system ẋ = Ax + Bu, y = Cx + Du, or x⁺ = Ax + Bu where it is sampled; its arrays are read-only.
+    """A linear system ẋ = Ax + Bu, y = Cx + Du, or x⁺ = Ax + Bu if it is sampled; its arrays are read-only.
 
     Parameters
     ----------
     A, B, C, D : (n, n), (n, references), (responses, n), (responses, references), real
     responses, references : the DOFs of y and u
-    kind : what y is for a force u, one of the kinds of FRFs
+    kind : kind of the FRFs from a force u to y
     sampling_hz : None for continuous time
-    source : where it comes from, in words
+    source : origin of the system, a text
 
     Raises
     ------
-    FemtuneError : ``system.shape`` where the sizes disagree, ``system.values`` for entries that are not finite,
+    FemtuneError : ``system.shape`` if the sizes disagree, ``system.values`` for entries that are not finite,
         ``frf.kind``
     """
 
@@ -65,16 +65,16 @@ class StateSpace:
         return len(self.A)
 
     def poles(self) -> Complexes:
-        """(n,) poles in rad/s, of continuous time also where the system is sampled, by ascending modulus.
+        """(n,) poles in rad/s, of continuous time even if the system is sampled, by ascending modulus.
 
-        Of a sampled system, a pole at zero (a delay) is −∞.
+        A pole of a sampled system at zero (a delay) becomes −∞.
         """
         values = np.linalg.eigvals(self.A).astype(complex) if self.order else np.zeros(0, complex)
         values = continuous_poles(values, self.sampling_hz)
         return values[np.lexsort((values.imag, np.abs(values)))]
 
     def frf(self, freq_hz: Reals) -> FrfSet:
-        """H = C (zI − A)⁻¹ B + D with z = iω, or e^{iω/rate} where the system is sampled.
+        """H = C (zI − A)⁻¹ B + D with z = iω, or e^{iω/rate} if the system is sampled.
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class StateSpace:
 
         Raises
         ------
-        FemtuneError : ``system.at-pole`` where a frequency lies on an undamped pole
+        FemtuneError : ``system.at-pole`` if a frequency lies on an undamped pole
         """
         lines = np.asarray(freq_hz, float)
         values = self._transfer(lines)
@@ -92,7 +92,7 @@ class StateSpace:
         return FrfSet(lines, values, self.responses, self.references, self.kind, source=self.source)
 
     def _transfer(self, lines: Reals) -> Complexes:
-        """Back substitution in a Schur form: a defective A (rigid-body motion) is no special case."""
+        """Back substitution in a Schur form, which needs no special case for a defective A (rigid-body motion)."""
         y, u, k = len(self.responses), len(self.references), len(lines)
         if not self.order:
             return np.repeat(self.D[:, :, None], k, axis=2).astype(complex)
@@ -131,8 +131,8 @@ def system_modes(system: StateSpace) -> tuple[Complexes, Complexes, Complexes]:
 
     Returns
     -------
-    poles (n,) in rad/s as those of continuous time, shapes (responses, n), participations (n, references); of the
-        eigenvalues of A in one order, conjugate pairs included
+    poles (n,) in rad/s of continuous time, shapes (responses, n), participations (n, references), in the order of the
+        eigenvalues of A and including conjugate pairs
     """
     values, v = np.linalg.eig(system.A)
     poles = continuous_poles(values.astype(complex), system.sampling_hz)

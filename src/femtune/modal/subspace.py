@@ -13,7 +13,10 @@ from femtune.modal.assignment import linear_sum_assignment
 from femtune.modal.shape_criteria import check_rows, check_shapes, unit_largest
 
 RANK_TOLERANCE = 1e-3
-"""Directions of a subspace that the DOFs show with less than this fraction of the strongest are not used."""
+"""Observability of a direction of a subspace at the DOFs, relative to the best one, up to which it is not used.
+
+Measured shapes have errors of 1e-2 to 1e-3, which would be amplified beyond the signal.
+"""
 
 
 @dataclass(frozen=True)
@@ -25,11 +28,11 @@ class Rotation:
     q : (m, t) orthonormal columns (rows where m < t): the rotated model vectors are model @ q
     aligned : (n, t) the rotated model vectors, at the sensors
     principal_angles_deg : ascending angles between the two subspaces; NaN where too few entries are common
-    nearest : model column that is nearest to each rotated vector, each used once (−1 if there is none left)
+    nearest : model column nearest to each rotated vector, each used once (−1 if none is left)
     angle_deg : largest angle in modal coordinates between a rotated vector and its nearest model column;
-        0 where the test repeats the model's own vectors, whatever their order and sign
-    independence : smallest singular value of the unit modal coordinates, 1 where the test's vectors are
-        orthogonal in the cluster, 0 where they show the same motion twice
+        0 if the test has the same vectors as the model, in any order and with any sign
+    independence : smallest singular value of the unit modal coordinates, 1 if the test's vectors are orthogonal in the
+        cluster, 0 if two of them are the same motion
     """
 
     q: Reals
@@ -41,11 +44,11 @@ class Rotation:
 
 
 def clusters(freq_hz: Reals, relative_gap: float = 0.01) -> tuple[tuple[int, ...], ...]:
-    """Chains of close modes: every mode is in one group, a mode without close neighbours alone in its own.
+    """Chains of close modes: every mode is in one group; a mode without close neighbours forms a group alone.
 
     Neighbours in frequency belong together when they lie within `relative_gap` of the higher one, or both within
-    1e-5 of the highest frequency of all (rigid-body modes, whose frequencies are round-off). A negative gap leaves
-    only these together.
+    1e-5 of the highest frequency of all (rigid-body modes, whose frequencies are round-off). A negative gap groups
+    only these.
 
     Returns
     -------
@@ -66,8 +69,8 @@ def rotate_to(model: Reals, test: NDArray) -> Rotation:
     """Orthogonal rotation that brings model vectors nearest to test vectors.
 
     q is the polar factor of the test's modal coordinates, each column of unit length. The coordinates are the
-    least-squares solution of model · x = test rather than modelᵀ test: so a rotation is undone exactly although
-    vectors that are orthogonal over the whole structure are not so at a few sensors. Where they are, both agree.
+    least-squares solution of model · x = test rather than modelᵀ test: thus a rotation is recovered exactly although
+    vectors that are orthogonal over the whole structure are not orthogonal at a few sensors. If they are, both agree.
 
     Parameters
     ----------
@@ -94,8 +97,8 @@ def rotate_to(model: Reals, test: NDArray) -> Rotation:
 def modal_coordinates(model: Reals, test: NDArray) -> Reals:
     """Least-squares coordinates of each test vector in the model's, (m, t), columns of unit length.
 
-    Complex test vectors are turned to the phase where they are most nearly real; a vector outside the subspace
-    gives a zero column.
+    Complex test vectors are rotated to the phase at which they are most nearly real; a vector orthogonal to the
+    subspace gives a zero column.
     """
     columns = [_coordinates_of(model, mostly_real(test[:, i])) for i in range(test.shape[1])]
     x = np.column_stack(columns)
@@ -113,7 +116,7 @@ def projection(model: NDArray, test: NDArray) -> Reals:
 def subspace_mac(a: NDArray, b: NDArray) -> float:
     """Mean squared cosine of the principal angles of two subspaces, 0 … 1; the MAC for single vectors.
 
-    Only rows without NaN in either count; NaN if none are left.
+    Only rows without NaN in either are used; NaN if none are left.
     """
     cosines = _cosines(a, b)
     return float(np.mean(cosines**2)) if len(cosines) else float("nan")
@@ -128,7 +131,7 @@ def principal_angles_deg(a: NDArray, b: NDArray) -> Reals:
 
 
 def mostly_real(shape: NDArray) -> Reals:
-    """A complex shape turned to the phase that leaves the largest real part; the real part of it."""
+    """Real part of a complex shape after rotation to the phase with the largest real part."""
     if not np.iscomplexobj(shape):
         return shape
     phase = 0.5 * np.angle(np.nansum(shape**2))
@@ -156,7 +159,7 @@ def _angle_deg(cosine: float) -> float:
 
 
 def _basis(vectors: NDArray) -> NDArray:
-    """Orthonormal basis of the span of unit columns; directions hardly seen are dropped."""
+    """Orthonormal basis of the span of unit columns; directions up to `RANK_TOLERANCE` are dropped."""
     vectors = unit_largest(vectors)
     length = np.linalg.norm(vectors, axis=0)
     u, s, _ = np.linalg.svd(vectors[:, length > 0.0] / length[length > 0.0], full_matrices=False)

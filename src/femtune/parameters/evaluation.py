@@ -22,7 +22,7 @@ _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 
 
 def evaluate(tree: ast.expr, values: Mapping[str, Any]) -> Any:
-    """The value of an expression whose parts were checked when it was read; it need not be finite.
+    """The value of an expression that was checked when it was read; it need not be finite.
 
     Parameters
     ----------
@@ -51,11 +51,11 @@ def _evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
 
 
 def is_finite(x: Any) -> bool:
-    """Whether a value, and its derivatives where it has any, are finite numbers."""
+    """Whether a value, and its derivatives if it has any, are finite numbers."""
     parts = (x.value, x.grad, x.hess) if isinstance(x, Jet) else (x,)
     return all(bool(np.isfinite(part).all()) for part in parts)
 
 
 def plain_value(x: Any) -> Any:
-    """The value without its derivatives."""
+    """The value without derivatives."""
     return x.value if isinstance(x, Jet) else x

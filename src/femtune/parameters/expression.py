@@ -1,4 +1,4 @@
-"""Expressions that tie a constrained parameter to free ones: arithmetic on names, read and never executed."""
+"""Expressions that tie a constrained parameter to free ones: arithmetic on names, parsed and never executed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from femtune.errors import FemtuneError, Where, did_you_mean
 _FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan")
 """Each is a function of `femtune.parameters.jet`, and of numpy."""
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
-_MAX_LENGTH, _MAX_DEPTH = 500, 40
+_MOST_CHARACTERS = 500
+"""Longest expression; ties are short, and a text from a file must not keep the parser busy."""
+_MOST_LEVELS = 40
+"""Deepest nesting of an expression, far below the limit of Python's recursion."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +33,9 @@ class Expression:
 
         Raises
         ------
-        FemtuneError : ``tie.value`` where the result, or a derivative of it, is no finite number
+        FemtuneError : ``tie.value`` if the result, or a derivative of it, is not a finite number
         """
-        # numpy is imported where an expression is evaluated, not where a study file is checked
+        # numpy is imported when an expression is evaluated, not when a study file is checked
         from femtune.parameters.evaluation import evaluate, is_finite, plain_value  # noqa: PLC0415
 
         result = evaluate(self._tree, values)
@@ -49,8 +52,8 @@ def parse_expression(text: str, where: Where | None = None) -> Expression:
     ------
     FemtuneError : ``tie.syntax`` for anything but arithmetic on names and numbers
     """
-    if len(text) > _MAX_LENGTH:
-        raise _refused(text[:40] + "…", f"is longer than {_MAX_LENGTH} characters", where)
+    if len(text) > _MOST_CHARACTERS:
+        raise _refused(text[:40] + "…", f"is longer than {_MOST_CHARACTERS} characters", where)
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -66,7 +69,7 @@ def _refused(text: str, why: str, where: Where | None, hint: str = "") -> Femtun
 
 
 def _check(node: ast.expr, names: dict[str, None], text: str, where: Where | None, depth: int) -> None:
-    if depth > _MAX_DEPTH:
+    if depth > _MOST_LEVELS:
         raise _refused(text, "is nested too deeply", where)
     if isinstance(node, ast.Name):
         names[node.id] = None

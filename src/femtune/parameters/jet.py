@@ -1,6 +1,6 @@
 """Jet: a value that carries its exact gradient and Hessian through arithmetic.
 
-Coefficients of model terms are functions of the whole parameter vector; written once in plain arithmetic they
+Coefficients of model terms are functions of the whole parameter vector. They are written once in plain arithmetic and
 give values, first and second derivatives by forward differentiation, for real or complex arguments.
 """
 
@@ -29,7 +29,7 @@ class Jet:
 
     @property
     def n_variables(self) -> int:
-        """The k of the derivatives."""
+        """Number k of variables of the derivatives."""
         return self.grad.shape[-1]
 
     def __getitem__(self, at: Any) -> Jet:
@@ -97,7 +97,7 @@ class Jet:
 
 
 def constant(value: Any, n_variables: int) -> Jet:
-    """A jet whose derivatives vanish."""
+    """A jet with zero derivatives."""
     v = np.asarray(value, dtype=complex if np.iscomplexobj(value) else float)
     return Jet(v, np.zeros((*v.shape, n_variables), v.dtype), np.zeros((*v.shape, n_variables, n_variables), v.dtype))
 
@@ -110,7 +110,7 @@ def variables(x: NDArray) -> Jet:
 
 
 def stack(jets: list[Jet]) -> Jet:
-    """Scalar jets side by side, as a jet of shape (len(jets),)."""
+    """Scalar jets stacked to a jet of shape (len(jets),)."""
     return Jet(np.stack([j.value for j in jets]), np.stack([j.grad for j in jets]), np.stack([j.hess for j in jets]))
 
 

@@ -1,4 +1,4 @@
-"""Parameter and ParameterSet: what may change, how far, and how constrained ones follow the free ones."""
+"""Parameter and ParameterSet: free parameters with bounds and priors, and constrained ones tied to them."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class Parameter:
 
     Parameters
     ----------
-    name : an identifier, so that ties can use it
-    nominal : its initial value P0, in `unit`
+    name : an identifier, for use in ties
+    nominal : initial value P0, in `unit`
     lower, upper : bounds, in `unit`
     unit : text for tables; "" for a factor
-    prior_mean, prior_sd : prior; the mean is the nominal value, and the standard deviation
-        (upper − lower)/√12, where none is given
+    prior_mean, prior_sd : prior; by default the mean is the nominal value, and the standard deviation is
+        (upper − lower)/√12
     tie : expression of other parameters; a tied (constrained) parameter is not free
-    where : its place in the study
-    positive : whether it cannot be negative by nature, as a modulus or a mass
+    where : place in the study file
+    positive : True for a quantity that cannot be negative, such as a modulus or a mass
 
     Raises
     ------
@@ -80,7 +80,7 @@ class Parameter:
 
     @property
     def free(self) -> bool:
-        """True where no tie binds it."""
+        """True if it has no tie."""
         return self.tie is None
 
     @property
@@ -95,7 +95,7 @@ class Parameter:
 
     @property
     def scale(self) -> float:
-        """P = P0 + scale·x inside solvers: |P0|, or the width of the bounds where P0 is below a thousandth of it."""
+        """P = P0 + scale·x inside solvers: |P0|, or the width of the bounds if |P0| is below a thousandth of that."""
         width = self.upper - self.lower
         return abs(self.nominal) if abs(self.nominal) >= 1e-3 * width else width
 
@@ -108,8 +108,8 @@ class ParameterSet:
 
     Raises
     ------
-    FemtuneError : ``parameter.duplicate``, ``tie.unknown``, ``tie.circle``, or ``tie.value`` where a tie has no
-        finite value at the nominal point
+    FemtuneError : ``parameter.duplicate``, ``tie.unknown``, ``tie.circle``, or ``tie.value`` if a tie has no finite
+        value at the nominal point
     """
 
     parameters: tuple[Parameter, ...] = field(default=())
@@ -153,7 +153,7 @@ class ParameterSet:
 
     @cached_property
     def _order(self) -> tuple[Parameter, ...]:
-        """Tied parameters so that each follows all that it uses."""
+        """Tied parameters in an order in which each comes after those that it uses."""
         done, waiting = {p.name for p in self.free}, [p for p in self.parameters if not p.free]
         ordered: list[Parameter] = []
         while waiting:
@@ -194,7 +194,7 @@ class ParameterSet:
 
     @cached_property
     def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The bounds for intervals: those of quantities that cannot be negative begin at zero at the latest."""
+        """The bounds for intervals; the lower one of a quantity that cannot be negative is at least zero."""
         lower, upper = self.bounds
         zero = self.normalise(0.0 for _ in self.free)
         positive = np.array([p.positive for p in self.free], dtype=bool)
@@ -241,14 +241,14 @@ def tied(name: str, expression: str, **facts: Any) -> Parameter:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Quantities that follow from parameters: what a number of the model means for the structure.
+# Quantities that are functions of parameters, with a meaning for the structure.
 
 
 @dataclass(frozen=True)
 class DerivedQuantity:
-    """A quantity by an expression of parameters: a slab's thickness of its stiffness, a joint's rotation of its spring.
+    """A function of parameters, such as a slab's thickness from its stiffness, or a joint's fixity from its spring.
 
-    Its standard deviation is that of the linear form, σ² = gᵀ C g, with the gradient g that `at` gives and the
+    Its standard deviation is that of the linearised function, σ² = gᵀ C g, with the gradient g from `at` and the
     covariance C of the normalised parameters.
     """
 
@@ -258,8 +258,8 @@ class DerivedQuantity:
 
     def at(self, parameters: ParameterSet, x: NDArray) -> Jet:
         """Value with gradient and Hessian in the normalised free parameters (error ``tie.value``)."""
-        found = self.expression(parameters.jets(x))
-        return found if isinstance(found, Jet) else jet.constant(found, len(parameters.free))
+        value = self.expression(parameters.jets(x))
+        return value if isinstance(value, Jet) else jet.constant(value, len(parameters.free))
 
     def at_samples(self, parameters: ParameterSet, x: NDArray) -> NDArray[np.float64]:
         """Values (n,) at n normalised free vectors (n, k) (error ``tie.value``)."""

@@ -12,14 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from femtune.arrays import Reals
-
-Criterion = Literal["D", "A"]
-Average = Literal["mean", "worst"]
+from femtune.planning.kinds import Average, Criterion
 
 _NUISANCE = 1e-9
 """Information on a scale, relative to that of all candidates, below which it is unknown."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
+from femtune.assembly.model_source import FromDeck, ModelSource
 from femtune.reporting.document import Document, Paragraph, Section
 from femtune.reporting.html import section_texts
 from femtune.reporting.short_form import (
@@ -28,6 +29,7 @@ from femtune.reporting.view import view_of
 if TYPE_CHECKING:
     from femtune.reporting.document import Block, Level
     from femtune.reporting.html import SectionText
+    from femtune.results.base import StudyFacts
     from femtune.results.results import Results
 
 
@@ -38,7 +40,7 @@ def build_report(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Docume
     """
     source = ReportSource(results, arrays)
     sentence, level = verdict(source)
-    texts = [_titled(text, results.study.imported) for text in section_texts()]
+    texts = [_titled(text, results.study) for text in section_texts()]
     sections = tuple(_section(text, source) for text in texts)
     facts, short = _facts(results), short_form(source)
     return Document(results.study.title, sentence, level, facts, sections, short, collect=partial(view_of, source))
@@ -79,9 +81,11 @@ def build_page(step: str, results: Results, arrays: Mapping[str, NDArray[Any]]) 
     return Document(results.study.title, sentence, level, facts, sections, genre=page.genre, collect=collect)
 
 
-def _titled(text: SectionText, imported: bool) -> SectionText:
-    """A model of matrices has no deck that could be changed."""
-    return replace(text, title="Values for the other solver") if imported and text.id == "write_back" else text
+def _titled(text: SectionText, study: StudyFacts) -> SectionText:
+    """Where no deck is changed, the values are for whoever made the model."""
+    if study.has_deck or text.id != "write_back":
+        return text
+    return replace(text, title="Values for the other solver")
 
 
 def _section(text: SectionText, source: ReportSource) -> Section:
@@ -97,7 +101,7 @@ def _section(text: SectionText, source: ReportSource) -> Section:
 def _facts(results: Results) -> tuple[tuple[str, str], ...]:
     study, origin = results.study, results.provenance
     return (
-        ("Matrices of" if study.imported else "Deck", study.deck_file),
+        ((FromDeck if study.has_deck else ModelSource).title, study.deck_file),
         ("Configurations", ", ".join(study.configurations)),
         ("Units", study.units or "those of the deck (none are declared)"),
         ("Run", f"{origin.started_at}, femtune {origin.femtune_version}"),

@@ -16,6 +16,7 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState, Residual
+from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.weights import ResidualBlock, Weights
 
 # ----------------------------------------------------------------------------------------------------
@@ -119,7 +120,7 @@ class DynamicResidual(Residual):
     sd: float
     labels: tuple[str, ...] | None = None
     key = "dynamic"
-    label = "dynamic"
+    label = RESIDUALS[key].label
     of_modes = True
 
     @classmethod

@@ -13,14 +13,9 @@ from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.residuals.asked import Asked, asked_covariance
 from femtune.residuals.case import PairedMode
+from femtune.residuals.kinds import RELATIVE_TO_FREQUENCY, RESIDUALS, FrequencyForm
 from femtune.residuals.pair import OfPairs, PairResidual, unknown_modes
 from femtune.residuals.weights import ResidualBlock, Weights
-
-Form = Literal["frequency", "eigenvalue"]
-
-
-_TIMES: dict[Form, float] = {"frequency": 1.0, "eigenvalue": 2.0}
-"""Relative error of what is compared over that of the frequency: λ = ω²."""
 
 
 def frequency_residual(
@@ -54,9 +49,9 @@ class FrequencyResidual(PairResidual):
     """
 
     sd: float | Literal["test"]
-    form: Form = "frequency"
+    form: FrequencyForm = "frequency"
     key = "frequency"
-    label = "frequency"
+    label = RESIDUALS[key].label
 
     @property
     def of_ratio(self) -> bool:
@@ -84,13 +79,15 @@ class FrequencyResidual(PairResidual):
         """One value a mode."""
         sd = self.sd if self.sd != "test" else self._of_test(pair)
         values = frequency_residual(pair.eigenvalue, pair.eigenvalue_gradient, pair.test_hz, sd, self.form)
-        return self.block(pair.case.name, pair.label, *values, sd, common=np.array([_TIMES[self.form] / sd]))
+        return self.block(
+            pair.case.name, pair.label, *values, sd, common=np.array([RELATIVE_TO_FREQUENCY[self.form] / sd])
+        )
 
     def _of_test(self, pair: PairedMode) -> float:
         known = pair.case.test.freq_sd_hz
         if known is None or not known[pair.position] > 0.0:
             raise _no_scatter(pair)
-        return _TIMES[self.form] * float(known[pair.position] / pair.test_hz)
+        return RELATIVE_TO_FREQUENCY[self.form] * float(known[pair.position] / pair.test_hz)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +102,7 @@ class FrequencyCovariance(OfPairs):
     """
 
     covariance: Reals | Literal["test"]
-    form: Form = "frequency"
+    form: FrequencyForm = "frequency"
     key = FrequencyResidual.key
     label = FrequencyResidual.label
 
@@ -119,7 +116,7 @@ class FrequencyCovariance(OfPairs):
         if not pairs:
             return []
         test_hz = np.array([p.test_hz for p in pairs])
-        times = _TIMES[self.form]
+        times = RELATIVE_TO_FREQUENCY[self.form]
         relative = Weights(covariance=times**2 * self._covariance(pairs) / np.outer(test_hz, test_hz))
         each = [frequency_residual(p.eigenvalue, p.eigenvalue_gradient, p.test_hz, 1.0, self.form) for p in pairs]
         errors, slopes = np.concatenate([e for e, _ in each]), np.concatenate([s for _, s in each])

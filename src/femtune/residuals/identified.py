@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from femtune.arrays import Reals
-from femtune.identification.redrawn import Drawing, RedrawnTest
+from femtune.identification.kinds import Drawing
+from femtune.identification.redrawn import RedrawnTest
 from femtune.residuals.weights import ResidualBlock
 
 

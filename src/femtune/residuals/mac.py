@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from femtune.arrays import Reals
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import PairedMode
+from femtune.residuals.kinds import RESIDUALS, MacForm
 from femtune.residuals.pair import PairResidual
 from femtune.residuals.weights import ResidualBlock
-
-MacForm = Literal["root", "ratio", "difference"]
 
 
 def mac_residual(shape: Reals, gradient: Reals, test: Reals, sd: float, form: MacForm = "root") -> tuple[Reals, Reals]:
@@ -55,7 +53,7 @@ class MacResidual(PairResidual):
     sd: float
     form: MacForm = "root"
     key = "mac"
-    label = "MAC"
+    label = RESIDUALS[key].label
     not_normal = "1 − MAC is a quadratic form of the noise, which always raises it; a shape residual can be tested"
 
     @property

@@ -13,6 +13,7 @@ from femtune.errors import FemtuneError
 from femtune.model.response import mass_response
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState, Residual
+from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.weights import ResidualBlock, Weights
 
 _AXES = "xyz"
@@ -25,7 +26,7 @@ class MassResidual(Residual):
     mass: float
     weights: Weights
     key = "mass"
-    label = "mass"
+    label = RESIDUALS[key].label
 
     @classmethod
     def of_study(cls, asked: Asked) -> MassResidual:
@@ -53,7 +54,7 @@ class CentreResidual(Residual):
     centre: Reals
     weights: Weights
     key = "centre-of-gravity"
-    label = "centre of gravity"
+    label = RESIDUALS[key].label
 
     @classmethod
     def of_study(cls, asked: Asked) -> CentreResidual:
@@ -94,7 +95,7 @@ class InertiaResidual(Residual):
     about: ArrayLike
     weights: Weights
     key = "inertia"
-    label = "inertia"
+    label = RESIDUALS[key].label
 
     @classmethod
     def of_study(cls, asked: Asked) -> InertiaResidual:

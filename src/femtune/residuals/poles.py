@@ -23,6 +23,7 @@ from femtune.model.response import DampingRatios
 from femtune.residuals.asked import Asked, asked_covariance
 from femtune.residuals.case import CaseState, PairedMode
 from femtune.residuals.damped import damped_modes
+from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.pair import OfPairs, unknown_modes
 from femtune.residuals.weights import PolePair, ResidualBlock, Weights
 
@@ -209,7 +210,7 @@ class ComplexEigenvalueResidual(PoleResidual):
     """
 
     key = "complex-eigenvalue"
-    label = "complex eigenvalue"
+    label = RESIDUALS[key].label
 
     @classmethod
     def order(cls, modes: int) -> int:
@@ -230,7 +231,7 @@ class DampingResidual(PoleResidual):
     """(ζ − ζ_e)/ζ_e with ζ = −Re λ/|λ|."""
 
     key = "damping"
-    label = "damping ratio"
+    label = RESIDUALS[key].label
     of_frequencies = False
 
     @classmethod

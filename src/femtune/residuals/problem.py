@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -16,13 +15,11 @@ from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
 from femtune.residuals.case import CaseState, ComparedCase
 from femtune.residuals.frf.model_way import settled
+from femtune.residuals.kinds import Scatter
 from femtune.residuals.pair import ByMode, OfPairs, PairResidual
 from femtune.residuals.pairing import Joined, join, keep_paired, modes_at_sensors, pair_case
 from femtune.residuals.state import followed, paired_afresh, state_at
 from femtune.residuals.weights import ResidualBlock, without_common_error
-
-Scatter = Literal["stated", "estimated"]
-"""Whether standard deviations are known, or relative weights whose size the residuals tell."""
 
 _LARGEST = 1e200
 """Of sums of squares: products of two stay within what numbers can be."""

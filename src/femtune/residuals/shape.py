@@ -17,6 +17,7 @@ from femtune.modal import ModeSet
 from femtune.model import EigenSolution
 from femtune.residuals.asked import Asked, asked_weights, check_asked_mass_scaled
 from femtune.residuals.case import ComparedCase, PairedMode
+from femtune.residuals.kinds import RESIDUALS, ShapeScaling
 from femtune.residuals.pair import PairResidual
 from femtune.residuals.weights import ResidualBlock, Weights, as_weights
 
@@ -25,10 +26,9 @@ from femtune.residuals.weights import ResidualBlock, Weights, as_weights
 
 
 Scaled = tuple[Reals, Reals, NDArray[np.int64]]
-Scaling = Literal["unit-norm", "largest-entry", "scale-factor", "mass"]
 
 
-def scaled_difference(shape: Reals, gradient: Reals, test: Reals, scaling: Scaling = "unit-norm") -> Scaled:
+def scaled_difference(shape: Reals, gradient: Reals, test: Reals, scaling: ShapeScaling = "unit-norm") -> Scaled:
     """Differences of a model shape and a test shape in one scale, their Jacobian, and the positions compared.
 
     Parameters
@@ -82,7 +82,7 @@ def _mass(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals]:
 Places = NDArray[np.int64]
 
 
-def scale_of(test: Reals, scaling: Scaling) -> float:
+def scale_of(test: Reals, scaling: ShapeScaling) -> float:
     """What the measured entries are divided by: their norm, or their largest entry."""
     known = test[~np.isnan(test)]
     return float(np.abs(known).max() if scaling == "largest-entry" else np.linalg.norm(known))
@@ -102,7 +102,7 @@ def placement_covariance(
 
 
 def shape_difference(
-    shape: Reals, gradient: Reals, test: Reals, sd: float, scaling: Scaling = "unit-norm"
+    shape: Reals, gradient: Reals, test: Reals, sd: float, scaling: ShapeScaling = "unit-norm"
 ) -> tuple[Reals, Reals]:
     """(φ − φ_e)/σ over the measured entries, both shapes scaled in the same way; see `scaled_difference`."""
     values, jacobian, _ = scaled_difference(shape, gradient, test, scaling)
@@ -113,7 +113,7 @@ _FROM_THE_SHAPE = ("unit-norm", "scale-factor")
 """Scales that follow from all entries of the shape: one combination of the differences is zero whatever the noise."""
 
 
-def noise_of_scaling(test: Reals, scaling: Scaling) -> Reals:
+def noise_of_scaling(test: Reals, scaling: ShapeScaling) -> Reals:
     """(m, n) matrix that takes errors of the n measured entries of a scaled test shape to the m differences.
 
     To first order about a right model, and but for the sign. A scale that follows from the shape itself takes the part
@@ -148,13 +148,13 @@ class ShapeResidual(PairResidual):
     """
 
     weights: float | Weights | Literal["test"]
-    scaling: Scaling = "unit-norm"
+    scaling: ShapeScaling = "unit-norm"
     sensors: DofSet | None = None
     placement: SensorPlacement | None = None
     of_largest: bool = False
     _placed: dict[str, Reals] = field(default_factory=dict, repr=False)
     key = "shape"
-    label = "shape"
+    label = RESIDUALS[key].label
 
     @property
     def of_ratio(self) -> bool:
@@ -284,7 +284,7 @@ class StrainResidual(ShapeResidual):
     """The same of strain shapes: of those sensors of the test that are strain gauges."""
 
     key = "strain"
-    label = "strain"
+    label = RESIDUALS[key].label
 
 
 def _asked_sensors(asked: Asked, labels: Iterable[str]) -> Iterator[Dof]:

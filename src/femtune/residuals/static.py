@@ -16,6 +16,7 @@ from femtune.model.response import Ports, matrix_ports, static_response
 from femtune.residuals.asked import Asked, asked_weights
 from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.dynamic import equation_error
+from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.weights import ResidualBlock, Weights
 
 
@@ -78,7 +79,7 @@ class DisplacementResidual(Residual):
     test: StaticTest
     weights: Weights
     key = "static-displacement"
-    label = "static displacement"
+    label = RESIDUALS[key].label
 
     @classmethod
     def of_study(cls, asked: Asked) -> DisplacementResidual:
@@ -114,7 +115,7 @@ class ForceResidual(Residual):
     test: StaticTest
     sd: float
     key = "static-force"
-    label = "static force"
+    label = RESIDUALS[key].label
 
     @classmethod
     def of_study(cls, asked: Asked) -> ForceResidual:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from femtune.arrays import Complexes, Integers, Reals
 from femtune.errors import FemtuneError
+from femtune.residuals.kinds import FrfForm
 
 if TYPE_CHECKING:
     from femtune.identification.redrawn import RedrawnTest
@@ -36,7 +37,7 @@ class IdentifiedValues:
     test: RedrawnTest
     at: tuple[Integers, Integers, Integers]
     sd: Reals
-    form: Literal["linear", "log-magnitude", "log-complex"]
+    form: FrfForm
 
     def change(self, functions: Complexes) -> Reals:
         """Change of the residuals, in their order, with other equalised FRFs of the test."""

@@ -166,3 +166,8 @@ class StudyFacts(Record):
     """True for a model from matrices of another solver, without a deck."""
     description: str = ""
     """Free text of the study."""
+
+    @property
+    def has_deck(self) -> bool:
+        """True for the model of a deck, which is changed and written back."""
+        return not self.imported

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.identification.kinds import Drawing
 from femtune.results.base import CitationRecord, Record
 from femtune.results.update import citations
+from femtune.uncertainty.kinds import Jacobian
 
 if TYPE_CHECKING:
     from femtune.errors import Notice
@@ -47,7 +49,7 @@ class BootstrappedParameter(Record):
 class BootstrapResults(Record):
     """Bootstrap about the result of the update."""
 
-    method: Literal["lines", "entries", "noise"]
+    method: Drawing
     """What is drawn: frequency lines, single FRF values, or noise of the stated standard deviations."""
     runs: int
     """Number of runs."""
@@ -59,7 +61,7 @@ class BootstrapResults(Record):
     """Number of frequency lines or values that are drawn from; of residuals for noise."""
     identified: bool = False
     """Whether what is drawn are the measured FRFs behind those of an identified test, which are compared."""
-    jacobian: Literal["shared", "own"]
+    jacobian: Jacobian
     """Derivatives of the steps: those at the result of the update, or those of each point."""
     own_jacobian: int
     """Number of runs that needed derivatives at other points."""

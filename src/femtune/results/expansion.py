@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.correlation import expand_shapes
-from femtune.correlation.expansion import METHODS
+from femtune.correlation.kinds import ExpansionMethod
 from femtune.dofs import DIRECTIONS, Dof, DofSet
 from femtune.modal import ModeSet
 from femtune.results.base import Record
@@ -124,7 +124,9 @@ def _mode(test: ModeSet, found: ExpandedShapes, j: int) -> ExpandedMode:
         test_label=test.labels[j],
         test_freq_hz=float(test.freq_hz[j]),
         misfit_percent=_percent(found.misfit[j]),
-        errors=tuple(ExpansionError(method=m, error_percent=_percent(found.held_out[m][j])) for m in METHODS),
+        errors=tuple(
+            ExpansionError(method=m, error_percent=_percent(found.held_out[m][j])) for m in get_args(ExpansionMethod)
+        ),
     )
 
 

@@ -623,7 +623,7 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
     structure, configuration = study.model.structure, case.configured.configuration
     mass = mass_properties(structure.nodes, grid_matrix(study.model, configuration, "mass"))
     weighed = configuration.weighed_mass
-    placed = structure.nodes.has_coordinates and study.file.runs is None
+    placed = structure.nodes.has_coordinates and study.source.has_structure
     return ModelConfiguration(
         configuration=configuration.name,
         grids=len(structure.nodes.ids) + len(structure.nodes.scalar_points),
@@ -634,7 +634,7 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
             HeldDof(dof=str(d), reason=_NO_STIFFNESS if case.configured.model.structure.hold_singular else _NEITHER)
             for d in case.configured.held_singular
         ),
-        mass=None if study.file.runs is not None else mass.mass,
+        mass=mass.mass if study.source.has_structure else None,
         centre_of_gravity=_vector(mass.centre) if placed else None,
         inertia=_matrix(mass.central_inertia) if placed else None,
         weighed_mass=weighed,
@@ -699,7 +699,7 @@ def _overlay(configuration: Configuration) -> Iterable[str]:
 
 def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProperties) -> RigidBodyCheck:
     structure = study.model.structure
-    if study.file.runs is not None:
+    if not study.source.has_structure:
         return _not_checked("runs of another solver have no stiffness of the structure")
     if not structure.nodes.has_coordinates:
         return _not_checked("the grid points of the model have no coordinates")

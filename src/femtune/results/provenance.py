@@ -122,7 +122,7 @@ def study_facts(study: Study) -> StudyFacts:
     return StudyFacts(
         title=table.title,
         units=table.units,
-        deck_file=study.file.source_name,
+        deck_file=study.source.name,
         configurations=tuple(c.name for c in study.cases),
-        imported=study.file.imported,
+        imported=not study.source.writes_back,
     )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.results.base import Record
+from femtune.updating.kinds import WeightRule
 
 if TYPE_CHECKING:
     from femtune.parameters import ParameterSet
@@ -35,7 +36,7 @@ class PathPoint(Record):
 class WeightChoiceResults(Record):
     """Choice of the regularisation weight."""
 
-    rule: Literal["l-curve", "gcv"]
+    rule: WeightRule
     """The rule."""
     status: str
     """Name of the status: "CORNER"."""

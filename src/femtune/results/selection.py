@@ -223,7 +223,7 @@ def _groups(study: Study) -> Groups:
     asked = study.file.select.energies
     if asked == "none" and study.file.select.localise:
         asked = "parameters"
-    if asked == "none" or study.file.imported:
+    if asked == "none" or not study.source.has_elements:
         return {}
     if asked == "parameters":
         return {p.name: _elements(study, p.name) for p in study.parameters.parameters if _elements(study, p.name)}

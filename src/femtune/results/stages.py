@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femtune.assembly.stages import stage_cases, used_in_stage
 from femtune.files.study_file.stage import RESONANCES
 from femtune.residuals import pair_case, solve_case
-from femtune.residuals.kinds import kinds
+from femtune.residuals.kinds import RESIDUALS
 from femtune.results.base import Record
 from femtune.results.reduction import ReductionResults, reduction_results
 
@@ -257,7 +257,7 @@ def _values(names: Iterable[str], run: UpdateResult, x: NDArray[np.float64]) -> 
 def _left_out(study: Study, entry: StageEntry, x: NDArray[np.float64]) -> Iterable[StageLeftOut]:
     """Test modes without partner, or left out by the study, where the stage starts."""
     keys = study.file.residuals.kinds_of_stage(entry.residuals)
-    if RESONANCES not in keys and not any(kinds()[key].of_modes for key in keys):
+    if RESONANCES not in keys and not any(RESIDUALS[key].load().of_modes for key in keys):
         return
     for case in stage_cases(study, entry):
         used = used_in_stage(case, entry)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from femtune.assembly.study import quantities
 from femtune.assembly.update_method import method_of
 from femtune.citations import citation
+from femtune.correlation.kinds import EXPANSION_METHODS
 from femtune.errors import FemtuneError
 from femtune.fem.elements import KINDS
 from femtune.files.nastran.field_refs import BARS, WITHOUT_CARD
@@ -610,7 +611,6 @@ def citations(keys: Iterable[str]) -> tuple[CitationRecord, ...]:
 
 
 _ALWAYS = ("allemang1982", "lieven1988", "hunt1992", "guyan1965")
-_EXPANSIONS = {"serep": "ocallahan1989", "dynamic": "kidder1973", "mdre": "balmes2000"}
 _OFFSETS = ("mottershead1996",)
 
 
@@ -623,7 +623,11 @@ def what_ran(study: Study) -> tuple[CitationRecord, ...]:
     compared = study.file.response is not None or limits.frac is not None or limits.fdac is not None
     responses = ("heylen1996", "pascual1997") if compared else ()
     # the errors of all methods are compared
-    expansions = () if study.file.correlate.expand == "none" else tuple(_EXPANSIONS.values())
+    expansions = (
+        ()
+        if study.file.correlate.expand == "none"
+        else tuple(key for kind in EXPANSION_METHODS.values() for key in kind.citations)
+    )
     return citations((*_ALWAYS, *expansions, *elements, *(_OFFSETS if moved else ()), *responses))
 
 

@@ -115,8 +115,8 @@ def model_records(
     """Modes and correlations at `x`; what `known` has is not solved again. `solved` is called with each solution."""
     found, records, shapes, raw = [], [], [], {}
     criteria = of_whole_tests(study)
-    # a model of matrices is never written: what comes after the update is its last version
-    last = version != "after" or study.file.imported
+    # where nothing is written back, what comes after the update is the last version
+    last = version != "after" or not study.source.writes_back
     for i, case in enumerate(study.cases):
         progress.step(f"modes and correlation, {version}: {case.name}", i, len(study.cases))
         solution = known[case.name] if case.name in known else solved_if_any(study, case, x)

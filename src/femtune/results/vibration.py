@@ -167,7 +167,7 @@ def _case(study: Study, entry: VibrationEntry) -> StudyCase:
 def _transfer(study: Study, test: VibrationTest, x: Reals, known: EigenSolution | None = None) -> ModalTransfer:
     """Of the model at normalised parameters, whose modes may be known, or of a run of the solver."""
     entry = test.entry
-    if study.file.solver is not None:
+    if study.source.needs_runs:
         return solver_transfer(study, entry, x, test.damping)
     modes = known or solve(study, test.case(study), x)
     ports = make_ports(modes.point.configured, [entry.input or entry.outputs[0]], entry.outputs)
@@ -220,10 +220,10 @@ def _read(study: Study, entry: VibrationEntry) -> VibrationTest:
     path, measured, excitation = study.file.path_of, None, None
     if entry.measured is not None:
         measured = read_vibration_table(path(entry.measured), len(entry.outputs), history=entry.kind == "transient")
-    if study.file.solver is None:
-        make_ports(_case(study, entry).configured, [entry.input or entry.outputs[0]], entry.outputs)
-    else:
+    if study.source.needs_runs:
         DofSet.parse(entry.outputs)
+    else:
+        make_ports(_case(study, entry).configured, [entry.input or entry.outputs[0]], entry.outputs)
     damping, words = _damping(study, entry)
     excitation = _excitation(study, entry)
     band = _band(entry, excitation, measured)

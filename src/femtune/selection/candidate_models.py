@@ -15,12 +15,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb
-from typing import Literal
 
 import numpy as np
 from scipy.special import ndtri
 
 from femtune.arrays import Flags, Integers, Reals
+from femtune.residuals.kinds import Scatter
 
 _EXACT = 1e-30
 """Sum of squares of residuals that are zero up to rounding."""
@@ -88,7 +88,7 @@ class CandidateRanking:
 def rank_candidates(
     fits: Sequence[CandidateFit],
     *,
-    scatter: Literal["stated", "estimated"] = "stated",
+    scatter: Scatter = "stated",
     threshold: float | None = None,
     probability: float = 0.95,
     cluster_distance: float = 0.05,

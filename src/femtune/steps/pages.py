@@ -91,7 +91,8 @@ def report(
         folder = getattr(result, "folder", None)
         if folder is None:
             raise FemtuneError("run.unwritable/no-folder")
-        page = Path(folder) / REPORT_FILE
+        page = checked_page(Path(folder) / REPORT_FILE)
+        assert page is not None
     progress.step("writing the report", 0, None)
     return write_html(document_of(result), page, progress)
 

@@ -335,7 +335,7 @@ def compare_candidates(
                 raise FemtuneError("candidates.name", name=candidate.name)
         if not study.file.candidate and not groups:
             raise FemtuneError("candidates.none")
-        if table.search != NO_SEARCH and study.file.solver is not None:
+        if table.search != NO_SEARCH and study.source.needs_runs:
             raise FemtuneError("external.study/update", key="search")
         if table.search == "cma-es":
             # before the first run: what a run misses would be kept as its result

@@ -50,7 +50,7 @@ def _entry(study: Study, entry: ParameterEntry, found: ParameterResult | None) -
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
     return DampingEntry(
         entry.name, _kind(entry.targets[0]), tuple(map(str, entry.targets)), scale * found.value, scale * found.sd,
-        entry.unit if entry.absolute else "", study.file.source_name, today, study.file.study.title[:500],
+        entry.unit if entry.absolute else "", study.source.name, today, study.file.study.title[:500],
     )  # fmt: skip
 
 
@@ -70,4 +70,4 @@ def _source(study: Study, update: UpdateResults, name: str) -> str:
     stages = [s for s in update.stages if name in (p.name for p in s.parameters)]
     used = stages[-1].configurations if stages else [case.name for case in study.cases if case.used is not None]
     stage = f", stage {stages[-1].name}" if stages else ""
-    return f"{study.file.source_name}: {', '.join(used)}{stage}"[:500]
+    return f"{study.source.name}: {', '.join(used)}{stage}"[:500]

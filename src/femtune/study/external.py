@@ -16,7 +16,7 @@ from femtune.assembly.runs_model import built_of_tables, part_of
 from femtune.errors import FemtuneError, Notice
 from femtune.executor.interface import nothing
 from femtune.modal.assignment import linear_sum_assignment
-from femtune.modal.beside import RIGID
+from femtune.modal.beside import RIGID_FREQUENCY_RATIO
 from femtune.model import parametric_model
 from femtune.model.imported.from_runs import seen_modes
 from femtune.results.model import alert_of
@@ -88,7 +88,7 @@ class _Place:
 @contextmanager
 def opened_solver(study: Study, progress: Progress) -> Iterator[SolverRuns | None]:
     """The runs of a study of a solver, whose journal is closed at the end; None for another study."""
-    if study.file.solver is None:
+    if not study.source.needs_runs:
         yield None
         return
     runs = solver_runs(study.file, progress)
@@ -121,12 +121,11 @@ def find_on_solver(
     ------
     FemtuneError : what `update` raises at the point, ``external.folder``, ``executor.*``
     """
-    assert study.file.solver is not None
     first = nominal_point(runs.file)
     runs.measure_noise(first, runs.run([first])[0])
     runs.follow_deck(first)
     region = _TrustRegion(runs, method, tell, active, study, at)
-    settled = region.go(study.file.solver.moves)
+    settled = region.go(runs.asked.moves)
     if not settled or region.place.result.status is Status.UNDETERMINED:
         region.open_ = region.open_ or _open_combinations(region.place, active)
     result, told = region.result(settled), [*region.told, *region.ended(settled), *runs.replaced, *runs.journal.notices]
@@ -370,7 +369,7 @@ class SolverFrequencies:
         tables, found = runs.tables([(first, known)]), []
         for case in study.cases:
             hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
-            elastic = np.flatnonzero(hz > RIGID * hz.max(initial=0.0))
+            elastic = np.flatnonzero(hz > RIGID_FREQUENCY_RATIO * hz.max(initial=0.0))
             if not len(elastic):
                 raise FemtuneError("screen.no-modes", configuration=case.name)
             found.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))

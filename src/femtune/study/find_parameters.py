@@ -94,7 +94,7 @@ def _found(study: Study, folder: Path, at: Evaluation, progress: Progress) -> Fo
     def tell_of_stage(stage: str, seed: int, iteration: Iteration) -> None:
         tell(iteration, f"stage {stage}, seed {seed}" if seed else f"stage {stage}", None)
 
-    if study.file.solver is not None:
+    if study.source.needs_runs:
         # few studies have a solver
         from femtune.assembly.external import write_updated  # noqa: PLC0415
         from femtune.study.external import find_on_solver, opened_solver  # noqa: PLC0415

@@ -19,6 +19,7 @@ from femtune.errors import FemtuneError
 from femtune.experiments import VarianceIndices, latin_hypercube
 from femtune.files.study_file import with_search
 from femtune.global_search import Front, GlobalMinimum, SearchRules, front_of, global_minimum, surrogate_minimum
+from femtune.global_search.kinds import METHODS
 from femtune.results.base import alert
 from femtune.results.global_search import (
     FrontPoint,
@@ -55,6 +56,7 @@ from femtune.surrogates import (
     where_better,
     where_wrong,
 )
+from femtune.surrogates.kinds import INFILLS, SURROGATES
 from femtune.updating import StartRules, UpdateResult, multi_start
 
 if TYPE_CHECKING:
@@ -69,7 +71,6 @@ if TYPE_CHECKING:
 _PER_PARAMETER = 10
 _AT_A_TIME = 5
 """Further runs by error after which the surrogate is fitted again."""
-_INFILL = {"improvement": "runs where the objective may be better", "error": "runs where the surrogate may be wrong"}
 _MOST_RESPONSES = 12
 """Residuals beyond which their principal components are fitted."""
 _ENERGY = 1e-10
@@ -138,18 +139,12 @@ def search_minimum(
 
 
 def _papers(table: SearchTable) -> list[str]:
-    methods = {"differential-evolution": "storn1997", "genetic": "deb2001", "cma-es": "hansen2001"}
-    surrogates = {
-        "kriging": ["sacks1989"],
-        "radial-basis": ["duchon1977", "wahba1990"],
-        "chaos": ["blatman2011", "sudret2008"],
-    }
     front = table.front > 0
-    by_error = table.on == "surrogate" and table.infill > 0 and table.infill_by == "error"
+    infill = table.on == "surrogate" and table.infill > 0
     return [
-        methods[table.method],
-        *(surrogates[table.surrogate] if table.on == "surrogate" else []),
-        *(["liu2017"] if by_error else []),
+        *METHODS[table.method].citations,
+        *(SURROGATES[table.surrogate].citations if table.on == "surrogate" else ()),
+        *(INFILLS[table.infill_by].citations if infill else ()),
         *(["deb2002"] if front else []),
     ]
 
@@ -261,7 +256,7 @@ class _Search:
         made = 0
         while len(points := self._further(surrogate, responses, made)):
             made += len(points)
-            new_x, new_r = self._good(points, self.run(points, _INFILL[table.infill_by]), 0)
+            new_x, new_r = self._good(points, self.run(points, INFILLS[table.infill_by].text), 0)
             x, r = np.vstack([x, new_x]), np.vstack([r, new_r])
             surrogate = self._fit(x, responses.of_residuals(r))
         self.progress.step("search on the surrogate", 0, None)

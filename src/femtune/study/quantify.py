@@ -48,6 +48,7 @@ from femtune.uncertainty import (
     statistics_of_repeats,
     stochastic_update,
 )
+from femtune.uncertainty.kinds import QUANTIFY_METHODS
 from femtune.uncertainty.robust import LEVEL
 
 if TYPE_CHECKING:
@@ -73,7 +74,6 @@ if TYPE_CHECKING:
 Arrays = dict[str, NDArray]
 
 
-_CLOUDS = ("cross-covariance", "output-difference")
 _FEWEST, _NOTHING, _STILL = 4, 1e-6, 1e-6
 _NO_REPEAT = "the repeats do not have it"
 _NO_OUTLIERS = {
@@ -299,7 +299,7 @@ def in_words_of_the_study(table: QuantifyTable) -> Iterator[None]:
     except FemtuneError as error:
         if error.code in ("quantify.not-positive", "quantify.singular") and table.missing == "pairwise":
             error.hint = 'covariances that are estimated pair by pair need not be consistent; use missing = "em"'
-        elif error.code.startswith("eigen.") and table.method in _CLOUDS:
+        elif error.code.startswith("eigen.") and QUANTIFY_METHODS[table.method].samples:
             error.hint = 'the model cannot be solved for some of the samples; use method = "second-order"'
         raise
 
@@ -324,7 +324,7 @@ def _updated(
     rules = StochasticRules(
         table.method, table.weighting, table.regularisation, cloud=CloudRules(table.samples, table.seed)
     )
-    if table.method not in _CLOUDS:
+    if not QUANTIFY_METHODS[table.method].samples:
         return stochastic_update(outputs, measured, names, start, sd, rules)
     # a prior's width makes a cloud that says little: the cloud starts where (39) ends
     first = stochastic_update(outputs, measured, names, start, sd, replace(rules, method="perturbation"))

@@ -185,15 +185,16 @@ class Run:
         ------
         FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``write.*``, ``run.unwritable``
         """
-        of_deck = not self.study.file.imported
+        source = self.study.source
+        ends = () if source.writes_back else (alert("info", source.no_write_back),)
         known = self._done(UNTIL_UPDATED, Known())
-        self._keep(known, alert("problem", "run.unfinished") if of_deck else _no_deck(self.study))
+        self._keep(known, *(ends or (alert("problem", "run.unfinished"),)))
         try:
-            known = self._done((*ONCE_UPDATED, *(ON_WRITTEN_DECK if of_deck else WITHOUT_DECK)), known)
+            known = self._done((*ONCE_UPDATED, *(ON_WRITTEN_DECK if source.writes_back else WITHOUT_DECK)), known)
         except FemtuneError as problem:
             problem.values["results so far"] = str(self.folder / RESULTS_FILE)
             raise
-        results, catalogue = self._keep(known, *(() if of_deck else (_no_deck(self.study),)))
+        results, catalogue = self._keep(known, *ends)
         deck = results.write_back.files if results.write_back else ()
         files = (*known.files, *catalogue, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *deck)
         self.place.keep(files)
@@ -273,7 +274,7 @@ def _model(run: Run, known: Known, arrays: Arrays) -> Outcome:
     study = run.study
     repeats, vibration_tests = repeats_of(study), VibrationTests.of(study)
     check_frf_band(study)
-    if not study.file.imported:
+    if study.source.writes_back:
         check_writable_fields(study, run.wide)
     run.progress.step("mass and rigid-body check", 0, None)
     facts = Results(
@@ -464,10 +465,4 @@ ON_WRITTEN_DECK = (
     Step("respond", _respond_as_written),
 )
 WITHOUT_DECK = (WRITE_EXPANDED, Step("respond", _respond_after))
-"""A model of matrices has no deck that could be written: the run ends with the responses at the updated values."""
-
-
-def _no_deck(study: Study) -> Alert:
-    if study.file.solver is not None:
-        return alert("info", "write.no-deck/solver")
-    return alert("info", "write.no-deck/run" if study.file.runs is None else "write.no-deck/runs")
+"""Where nothing can be written back, the run ends with the responses at the updated values."""

@@ -6,22 +6,14 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.surrogates.chaos import ChaosRules, chaos_indices, explained_variances, term_counts
-    from femtune.surrogates.correlations import CORRELATIONS, NO_CORRELATION
     from femtune.surrogates.infill import SumOfSquares, where_better, where_uncertain, where_wrong, with_run
-    from femtune.surrogates.kriging import ESTIMATED, NO_NOISE, KrigingRules
-    from femtune.surrogates.radial import RADIAL, RadialRules
+    from femtune.surrogates.kriging import KrigingRules
+    from femtune.surrogates.radial import RadialRules
     from femtune.surrogates.surrogate import Surrogate, SurrogateRules, fit_surrogate
-    from femtune.surrogates.trend import TRENDS
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
-    "CORRELATIONS",
-    "ESTIMATED",
-    "NO_CORRELATION",
-    "NO_NOISE",
-    "RADIAL",
-    "TRENDS",
     "ChaosRules",
     "KrigingRules",
     "RadialRules",

@@ -66,13 +66,10 @@ def _matern32_curvature(squared: Reals) -> Reals:
     return np.asarray(2.25 / s * np.exp(-s))
 
 
-CORRELATIONS = {
-    "gaussian": CorrelationFunction("Gaussian", _gaussian, _gaussian_slope, _gaussian_curvature),
-    "matern-5/2": CorrelationFunction("Matérn, ν = 5/2", _matern52, _matern52_slope, _matern52_curvature),
-    "matern-3/2": CorrelationFunction("Matérn, ν = 3/2", _matern32, _matern32_slope, _matern32_curvature),
-}
-"""By their keys in a study; in the order of their smoothness."""
-NO_CORRELATION = "none"
+GAUSSIAN = CorrelationFunction("Gaussian", _gaussian, _gaussian_slope, _gaussian_curvature)
+MATERN_52 = CorrelationFunction("Matérn, ν = 5/2", _matern52, _matern52_slope, _matern52_curvature)
+MATERN_32 = CorrelationFunction("Matérn, ν = 3/2", _matern32, _matern32_slope, _matern32_curvature)
+NO_CORRELATION = None
 """The trend alone: a response surface fitted by least squares."""
 
 

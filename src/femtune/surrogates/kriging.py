@@ -22,11 +22,10 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 
 from femtune.arrays import Reals
-from femtune.surrogates.correlations import CORRELATIONS, NO_CORRELATION, CorrelationFunction, KernelSum
+from femtune.surrogates.correlations import CorrelationFunction, KernelSum
+from femtune.surrogates.kinds import CORRELATIONS, CorrelationKind, Noise, Trend
 from femtune.surrogates.trend import term_count, term_curvatures, term_slopes, terms
 
-ESTIMATED, NO_NOISE = "estimate", "none"
-"""Keys of the noise in a study."""
 _JITTER = 1e-10
 """Smallest g: without it K is numerically singular for smooth correlations."""
 _LENGTHS = (0.05, 50.0)
@@ -53,9 +52,9 @@ class KrigingRules:
     seed : of these points
     """
 
-    trend: str = "constant"
-    correlation: str = "gaussian"
-    noise: str = ESTIMATED
+    trend: Trend = "constant"
+    correlation: CorrelationKind = "gaussian"
+    noise: Noise = "estimate"
     logarithms: bool = False
     starts: int = 3
     seed: int = 0
@@ -116,7 +115,7 @@ class KrigedResponse:
         """The mean of the process; None without correlation."""
         if not len(self.lengths):
             return None
-        return KernelSum(CORRELATIONS[self.rules.correlation], self.runs, self.lengths, self.weights)
+        return KernelSum(CORRELATIONS[self.rules.correlation].load(), self.runs, self.lengths, self.weights)
 
     def value(self, u: Reals) -> Reals:
         """(k,) at points (k, n)."""
@@ -170,8 +169,8 @@ class _Likelihood:
     @classmethod
     def of(cls, u: Reals, y: Reals, rules: KrigingRules) -> _Likelihood:
         """By the rules."""
-        kind = None if rules.correlation == NO_CORRELATION else CORRELATIONS[rules.correlation]
-        return cls(rules, u, y, terms(u, rules.trend), kind, None if rules.noise == ESTIMATED else _JITTER)
+        kind = CORRELATIONS[rules.correlation].load()
+        return cls(rules, u, y, terms(u, rules.trend), kind, None if rules.noise == "estimate" else _JITTER)
 
     @cached_property
     def away(self) -> Reals:

@@ -20,7 +20,7 @@ from scipy.optimize import minimize_scalar
 
 from femtune.arrays import Reals
 from femtune.surrogates.correlations import CorrelationFunction, KernelSum
-from femtune.surrogates.kriging import ESTIMATED
+from femtune.surrogates.kinds import KERNELS, Noise, RadialKernel, Trend
 from femtune.surrogates.trend import term_count, term_curvatures, term_slopes, terms
 
 _ROUNDING = 1e-12
@@ -76,19 +76,15 @@ class RadialFunction:
     """φ as a function of the squared distance, and the smallest trend with which it is positive definite."""
 
     function: CorrelationFunction
-    trend: str
+    trend: Trend
 
 
-RADIAL = {
-    "cubic": RadialFunction(CorrelationFunction("cubic", _cubic, _cubic_slope, _cubic_curvature), "linear"),
-    "quintic": RadialFunction(
-        CorrelationFunction("quintic", _quintic, _quintic_slope, _quintic_curvature), "quadratic"
-    ),
-    "thin-plate": RadialFunction(
-        CorrelationFunction("thin plate", _thin_plate, _thin_plate_slope, _thin_plate_curvature), "linear"
-    ),
-}
-"""By their keys in a study. A thin plate has no second derivative at the runs."""
+CUBIC = RadialFunction(CorrelationFunction("cubic", _cubic, _cubic_slope, _cubic_curvature), "linear")
+QUINTIC = RadialFunction(CorrelationFunction("quintic", _quintic, _quintic_slope, _quintic_curvature), "quadratic")
+THIN_PLATE = RadialFunction(
+    CorrelationFunction("thin plate", _thin_plate, _thin_plate_slope, _thin_plate_curvature), "linear"
+)
+"""A thin plate has no second derivative at the runs."""
 
 
 @dataclass(frozen=True)
@@ -102,14 +98,20 @@ class RadialRules:
     logarithms : fit the logarithms of the responses over those of the parameters, all of which must be positive
     """
 
-    kernel: str = "cubic"
-    noise: str = ESTIMATED
+    kernel: RadialKernel = "cubic"
+    noise: Noise = "estimate"
     logarithms: bool = False
 
     @property
-    def trend(self) -> str:
-        """That the kernel needs."""
-        return RADIAL[self.kernel].trend
+    def function(self) -> RadialFunction:
+        """The kernel with the trend that it needs."""
+        radial: RadialFunction = KERNELS[self.kernel].load()
+        return radial
+
+    @property
+    def trend(self) -> Trend:
+        """The trend that the kernel needs."""
+        return self.function.trend
 
     @property
     def label(self) -> str:
@@ -215,19 +217,19 @@ class _Spectrum:
         q = F.shape[1]
         basis, factor = np.linalg.qr(F, mode="complete")
         squared = np.sum((u[:, None] - u[None]) ** 2, axis=2)
-        kernel = RADIAL[rules.kernel].function.value(squared)
+        kernel = rules.function.function.value(squared)
         free = basis[:, q:]
         values, vectors = np.linalg.eigh(free.T @ kernel @ free)
         return cls(rules, u, kernel, basis[:, :q], factor[:q], free @ vectors, np.maximum(values, 0.0))
 
     def kernels(self, weights: Reals) -> KernelSum:
         """Σ wᵢ φ of the distances from the runs."""
-        return KernelSum(RADIAL[self.rules.kernel].function, self.runs, np.ones(self.runs.shape[1]), weights)
+        return KernelSum(self.rules.function.function, self.runs, np.ones(self.runs.shape[1]), weights)
 
     def smoothing(self, y: Reals) -> float:
         """g: at the maximum of the restricted likelihood, unless the surrogate must pass through the runs."""
         least = _ROUNDING * self.values.max()
-        if self.rules.noise != ESTIMATED or np.ptp(y) == 0.0:
+        if self.rules.noise != "estimate" or np.ptp(y) == 0.0:
             return float(least)
         squares = (self.vectors.T @ y) ** 2
 

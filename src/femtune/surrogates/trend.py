@@ -7,9 +7,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from femtune.arrays import Reals
-
-TRENDS = {"constant": 0, "linear": 1, "quadratic": 2}
-"""Degrees of the complete polynomials, by their keys in a study."""
+from femtune.surrogates.kinds import TRENDS, Trend
 
 
 def exponents(parameters: int, degree: int) -> list[tuple[int, ...]]:
@@ -17,18 +15,18 @@ def exponents(parameters: int, degree: int) -> list[tuple[int, ...]]:
     return [term for d in range(degree + 1) for term in combinations_with_replacement(range(parameters), d)]
 
 
-def term_count(parameters: int, trend: str) -> int:
+def term_count(parameters: int, trend: Trend) -> int:
     """Number of coefficients of a trend."""
     return len(exponents(parameters, TRENDS[trend]))
 
 
-def terms(x: Reals, trend: str) -> Reals:
+def terms(x: Reals, trend: Trend) -> Reals:
     """(k, q) terms of the trend at points (k, n)."""
     columns = [np.prod(x[:, list(term)], axis=1) for term in exponents(x.shape[1], TRENDS[trend])]
     return np.stack(columns, axis=1)
 
 
-def term_slopes(x: Reals, trend: str) -> Reals:
+def term_slopes(x: Reals, trend: Trend) -> Reals:
     """(k, q, n) derivatives of the terms."""
     every = exponents(x.shape[1], TRENDS[trend])
     slopes = np.zeros((len(x), len(every), x.shape[1]), dtype=x.dtype)
@@ -39,7 +37,7 @@ def term_slopes(x: Reals, trend: str) -> Reals:
     return slopes
 
 
-def term_curvatures(x: Reals, trend: str) -> Reals:
+def term_curvatures(x: Reals, trend: Trend) -> Reals:
     """(k, q, n, n) second derivatives of the terms; constant, as no term has more than two factors."""
     n = x.shape[1]
     every = exponents(n, TRENDS[trend])

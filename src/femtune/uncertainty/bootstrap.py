@@ -16,23 +16,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from scipy.special import ndtr, stdtrit
 
 from femtune.arrays import Flags, Integers, Reals
 from femtune.errors import FemtuneError
+from femtune.identification.kinds import DRAWINGS, Drawing
 from femtune.identification.redrawn import RedrawnTest
 from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, ResidualBlock, UpdateProblem
 from femtune.residuals.identified import drawn_changes, identified_tests
 from femtune.selection import determined
+from femtune.uncertainty.kinds import Jacobian
 from femtune.updating.regularisation import SideConstraint
 from femtune.updating.search import LocalModel
-
-Resampling = Literal["lines", "entries", "noise"]
-Shared = Literal["shared", "own"]
 
 _FEWEST_LINES = 3
 _HALVINGS = 8
@@ -61,10 +59,10 @@ class BootstrapRules:
     checked : number of runs of "shared" that are repeated with "own" derivatives, for the largest difference
     """
 
-    method: Resampling = "lines"
+    method: Drawing = "lines"
     runs: int = 1000
     seed: int = 0
-    jacobian: Shared = "shared"
+    jacobian: Jacobian = "shared"
     tolerance: float = 0.01
     most_steps: int = 20
     checked: int = 5
@@ -117,7 +115,7 @@ class Drawn:
         return out
 
 
-def drawn_groups(blocks: Sequence[ResidualBlock], method: Resampling) -> Drawn:
+def drawn_groups(blocks: Sequence[ResidualBlock], method: Drawing) -> Drawn:
     """Frequency lines, or single entries, of residuals of measured FRFs.
 
     Raises
@@ -137,7 +135,7 @@ def drawn_groups(blocks: Sequence[ResidualBlock], method: Resampling) -> Drawn:
     return found
 
 
-def _keys(number: int, block: ResidualBlock, method: Resampling) -> list[tuple[object, ...]]:
+def _keys(number: int, block: ResidualBlock, method: Drawing) -> list[tuple[object, ...]]:
     assert block.samples is not None
     if method == "lines":
         return [(block.configuration, hz) for hz in block.samples.freq_hz.tolist()]
@@ -531,11 +529,6 @@ _WHY_UNLIKE = (
     "which trusts the stated standard deviations of the FRFs: these do not describe the residuals",
     "which takes the errors of the compared lines as independent; those of an identified test are not",
 )
-_WHAT = {
-    "lines": "frequency lines drawn with replacement",
-    "entries": "single FRF values drawn with replacement",
-    "noise": "noise of the stated standard deviations",
-}
 
 
 def _spread(found: BootstrapResult) -> list[str]:
@@ -543,7 +536,7 @@ def _spread(found: BootstrapResult) -> list[str]:
     if not moved:
         return ["The runs have no scatter: the model reproduces the data exactly."]
     known = [p for p in moved if np.isfinite(p.cov)]
-    what = _WHAT[found.rules.method]
+    what = DRAWINGS[found.rules.method].label
     out = [f"{len(found.samples)} bootstrap runs: {what}."]
     if found.identified:
         out.append("What is drawn are the measured FRFs; each run identifies the test again and equalises its damping.")

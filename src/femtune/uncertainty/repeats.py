@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Notice
+from femtune.uncertainty.kinds import CovarianceEstimate, MissingValues
 from femtune.uncertainty.repeat_checks import RepeatChecks, check_repeats
 from femtune.uncertainty.robust import RobustMoments, robust_moments
 
@@ -74,9 +74,6 @@ def covariance_distance(reached: Reals, wanted: Reals) -> float:
     scale = np.outer(sd, sd)
     return float(np.linalg.norm((reached - wanted) / scale) / np.linalg.norm(wanted / scale))
 
-
-Missing = Literal["em", "pairwise", "complete"]
-Estimate = Literal["sample", "robust"]
 
 _FEWEST = 2
 _EM_STEPS, _EM_TOLERANCE = 2000, 1e-10
@@ -159,8 +156,8 @@ def given_statistics(mean: Reals, covariance: Reals, labels: Sequence[str] = ())
 def statistics_of_repeats(
     repeats: Reals,
     labels: Sequence[str] = (),
-    missing: Missing = "em",
-    estimate: Estimate = "sample",
+    missing: MissingValues = "em",
+    estimate: CovarianceEstimate = "sample",
     checked: bool = True,
 ) -> OutputStatistics:
     """Mean and covariance of repeats (n, m); NaN marks a value that was not measured.
@@ -209,7 +206,7 @@ def _robust(table: Reals) -> tuple[Reals, Reals, str]:
     raise FemtuneError("quantify.robust", values=sizes)
 
 
-def _moments(table: Reals, missing: Missing) -> tuple[Reals, Reals, str]:
+def _moments(table: Reals, missing: MissingValues) -> tuple[Reals, Reals, str]:
     if np.isfinite(table).all():
         return table.mean(axis=0), np.atleast_2d(np.cov(table.T)), "sample mean and covariance"
     if missing == "pairwise":
@@ -318,7 +315,7 @@ def _empty_rows(count: int) -> tuple[Notice, ...]:
     return (Notice(code, count=count),) if count else ()
 
 
-def _about_gaps(gaps: NDArray[np.bool_], missing: Missing, estimate: str) -> tuple[Notice, ...]:
+def _about_gaps(gaps: NDArray[np.bool_], missing: MissingValues, estimate: str) -> tuple[Notice, ...]:
     if not gaps.any():
         return ()
     if missing == "complete":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal
@@ -12,6 +12,7 @@ from scipy.special import ndtri
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
+from femtune.uncertainty.kinds import QUANTIFY_METHODS, OutputWeighting, QuantifyMethod
 from femtune.uncertainty.outputs import Counted, Outputs, second_derivatives
 from femtune.uncertainty.repeats import OutputStatistics, check_positive, correlation_of, factor, least_eigenvalue
 
@@ -41,8 +42,6 @@ class StochasticStatus(Enum):
 # ----------------------------------------------------------------------------------------------------
 # The transformation T that takes changes of outputs to changes of parameters, chapter equations (22) and (36).
 
-
-Weighting = Literal["relative", "covariance"]
 
 _RANK = 1e-8
 
@@ -79,7 +78,7 @@ class LinearEstimator:
 
 
 def estimator(
-    measured: OutputStatistics, scale: Reals, weighting: Weighting = "relative", regularisation: float = 0.0
+    measured: OutputStatistics, scale: Reals, weighting: OutputWeighting = "relative", regularisation: float = 0.0
 ) -> LinearEstimator:
     """An estimator for measured outputs.
 
@@ -370,7 +369,9 @@ def _ranked(scores: Reals, L: Reals) -> Reals:
 # Means and covariances by propagating a cloud through the model: chapter equations (40) and (41).
 
 
-Formula = Literal["cross-covariance", "output-difference"]
+CovarianceStep = Callable[[Reals, Reals, Reals, Reals], Reals]
+"""T (k, m), parameters (n, k) and outputs (n, m) of a cloud, measured covariance (m, m) -> covariance (k, k) of the
+parameters of the next cloud."""
 
 _SHORTEST_CLOUD_STEP, _LEAST, _TRIES = 1e-2, 1e-3, 8
 
@@ -429,13 +430,12 @@ def update_cloud(
     mean: Reals,
     C: Reals,
     by: LinearEstimator,
-    formula: Formula,
+    next_covariance: CovarianceStep,
     rules: CloudRules = CloudRules(),
 ) -> CloudResult:
     """Move a cloud of parameters until its outputs have the measured mean and covariance.
 
-    Means by (35) with the mean of the propagated outputs. Covariance with "cross-covariance" by (40), Khodaparast,
-    Mottershead and Friswell (2008), with "output-difference" by (41), Govers and Link (2010).
+    Means by (35) with the mean of the propagated outputs, covariance by `next_covariance`.
 
     Parameters
     ----------
@@ -453,7 +453,7 @@ def update_cloud(
         T = by.matrix(outputs.linearised(mean)[1])
         steps.append(CloudStep(mean, C, z.mean(axis=0), outputs.solutions))
         moved = T @ (measured.mean - z.mean(axis=0))
-        new = _next(formula, T, theta, z, measured.structural)
+        new = next_covariance(T, theta, z, measured.structural)
         if _small_change(moved / scale, new, C, scale, rules.tolerance):
             status = StochasticStatus.CONVERGED
             break
@@ -480,13 +480,23 @@ def _drawn(
     return mean, C, theta, propagate(outputs, theta)
 
 
-def _next(formula: Formula, T: Reals, theta: Reals, z: Reals, measured: Reals) -> Reals:
+def output_difference(T: Reals, theta: Reals, z: Reals, measured: Reals) -> Reals:
+    """Equation (41), Govers and Link (2010); see `CovarianceStep`."""
+    C, _, spread = _covariances(theta, z)
+    return np.asarray(C + T @ (measured - spread) @ T.T)
+
+
+def cross_covariance(T: Reals, theta: Reals, z: Reals, measured: Reals) -> Reals:
+    """Equation (40), Khodaparast, Mottershead and Friswell (2008); see `CovarianceStep`."""
+    C, cross, spread = _covariances(theta, z)
+    return np.asarray(C - cross @ T.T + T @ (spread + measured) @ T.T - T @ cross.T)
+
+
+def _covariances(theta: Reals, z: Reals) -> tuple[Reals, Reals, Reals]:
+    """Sample covariances (k, k) of the parameters, (k, m) of parameters and outputs, (m, m) of the outputs."""
     k = theta.shape[1]
     joint = np.cov(np.hstack([theta, z]).T)
-    C, cross, spread = joint[:k, :k], joint[:k, k:], joint[k:, k:]
-    if formula == "output-difference":
-        return np.asarray(C + T @ (measured - spread) @ T.T)
-    return np.asarray(C - cross @ T.T + T @ (spread + measured) @ T.T - T @ cross.T)
+    return joint[:k, :k], joint[:k, k:], joint[k:, k:]
 
 
 def _positive(old: Reals, new: Reals) -> Reals | None:
@@ -506,9 +516,6 @@ def _small_change(moved: Reals, new: Reals, old: Reals, scale: Reals, tolerance:
     return max(np.abs(moved).max(), np.abs(sd[0] - sd[1]).max(), change) <= tolerance
 
 
-Method = Literal["perturbation", "cross-covariance", "output-difference", "second-order"]
-
-
 @dataclass(frozen=True)
 class StochasticRules:
     """How a stochastic update goes.
@@ -522,8 +529,8 @@ class StochasticRules:
     cloud : of (40) and (41)
     """
 
-    method: Method = "second-order"
-    weighting: Weighting = "relative"
+    method: QuantifyMethod = "second-order"
+    weighting: OutputWeighting = "relative"
     regularisation: float = 0.0
     max_iterations: int = 50
     tolerance: float = 1e-6
@@ -572,8 +579,7 @@ class StochasticResult:
     @property
     def citations(self) -> tuple[str, ...]:
         """Keys of `femtune.citations`."""
-        own = {"cross-covariance": ("khodaparast2008",), "output-difference": ("govers2010",)}
-        return ("mottershead2011", "silva2016", *own.get(self.rules.method, ()))
+        return ("mottershead2011", "silva2016", *QUANTIFY_METHODS[self.rules.method].citations)
 
 
 def stochastic_update(
@@ -603,15 +609,13 @@ def stochastic_update(
     by = estimator(measured, start_sd, rules.weighting, rules.regularisation)
     counted = Counted(outputs)
     _check_outputs(counted, measured, start)
-    if rules.method in ("cross-covariance", "output-difference"):
-        found = _by_cloud(counted, measured, by, start, start_sd, rules)
-    else:
-        found = _by_means(counted, measured, by, start, rules)
-    G = counted.linearised(found.mean)[1] if found.G is None else found.G
-    covariance = found.covariance if measured.noise is None else _definite(found.covariance, start_sd)
+    method: Callable[..., Moments] = QUANTIFY_METHODS[rules.method].load()
+    moments = method(counted, measured, by, start, start_sd, rules)
+    G = counted.linearised(moments.mean)[1] if moments.G is None else moments.G
+    covariance = moments.covariance if measured.noise is None else _definite(moments.covariance, start_sd)
     return StochasticResult(
-        tuple(names), found.mean, covariance, start, start_sd, measured, found.T, G, found.steps,
-        found.solutions, found.status, rules, unexplained(G, measured),
+        tuple(names), moments.mean, covariance, start, start_sd, measured, moments.T, G, moments.steps,
+        moments.solutions, moments.status, rules, unexplained(G, measured),
     )  # fmt: skip
 
 
@@ -623,7 +627,9 @@ def _definite(covariance: Reals, scale: Reals) -> Reals:
 
 
 @dataclass(frozen=True)
-class _Found:
+class Moments:
+    """What a method of [quantify] estimates: fields as of `StochasticResult`; G is None where it was not computed."""
+
     mean: Reals
     covariance: Reals
     T: Reals
@@ -633,32 +639,53 @@ class _Found:
     solutions: int
 
 
-def _by_means(
-    counted: Counted, measured: OutputStatistics, by: LinearEstimator, start: Reals, rules: StochasticRules
-) -> _Found:
+def by_perturbation(
+    counted: Counted, measured: OutputStatistics, by: LinearEstimator, start: Reals, sd: Reals, rules: StochasticRules
+) -> Moments:
+    """Means by iteration, covariance by equation (39)."""
+    at = update_means(counted, measured.mean, start, by, rules.max_iterations, rules.tolerance)
+    covariance = at.T @ measured.structural @ at.T.T
+    return Moments(at.theta, covariance, at.T, at.G, at.steps, at.status, counted.solutions)
+
+
+def by_second_order(
+    counted: Counted, measured: OutputStatistics, by: LinearEstimator, start: Reals, sd: Reals, rules: StochasticRules
+) -> Moments:
+    """As `by_perturbation`, corrected for the curvature of the outputs."""
     at = update_means(counted, measured.mean, start, by, rules.max_iterations, rules.tolerance)
     moments, status = (at.theta, at.T @ measured.structural @ at.T.T), at.status
-    if rules.method == "second-order" and status.ok:
-        moments, status = _second_order(counted, measured, by, at, moments)
-    return _Found(*moments, at.T, at.G, at.steps, status, counted.solutions)
+    if status.ok:
+        better = corrected(quadratic_model(counted, at, by.scale), measured, by)
+        moments, status = (moments, StochasticStatus.TOO_CURVED) if better is None else (better, status)
+    return Moments(*moments, at.T, at.G, at.steps, status, counted.solutions)
 
 
-def _second_order(
-    counted: Counted, measured: OutputStatistics, by: LinearEstimator, at: Means, linear: tuple[Reals, Reals]
-) -> tuple[tuple[Reals, Reals], StochasticStatus]:
-    better = corrected(quadratic_model(counted, at, by.scale), measured, by)
-    return (linear, StochasticStatus.TOO_CURVED) if better is None else (better, at.status)
+def by_cross_covariance(
+    counted: Counted, measured: OutputStatistics, by: LinearEstimator, start: Reals, sd: Reals, rules: StochasticRules
+) -> Moments:
+    """Mean and covariance of samples, by equation (40)."""
+    return _by_cloud(counted, measured, by, start, sd, rules, cross_covariance)
+
+
+def by_output_difference(
+    counted: Counted, measured: OutputStatistics, by: LinearEstimator, start: Reals, sd: Reals, rules: StochasticRules
+) -> Moments:
+    """Mean and covariance of samples, by equation (41)."""
+    return _by_cloud(counted, measured, by, start, sd, rules, output_difference)
 
 
 def _by_cloud(
-    counted: Counted, measured: OutputStatistics, by: LinearEstimator, start: Reals, sd: Reals, rules: StochasticRules
-) -> _Found:
-    formula: Literal["cross-covariance", "output-difference"] = (
-        "cross-covariance" if rules.method == "cross-covariance" else "output-difference"
-    )
-    found = update_cloud(counted, measured, start, np.diag(sd**2), by, formula, rules.cloud)
-    last = found.steps[-1]
-    return _Found(last.mean, last.covariance, found.T, None, found.steps, found.status, counted.solutions)
+    counted: Counted,
+    measured: OutputStatistics,
+    by: LinearEstimator,
+    start: Reals,
+    sd: Reals,
+    rules: StochasticRules,
+    next_covariance: CovarianceStep,
+) -> Moments:
+    cloud = update_cloud(counted, measured, start, np.diag(sd**2), by, next_covariance, rules.cloud)
+    last = cloud.steps[-1]
+    return Moments(last.mean, last.covariance, cloud.T, None, cloud.steps, cloud.status, counted.solutions)
 
 
 def unexplained(G: Reals, measured: OutputStatistics) -> float:

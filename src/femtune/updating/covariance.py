@@ -9,17 +9,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, stdtrit
 
 from femtune.arrays import Reals
+from femtune.residuals.kinds import Scatter
 from femtune.selection import determined
 from femtune.updating.posterior import BoxPosterior, box_posterior
-
-Scatter = Literal["stated", "estimated"]
 
 NOTHING_LOST: Mapping[str, int] = MappingProxyType({})
 

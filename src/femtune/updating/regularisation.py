@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.linalg as la
@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.parameters import ParameterSet
+from femtune.updating.kinds import WeightRule
 
 # ----------------------------------------------------------------------------------------------------
 # What the choice of a weight is: the path of the parameters, the rule, and how it ended; `weight` makes it.
 
 
-Weight = float | Literal["l-curve", "gcv"]
+Weight = float | WeightRule
 """A number, or the rule that determines it at the first iteration."""
 
 
@@ -86,7 +87,7 @@ class WeightChoice:
     position : of the weight in the path; None if none was found
     """
 
-    rule: Literal["l-curve", "gcv"]
+    rule: WeightRule
     status: WeightStatus
     position: int | None
     path: RegularisationPath
@@ -266,7 +267,7 @@ def reweighed(side: SideConstraint, at: LinearModel) -> SideConstraint:
     return replace(side, weight=fresh.weight, choice=fresh) if fresh.status.found else side
 
 
-def choose_weight(side: SideConstraint, rule: Literal["l-curve", "gcv"], at: LinearModel) -> WeightChoice:
+def choose_weight(side: SideConstraint, rule: WeightRule, at: LinearModel) -> WeightChoice:
     """The weight by a rule, on the linear model at a point."""
     path = regularisation_path(side, at)
     status, position = (_corner if rule == "l-curve" else _least)(path, len(at.residuals) - int(at.moving.sum()))

@@ -8,7 +8,6 @@ if TYPE_CHECKING:
     from femtune.validation.assessment import assess
     from femtune.validation.criteria import (
         CRITERIA,
-        PROFILES,
         CriteriaProfile,
         Criterion,
         Outcome,
@@ -24,7 +23,6 @@ else:
 
 __all__ = [
     "CRITERIA",
-    "PROFILES",
     "CriteriaProfile",
     "Criterion",
     "FrequencyMiss",

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from femtune.validation.kinds import PROFILES
+
 
 class Outcome(Enum):
     """Outcome of a criterion."""
@@ -136,23 +138,26 @@ CRITERIA = (
 """The limits that these standards name for primary modes; a project may tailor them."""
 
 
-def _of(*names: str) -> tuple[Criterion, ...]:
-    return tuple(c for c in CRITERIA if c.standard in (*names, "common practice"))
+def all_standards(name: str) -> tuple[Criterion, ...]:
+    """Criteria of all standards."""
+    return CRITERIA
 
 
-PROFILES = {
-    "all": CriteriaProfile("all standards", CRITERIA),
-    "NASA": CriteriaProfile("NASA-STD-5002", _of("NASA-STD-5002")),
-    "MIL": CriteriaProfile("MIL-STD-1540C", _of("MIL-STD-1540C")),
-    "ECSS": CriteriaProfile("ECSS-E-ST-32-11C", _of("ECSS-E-ST-32-11C")),
-    "own": CriteriaProfile("own", ()),
-}
-"""Profiles by the word of a study file."""
+def of_standard(name: str) -> tuple[Criterion, ...]:
+    """Criteria of one standard, and of common practice."""
+    return tuple(c for c in CRITERIA if c.standard in (name, "common practice"))
+
+
+def no_standard(name: str) -> tuple[Criterion, ...]:
+    """None: the user's limits alone."""
+    return ()
 
 
 def profile(word: str, limits: Mapping[str, float] | None = None) -> CriteriaProfile:
     """A profile with user-defined limits by quantity (KeyError for words that are not in `PROFILES`)."""
-    return PROFILES[word].tailored(limits or {})
+    kind = PROFILES[word]
+    criteria: tuple[Criterion, ...] = kind.load()(kind.label)
+    return CriteriaProfile(kind.label, criteria).tailored(limits or {})
 
 
 def judge(criterion: Criterion, value: float, remark: str, noise: str = "") -> Verdict:

@@ -10,7 +10,7 @@ import pytest
 from femtune.fem.assemble import assemble
 from femtune.fem.elements import contributions
 from femtune.fem.elements.shells.quad import quad_residual
-from femtune.fem.elements.shells.residual import STEP, few_sizes
+from femtune.fem.elements.shells.residual import LARGEST_STEP, few_sizes
 from femtune.fem.structure import Structure
 from femtune.parameters import jet
 from structures.shells import (
@@ -97,7 +97,7 @@ def some_sizes(ratio: float) -> np.ndarray:
     return np.asarray(2.0 * ratio ** (squares - 1.0))
 
 
-@pytest.mark.parametrize("ratio", [1.5, STEP, 300.0])
+@pytest.mark.parametrize("ratio", [1.5, LARGEST_STEP, 300.0])
 @pytest.mark.parametrize("which", [0, 1])
 def test_few_sizes_are_exact_where_shear_or_bending_is_by_far_the_larger(ratio: float, which: int) -> None:
     squares = some_sizes(ratio)
@@ -105,9 +105,9 @@ def test_few_sizes_are_exact_where_shear_or_bending_is_by_far_the_larger(ratio: 
     np.testing.assert_allclose(factor(squares, 1e12, which), 1e-12 / squares[:, which], rtol=1e-8)
 
 
-@pytest.mark.parametrize("ratio", [1.5, STEP, 300.0])
+@pytest.mark.parametrize("ratio", [1.5, LARGEST_STEP, 300.0])
 def test_few_sizes_are_within_their_bound_between(ratio: float) -> None:
-    squares, root = some_sizes(ratio), np.sqrt(min(ratio, STEP))
+    squares, root = some_sizes(ratio), np.sqrt(min(ratio, LARGEST_STEP))
     least = 4.0 * root / (1.0 + root) ** 2
     for stiff in np.geomspace(0.01, 1000.0, 13):
         for which in (0, 1):
@@ -117,7 +117,7 @@ def test_few_sizes_are_within_their_bound_between(ratio: float) -> None:
     found = few_sizes(squares)
     assert found.wide.min() >= 0.0
     assert found.narrow.min() >= 0.0
-    assert len(np.unique(np.round(found.sizes, 9))) <= 2 + np.ceil(np.log(ratio) / np.log(STEP))
+    assert len(np.unique(np.round(found.sizes, 9))) <= 2 + np.ceil(np.log(ratio) / np.log(LARGEST_STEP))
 
 
 def test_sizes_of_equal_elements_are_their_own() -> None:

@@ -10,6 +10,7 @@ import pytest
 from tests.fem.solid_parts import (
     ANISO,
     CORNERS,
+    GRADIENT,
     ISO,
     KINDS,
     LAW,
@@ -18,6 +19,7 @@ from tests.fem.solid_parts import (
     distorted,
     lean,
     one,
+    solved_patch,
     translations,
     translations_of,
     turned,
@@ -106,23 +108,11 @@ def test_an_isotropic_law_written_out_is_the_isotropic_solid(kind: str):
 
 # constant strain in a patch of distorted cells ---------------------------------------------------------------------
 
-GRADIENT = np.array([[0.3, 0.1, -0.2], [0.4, -0.2, 0.5], [0.1, 0.25, 0.15]])
-
 
 def strain_energy(law: np.ndarray, gradient: np.ndarray) -> float:
     e = 0.5 * (gradient + gradient.T)
     strain = np.array([e[0, 0], e[1, 1], e[2, 2], 2 * e[0, 1], 2 * e[1, 2], 2 * e[2, 0]])
     return float(strain @ law @ strain)
-
-
-def solved_patch(structure, rim) -> tuple[np.ndarray, np.ndarray, float]:
-    """Displacements inside when the rim follows a linear field, that field, and the energy of the field."""
-    K = dense(structure)
-    u = (structure.nodes.xyz @ GRADIENT.T).ravel()
-    outer = translations_of(rim)
-    inner = np.setdiff1d(np.arange(len(u)), outer)
-    found = np.linalg.solve(K[np.ix_(inner, inner)], -K[np.ix_(inner, outer)] @ u[outer])
-    return found, u[inner], float(u @ K @ u)
 
 
 @pytest.mark.parametrize("law", ["isotropic", "anisotropic"])

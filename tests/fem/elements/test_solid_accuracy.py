@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.fem.elements.test_solid import dense
-from tests.fem.elements.test_solid_quadratic import SHAPES, curved, one
+from tests.fem.quadratic_parts import SHAPES, curved, one
+from tests.fem.solid_parts import dense
 
 from femtune.fem.elements.solids.quadratic import HEXA20 as HEXA
 from femtune.fem.elements.solids.quadratic import PENTA15 as PENTA

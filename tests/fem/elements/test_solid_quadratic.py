@@ -6,7 +6,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from tests.fem.elements.test_solid import ANISO, GRADIENT, ISO, LAW, dense, lean, solved_patch, translations_of, turned
+from tests.fem.quadratic_parts import SHAPES, curved, one
+from tests.fem.solid_parts import ANISO, GRADIENT, ISO, LAW, dense, lean, solved_patch, translations_of, turned
 
 from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
@@ -16,36 +17,14 @@ from femtune.fem.elements.solids.shape import (
     HEXA20_SHAPE as HEXA20,
 )
 from femtune.fem.elements.solids.shape import (
-    PENTA15_SHAPE as PENTA15,
-)
-from femtune.fem.elements.solids.shape import (
-    PYRAM13_SHAPE as PYRAM13,
-)
-from femtune.fem.elements.solids.shape import (
     TETRA10_SHAPE as TETRA10,
-)
-from femtune.fem.elements.solids.shape import (
-    SolidShape,
 )
 from femtune.fem.structure import Structure
 from femtune.testing import check_contribution
 from structures.shells import Isotropic
 from structures.solids import Law, SolidPart, box, isotropic_law, solid_mesh, solid_model, solid_structure
 
-SHAPES: dict[str, SolidShape] = {"hexa20": HEXA20, "penta15": PENTA15, "tetra10": TETRA10, "pyram13": PYRAM13}
 KINDS = list(SHAPES)
-
-
-def curved(kind: str, size: float = 0.12, seed: int = 1) -> np.ndarray:
-    """A distorted element, its sides curved."""
-    xyz = SHAPES[kind].nodes
-    return xyz + np.random.default_rng(seed).uniform(-size, size, xyz.shape) * (0.5 if kind == "tetra10" else 1.0)
-
-
-def one(kind: str, xyz: np.ndarray, material: Isotropic | Law = ISO, missing: tuple[int, ...] = (), **settings):
-    cell = np.arange(len(xyz))
-    cell[list(missing)] = -1
-    return solid_structure(xyz, [SolidPart(kind, cell[None], material)], **settings)
 
 
 @pytest.mark.parametrize("nu", [0.3, 0.4999])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.fem.elements.test_solid import dense
+from tests.fem.solid_parts import dense
 
 from femtune.fem.elements import KINDS
 from femtune.fem.elements.solids.quadratic import LINEAR, MEAN, Projection, Quadratic, constant_function

@@ -16,98 +16,7 @@ from femtune.fem.fields import FieldRef
 from femtune.files.study_file import StudyFile, element_list, read_study_file, study_from_text
 from femtune.model.configuration import AddedMass
 
-FULL = """\
-[study]
-title = "Two-storey steel building"
-deck = "building.bdf"
-units = "m-kg-s"
-allow_ignored = ["CQUADR"]
-
-[modes]
-count = 8
-
-[[configuration]]
-name = "BC"
-test = "building.uff"
-records = "BC"
-test_units = "mm-kg-s"
-mode_labels = ["1", "2", "3", "4a", "4b", "5", "6"]
-rotation = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-origin = [0.0, 0.0, 0.5]
-elements_off = "201 THRU 208 EXCEPT 203, 301"
-spc = 1
-mpc = 2
-supports_added = ["12:123", "13 THRU 15:3"]
-supports_removed = ["9:0"]
-masses = [{ node = 11, mass = 0.35, offset = [0, 0, 0.1], inertia = [1, 2, 3.5], label = "sensor" },
-          { node = 12, mass = 1, inertia = [[2, 0.5, 0], [0.5, 2, 0], [0, 0, 3]] }]
-weighed_mass = 7500.0
-leave_out = [{ mode = "4a", reason = "braces" }, { hz = 9.39, reason = "noise" }]
-pairs = [{ test = "1", model = 1 }]
-use = "update"
-
-[[configuration]]
-name = "NC"
-elements_off = [7, 8]
-use = "validation"
-
-[sensors]
-tolerance = 0.05
-by_id = false
-nodes = { "101" = 12 }
-
-[[sensor]]
-name = "11X+"
-terms = [{ node = 3, component = "X", factor = 0.5 }, { node = 4, component = "S" }]
-
-[[rigid_floor]]
-test_node = 1
-nodes = [11, 12, 13, 14]
-origin = [0, 0, 2]
-components = ["X", "Y", "RZ"]
-
-[correlate]
-frequency_gate = 0.30
-mac_gate = 0.50
-cluster_gap = 0.01
-
-[[parameter]]
-name = "Icx1"
-fields = ["PBAR 1 I1", "MAT1 2 E"]
-elements = "1 THRU 4"
-lower = 0.3
-upper = 3
-nominal = 1.0
-absolute = false
-sd = 0.2
-mean = 1.0
-unit = ""
-
-[[parameter]]
-name = "Icx2"
-elements = [5, 6]
-tie = "2*Icx1"
-
-[residuals]
-frequency_sd = "test"
-shape_sd = 0.1
-shape_form = "mac"
-frequency_form = "eigenvalue"
-shape_scaling = "largest-entry"
-
-[update]
-max_iterations = 20
-regularisation = "minimum-change"
-weight = 0.1
-tolerance = 1e-6
-
-[write]
-wide = true
-split = true
-
-[output]
-folder = "out/run"
-"""
+from .whole_study import STUDY
 
 _LEAST = '[study]\ntitle = "t"\ndeck = "building.bdf"\nunits = "m-kg-s"\n'
 
@@ -124,12 +33,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def full(folder: Path) -> StudyFile:
     """The study with everything in it."""
-    (folder / "study.toml").write_text(FULL)
+    (folder / "study.toml").write_text(STUDY)
     return read_study_file(folder / "study.toml")
 
 
 def test_paths_are_relative_to_the_study(full: StudyFile, folder: Path) -> None:
-    assert full.deck_path == folder / "building.bdf"
+    assert full.path_of("building.bdf") == folder / "building.bdf"
     assert full.output_folder == folder / "out" / "run"
     assert full.path == folder / "study.toml"
 
@@ -194,7 +103,7 @@ def test_single_test_belongs_to_the_state_as_the_deck(folder: Path) -> None:
 
 
 def test_lines_that_end_as_on_windows(folder: Path) -> None:
-    (folder / "dos.toml").write_bytes(FULL.replace("\n", "\r\n").encode())
+    (folder / "dos.toml").write_bytes(STUDY.replace("\n", "\r\n").encode())
     assert read_study_file(folder / "dos.toml").where("parameter", 1, "tie").line == 70
 
 
@@ -202,7 +111,7 @@ _WORDS = ["[", "]", "{", "}", "=", '"', "'", '"""', "\n", "#", ",", ".", "nan", 
           "[]", "{}", "true", '"x"', "\x00", "\\", "[[parameter]]", "[study]", "é", "\r", "1979-05-27", "0x1",
           "inf"]  # fmt: skip
 _EDITS = st.lists(
-    st.tuples(st.integers(0, len(FULL)), st.integers(0, 12), st.sampled_from(_WORDS) | st.text(max_size=4)),
+    st.tuples(st.integers(0, len(STUDY)), st.integers(0, 12), st.sampled_from(_WORDS) | st.text(max_size=4)),
     min_size=1,
     max_size=4,
 )
@@ -220,13 +129,13 @@ def _only_femtune_errors(text: str, folder: Path) -> None:
 
 @given(_EDITS)
 def test_damaged_text_gives_femtune_errors_only(folder: Path, edits: list[tuple[int, int, str]]) -> None:
-    text = FULL
+    text = STUDY
     for at, length, word in edits:
         text = text[:at] + word + text[at + length :]
     _only_femtune_errors(text, folder)
 
 
-_LINES = FULL.split("\n")
+_LINES = STUDY.split("\n")
 _SCALARS = (  # values of every type that TOML has
     st.integers(-(10**20), 10**20).map(str)
     | st.floats().map(str)

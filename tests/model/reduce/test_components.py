@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import eigvalsh
+from tests.deck_models import model_of
 from tests.messages.shown import check_shown
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
-from femtune.files.nastran import build_structure, read_deck
 from femtune.model import (
     AddedMass,
     Assignment,
@@ -248,8 +248,7 @@ _FRAMES = Components({"one": frozenset({1, 2}), "two": frozenset({11, 12}), "thr
 def _coupled(folder: Path, joint: str = _JOINT) -> ConfiguredModel:
     path = folder / "frames.bdf"
     path.write_text(_COUPLED.format(joint=joint).replace("CEND", "CEND\nSPC = 1" + "\nK2GG = KJ" * ("DMIG" in joint)))
-    model = parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ())
-    return configure(model, Configuration())
+    return model_of(path)
 
 
 def _nodes(configured: ConfiguredModel, dofs: Reals) -> set[int]:

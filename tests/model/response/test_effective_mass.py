@@ -7,13 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.deck_models import model_of
 
-from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import build_structure
-from femtune.model import Configuration, EigenSolution, configure, parametric_model, solve_modes
+from femtune.model import Configuration, EigenSolution, solve_modes
 from femtune.model.configuration import AddedMass
 from femtune.model.response import effective_mass
-from femtune.parameters import ParameterSet
 
 Solve = Callable[..., EigenSolution]
 
@@ -35,8 +33,7 @@ def solve(tmp_path: Path) -> Solve:
     def modes(text: str, count: int, configuration: Configuration | None = None) -> EigenSolution:
         path = tmp_path / "deck.bdf"
         path.write_text(text)
-        model = parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ())
-        return solve_modes(configure(model, configuration or Configuration()).at(np.zeros(0)), count)
+        return solve_modes(model_of(path, configuration).at(np.zeros(0)), count)
 
     return modes
 

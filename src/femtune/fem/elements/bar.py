@@ -25,10 +25,10 @@ from femtune.parameters.jet import Jet
 
 
 def skew_bending(at: NDArray[np.int64], ends: Reals, length: Reals, shear: Flags) -> list[Contribution]:
-    """Terms of m skew elements at positions `at`; `shear` (m, 2) tells in which planes transverse shear counts.
+    """Terms of m skew elements at positions `at`; `shear` (m, 2) tells which planes have transverse shear.
 
-    Gives E·I12 (curvature of all, antisymmetric bending of the shear-rigid) and the antisymmetric bending of the
-    others, for which the flexibilities of both planes are inverted together.
+    Gives E·I12 (curvature of all elements, antisymmetric bending of shear-rigid ones) and the antisymmetric bending of
+    shear-flexible ones, for which the flexibilities of both planes are inverted together.
     """
     if not len(at):
         return []
@@ -39,8 +39,8 @@ def skew_bending(at: NDArray[np.int64], ends: Reals, length: Reals, shear: Flags
     bent[rigid] += placement.outer(*shapes)[rigid] * (12.0 / length[rigid, None, None] ** 3)
     out = [Contribution("stiffness", "bending-12", at, bent, ("E", "I12"), product("E", "I12"))]
     for planes in ((1,), (2,), (1, 2)):
-        own = (shear == [1 in planes, 2 in planes]).all(axis=1)
-        out += _sheared(at[own], [g[own] for g in shapes], length[own], planes)
+        group = (shear == [1 in planes, 2 in planes]).all(axis=1)
+        out += _sheared(at[group], [g[group] for g in shapes], length[group], planes)
     return out
 
 
@@ -98,7 +98,7 @@ def bar(batch: ElementBatch, structure: Structure) -> list[Contribution]:
 def bar_placement(batch: ElementBatch, structure: Structure) -> tuple[Reals, Reals]:
     """Lengths (e,) and the transformation (e, 12, 12) onto the nodes' displacements.
 
-    With the fact "at_ends" it leads onto those of the ends of the arms, along the nodes' frames.
+    With the fact "at_ends" it refers to the displacements of the ends of the arms, along the nodes' frames.
     """
     arm_a, arm_b = batch.facts["offset_a"], batch.facts["offset_b"]
     start = placement.node_positions(batch, structure, 0) + arm_a
@@ -124,7 +124,7 @@ def _along(
 
 
 def shear_flexible(batch: ElementBatch, structure: Structure, plane: int) -> NDArray[np.bool_]:
-    """(e,) True where transverse shear of a plane counts; CBAR ignores it where I12 is not zero."""
+    """(e,) True if a plane has transverse shear; CBAR ignores it where I12 is not zero."""
     values = [placement.nominal(batch, structure, r) for r in (f"K{plane}", "A", "G", f"I{plane}")]
     out = np.all([v != 0.0 for v in values], axis=0)
     return np.asarray(out & ~skewed(batch, structure) if batch.card == "CBAR" else out)
@@ -158,7 +158,7 @@ def _refuse_skew_pins(batch: ElementBatch, skew: NDArray[np.bool_]) -> None:
 def _plane(
     p: int, modes: list[BendingMode], ends: Reals, flexible: NDArray[np.bool_], coupled: NDArray[np.bool_]
 ) -> list[Contribution]:
-    """Terms E·I and rational ones of a plane; antisymmetric bending of `coupled` elements is left out."""
+    """Terms E·I and rational terms of a plane; antisymmetric bending of `coupled` elements is left out."""
     count, scaled, out = np.zeros(len(ends), np.int64), np.zeros((len(ends), 2, 12)), []
     for mode in modes:
         shapes = shapes_on_nodes(mode, p, ends)
@@ -181,7 +181,7 @@ def _rational(p: int, mode: BendingMode, shapes: Reals, keep: NDArray[np.bool_])
 
 
 def bar_differential(batch: ElementBatch, structure: Structure) -> Differential:
-    """That of the axial force; errors as of `bar`."""
+    """Differential stiffness of the axial force; errors as of `bar`."""
     length, ends = bar_placement(batch, structure)
     return of_bar(ends, length, np.asarray(batch.facts["pins"], bool))
 

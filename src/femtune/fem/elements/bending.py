@@ -18,7 +18,7 @@ from femtune.arrays import Reals
 from femtune.fem.contribution import Coefficient
 from femtune.parameters.jet import Jet
 
-# rows of (v, θ) at both ends in the element's twelve, and the signs that make θ = dv/dx
+# rows of (v, θ) at both ends among the element's twelve, and the signs for which θ = dv/dx
 PLANES = {
     1: (np.array([1, 5, 7, 11]), np.array([1.0, 1.0, 1.0, 1.0])),
     2: (np.array([2, 4, 8, 10]), np.array([1.0, -1.0, 1.0, -1.0])),
@@ -62,18 +62,18 @@ def _modes(at: NDArray[np.int64], length: Reals, pattern: NDArray[np.bool_]) -> 
 
 
 def _both_translations(pattern: NDArray[np.bool_]) -> bool:
-    """True where the two transverse displacements are released and nothing else: they load the same mode."""
+    """True if only the two transverse displacements are released: they load the same mode."""
     return bool((pattern == [True, False, True, False]).all())
 
 
 def shapes_on_nodes(mode: BendingMode, plane: int, ends: Reals) -> Reals:
-    """(m, 12) shapes of a mode on the nodes' displacements; `ends` (e, 12, 12) leads there."""
+    """(m, 12) shapes of a mode on the nodes' displacements; `ends` (e, 12, 12) is the transformation."""
     rows, signs = PLANES[plane]
     return np.asarray(((mode.shape * signs)[:, None, :] @ ends[np.ix_(mode.at, rows)])[:, 0])
 
 
 def bending_with_shear(inertia: str, factor: str) -> Coefficient:
-    """1 / (bending/(E·I) + shear/(K·A·G)): the stiffness of a mode that bends and shears."""
+    """1 / (bending/(E·I) + shear/(K·A·G)): the stiffness of a mode of bending and shear."""
 
     def stiffness(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
         bending = facts["bending"] / (values["E"] * values[inertia])

@@ -20,15 +20,15 @@ from femtune.fem.elements.kind import ElementKind
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters.jet import Jet
 
-SHEAR = 0.9
-"""κ of a round section, Nastran's for bars of the type ROD."""
+ROUND_SHEAR_FACTOR = 0.9
+"""Shear factor κ of a solid round section: the value that Nastran uses for bars of the type ROD."""
 
 Values = Mapping[str, Jet]
 Facts = Mapping[str, NDArray]
 
 
 def fastener(batch: ElementBatch, structure: Structure) -> list[Contribution]:
-    """Stiffnesses K1 to K6 with the loss factor GE, and a mass M of which each end has one half."""
+    """Stiffnesses K1 to K6 with the loss factor GE, and a mass M, half at each end."""
     at = np.arange(len(batch))
     out = [
         Contribution("stiffness", f"K{i + 1}", at, placement.outer(row), (f"K{i + 1}",), product(f"K{i + 1}"))
@@ -45,9 +45,9 @@ def weld(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     sizes = ("D", "tA", "tB") if spot else ("D",)
     out = [
         Contribution(
-            "stiffness", label, at, placement.sum_of_squares(rows[:, own]), (*moduli, *sizes), coefficient, shape
+            "stiffness", label, at, placement.sum_of_squares(rows[:, springs]), (*moduli, *sizes), coefficient, shape
         )
-        for label, own, moduli, coefficient in _PARTS
+        for label, springs, moduli, coefficient in _PARTS
     ]
     length = batch.facts["length"][:, None, None]
     mass = _shared_mass(batch, structure) * (0.25 * np.pi * length)
@@ -55,7 +55,7 @@ def weld(batch: ElementBatch, structure: Structure) -> list[Contribution]:
 
 
 def _deformations(batch: ElementBatch) -> Reals:
-    """(e, 6, d) motion of the second end less that of the first, both carried by rigid arms to the middle."""
+    """(e, 6, d) motion of the second end relative to the first, both carried by rigid arms to the middle."""
     ends, arm = batch.facts["ends"], placement.cross_matrix(batch.facts["arm"])
     gap = ends[:, 6:] - ends[:, :6]
     gap[:, :3] += arm @ (ends[:, 3:6] + ends[:, 9:])
@@ -63,7 +63,7 @@ def _deformations(batch: ElementBatch) -> Reals:
 
 
 def _shared_mass(batch: ElementBatch, structure: Structure) -> Reals:
-    """(e, d, d) of a unit mass, one half at each end."""
+    """(e, d, d) matrices of a unit mass, half at each end."""
     ends = batch.facts["ends"]
     moved = np.concatenate([ends[:, :3], ends[:, 6:9]], axis=1)
     return placement.sum_of_squares(moved) * (0.5 * structure.mass_factor)
@@ -89,7 +89,7 @@ def _across(values: Values, facts: Facts) -> Jet:
     """The inverse of L²Le/12EI + Le/κGA."""
     D, length = values["D"], facts["length"]
     bending = length**2 / 12.0 / (values["E"] * _power(D, 4) * (np.pi / 64.0))
-    shear = 1.0 / (values["G"] * D * D * (SHEAR * np.pi / 4.0))
+    shear = 1.0 / (values["G"] * D * D * (ROUND_SHEAR_FACTOR * np.pi / 4.0))
     return 1.0 / ((bending + shear) * _effective(values, facts))
 
 

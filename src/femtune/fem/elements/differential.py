@@ -1,14 +1,13 @@
-"""Differential stiffness: what the internal forces of a static state add to the stiffness of an element.
+"""Differential stiffness: the contribution of the internal forces of a static state to the stiffness of an element.
 
 The internal forces of an element of stiffness k are its mean stress resultants S_j, the axial force of a bar, the three
 membrane forces of a shell, the six stresses of a solid. An element that passes the patch test has a field of
 displacements v_j of constant unit strain j, so that virtual work gives S_j = v_jᵀ k u / V for any law and any
-displacements u; V is the length, area or volume. The differential stiffness is Σ_j S_j G_j with constant
-G_j: ∫ ∇Nᵀ e_j ∇N dV for each direction of displacement, e_j the unit tensor of stress j (Zienkiewicz, Taylor and Fox,
-The Finite Element Method for Solid and Structural Mechanics, 2014, section 6.4). Solids with mid-side nodes have fields
-of linear unit strains too, so that their stresses are found as linear functions of the place. Of a bar there are the
-cubic shape functions and the transverse displacements (Przemieniecki, Theory of Matrix Structural Analysis, 1968,
-section 15.2).
+displacements u; V is the length, area or volume. The differential stiffness is Σ_j S_j G_j with constant G_j: ∫ ∇Nᵀ e_j
+∇N dV for each direction of displacement, e_j the unit tensor of stress j (Zienkiewicz, Taylor and Fox, The Finite
+Element Method for Solid and Structural Mechanics, 2014, section 6.4). Solids with mid-side nodes also have fields of
+linear unit strains, so that their stresses are determined as linear functions of position. For a bar the transverse
+displacements have cubic shape functions (Przemieniecki, Theory of Matrix Structural Analysis, 1968, section 15.2).
 """
 
 from __future__ import annotations
@@ -42,24 +41,24 @@ class Differential:
 
 
 def of_rod(ends: Reals, length: Reals) -> Differential:
-    """A straight line between two points: F/L times the squares of the differences across. `ends` as of bars."""
+    """A straight line between two points: F/L times the squared transverse differences. `ends` as of bars."""
     across = np.stack([ends[:, row + 6] - ends[:, row] for row in (1, 2)], axis=1)
     matrices = placement.sum_of_squares(across) / length[:, None, None]
     return Differential(_stretch(ends), matrices[:, None])
 
 
 def of_bar(ends: Reals, length: Reals, pins: Flags) -> Differential:
-    """Cubic displacements across in both planes; those of a bar with releases are what pure bending makes of them."""
+    """Cubic transverse displacements in both planes; at releases they are those of pure bending."""
     matrices = np.zeros((len(ends), 12, 12))
     for rows, signs in PLANES.values():
         shapes = _released(length, pins[:, rows]) * signs[:, None] * signs
-        own = np.swapaxes(shapes, 1, 2) @ (_cubic(length) * np.outer(signs, signs)) @ shapes
-        matrices += placement.carry(ends[:, rows], own)
+        bent = np.swapaxes(shapes, 1, 2) @ (_cubic(length) * np.outer(signs, signs)) @ shapes
+        matrices += placement.carry(ends[:, rows], bent)
     return Differential(_stretch(ends), matrices[:, None])
 
 
 def _stretch(ends: Reals) -> Reals:
-    """(m, 1, 12) displacements of the grid points that move the second end along the element by a unit."""
+    """(m, 1, 12) displacements of the grid points that move the second end by a unit along the element."""
     unit = np.zeros((12, 1))
     unit[6] = 1.0
     return np.swapaxes(np.linalg.solve(ends, np.broadcast_to(unit, (len(ends), 12, 1))), 1, 2)
@@ -75,7 +74,7 @@ def _cubic(length: Reals) -> Reals:
 
 
 def _released(length: Reals, pins: Flags) -> Reals:
-    """(m, 4, 4) (v, v′) of the ends of bars of which some are released, from those of their grid points."""
+    """(m, 4, 4) from (v, v′) of the grid points to those of the ends of bars with releases."""
     out = np.broadcast_to(np.eye(4), (len(length), 4, 4)).copy()
     curvature, antisymmetric = np.array([0.0, -1.0, 0.0, 1.0]), np.array([1.0, 0.5, -1.0, 0.5])
     unit = np.outer(curvature, curvature) + 12.0 * np.outer(antisymmetric, antisymmetric)
@@ -161,8 +160,8 @@ class SolidRule:
 
     Parameters
     ----------
-    nodes : (m, n, 3) places of the nodes in the basic frame; of nodes that are left out they are not read
-    points : (m, p, 3) places of the points from the same origin
+    nodes : (m, n, 3) positions of the nodes in the basic frame; not used for nodes that are left out
+    points : (m, p, 3) positions of the points from the same origin
     gradients : (m, p, n, 3) of the shape functions, in the basic frame
     volumes : (m, p) of the points
     """
@@ -174,7 +173,7 @@ class SolidRule:
 
 
 def of_quadratic_solid(batch: ElementBatch, structure: Structure, rule: SolidRule) -> Differential:
-    """Solids with mid-side nodes: stresses that are linear functions of the place, along the basic axes.
+    """Solids with mid-side nodes: stresses along the basic axes that are linear functions of position.
 
     A stress is Σ_a s_a φ_a with φ = (1, x, y, z) about the centre, in units of the element's size. Displacements v_b
     whose strain is the unit strain times φ_b give ∫ σ φ_b dV = v_bᵀ k u = Σ_a s_a ∫ φ_a φ_b dV, which is solved for s.
@@ -192,7 +191,7 @@ def of_quadratic_solid(batch: ElementBatch, structure: Structure, rule: SolidRul
     fields = _linear_strains(np.where(there[:, :, None], x, 0.0)) * np.cbrt(size)[:, None, None]
     turn = np.swapaxes(structure.nodes.frames[at], 2, 3)
     patterns = np.einsum("mnij,mab,mbknj->makni", turn, inverse, fields, optimize=True)
-    # as one matrix product: there are 24 internal forces
+    # one matrix product, because there are 24 internal forces
     stresses = np.einsum("mp,mpa,kij,mpyj->mpakiy", w, powers, _stresses(), rule.gradients, optimize=True)
     products = np.einsum("mpxi,mpakiy->makxy", rule.gradients, stresses, optimize=True)
     products = 0.5 * (products + np.swapaxes(products, 3, 4))
@@ -210,7 +209,7 @@ def _stresses() -> Reals:
 
 
 def _linear_strains(x: Reals) -> Reals:
-    """(m, 4, 6, n, 3) displacements at places (m, n, 3) whose strains are the six unit strains times 1, x, y and z.
+    """(m, 4, 6, n, 3) displacements at positions (m, n, 3) whose strains are the six unit strains times 1, x, y and z.
 
     A strain E x_b is that of u_i = E_ij x_j x_b − ½ δ_ib E_jk x_j x_k.
     """

@@ -19,7 +19,7 @@ def spring(batch: ElementBatch, structure: Structure) -> list[Contribution]:
 
 
 def scalar_mass(batch: ElementBatch, structure: Structure) -> list[Contribution]:
-    """Mass M that feels the difference of the two DOFs' accelerations."""
+    """Mass M that acts on the difference of the two DOFs' accelerations."""
     matrices = np.tile(PAIR * structure.mass_factor, (len(batch), 1, 1))
     return [Contribution("mass", "scalar-mass", np.arange(len(batch)), matrices, ("M",), product("M"))]
 
@@ -135,7 +135,7 @@ def general_mass(batch: ElementBatch, structure: Structure) -> list[Contribution
 
 
 def _entry(turn: placement.Reals, i: int, j: int) -> placement.Reals:
-    """(e, 6, 6) matrix that a unit entry (i, j), and (j, i), becomes on the node's displacements."""
+    """(e, 6, 6) matrix of a unit entry (i, j), and (j, i), on the node's displacements."""
     return placement.outer(turn[:, i]) if i == j else placement.outer(turn[:, i], turn[:, j])
 
 

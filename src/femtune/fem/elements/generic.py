@@ -1,8 +1,8 @@
 """Generic elements: the stiffness of a group of elements by its own eigenvalues and shapes.
 
 K = Φ κ Φᵀ with Φ = Φ₀ S: the eigenvalues κ of the group's matrix and rotations S among its shapes are the values. The
-batch adds what that differs from the elements' own matrices, Φ₀ (S κ Sᵀ − κ₀) Φ₀ᵀ, which vanishes at the deck's values;
-the rigid-body modes are not among the shapes, so they stay whatever the values are.
+batch adds the difference from the elements' matrices, Φ₀ (S κ Sᵀ − κ₀) Φ₀ᵀ, which vanishes at the deck's values. The
+rigid-body modes are not among the shapes, so they remain for any values.
 Source: Gladwell and Ahmadian (1995), Mechanical Systems and Signal Processing 9(6), 601-614.
 """
 
@@ -33,8 +33,8 @@ def generic(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     out = []
     for i, nominal in enumerate(kappa):
         if i not in mixed:
-            own = shapes[:, owner == i]
-            out.append(_part(f"kappa-{i}", own @ own.T, (f"K{i}",), _change(i, float(nominal))))
+            repeated = shapes[:, owner == i]
+            out.append(_part(f"kappa-{i}", repeated @ repeated.T, (f"K{i}",), _change(i, float(nominal))))
     roles = (*(f"K{i}" for i in mixed), *(f"S{s}" for s in range(len(angles))))
     for a, i in enumerate(mixed):
         for b, j in list(enumerate(mixed))[a:]:

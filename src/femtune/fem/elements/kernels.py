@@ -1,4 +1,4 @@
-"""All kinds of elements, and the terms of a batch of any of them."""
+"""All kinds of elements, and the terms of a batch of any kind."""
 
 from __future__ import annotations
 
@@ -70,15 +70,19 @@ KINDS.update(
     )
 )
 
-# elements whose contributions live at once where the kernel takes them one by one
-PIECE = 1024
+ELEMENTS_PER_PIECE = 1024
+"""Elements whose contributions are in memory at the same time.
+
+A matrix of 24 DOFs of each takes 5 MB, so that all terms of a piece need some ten MB; the cost of a call is spread over
+enough elements.
+"""
 
 
 def contributions(batch: ElementBatch, structure: Structure) -> list[Contribution]:
-    """All exact terms of a batch; a stiffness whose loss factor is a value of the batch gives a hysteretic one too.
+    """All exact terms of a batch; a stiffness whose loss factor is a value of the batch also gives a hysteretic term.
 
-    Factors of whole matrices and offsets of ends are those values of the batch that `with_factors` and `with_offsets`
-    made of them.
+    Factors of whole matrices and offsets of ends are values of the batch if `with_factors` and `with_offsets` have
+    added them.
     """
     kernel, structure = KINDS[batch.kind].kernel, batch.within(structure)
     parts = with_moved_ends(kernel, batch, structure) if has_offsets(batch) else kernel(batch, structure)
@@ -90,8 +94,8 @@ def pieces(batch: ElementBatch, structure: Structure) -> Iterator[list[Contribut
     by_pieces = KINDS[batch.kind].pieces
     if by_pieces is not None:
         return (_with_losses(parts, batch) for parts in by_pieces(batch, batch.within(structure)))
-    starts = range(0, len(batch), PIECE)
-    return (_piece(batch.some(slice(start, start + PIECE)), structure, start) for start in starts)
+    starts = range(0, len(batch), ELEMENTS_PER_PIECE)
+    return (_piece(batch.some(slice(start, start + ELEMENTS_PER_PIECE)), structure, start) for start in starts)
 
 
 def _piece(batch: ElementBatch, structure: Structure, start: int) -> list[Contribution]:

@@ -1,4 +1,4 @@
-"""ElementKind: everything that is true of all elements of a kind, stated once beside the kind's kernel."""
+"""ElementKind: all properties of a kind of element, stated once beside its kernel."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ElementPart(NamedTuple):
 
     Parameters
     ----------
-    corners : places of the corners to take the mean of, for each corner of the part
+    corners : for each corner of the part, the corners of the element whose mean it is
     kind : key of the part's kind; "" for that of the element
     """
 
@@ -37,13 +37,13 @@ class ElementKind:
 
     Parameters
     ----------
-    key : name of the kind, as `ElementBatch.kind` has it
+    key : name of the kind, as in `ElementBatch.kind`
     kernel : the terms of a batch
-    pieces : the same, some elements at a time, where the kernel goes through a batch itself
+    pieces : the same, some elements at a time, for kernels that divide a batch themselves
     line : True where the element is drawn as a line between its first two grid points
     faces : faces of a shell by place in the element; −1 for the fourth corner of a triangle
-    sides : faces of a solid by its corners; those that no two solids share are drawn
-    children : parts of the element in a uniform refinement; empty where an element stays whole
+    sides : faces of a solid by its corners; those that belong to one solid only are drawn
+    children : parts of the element in a uniform refinement; empty if the element is not divided
     shell : True where the element has normals that it shares with its neighbours
     surface : shape functions of a curved shell; None for other elements
     volume : shape functions of a solid with mid-side nodes; None for other elements
@@ -78,15 +78,15 @@ TRIANGLE_PARTS = (
     ElementPart(((0,), (0, 1), (0, 2))),
     ElementPart(((0, 1), (1,), (1, 2))),
     ElementPart(((0, 2), (1, 2), (2,))),
-    # its first side is parallel to that of the element, so that a material angle stays what it is
+    # its first side is parallel to that of the element, so that material angles remain valid
     ElementPart(((1, 2), (0, 2), (0, 1))),
 )
-_SQUARE = (0, 1, 2, 3)
+_ALL_CORNERS = (0, 1, 2, 3)
 QUADRILATERAL_PARTS = (
-    ElementPart(((0,), (0, 1), _SQUARE, (0, 3))),
-    ElementPart(((0, 1), (1,), (1, 2), _SQUARE)),
-    ElementPart((_SQUARE, (1, 2), (2,), (2, 3))),
-    ElementPart(((0, 3), _SQUARE, (2, 3), (3,))),
+    ElementPart(((0,), (0, 1), _ALL_CORNERS, (0, 3))),
+    ElementPart(((0, 1), (1,), (1, 2), _ALL_CORNERS)),
+    ElementPart((_ALL_CORNERS, (1, 2), (2,), (2, 3))),
+    ElementPart(((0, 3), _ALL_CORNERS, (2, 3), (3,))),
 )
 """Parts of lines and surfaces, in the order of the element's corners."""
 

@@ -33,7 +33,7 @@ def line_mass(
 ) -> list[Contribution]:
     """Mass of a batch: ρ·A and NSM, and ρ times the sum of the `torsional` area moments about the axis.
 
-    `ends` (e, 12, 12) leads from the nodes' displacements to those of the element's ends along its axes.
+    `ends` (e, 12, 12) transforms the nodes' displacements to those of the element's ends along its axes.
     """
     consistent = structure.consistent_mass
     translating = consistent_matrix(length, bending, structure.lumped_along) if consistent else lumped_matrix(length)
@@ -51,14 +51,14 @@ def line_mass(
 
 
 def lumped_matrix(length: Reals) -> Reals:
-    """(e, 12, 12) half of the mass at each end, for a unit mass a length."""
+    """(e, 12, 12) half of the mass at each end, for a unit mass per length."""
     return np.asarray(sum(_between_ends(length, row, LUMPED) for row in range(3)))
 
 
 def consistent_matrix(length: Reals, bending: bool, lumped: float) -> Reals:
-    """(e, 12, 12) consistent mass for a unit mass a length; without bending only along the axis.
+    """(e, 12, 12) consistent mass for a unit mass per length; without bending only along the axis.
 
-    Along the axis `lumped` is the share of the lumped mass in it.
+    `lumped` is the share of the lumped mass in the matrix along the axis.
     """
     out = _between_ends(length, 0, lumped * LUMPED + (1.0 - lumped) * TWIST)
     if not bending:
@@ -69,7 +69,7 @@ def consistent_matrix(length: Reals, bending: bool, lumped: float) -> Reals:
 
 
 def hermite_mass(length: Reals) -> Reals:
-    """(e, 4, 4) mass of cubic Hermite polynomials on (v, θ) of both ends, for a unit mass a length."""
+    """(e, 4, 4) mass of cubic Hermite polynomials on (v, θ) of both ends, for a unit mass per length."""
     L, one = length, np.ones_like(length)
     rows = [
         [156 * one, 22 * L, 54 * one, -13 * L],

@@ -1,9 +1,9 @@
 """Bars of constant section whose length and direction are functions of their end offsets.
 
 Every part of the element is c(L) g gᵀ, where g = Σ_c q_c(L) e_c are a force and a moment at each end along the moving
-axes e_c, carried to the grid points by statics: the moment about a point is M + w × F. Bending shapes are
-q₀ + L q₁, bending flexibilities go with L³, those of shear with L, and masses with L; so everything follows from the
-element of unit length, differentiated exactly.
+axes e_c, carried to the grid points by statics: the moment about a point is M + w × F. Bending shapes are q₀ + L q₁;
+bending flexibilities are proportional to L³, those of shear and masses to L. So everything follows from the element of
+unit length, differentiated exactly.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ Values = Mapping[str, Jet]
 Vector = Sequence[Jet]
 
 OFFSETS = ("W1A", "W2A", "W3A", "W1B", "W2B", "W3B")
-# rows of the rotations that bending makes, which go with the length
-_BENT = (4, 5, 10, 11)
+# rows of the rotations due to bending, whose shapes are proportional to the length
+_BENDING_ROTATIONS = (4, 5, 10, 11)
 # rows and columns of the entries of a symmetric matrix
 _UPPER = np.triu_indices(12)
 
@@ -46,15 +46,15 @@ class _Form:
 
     def at(self, row: int, length: Jet) -> Jet | float:
         """Entry of the shape at the length."""
-        return length * self.shape[row] if row in _BENT else float(self.shape[row])
+        return length * self.shape[row] if row in _BENDING_ROTATIONS else float(self.shape[row])
 
 
 def moving_axis(batch: ElementBatch, structure: Structure, spans: Reals) -> list[Contribution]:
-    """Stiffness and mass of bars whose offsets are values, one contribution for each entry of the matrices.
+    """Stiffness and mass of bars whose offsets are parameters, one contribution for each entry of the matrices.
 
     Parameters
     ----------
-    spans : (e, 3) vectors from end to end at the deck's values, which tell whether an element has a length and axes
+    spans : (e, 3) vectors from end to end at the deck's values, to check the length and axes of each element
 
     Raises
     ------
@@ -66,11 +66,11 @@ def moving_axis(batch: ElementBatch, structure: Structure, spans: Reals) -> list
     out: list[Contribution] = []
     for pattern in np.unique(flags, axis=0):
         at = np.flatnonzero((flags == pattern).all(axis=1))
-        own = _Geometry.of(batch, structure, at)
+        geometry = _Geometry.of(batch, structure, at)
         shear = {p: bool(pattern[11 + p]) for p in PLANES}
         roles = ("E", "G", "A", "J", "I1", "I2", *(f"K{p}" for p in PLANES if shear[p]))
-        out += _entries("stiffness", at, roles, _Matrix(own, tuple(_stiffness(pattern[:12], shear))))
-        out += _entries("mass", at, _mass_roles(batch), _Matrix(own, tuple(_mass(batch, structure))))
+        out += _entries("stiffness", at, roles, _Matrix(geometry, tuple(_stiffness(pattern[:12], shear))))
+        out += _entries("mass", at, _mass_roles(batch), _Matrix(geometry, tuple(_mass(batch, structure))))
     return out
 
 
@@ -106,7 +106,7 @@ def _mass_roles(batch: ElementBatch) -> tuple[str, ...]:
 
 
 def _mass(batch: ElementBatch, structure: Structure) -> Iterator[_Form]:
-    """The eigenvectors of the mass of unit length and density, as far as they carry mass."""
+    """The eigenvectors of the mass matrix for unit length and density that have nonzero eigenvalues."""
     one, factor = np.ones(1), structure.mass_factor
     consistent = consistent_matrix(one, True, structure.lumped_along)[0]
     unit = consistent if structure.consistent_mass else lumped_matrix(one)[0]
@@ -126,7 +126,7 @@ def _spectrum(matrix: Reals, coefficient: Callable[[Values, Jet], Jet]) -> Itera
 
 @dataclass(frozen=True, eq=False)
 class _Geometry:
-    """What of m elements does not move: `base` (m, 3) from node to node, `v` (m, 3) orientation, and by end the frames
+    """Constant data of m elements: `base` (m, 3) from node to node, `v` (m, 3) orientation, and for each end the frames
     (m, 3, 3) of the node's displacements and of the offset's components.
     """
 
@@ -137,21 +137,21 @@ class _Geometry:
 
     @staticmethod
     def of(batch: ElementBatch, structure: Structure, at: Rows) -> _Geometry:
-        """That of some elements of a batch."""
+        """The data of some elements of a batch."""
         a, b = (placement.node_positions(batch, structure, k)[at] for k in (0, 1))
         first, second = (placement.node_frames(batch, structure, k)[at] for k in (0, 1))
         arms = batch.facts["frame_a"][at], batch.facts["frame_b"][at]
         return _Geometry(b - a, batch.facts["orientation"][at], (first, second), arms)
 
     def rows(self, at: Rows) -> _Geometry:
-        """Some of them, in any order."""
+        """The data of some of the elements, in any order."""
         nodes, arms = ((f[0][at], f[1][at]) for f in (self.nodes, self.arms))
         return _Geometry(self.base[at], self.v[at], nodes, arms)
 
     def placed(self, values: Values) -> tuple[Jet, list[Vector], list[Vector]]:
         """Length, the three axes, and both arms, all in the basic frame."""
         w = [[values[name] for name in OFFSETS[3 * k : 3 * k + 3]] for k in (0, 1)]
-        arms: list[Vector] = [_turned(frame, own) for frame, own in zip(self.arms, w)]
+        arms: list[Vector] = [_turned(frame, offset) for frame, offset in zip(self.arms, w)]
         span = [b - a + self.base[:, i] for i, (a, b) in enumerate(zip(*arms))]
         length = _norm(span)
         x = [s / length for s in span]
@@ -184,7 +184,7 @@ def _sum(terms: Sequence[Jet]) -> Jet:
 
 
 def _entries(kind: MatrixKind, at: Rows, roles: tuple[str, ...], matrix: _Matrix) -> Iterator[Contribution]:
-    """The upper triangle, entry by entry; all share one function, which finds the entry by its facts."""
+    """The upper triangle, entry by entry; all entries share one function, which selects the entry by its facts."""
     for entry, (i, j) in enumerate(zip(*_UPPER)):
         unit = np.zeros((len(at), 12, 12))
         unit[:, i, j] = unit[:, j, i] = 1.0
@@ -195,14 +195,14 @@ def _entries(kind: MatrixKind, at: Rows, roles: tuple[str, ...], matrix: _Matrix
 
 @dataclass(eq=False)
 class _Matrix:
-    """Σ c g gᵀ of elements; the last matrices without derivatives are kept, since each entry asks for them."""
+    """Σ c g gᵀ of elements; the last matrices without derivatives are cached, since every entry needs them."""
 
     geometry: _Geometry
     forms: tuple[_Form, ...]
     _kept: dict[bytes, Jet] = field(default_factory=dict, repr=False)
 
     def entry(self, values: Values, facts: Mapping[str, NDArray]) -> Jet:
-        """(m,) entries of the numbers "entry", row by row of the upper triangle, of the elements "element"."""
+        """(m,) entries with the facts "entry", counted row by row in the upper triangle, of the elements "element"."""
         table = np.column_stack([facts["element"], *(j.value for j in values.values())])
         _, first, again = np.unique(table, axis=0, return_index=True, return_inverse=True)
         inputs = {name: j[first] for name, j in values.items()}
@@ -212,8 +212,8 @@ class _Matrix:
             return self._known(table[first].tobytes(), inputs, facts["element"][first])[place]
         if k <= n:
             return self._whole(inputs, facts["element"][first])[place]
-        own = self._whole(dict(zip(inputs, _variables(list(inputs.values())))), facts["element"][first])[place]
-        return _chained(own, [j[place[0]] for j in inputs.values()])
+        whole = self._whole(dict(zip(inputs, _variables(list(inputs.values())))), facts["element"][first])[place]
+        return _chained(whole, [j[place[0]] for j in inputs.values()])
 
     def _known(self, key: bytes, values: Values, elements: Rows) -> Jet:
         if key not in self._kept:
@@ -242,7 +242,7 @@ def _on_nodes(form: _Form, length: Jet, axes: list[Vector], arms: list[Vector], 
 
 
 def _beside(jets: Sequence[Jet]) -> Jet:
-    """Jets (m, …) as one, (m, number, …)."""
+    """Jets (m, …) stacked as one, (m, number, …)."""
     value, grad, hess = (np.stack([getattr(j, name) for j in jets], axis=1) for name in ("value", "grad", "hess"))
     return Jet(value, grad, hess)
 
@@ -270,7 +270,7 @@ def _along(form: _Form, start: int, length: Jet, axes: list[Vector]) -> list[Jet
 
 
 def _variables(inputs: list[Jet]) -> list[Jet]:
-    """Jets of the same values by these values themselves."""
+    """Jets of the same values with themselves as the variables."""
     n = len(inputs)
     out = []
     for i, j in enumerate(inputs):
@@ -280,21 +280,21 @@ def _variables(inputs: list[Jet]) -> list[Jet]:
     return out
 
 
-def _chained(own: Jet, inputs: list[Jet]) -> Jet:
-    """A jet (m,) by n inputs as one by their variables."""
+def _chained(outer: Jet, inputs: list[Jet]) -> Jet:
+    """Chain rule: a jet (m,) in n inputs as a jet in the variables of the inputs."""
     grad, hess = (np.stack([getattr(j, name) for j in inputs], axis=1) for name in ("grad", "hess"))
-    curve = np.einsum("mn,mnkl->mkl", own.grad, hess)
-    outer = np.swapaxes(grad, 1, 2) @ own.hess @ grad
-    return Jet(own.value, np.einsum("mn,mnk->mk", own.grad, grad), curve + outer)
+    curve = np.einsum("mn,mnkl->mkl", outer.grad, hess)
+    bent = np.swapaxes(grad, 1, 2) @ outer.hess @ grad
+    return Jet(outer.value, np.einsum("mn,mnk->mk", outer.grad, grad), curve + bent)
 
 
 # ----------------------------------------------------------------------------------------------------
-# Bars and beams whose end offsets are values: matrices as functions of W1A … W3B.
+# Bars and beams whose end offsets are parameters: matrices as functions of W1A … W3B.
 #
 # A rigid arm w carries the motion of its grid point to the end of the beam, u + θ × w, so that K = T(w)ᵀ K_end T(w)
-# with T = 1 + Σ w_i X_i. Where the axis stays, K_end does, and K is a polynomial of second degree: (1, a, a²) for one
-# offset. Where length or direction change, see `moving_axis`. Rigid-body motion is strain-free whatever the offsets
-# are. Source: Mottershead, Friswell, Ng and Brandon (1996), Mechanical Systems and Signal Processing 10(2), 171-182.
+# with T = 1 + Σ w_i X_i. If the axis only shifts, K_end is constant and K is a quadratic polynomial: (1, a, a²) for one
+# offset. If length or direction change, see `moving_axis`. Rigid-body motion is strain-free for any offsets. Source:
+# Mottershead, Friswell, Ng and Brandon (1996), Mechanical Systems and Signal Processing 10(2), 171-182.
 
 
 Kernel = Callable[[ElementBatch, Structure], list[Contribution]]
@@ -304,7 +304,7 @@ COMPONENTS = {"A": ("W1A", "W2A", "W3A"), "B": ("W1B", "W2B", "W3B")}
 
 
 def has_offsets(batch: ElementBatch) -> bool:
-    """True for a batch whose offsets are values."""
+    """True for a batch whose offsets are parameters."""
     return "W1A" in batch.roles
 
 
@@ -328,7 +328,7 @@ def spans(batch: ElementBatch, structure: Structure, table: NDArray) -> NDArray:
 
 
 def with_moved_ends(kernel: Kernel, batch: ElementBatch, structure: Structure) -> list[Contribution]:
-    """Contributions of a batch whose offsets are values; `kernel` is that of its kind."""
+    """Contributions of a batch whose offsets are parameters; `kernel` is that of its kind."""
     if "still" in batch.facts or not may_turn(batch, structure).all():
         return list(_polynomial(kernel, batch, structure))
     return moving_axis(batch, structure, spans(batch, structure, structure.values.values))
@@ -356,7 +356,7 @@ def _power(part: Contribution, matrices: Reals, *names: str) -> Iterator[Contrib
 
 
 def _turns(batch: ElementBatch, structure: Structure) -> dict[str, Reals]:
-    """(e, 12, 12) what a unit of each offset adds to the displacements of the ends, in the frames of the nodes."""
+    """(e, 12, 12) displacements of the ends due to a unit of each offset, in the frames of the nodes."""
     out = {}
     for k, end in enumerate("AB"):
         nodes, frame = placement.node_frames(batch, structure, k), batch.facts[f"frame_{end.lower()}"]

@@ -1,4 +1,4 @@
-"""Where an element sits: its axes, its lever arms, and the displacement frames of its nodes."""
+"""Position of an element: its axes, its lever arms, and the displacement frames of its nodes."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Where
 from femtune.fem.structure import ElementBatch, Structure
 
-# the sine of the angle between a bar and its orientation vector below which plane 1 is not defined
-PARALLEL = 1e-6
+LEAST_ORIENTATION_SINE = 1e-6
+"""Sine of the angle between a bar and its orientation vector up to which plane 1 is undefined.
 
-# elements whose 12 × 12 matrices fit into a core's cache together
-CHUNK = 512
+Coordinates of seven digits make the angle of parallel vectors about this large.
+"""
+ELEMENTS_PER_CHUNK = 512
+"""Elements that are computed together: their 12 × 12 matrices (590 kB) fit in a core's cache."""
 
 
 def element_error(batch: ElementBatch, i: int, code: str, **facts: Any) -> FemtuneError:
@@ -44,7 +46,7 @@ def line_axes(batch: ElementBatch, start: Reals, end: Reals) -> tuple[Reals, Rea
     """
     span = end - start
     length = np.linalg.norm(span, axis=1)
-    # coordinates of size s carry rounding of about 1e-16 s
+    # coordinates of magnitude s have rounding errors of about 1e-16 s
     size = np.maximum(np.abs(start).max(axis=1, initial=0.0), np.abs(end).max(axis=1, initial=0.0))
     for i in np.flatnonzero(length <= 1e-12 * size):
         raise element_error(batch, int(i), "element.zero-length/of-bar")
@@ -52,15 +54,15 @@ def line_axes(batch: ElementBatch, start: Reals, end: Reals) -> tuple[Reals, Rea
 
 
 def oriented_axes(batch: ElementBatch, x: Reals, v: Reals) -> Reals:
-    """(e, 3, 3) element axes as columns: x along the element, plane x-y holds v, z = x × y.
+    """(e, 3, 3) element axes as columns: x along the element, plane x-y contains v, z = x × y.
 
     Raises
     ------
-    FemtuneError : ``element.orientation`` where v is zero or along x
+    FemtuneError : ``element.orientation`` if v is zero or along x
     """
     z = np.cross(x, v)
     height, size = np.linalg.norm(z, axis=1), np.linalg.norm(v, axis=1)
-    for i in np.flatnonzero(height <= PARALLEL * size):
+    for i in np.flatnonzero(height <= LEAST_ORIENTATION_SINE * size):
         vector = ", ".join(f"{c:.6g}" for c in v[i])
         raise element_error(batch, int(i), "element.orientation", vector=vector)
     z = z / height[:, None]
@@ -68,7 +70,7 @@ def oriented_axes(batch: ElementBatch, x: Reals, v: Reals) -> Reals:
 
 
 def any_axes(x: Reals) -> Reals:
-    """(e, 3, 3) axes as columns whose first is x; the other two do not matter."""
+    """(e, 3, 3) axes as columns, the first being x; the other two are arbitrary."""
     helper = np.eye(3)[np.argmin(np.abs(x), axis=1)]
     y = np.cross(helper, x)
     y /= np.linalg.norm(y, axis=1)[:, None]
@@ -114,8 +116,8 @@ def outer(g: Reals, h: Reals | None = None) -> Reals:
 def sum_of_squares(g: Reals) -> Reals:
     """(e, d, d) sums Σ_k g_k g_kᵀ of vectors (e, k, d)."""
     out = np.empty((len(g), g.shape[2], g.shape[2]))
-    for i in range(0, len(g), CHUNK):
-        part = slice(i, i + CHUNK)
+    for i in range(0, len(g), ELEMENTS_PER_CHUNK):
+        part = slice(i, i + ELEMENTS_PER_CHUNK)
         np.multiply(g[part, 0, :, None], g[part, 0, None, :], out=out[part])
         for k in range(1, g.shape[1]):
             out[part] += outer(g[part, k])
@@ -129,5 +131,5 @@ def carry(transform: Reals, matrix: Reals) -> Reals:
 
 
 def nominal(batch: ElementBatch, structure: Structure, role: str) -> Reals:
-    """(e,) values that a role has in the deck."""
+    """(e,) values of a role in the deck."""
     return np.asarray(structure.values.values[batch.roles[role]])

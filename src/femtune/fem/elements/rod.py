@@ -40,7 +40,7 @@ def _placed(batch: ElementBatch, structure: Structure) -> tuple[Reals, Reals]:
 
 
 def rod_differential(batch: ElementBatch, structure: Structure) -> Differential:
-    """That of the axial force; errors as of `rod`."""
+    """Differential stiffness of the axial force; errors as of `rod`."""
     length, ends = _placed(batch, structure)
     return of_rod(ends, length)
 

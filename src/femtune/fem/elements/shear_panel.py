@@ -1,4 +1,4 @@
-"""Shear panels (CSHEAR): a thin web that its edges load along themselves, with rods on the edges for direct stress.
+"""Shear panels (CSHEAR): a thin web with tangential edge loads, and rods on the edges for direct stress.
 
 The web's stress is the field in equilibrium with purely tangential edge loads. Each convex quadrilateral has one:
 statics is invariant under projections, so it is the image of the square in uniform shear, whose Airy function u v
@@ -27,12 +27,18 @@ from femtune.fem.elements.shells.quad import determinant, functions, quad_shares
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters.jet import Jet
 
-WIDE = 1.01
-"""Effectiveness above which F is a width in thicknesses: each edge has a rod of area F t² / 2."""
+LARGEST_EFFECTIVENESS = 1.01
+"""Value of F1 or F2 above which it is a width in thicknesses, so that each edge has a rod of area F t² / 2.
 
-# part of the complementary energy of direct stresses below which the web is a rectangle
-RECTANGLE = 1e-12
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+As in Nastran (PSHEAR in the MSC Nastran Quick Reference Guide); up to it F is a fraction of the web's area.
+"""
+_RECTANGLE_ENERGY = 1e-12
+"""Ratio of the complementary energies of direct and shear stress up to which the web is a rectangle.
+
+The ratio is quadratic in the angle by which a side is off, so the angle is 1e-6: the rounding of coordinates.
+"""
+# 6 × 6 Gauss points: exact for parallelograms, whose stress is uniform; of trapezoids the integrand is rational
+_GAUSS_POINTS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(6)
 _EDGES = ((0, 1), (1, 2), (2, 3), (3, 0))
 # edges of F1 and of F2
 _PAIRS = {"F1": (0, 2), "F2": (1, 3)}
@@ -86,18 +92,18 @@ def _web_terms(web: Web, corners: Reals, heights: Reals, turn: Reals) -> list[Co
     ratio = web.direct / web.shear
     matrices = loads[:, :, None] * loads[:, None, :] / web.shear[:, None, None]
     out = []
-    for label, at in (("web", ratio <= RECTANGLE), ("oblique web", ratio > RECTANGLE)):
-        own = np.flatnonzero(at)
-        if own.size and label == "web":
-            out.append(Contribution("stiffness", label, own, matrices[own], ("G", "t"), product("G", "t")))
-        elif own.size:
-            facts = {"ratio": ratio[own]}
-            out.append(Contribution("stiffness", label, own, matrices[own], ("E", "G", "t"), oblique, facts))
+    for label, at in (("web", ratio <= _RECTANGLE_ENERGY), ("oblique web", ratio > _RECTANGLE_ENERGY)):
+        group = np.flatnonzero(at)
+        if group.size and label == "web":
+            out.append(Contribution("stiffness", label, group, matrices[group], ("G", "t"), product("G", "t")))
+        elif group.size:
+            facts = {"ratio": ratio[group]}
+            out.append(Contribution("stiffness", label, group, matrices[group], ("E", "G", "t"), oblique, facts))
     return out
 
 
 def oblique(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
-    """G t / (1 + r G / E): direct stresses that go with the shear of an oblique web make it softer."""
+    """G t / (1 + r G / E): an oblique web is softer because its shear flow causes direct stresses."""
     shear = values["G"]
     return shear * values["t"] / (1.0 + facts["ratio"] * shear / values["E"])
 
@@ -116,8 +122,8 @@ def web_field(corners: Reals) -> Web:
     """Edge loads and complementary energy of a unit flow in quadrilaterals with corners (m, 4, 2)."""
     lines = _homogeneous(corners)
     direct, shear = np.zeros((2, len(corners)))
-    for xi, a in zip(_POINTS, _WEIGHTS):
-        for eta, b in zip(_POINTS, _WEIGHTS):
+    for xi, a in zip(_GAUSS_POINTS, _GAUSS_WEIGHTS):
+        for eta, b in zip(_GAUSS_POINTS, _GAUSS_WEIGHTS):
             area = a * b * determinant(slopes((xi, eta)) @ corners)
             nx, ny, nxy = flow(lines, functions((xi, eta)) @ corners)
             direct += area * (nx + ny) ** 2
@@ -128,7 +134,7 @@ def web_field(corners: Reals) -> Web:
 def _homogeneous(corners: Reals) -> Reals:
     """(m, 3, 3) coefficients of u, v and s in 1, x, y, with s one at the centre."""
     sides = np.stack([_line(corners[:, i], corners[:, j]) for i, j in _EDGES], axis=1)
-    # s is a sum of the functions of opposite sides in two ways; at the corners that fixes their factors
+    # s is the sum of the functions of either pair of opposite sides; its values at the corners fix their factors
     t123, t134, t124, t234 = (_triangle(corners, *k) for k in ((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3)))
     right, left = t134 / t123, t234 / t124
     bottom = left * t134 / t123
@@ -171,7 +177,7 @@ def _edge_loads(lines: Reals, corners: Reals) -> Reals:
     out = np.zeros_like(corners)
     for i, j in _EDGES:
         along = corners[:, j] - corners[:, i]
-        for x, weight in zip(0.5 * (1.0 + _POINTS), 0.5 * _WEIGHTS):
+        for x, weight in zip(0.5 * (1.0 + _GAUSS_POINTS), 0.5 * _GAUSS_WEIGHTS):
             nx, ny, nxy = flow(lines, corners[:, i] + x * along)
             outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
             load = np.stack(
@@ -183,22 +189,22 @@ def _edge_loads(lines: Reals, corners: Reals) -> Reals:
 
 
 def _edge_terms(batch: ElementBatch, structure: Structure, xyz: Reals, area: Reals) -> list[Contribution]:
-    """Rods on the edges: of area F t A / (L + L') on two opposite edges, or F t² / 2 where F is above WIDE."""
+    """Rods of area F t A / (L + L') on two opposite edges, or F t² / 2 for F above `LARGEST_EFFECTIVENESS`."""
     length = np.linalg.norm(np.roll(xyz, -1, axis=1) - xyz, axis=2)
     rods = [_rod(structure, batch, xyz, length, k) for k in range(4)]
     out = []
     for name, (one, other) in _PAIRS.items():
-        wide = nominal(batch, structure, name) > WIDE
+        wide = nominal(batch, structure, name) > LARGEST_EFFECTIVENESS
         pair = rods[one] + rods[other]
         shared = pair * (area / (length[:, one] + length[:, other]))[:, None, None]
         for label, at, matrices, roles in (
             ("effective", ~wide, shared, ("E", name, "t")),
             ("effective width", wide, 0.5 * pair, ("E", name, "t", "t")),
         ):
-            own = np.flatnonzero(at)
-            if own.size:
+            group = np.flatnonzero(at)
+            if group.size:
                 names = tuple(dict.fromkeys(roles))
-                out.append(Contribution("stiffness", f"{label} {name}", own, matrices[own], names, product(*roles)))
+                out.append(Contribution("stiffness", f"{label} {name}", group, matrices[group], names, product(*roles)))
     return out
 
 

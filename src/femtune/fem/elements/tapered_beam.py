@@ -1,4 +1,4 @@
-"""Tapered beams (CBEAM): sections that change along the length, neutral axis and added mass beside the shear centre.
+"""Tapered beams (CBEAM): varying sections, neutral axis and added mass off the shear centre.
 
 Stiffness is the inverse of the flexibility integrals; the mass of each station is shared by the two ends.
 """
@@ -27,9 +27,9 @@ from femtune.fem.structure import ElementBatch, Structure
 # Mass of tapered beams, lumped or consistent, on the neutral axis and on the line of the added mass.
 #
 # μ changes linearly between stations, Σ μ_k h_k(ξ). Lumped: ∫ μ (1 − ξ) dx and ∫ μ ξ dx to the ends, so that mass and
-# centre of gravity are right. Consistent: Hermite polynomials across, the mean of lumped and consistent mass along,
-# linear twist. For a constant section these are the forms of `line_mass`. The ends of the mass's line are on arms (0,
-# n1, n2) that turn with the grid points.
+# centre of gravity are correct. Consistent: Hermite polynomials for transverse displacements, the mean of lumped and
+# consistent mass along the axis, linear twist. For a constant section these are the matrices of `line_mass`. The ends
+# of the line of mass are on arms (0, n1, n2) that rotate with the grid points.
 
 
 def tapered_mass(
@@ -51,7 +51,7 @@ def tapered_mass(
 
 
 def _alike(batch: ElementBatch, at: Rows, count: int) -> list[list[int]]:
-    """Stations in groups that have the same values in every element."""
+    """Groups of stations with the same values in every element."""
     groups: dict[bytes, list[int]] = {}
     for k in range(count):
         key = np.stack([batch.roles[f"{name}@{k}"][at] for name in ("A", "I1", "I2", "NSM", "NSI")]).tobytes()
@@ -60,7 +60,7 @@ def _alike(batch: ElementBatch, at: Rows, count: int) -> list[list[int]]:
 
 
 def _line(share: Reals, rule: LengthRule, length: Reals, structure: Structure) -> Reals:
-    """(m, 12, 12) translational mass of a line with density `share` (g,) a length."""
+    """(m, 12, 12) translational mass of a line with density `share` (g,) per length."""
     lumped = _linear(share, rule, False)
     if not structure.consistent_mass:
         return _between(lumped, length, (0, 1, 2))
@@ -110,11 +110,11 @@ def _offset_terms(
                         product(*density))]  # fmt: skip
     names = [f"{axis}{direction}@{k}" for k in (0, count - 1) for direction in (1, 2)]
     moved = np.any([placement.nominal(batch, structure, name)[at] != 0.0 for name in names], axis=0)
-    own = at[moved]
-    for powers, term in _powers(dict(zip(names, _arms())), line[moved]) if len(own) else ():
-        matrices = placement.carry(ends[own], term)
+    elements = at[moved]
+    for powers, term in _powers(dict(zip(names, _arms())), line[moved]) if len(elements) else ():
+        matrices = placement.carry(ends[elements], term)
         roles = tuple(dict.fromkeys((*density, *powers)))
-        out.append(Contribution("mass", f"{label}-{density[-1]}-{'-'.join(powers)}", own, matrices, roles,
+        out.append(Contribution("mass", f"{label}-{density[-1]}-{'-'.join(powers)}", elements, matrices, roles,
                                 product(*density, *powers)))  # fmt: skip
     return out
 
@@ -131,7 +131,7 @@ def _powers(arms: dict[str, Reals], line: Reals) -> Iterator[tuple[tuple[str, ..
 
 
 def _arms() -> list[Reals]:
-    """What a unit offset along y and along z adds to the displacements θ × r of the end at A, then at B."""
+    """Displacements θ × r added by a unit offset along y and along z, of end A, then of end B."""
     out = []
     for end in (0, 6):
         along_y, along_z = np.zeros((12, 12)), np.zeros((12, 12))
@@ -167,20 +167,20 @@ def tapered_beam(batch: ElementBatch, structure: Structure) -> list[Contribution
 def _stiffness(
     batch: ElementBatch, structure: Structure, at: Rows, rule: LengthRule, ends: Reals, length: Reals
 ) -> list[Contribution]:
-    """Terms of the elements at some positions, grouped by releases and by what couples and shears."""
+    """Terms of the elements at some positions, grouped by releases, coupling and shear."""
     flags = np.column_stack([batch.facts["pins"], *(_active(batch, structure, rule, k) for k in ("", "1", "2"))])[at]
     out: list[Contribution] = []
     for pattern in np.unique(flags, axis=0):
-        own = at[(flags == pattern).all(axis=1)]
+        group = at[(flags == pattern).all(axis=1)]
         pins, joined, shear = pattern[:12], bool(pattern[12]), (bool(pattern[13]), bool(pattern[14]))
         for part in _parts(rule, joined, shear):
-            part.add(out, own, pins, ends[own], length[own])
-        out += _torsion(batch, structure, own, pins, rule, ends, length)
+            part.add(out, group, pins, ends[group], length[group])
+        out += _torsion(batch, structure, group, pins, rule, ends, length)
     return out
 
 
 def _active(batch: ElementBatch, structure: Structure, rule: LengthRule, plane: str) -> NDArray[np.bool_]:
-    """(e,) whether stretching and both planes are coupled ("") or a plane shears ("1", "2"), by the deck's values."""
+    """(e,) True if stretching and both planes are coupled ("") or a plane has shear ("1", "2") in the deck."""
     if plane:
         names = station_roles((f"K{plane}", "A"), rule.count)
         return np.all([placement.nominal(batch, structure, n) != 0.0 for n in (*names, "G")], axis=0)
@@ -189,7 +189,7 @@ def _active(batch: ElementBatch, structure: Structure, rule: LengthRule, plane: 
 
 
 class _ForceGroup:
-    """Forces that a flexibility joins: their labels, shapes on the ends, and roles."""
+    """Forces that are coupled by a flexibility: their labels, shapes on the ends, and roles."""
 
     def __init__(self, label: str, shapes: tuple[str, ...], flexibility: Flexibility, roles: tuple[str, ...]) -> None:
         self.label, self.shapes, self.flexibility, self.roles = label, shapes, flexibility, roles
@@ -229,7 +229,7 @@ def _plane(p: int, rule: LengthRule, shear: bool) -> _ForceGroup:
 def _torsion(
     batch: ElementBatch, structure: Structure, at: Rows, pins: NDArray, rule: LengthRule, ends: Reals, length: Reals
 ) -> list[Contribution]:
-    """Twisting, where no station's J is zero."""
+    """Torsion of the elements in which no station's J is zero."""
     names = station_roles("J", rule.count)
     at = at[np.all([placement.nominal(batch, structure, n)[at] != 0.0 for n in names], axis=0)]
     out: list[Contribution] = []

@@ -1,8 +1,8 @@
 """Flexibility of a tapered beam: integrals of the sections' flexibilities with the forces along it.
 
 Axial force N, and in plane p the moment q_s + q_a (2ξ − 1) with the shear 2 q_a/L, about the axis through the shear
-centres. The neutral axis may lie at (n1, n2) from it: the moment there is M_p + n_p N. Source: complementary energy of
-a Timoshenko beam (Przemieniecki, Theory of Matrix Structural Analysis, 1968, section 5.6 and chapter 8).
+centres. The neutral axis may be offset from it by (n1, n2): the moment there is M_p + n_p N. Source: complementary
+energy of a Timoshenko beam (Przemieniecki, Theory of Matrix Structural Analysis, 1968, section 5.6 and chapter 8).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def torsion(rule: LengthRule) -> Flexibility:
 
 
 def plane(p: int, rule: LengthRule, shear: bool) -> Flexibility:
-    """(2 × 2) bending in one plane, and its transverse shear where `shear`."""
+    """(2 × 2) bending in one plane, with transverse shear if `shear`."""
     c = 2.0 * rule.xi - 1.0
 
     def matrix(values: Values, length: Reals) -> Matrix:
@@ -59,7 +59,7 @@ def coupled(rule: LengthRule, shear: tuple[bool, bool]) -> Flexibility:
     def matrix(values: Values, length: Reals) -> Matrix:
         I1, I2, I12 = (along(values, name, rule) for name in ("I1", "I2", "I12"))
         across = 1.0 / (I1 * I2 - I12 * I12)
-        # moment in each plane that a unit of each force makes
+        # moment in each plane due to a unit of each force
         first, second = {0: along(values, "N1", rule), 1: one, 2: c}, {0: along(values, "N2", rule), 3: one, 4: c}
         pairs = ((I2 * across, first, first), (I1 * across, second, second),
                  (-(I12 * across), first, second), (-(I12 * across), second, first))  # fmt: skip
@@ -114,7 +114,7 @@ def sum_of(terms: list[Jet]) -> Jet:
 
 
 def inverse_entry(F: Matrix, i: int, j: int) -> Jet:
-    """Entry (i, j) of the inverse S of a symmetric matrix of jets: dS = −S dF S, once more for the Hessian."""
+    """Entry (i, j) of the inverse S of a symmetric matrix of jets: dS = −S dF S, applied twice for the Hessian."""
     value, grad, hess = (
         np.stack([np.stack([getattr(x, part) for x in row], axis=1) for row in F], axis=1)
         for part in ("value", "grad", "hess")

@@ -13,13 +13,16 @@ import numpy as np
 from femtune.arrays import Reals
 from femtune.parameters.jet import Jet
 
-# Gauss points between two stations: 1/(a + b ξ) is right to 3e-11 where it changes sixteenfold, to 7e-5 hundredfold
-POINTS = 24
+GAUSS_POINTS = 24
+"""Gauss points between two stations.
+
+Flexibilities vary as 1/(a + b ξ): its integral has an error of 3e-11 for a change by a factor of 16, of 7e-5 for 100.
+"""
 
 
 @dataclass(frozen=True)
 class LengthRule:
-    """Points ξ (g,) from 0 to 1 with weights (g,), and the share (s, g) that each station has in a value there."""
+    """Points ξ (g,) from 0 to 1 with weights (g,), and the share (s, g) of each station in a value there."""
 
     xi: Reals
     weight: Reals
@@ -33,7 +36,7 @@ class LengthRule:
 
 def length_rule(stations: Reals) -> LengthRule:
     """Integration along a beam with stations (s,) ascending from 0 to 1."""
-    points, weights = np.polynomial.legendre.leggauss(POINTS)
+    points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     width = np.diff(stations)
     xi = (stations[:-1, None] + width[:, None] * (points + 1.0) / 2.0).ravel()
     share = np.array([np.interp(xi, stations, hat) for hat in np.eye(len(stations))])

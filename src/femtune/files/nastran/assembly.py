@@ -1,4 +1,4 @@
-"""Lines of bulk data put together into cards: continuations, replication, superelement sections."""
+"""Lines of bulk data assembled into cards: continuations, replication, superelement sections."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _INCREMENT = re.compile(r"\*\(?([^()*]+)\)?")
 
 
 def is_replication(cut: FieldLine) -> bool:
-    """Whether a line repeats the card above, or fields of it below a name of its own."""
+    """Whether a line repeats the card above, or fields of it after another card name."""
     return cut.head.startswith("=") or (not cut.continues and any(text in ("=", "==") for text in cut.data))
 
 
 def replicate(cards: Sequence[Card], cut: FieldLine, superelement: int) -> list[Card]:
-    """Cards that the replication line makes.
+    """Cards that a replication line generates.
 
     Raises
     ------
@@ -114,21 +114,23 @@ _PART_NUMBER = re.compile(r"[0-9]{1,9}")
 # mass increments, auxiliary models, contact and module data
 _ASIDE = re.compile(r"\b(?:MASSID|AUXMODEL|ARBMODEL|FLXBDY|MODULE|TRMC|UDS)\b", re.IGNORECASE)
 _NOT_OF_THE_MODEL = -1
+"""Number in place of a superelement's for cards in sections that are not part of the model."""
 # data in columns 9 to 72 without commas, tabs and comments; at the most a lone + in columns 73 to 80
 _PLAIN_COLUMNS = re.compile(r"[^,=\t$\r\n]{0,64}(?: {0,7}\+)? *(?:\r\n?|\n)?")
 _PLAIN_HEAD = re.compile(r" *[A-Z][A-Z0-9_]* *", re.IGNORECASE)
 _PLAIN_CONTINUATIONS = ("        ", "+       ")
-# an equation is free text up to the next line that starts in column 1
+# an equation is free text that ends before the next line that starts in column 1
 _FREE_TEXT = re.compile(r" {0,7}(DEQATN)\*?(?=[\s,])[\s,]*(\d*)", re.IGNORECASE)
 _TEXT_GOES_ON = re.compile(r"[ \t+*,]")
 _MOST_ERRORS = 20
+"""Number of errors after which reading stops; a file that is not bulk data has one in every line."""
 
 
 @dataclass(frozen=True)
 class Bulk:
-    """Cards in the order of the deck, what the user should know about their lines, and BEGIN SUPER lines by number.
+    """Cards in the order of the deck, notices about their lines, and BEGIN SUPER lines by number.
 
-    `aside` are the BEGIN lines of sections that are no part of the model.
+    `aside` are the BEGIN lines of sections that are not part of the model.
     """
 
     cards: tuple[Card, ...]
@@ -138,7 +140,7 @@ class Bulk:
 
 
 def read_bulk(lines: Iterable[SourceLine]) -> Bulk:
-    """Put bulk data lines (without BEGIN BULK and ENDDATA) together into cards.
+    """Assemble bulk data lines (without BEGIN BULK and ENDDATA) into cards.
 
     Raises
     ------
@@ -174,7 +176,7 @@ class _Assembly:
         self.apart: list[_Part] = []
 
     def take_plain(self, line: SourceLine) -> bool:
-        """Take a line in plain columns of small fields, which stays uncut; whether it is one."""
+        """Take a line in plain columns of small fields without splitting it; False if it is another line."""
         text = line[2]
         head = text[:8]
         name = self.names.get(head)
@@ -224,7 +226,7 @@ class _Assembly:
             self.open = [_checked_name(cut)]
 
     def _take_text(self, line: SourceLine, body: str) -> bool:
-        """Take a line of a card of free text, which has no fields; whether it is one."""
+        """Take a line of a card of free text, which has no fields; False if it is another line."""
         if self.text and _TEXT_GOES_ON.match(body):
             self.text.append(line)
             return True
@@ -239,14 +241,14 @@ class _Assembly:
         if above is not None and (not cut.head[1:] or _is_named_by(above, cut)):
             self.open.append(cut)
         elif cut.head[1:]:
-            # Nastran finds the card of a continuation by its name, wherever it stands
+            # Nastran finds the card of a continuation by its name, anywhere in the deck
             self._close()
             self.open = [cut]
         else:
             raise _continuation(cut, "deck.continuation")
 
     def _cut_plain(self) -> None:
-        """Cut up the card that is being read, to go on with lines that are not plain."""
+        """Split the lines of the card that is being read, because the next line is not plain."""
         if self.plain:
             lines, self.plain = self.plain, []
             self.open = [split_line(line, line.body) for line in lines]
@@ -275,7 +277,7 @@ class _Assembly:
         self.cards.append(_card(lines, len(self.cards), self.superelement))
 
     def _join(self) -> None:
-        """Put continuations that do not follow their card below the line that names them."""
+        """Attach continuations that do not follow their card to the line that names them."""
         asking = [*self.asking, *self.apart]
         by_name: dict[tuple[int, str], list[_Part]] = {}
         for part in asking if self.apart else ():
@@ -288,7 +290,7 @@ class _Assembly:
             with self.problems.catch():
                 self._with_followers(part)
         if not self.problems.errors:
-            # a circle of continuations that name each other
+            # continuations that name each other in a circle
             for part in [part for part in self.apart if not part.joined][:1]:
                 self.problems.errors.append(_no_parent(part))
 
@@ -341,8 +343,8 @@ class _Assembly:
 class _Part:
     """Lines of a card, or continuations that do not follow their card.
 
-    `card` is the position of the card, `above` the card that the continuations follow, `followers` are those whose
-    name stands in field 10 of the last line.
+    `card` is the position of the card, `above` the card that the continuations follow, `followers` are those named
+    in field 10 of the last line.
     """
 
     lines: list[FieldLine]
@@ -354,7 +356,7 @@ class _Part:
 
 
 def _names(tail: str) -> set[str]:
-    """Names of the continuation that field 10 asks for; its first character may be any."""
+    """Names of the continuation that field 10 requests; its first character is arbitrary."""
     tail = tail.upper()
     return {tail[1:], tail if tail[:1] not in ("+", "*") else ""} - {""}
 
@@ -365,12 +367,12 @@ def _is_named_by(above: FieldLine, cut: FieldLine) -> bool:
 
 def _parent(part: _Part, by_name: dict[tuple[int, str], list[_Part]]) -> _Part:
     """The part whose last line names these continuations."""
-    found = by_name.get((part.superelement, part.lines[0].head[1:]), [])
-    if len(found) == 1:
-        return found[0]
-    if not found:
+    parents = by_name.get((part.superelement, part.lines[0].head[1:]), [])
+    if len(parents) == 1:
+        return parents[0]
+    if not parents:
         raise _no_parent(part)
-    places = " and ".join(f"{p.lines[-1].source.file}:{p.lines[-1].source.number}" for p in found[:2])
+    places = " and ".join(f"{p.lines[-1].source.file}:{p.lines[-1].source.number}" for p in parents[:2])
     raise _continuation(part.lines[0], "deck.continuation/ambiguous", found=part.lines[0].head[1:], places=places)
 
 
@@ -386,7 +388,7 @@ def _card(lines: list[FieldLine], position: int, superelement: int) -> Card:
 
 
 def _plain_name(head: str) -> str:
-    """Name of a card whose first line has this in its first eight columns; nothing where the line is not plain."""
+    """Name of a card from the first eight columns of its first line; empty if the line is not plain."""
     if len(head) < 8 or not _PLAIN_HEAD.fullmatch(head):
         return ""
     name = head.strip().upper()

@@ -39,7 +39,7 @@ class BarProperties:
         self._library = Library(self._make)
 
     def get(self, pid: int, user: CardEntry) -> BeamSection:
-        """The section of a property, asked for by an element."""
+        """The section of a property that an element refers to."""
         self.properties.find(pid, user)
         return self._library.get(pid, user)
 
@@ -49,7 +49,7 @@ class BarProperties:
         section = self._section(record, pid, material)
         if self.building.values.values[material["G"]] == 0.0:
             _check_constant(record, section)
-            # without a shear modulus there is no shear flexibility either
+            # without a shear modulus the bar is shear-rigid
             none = self.building.values.add(FieldRef(record.name, pid, "no shear flexibility"), 0.0)
             stiff = {name: none for name in section.roles if name[:2] in ("K1", "K2")}
             section = replace(section, roles={**section.roles, **stiff})
@@ -77,24 +77,25 @@ assert set(_READERS) <= set(CATALOGUE)
 
 
 _DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
-_PARALLEL = 1e-8
+_LEAST_ORIENTATION_SINE = 1e-8
+"""Sine of the angle between a bar and its orientation vector up to which plane 1 is undefined: half of the digits."""
 
 
 def read_bars(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
     """Batches of CBAR and of CBEAM."""
-    found = []
+    batches = []
     for card, defaults in _DEFAULTS.items():
         properties = BarProperties(building, read_properties(building, card), materials)
         rows: dict[int, BatchRows] = {}
         for record in building.records(card, defaults=building.defaults(defaults)):
             with building.errors.catch():
                 _add(rows, record, grids, properties)
-        found += [batch for count in sorted(rows) for batch in rows[count].batches()]
-    return found
+        batches += [batch for count in sorted(rows) for batch in rows[count].batches()]
+    return batches
 
 
 def _add(rows: dict[int, BatchRows], record: CardEntry, grids: Grids, properties: BarProperties) -> None:
-    """One element more, in the batch of its number of stations (0: a constant section)."""
+    """Add an element to the batch of its number of stations (0 for a constant section)."""
     eid = record.integer("EID")
     section = properties.get(record.integer("PID", eid), record)
     a, b = grids.row(record.integer("GA"), record), grids.row(record.integer("GB"), record)
@@ -128,7 +129,7 @@ def _placement(record: CardEntry, grids: Grids, a: int, b: int) -> dict[str, NDA
 def _offset_kinds(record: CardEntry) -> str:
     """OFFT: orientation in the displacement frame (G) or basic (B), offsets in it (G) or in the line's frame (O)."""
     kinds: str = record.text("OFFT", "GGG")
-    # decks of old programs have a flag there that tells a vector (1) from a grid point (2)
+    # decks of old programs have a flag there: 1 for a vector, 2 for a grid point
     kinds = "GGG" if kinds in ("1", "2") else kinds
     if len(kinds) != 3 or kinds[0] not in "GB" or set(kinds[1:]) - set("GO"):
         raise record.error("deck.offset-frame", at="OFFT", letters=kinds, record_name=record.name)
@@ -136,7 +137,7 @@ def _offset_kinds(record: CardEntry) -> str:
 
 
 def _check_no_warping(record: CardEntry, properties: BarProperties) -> None:
-    """Refuse scalar points for warping, unless the section has no warping constant: they have no stiffness then."""
+    """Refuse scalar points for warping if the section has a warping constant; without one they have no stiffness."""
     if record.name != "CBEAM" or not (record.integer("SA", 0) or record.integer("SB", 0)):
         return
     section = properties.properties.find(record.integer("PID", record.integer("EID")), record)
@@ -150,7 +151,7 @@ def orientation_vector(record: CardEntry, grids: Grids, a: int, basic: bool = Fa
 
     Raises
     ------
-    FemtuneError : ``deck.orientation`` where neither is given
+    FemtuneError : ``deck.orientation`` if neither is given
     """
     if _names_point(record):
         return grids.location(record.integer("X1"), record) - grids.table.xyz[a]
@@ -161,7 +162,7 @@ def orientation_vector(record: CardEntry, grids: Grids, a: int, basic: bool = Fa
 
 
 def _names_point(record: CardEntry) -> bool:
-    """Whether X1 is a grid point G0; X2 and X3 of a BAROR or BEAMOR don't count beside the card's own G0."""
+    """Whether X1 is a grid point G0; X2 and X3 of a BAROR or BEAMOR are ignored if the card has G0."""
     filled = not record.card.blank(record.at("X1"))
     given = replace(record, defaults=None) if filled or record.defaults is None else record.defaults
     return given.has_integer("X1") and given.blank("X2") and given.blank("X3")
@@ -181,7 +182,7 @@ def _offset(record: CardEntry, grids: Grids, end: str, row: int, kind: str, line
 
 
 def element_frame(line: Reals, v: Reals) -> Reals:
-    """(3, 3) columns x along the line, y in the plane of line and v, z = x × y."""
+    """(3, 3) axes as columns: x along the line, y in the plane of the line and v, z = x × y."""
     x = line / length(line)
     z = cross(x, v)
     z = z / length(z)
@@ -189,9 +190,9 @@ def element_frame(line: Reals, v: Reals) -> Reals:
 
 
 def check_line(record: CardEntry, line: Reals, v: Reals) -> None:
-    """Errors ``deck.zero-length`` and ``deck.orientation`` of an element's axis and orientation vector."""
+    """Raise ``deck.zero-length`` or ``deck.orientation`` for an element's axis and orientation vector."""
     size = length(line)
     if size == 0.0:
         raise record.error("deck.zero-length")
-    if length(cross(line, v)) <= _PARALLEL * size * length(v):
+    if length(cross(line, v)) <= _LEAST_ORIENTATION_SINE * size * length(v):
         raise record.error("deck.orientation/parallel")

@@ -1,4 +1,4 @@
-"""Sections that change along a beam: stations, what they hold, and which element their values need."""
+"""Sections that vary along a beam: stations, their values, and the kind of element that they need."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class BeamSection:
 
     Parameters
     ----------
-    roles : of a constant section by name; with stations ``A@0``, ``A@1`` … from end A to end B
-    stations : where on the length, from 0 to 1; empty for a constant section on the element's axis
+    roles : positions by name for a constant section; with stations ``A@0``, ``A@1`` … from end A to end B
+    stations : positions along the length, from 0 to 1; empty for a constant section on the element's axis
     """
 
     roles: Mapping[str, int]
@@ -40,7 +40,7 @@ class Stations:
     Parameters
     ----------
     x : from 0 (end A) to 1 (end B)
-    starts : index of the first value of each on the card; None for end B where the card has no station there
+    starts : index of the first value of each on the card; None for end B if the card has no station there
     """
 
     x: tuple[float, ...]
@@ -48,35 +48,36 @@ class Stations:
 
 
 def sort_stations(card: Card, first: int, starts: Sequence[int]) -> Stations:
-    """Stations from the indices of their first values; X/XB stands before it, blank at end B.
+    """Stations from the indices of their first values; X/XB precedes it and is blank at end B.
 
     Raises
     ------
-    FemtuneError : ``deck.section`` where X/XB is no fraction of the length, stands twice, or is nowhere 1
+    FemtuneError : ``deck.section`` if X/XB is not a fraction of the length, occurs twice, or is nowhere 1
     """
-    found: dict[float, int] = {}
+    at: dict[float, int] = {}
     for start in starts:
         x = card.real(start - 1, 1.0)
-        if not 0.0 < x <= 1.0 or x in found:
+        if not 0.0 < x <= 1.0 or x in at:
             raise card.error(
                 "deck.section/repeated-station",
                 index=start - 1,
                 x=x,
                 card_name=card.name,
-                problem="is given twice" if x in found else "is not on the beam",
+                problem="is given twice" if x in at else "is not on the beam",
             )
-        found[x] = start
-    if starts and 1.0 not in found:
+        at[x] = start
+    if starts and 1.0 not in at:
         raise card.error("deck.section/no-end-station", index=starts[0] - 1, card_name=card.name)
-    inner = sorted(x for x in found if x < 1.0)
-    return Stations((0.0, *inner, 1.0), (first, *(found[x] for x in inner), found.get(1.0)))
+    inner = sorted(x for x in at if x < 1.0)
+    return Stations((0.0, *inner, 1.0), (first, *(at[x] for x in inner), at.get(1.0)))
 
 
 def station_values(b: Building, record: CardEntry, pid: int, name: str, stations: Stations) -> list[int]:
     """Positions of a value at all stations.
 
-    Where every filled field holds the same number it is one value, written to all of them. Otherwise end B has its own,
-    named with a B behind it; it follows A where its field is blank. Between the ends a blank field is interpolated.
+    If all filled fields hold the same number, they are one value, which is written to all of them. Otherwise end B has
+    a separate value, named with an appended B; if its field is blank it is that of A. Blank fields between the ends are
+    interpolated.
     """
     card, offset = record.card, record.at(name) - (stations.starts[0] or 0)
     filled = [start + offset for start in stations.starts[1:] if start is not None and not card.blank(start + offset)]
@@ -123,11 +124,11 @@ def _mean(x: float) -> Callable[..., Jet]:
 def beam_section(
     b: Building, record: CardEntry, table: Mapping[str, Sequence[int]], x: tuple[float, ...]
 ) -> BeamSection:
-    """The section of a beam: constant on the element's axis where its values allow, with stations otherwise.
+    """The section of a beam: constant on the element's axis if its values permit, otherwise with stations.
 
     Raises
     ------
-    FemtuneError : ``deck.section`` where a section with stations is impossible
+    FemtuneError : ``deck.section`` for a section that stations cannot describe
     """
 
     def zero(*names: str) -> bool:
@@ -148,7 +149,7 @@ def _check_station(record: CardEntry, value: Mapping[str, float], x: float) -> N
 
 
 # ----------------------------------------------------------------------------------------------------
-# PBEAM: values at stations along the beam, shear factors, added mass and neutral axis beside the shear centre.
+# PBEAM: values at stations along the beam, shear factors, added mass and neutral axis off the shear centre.
 
 
 _PBEAM_NAMES = ("A", "I1", "I2", "I12", "J", "NSM")
@@ -184,7 +185,7 @@ def read_pbeam(b: Building, record: CardEntry, pid: int) -> BeamSection:
 
 
 def _stations(record: CardEntry) -> tuple[list[int], int]:
-    """Positions of the values of the further stations, and of K1."""
+    """Positions of the values of the other stations, and of K1."""
     at = 8 if record.card.text(8) in STATION_FLAGS else 16
     starts = []
     while record.card.text(at) in STATION_FLAGS:
@@ -201,7 +202,7 @@ def _has_recovery_line(record: CardEntry, at: int) -> bool:
 
 
 def _linear(b: Building, tail: CardEntry, pid: int, name: str, x: tuple[float, ...]) -> list[int]:
-    """Positions of a value that is given at the ends; blank at B it is that of A."""
+    """Positions of a value that is given at the ends; if B is blank, it is that of A."""
     first = b.value(tail, pid, f"{name}A")
     last = first if tail.blank(f"{name}B") else b.value(tail, pid, f"{name}B")
     inner = [interpolated(b, FieldRef(tail.name, pid, f"{name} at {at:g}"), at, (first, last)) for at in x[1:-1]]
@@ -217,47 +218,50 @@ def _check_tail(b: Building, tail: CardEntry) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------
-# PBARL and PBEAML: section values that follow from the dimensions of a shape.
+# PBARL and PBEAML: section values derived from the dimensions of a shape.
 
 
-# fourth powers of dimensions, and of their inverses, stay within the sizes that other values may have
-_LARGEST = 1e12
-# the product of inertia and the offset of a symmetric section are rounding
-_ROUNDING = 1e-10
+_LARGEST_DIMENSION = 1e12
+"""Largest dimension, and inverse of the smallest, so that fourth powers stay within the limits of other values."""
+_ZERO_BY_SYMMETRY = 1e-10
+"""Product of inertia or offset of a symmetric section, relative to its size, that is a rounding error.
+
+The sums over rectangles have errors of a few 1e-16; a real asymmetry is far above.
+"""
 
 
 def read_pbarl(b: Building, record: CardEntry, pid: int) -> BeamSection:
-    """The section of a PBARL; the offset between shear centre and neutral axis is left out, as Nastran does.
+    """The section of a PBARL; the offset between shear centre and neutral axis is ignored, as in Nastran.
 
     Raises
     ------
     FemtuneError : ``deck.section``
     """
     shape = _shape(record)
-    own = CardEntry(record.card, (*shape.dimensions, "NSM"), 8)
-    _check_dimensions(own, shape, [own.real(name) for name in shape.dimensions])
-    at = [b.value(own, pid, name) for name in shape.dimensions]
+    entry = CardEntry(record.card, (*shape.dimensions, "NSM"), 8)
+    _check_dimensions(entry, shape, [entry.real(name) for name in shape.dimensions])
+    at = [b.value(entry, pid, name) for name in shape.dimensions]
     roles = _derived(b, FieldRef(record.name, pid, ""), shape, at)
-    return BeamSection({**{n: roles[n] for n in SECTION_ROLES[:7]}, "NSM": b.value(own, pid, "NSM")})
+    return BeamSection({**{n: roles[n] for n in SECTION_ROLES[:7]}, "NSM": b.value(entry, pid, "NSM")})
 
 
 def read_pbeaml(b: Building, record: CardEntry, pid: int) -> BeamSection:
-    """The section of a PBEAML, at one or more stations; the element's axis goes through the shear centres.
+    """The section of a PBEAML, at one or more stations; the element's axis passes through the shear centres.
 
     Raises
     ------
     FemtuneError : ``deck.section``
     """
     shape = _shape(record)
-    own = CardEntry(record.card, (*shape.dimensions, "NSM"), 8)
-    stations = sort_stations(record.card, 8, _starts(own, shape))
-    _check_dimensions(own, shape, [own.real(name) for name in shape.dimensions])
-    dims = [station_values(b, own, pid, name, stations) for name in shape.dimensions]
-    table = {"NSM": station_values(b, own, pid, "NSM", stations)}
+    entry = CardEntry(record.card, (*shape.dimensions, "NSM"), 8)
+    stations = sort_stations(record.card, 8, _starts(entry, shape))
+    _check_dimensions(entry, shape, [entry.real(name) for name in shape.dimensions])
+    dims = [station_values(b, entry, pid, name, stations) for name in shape.dimensions]
+    table = {"NSM": station_values(b, entry, pid, "NSM", stations)}
     sections: list[dict[str, int]] = []
     for k, x in enumerate(stations.x):
         at = [positions[k] for positions in dims]
-        _check_dimensions(own, shape, [b.values.values[i] for i in at])
+        _check_dimensions(entry, shape, [b.values.values[i] for i in at])
         same = next((j for j in range(k) if all(p[j] == p[k] for p in dims)), None)
         name = f" at {x:g}" if k else ""
         made = _derived(b, FieldRef(record.name, pid, name), shape, at) if same is None else sections[same]
@@ -269,17 +273,17 @@ def read_pbeaml(b: Building, record: CardEntry, pid: int) -> BeamSection:
 
 
 def _derived(b: Building, ref: FieldRef, shape: Shape, at: Sequence[int]) -> dict[str, int]:
-    """Positions of the properties that follow from the dimensions at some positions; `ref` names the station."""
+    """Positions of the properties derived from the dimensions at given positions; `ref` names the station."""
     nominal = shape.properties(*(b.values.values[i] for i in at))
     sizes = {"I12": math.sqrt(nominal["I1"] * nominal["I2"]), "N1": math.sqrt(nominal["A"])}
     sizes["N2"] = sizes["N1"]
     roles, formulas = {}, shape.formulas
     for role in SECTION_ROLES:
-        own = FieldRef(ref.card, ref.id, f"{role}{ref.name}")
-        if abs(nominal[role]) <= _ROUNDING * sizes.get(role, 0.0):
-            roles[role] = b.values.add(own, 0.0)
+        role_ref = FieldRef(ref.card, ref.id, f"{role}{ref.name}")
+        if abs(nominal[role]) <= _ZERO_BY_SYMMETRY * sizes.get(role, 0.0):
+            roles[role] = b.values.add(role_ref, 0.0)
         else:
-            roles[role] = b.values.derive(own, formulas[role], *at)
+            roles[role] = b.values.derive(role_ref, formulas[role], *at)
     return roles
 
 
@@ -292,9 +296,9 @@ def _shape(record: CardEntry) -> Shape:
     return SHAPES[name]
 
 
-def _starts(own: CardEntry, shape: Shape) -> list[int]:
-    """Positions of the dimensions of further stations: SO, X/XB, DIM1 … NSM after each other."""
-    card, at, starts = own.card, 8 + shape.n + 1, []
+def _starts(entry: CardEntry, shape: Shape) -> list[int]:
+    """Positions of the dimensions of further stations, each with SO, X/XB, DIM1 … NSM in sequence."""
+    card, at, starts = entry.card, 8 + shape.n + 1, []
     while at < len(card.fields):
         if card.text(at, "YES") not in STATION_FLAGS:
             raise card.error("deck.section/no-station-word", index=at, card_name=card.name, n=shape.n)
@@ -303,8 +307,8 @@ def _starts(own: CardEntry, shape: Shape) -> list[int]:
     return starts
 
 
-def _check_dimensions(own: CardEntry, shape: Shape, dims: Sequence[float]) -> None:
+def _check_dimensions(entry: CardEntry, shape: Shape, dims: Sequence[float]) -> None:
     if not shape.valid(*dims):
-        raise own.error("deck.section/shape-rule", at="DIM1", rule=shape.rule)
-    if max(dims) > _LARGEST or min(d for d in dims if d) < 1 / _LARGEST:
-        raise own.error("deck.section/too-large", at="DIM1")
+        raise entry.error("deck.section/shape-rule", at="DIM1", rule=shape.rule)
+    if max(dims) > _LARGEST_DIMENSION or min(d for d in dims if d) < 1 / _LARGEST_DIMENSION:
+        raise entry.error("deck.section/too-large", at="DIM1")

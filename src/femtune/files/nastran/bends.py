@@ -15,8 +15,13 @@ from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials, Roles, read_properties
 
-_STRAIGHT, _FLAT = 1e-6, 1e-9
-_CLOSES = 1e-6
+# Tolerances of the geometry of an arc: rounding of coordinates and of RB or THETAB with seven digits
+_LEAST_ORIENTATION_SINE = 1e-6
+"""Sine of the angle between the chord and the orientation vector up to which the plane of the arc is undefined."""
+_LEAST_CENTRE_COSINE = 1e-9
+"""Cosine of the angle between the chord and the line to the centre up to which the radius is infinite (GEOM = 1)."""
+_CLOSURE_ERROR = 1e-6
+"""Largest distance of the end of the arc from grid point B, relative to the radius."""
 
 
 def read_bends(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
@@ -36,7 +41,7 @@ def read_bends(building: Building, grids: Grids, materials: Materials) -> list[E
 
 
 def _section(building: Building, record: CardEntry, pid: int, materials: Materials) -> Roles:
-    """Roles of a PBEND in its first form; pipes with a flexibility factor, and eccentric arcs, are errors."""
+    """Roles of a PBEND in its first form; pipes with a flexibility factor and eccentric arcs are errors."""
     if record.has_integer("A"):
         raise record.error("deck.section/pipe-bend", at="A")
     for name in ("RC", "ZC", "DELTAN"):
@@ -59,7 +64,7 @@ def _arc(record: CardEntry, section: CardEntry, grids: Grids, a: int, b: int) ->
     size = length(chord)
     if size == 0.0:
         raise record.error("deck.orientation/bend-length", at="GB")
-    if length(cross(chord, v)) <= _STRAIGHT * size * length(v):
+    if length(cross(chord, v)) <= _LEAST_ORIENTATION_SINE * size * length(v):
         raise record.error("deck.orientation/bend", at="X1")
     v = v / length(v)
     radius, angle, centre = _circle(record, section, start, chord, v)
@@ -67,7 +72,10 @@ def _arc(record: CardEntry, section: CardEntry, grids: Grids, a: int, b: int) ->
     outward = (start - centre) / radius
     for axis in (normal, -normal):
         along = cross(axis, outward)
-        if length(radius * (np.cos(angle) * outward + np.sin(angle) * along) - (end - centre)) <= _CLOSES * radius:
+        if (
+            length(radius * (np.cos(angle) * outward + np.sin(angle) * along) - (end - centre))
+            <= _CLOSURE_ERROR * radius
+        ):
             axes = np.column_stack([outward, along, axis])
             return {"axes": axes, "radius": np.array(radius), "angle": np.array(angle)}
     raise record.error("deck.orientation/bend", at="GEOM")
@@ -81,7 +89,7 @@ def _circle(record: CardEntry, section: CardEntry, start: Reals, chord: Reals, v
     if rule == 1:
         # the centre lies on the line from A along v
         along = float(chord @ v)
-        reach = size**2 / (2.0 * along) if abs(along) > _FLAT * size else np.inf
+        reach = size**2 / (2.0 * along) if abs(along) > _LEAST_CENTRE_COSINE * size else np.inf
         radius = abs(reach)
         _check_radius(record, radius, size, "GEOM")
         return radius, 2.0 * float(np.arcsin(size / (2.0 * radius))), start + reach * v
@@ -102,7 +110,7 @@ def _circle(record: CardEntry, section: CardEntry, start: Reals, chord: Reals, v
         radius = size / (2.0 * np.sin(half))
     else:
         raise record.error("deck.orientation/bend", at="GEOM")
-    # the centre lies on the other side of the chord than v
+    # the centre and v are on opposite sides of the chord
     return radius, 2.0 * half, start + 0.5 * chord - radius * np.cos(half) * across
 
 

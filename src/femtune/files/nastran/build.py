@@ -1,4 +1,4 @@
-"""From the cards of a deck to a Structure, with what was read, what was not, and where each value stands."""
+"""From the cards of a deck to a Structure, with an inventory of cards and the place of each value in the deck."""
 
 from __future__ import annotations
 
@@ -65,26 +65,27 @@ from femtune.modal.beside import ModesBeside
 from femtune.model.damping import ModalDamping
 
 _MOST_SHOWN = 20
+"""Number of errors that are reported together; more fill the screen and often have one cause."""
 
 
 @dataclass(frozen=True)
 class BuiltModel:
-    """A structure and how it came from its deck.
+    """A structure, and its relation to the deck.
 
     Parameters
     ----------
     deck : the deck
     structure : the model
-    notices : what the user should know, those of the deck first
-    cards : every card name with its count, the place of the first and what became of it
+    notices : notices for the user, those of the deck first
+    cards : every card name with its count, the place of the first card, and its use
     fields : place in the deck of each value
     element_cards : index in `Deck.cards` of each element's card, by element number
-    eigen_method : modes that the selected EIGR or EIGRL card asks for, None where none is selected
-    mass_reference : grid point of PARAM GRDPNT (0: origin of the basic frame), None without it
-    modal_damping : the table that SDAMPING selects, None without one
+    eigen_method : modes that the selected EIGR or EIGRL card requests, None if none is selected
+    mass_reference : grid point of PARAM GRDPNT (0 for the origin of the basic frame), or None
+    modal_damping : the table that SDAMPING selects, or None
     damping_tables : all tables of modal damping (TABDMP1) by number
-    beside : modes of the external solver of a study beside those of its deck, by input, where they were compared
-    increases : what was added to the numbers of superelements in parts, by the number of the superelement
+    beside : comparison of the modes of a study's external solver with those of its deck, by input
+    increases : increases of the numbers of superelements in parts, by the number of the superelement
     """
 
     deck: Deck
@@ -107,12 +108,12 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
     Parameters
     ----------
     deck : a deck that was read
-    allow_missing : True leaves out elements and constraints that are not understood, with a warning
-    preloaded : False leaves out a static preload, with a warning
+    allow_missing : True to leave out unsupported elements and constraints, with a warning
+    preloaded : False to leave out a static preload, with a warning
 
     Raises
     ------
-    FemtuneError : what is wrong with the deck, all that was found together (codes ``deck.…``)
+    FemtuneError : all errors of the deck together (codes ``deck.…``)
     """
     building = Building(deck.of_section(0) if deck.parts else deck)
     building.notices += superelement_notices(deck)
@@ -131,7 +132,7 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
     building.notices += damping_notices(building)
     raise_distinct(building.errors)
     if not structure.nodes.n_dofs:
-        # without points every parameter and every sensor would look wrong
+        # without points there would be errors for every parameter and sensor
         where = Where(str(deck.files[0].file))
         raise FemtuneError("deck.no-points", where=where, values={"cards": len(deck.cards)})
     notices = (*deck.notices, *building.notices)
@@ -142,7 +143,7 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
 
 
 def build_allowing(deck: Deck, names: Collection[str]) -> BuiltModel:
-    """The structure of a deck of which a study allows cards and commands to be ignored; errors as above."""
+    """The structure of a deck whose cards and commands a study may permit to be ignored; errors as above."""
     return build_structure(deck, bool(names), "STATSUB" not in {name.upper() for name in names})
 
 
@@ -161,18 +162,20 @@ def _with_parts(
 ) -> tuple[Structure, dict[int, int], dict[int, Increase]]:
     """The whole of a deck with superelements in parts: structure, card of each element, and increases of numbers.
 
-    Values, errors and notices of the parts are gathered too.
+    Also gathers values, errors and notices of the parts.
     """
     case = deck.case_control
     parts, cards, places = [StructurePart(residual, 0, case.spc, case.mpc)], [element_cards], [building.places]
     for number in deck.parts:
-        own = Building(deck.of_section(number), errors=building.errors, basic=moved_basic(deck, number))
-        cards.append(_element_cards(own))
-        structure = _structure(own, cards[-1], False, deck)
-        parts.append(StructurePart(structure, number, own.deck.case_control.spc, own.deck.case_control.mpc))
-        places.append(own.places)
-        # the sets of a part say how it is reduced, which one notice tells
-        building.notices += [n for n in own.notices if not n.code.startswith("deck.dof-set")]
+        part_building = Building(deck.of_section(number), errors=building.errors, basic=moved_basic(deck, number))
+        cards.append(_element_cards(part_building))
+        structure = _structure(part_building, cards[-1], False, deck)
+        parts.append(
+            StructurePart(structure, number, part_building.deck.case_control.spc, part_building.deck.case_control.mpc)
+        )
+        places.append(part_building.places)
+        # the sets of a part describe its reduction, which has a single notice
+        building.notices += [n for n in part_building.notices if not n.code.startswith("deck.dof-set")]
     raise_distinct(building.errors)
     pairs = boundary_pairs(deck, [BulkSection(part.number, part.structure) for part in parts])
     try:
@@ -181,7 +184,9 @@ def _with_parts(
         line = next(iter(deck.parts.values()))
         raise FemtuneError("deck.superelement/large-numbers", where=Where(line.file, line.number)) from error
     each = list(zip(parts, joined.increases, cards, places))
-    building.places = {part.in_whole(ref, more): at for part, more, _, own in each for ref, at in own.items()}
+    building.places = {
+        part.in_whole(ref, more): at for part, more, _, part_building in each for ref, at in part_building.items()
+    }
     building.notices += [increase_notice(deck, part.number, more) for part, more, _, _ in each if more]
     merged = {n + more.elements: at for _, more, found, _ in reversed(each) for n, at in found.items()}
     return joined.structure, merged, {part.number: more for part, more, _, _ in each}
@@ -256,28 +261,28 @@ def _batches(building: Building, grids: Grids) -> list[ElementBatch]:
 
 
 def _element_cards(building: Building) -> dict[int, int]:
-    """Card of each element; numbers are unique within a namespace, and the card of an elastic element goes first."""
+    """Card of each element; numbers are unique within a namespace, and the card of an elastic element has priority."""
     spaces: dict[str, dict[int, int]] = {space: {} for space in NAMESPACES}
     for kind in (kind for kind in CATALOGUE.values() if kind.role == ELEMENT):
-        cards, found = building.deck.by_name(kind.name), spaces[kind.namespace]
+        cards, numbered = building.deck.by_name(kind.name), spaces[kind.namespace]
         numbers = plain_numbers(cards)
-        if numbers is not None and found.keys().isdisjoint(numbers) and min(numbers) > 0:
-            found.update(zip(numbers, (card.position for card in cards)))
+        if numbers is not None and numbered.keys().isdisjoint(numbers) and min(numbers) > 0:
+            numbered.update(zip(numbers, (card.position for card in cards)))
         else:
-            _add_one_by_one(building, kind.name, found)
+            _add_one_by_one(building, kind.name, numbered)
     merged: dict[int, int] = {}
-    for found in spaces.values():
-        if merged and (shared := merged.keys() & found.keys()):
-            building.notices.append(_shared(building, min(shared), len(shared), merged, found))
-        merged = {**found, **merged} if merged else found
+    for numbered in spaces.values():
+        if merged and (shared := merged.keys() & numbered.keys()):
+            building.notices.append(_shared(building, min(shared), len(shared), merged, numbered))
+        merged = {**numbered, **merged} if merged else numbered
     return merged
 
 
 def _shared(
     building: Building, number: int, count: int, first: Mapping[int, int], second: Mapping[int, int]
 ) -> Notice:  # fmt: skip
-    """Numbers that elements of two namespaces share."""
-    one, other = (building.deck.cards[found[number]] for found in (first, second))
+    """Notice of numbers that occur in two namespaces of elements."""
+    one, other = (building.deck.cards[cards[number]] for cards in (first, second))
     more = f" and {count - 1} more" if count > 1 else ""
     return Notice(
         "deck.shared-number",
@@ -289,15 +294,15 @@ def _shared(
     )
 
 
-def _add_one_by_one(building: Building, name: str, found: dict[int, int]) -> None:
+def _add_one_by_one(building: Building, name: str, cards: dict[int, int]) -> None:
     for record in building.records(name):
         with building.errors.catch():
             number = record.integer("EID")
             if number < 1:
                 raise record.error("deck.field-value/element-number", at="EID")
-            if number in found:
-                raise duplicate(record.card, f"element {number}", building.deck.cards[found[number]])
-            found[number] = record.card.position
+            if number in cards:
+                raise duplicate(record.card, f"element {number}", building.deck.cards[cards[number]])
+            cards[number] = record.card.position
 
 
 def _eigen_method(building: Building) -> EigenMethod | None:

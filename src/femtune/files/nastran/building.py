@@ -1,4 +1,4 @@
-"""What is gathered while a structure is built from cards."""
+"""Data that are gathered while a structure is built from cards."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ from femtune.files.nastran.lists import read_list
 
 T = TypeVar("T")
 
-# products and third powers of values stay numbers, and so do their inverses
-LARGEST_VALUE, _SMALLEST = 1e60, 1e-50
-"""Beyond these a field of a card is an error."""
+LARGEST_VALUE = 1e60
+"""Largest magnitude of a field; products and third powers of values do not overflow (1e308)."""
+_SMALLEST_VALUE = 1e-50
+"""Smallest nonzero magnitude of a field; third powers do not underflow, and inverses of products do not overflow."""
 
 
 @dataclass(frozen=True)
 class FieldPlace:
-    """Where a value stands: index of the card in `Deck.cards` and indices of the fields (all hold the same value).
+    """Place of a value: index of the card in `Deck.cards` and indices of the fields (all hold the same value).
 
-    `flag` is index and text of a field that has to be written with it, where the card lacks the line for the value.
+    `flag` is index and text of a field that must be written with it if the card lacks the line for the value.
     """
 
     card: int
@@ -38,7 +39,7 @@ class FieldPlace:
     flag: tuple[int, str] | None = None
 
     def beside(self, taken: Mapping[int, object]) -> FieldPlace:
-        """The place one line on, or more, where another new line stands: `taken` are texts of the card by index."""
+        """The place moved down by the lines that other new lines occupy: `taken` are texts of the card by index."""
         if self.flag is None or taken.get(self.flag[0]) in (None, "", self.flag[1]):
             return self
         fields = tuple(index + 8 for index in self.fields)
@@ -49,7 +50,7 @@ class FieldPlace:
 class Building:
     """Deck, value table, places of the values, errors and notices of one build.
 
-    `basic` is the basic system of the deck, which is another one for a superelement that SELOC moves.
+    `basic` is the basic system of the deck; that of a superelement may be moved by SELOC.
     """
 
     deck: Deck
@@ -80,31 +81,31 @@ class Building:
         if ref not in self.places:
             self.places[ref] = FieldPlace(record.card.position, (record.at(name), *also), flag)
         value = record.real(name, default)
-        if abs(value) > LARGEST_VALUE or 0.0 < abs(value) < _SMALLEST:
+        if abs(value) > LARGEST_VALUE or 0.0 < abs(value) < _SMALLEST_VALUE:
             raise record.error("deck.field-value", at=name)
         return self.values.add(ref, value)
 
     def by_number(self, records: list[CardEntry], what: str) -> dict[int, CardEntry]:
-        """Records by their number, the first field; a number that stands twice is an error."""
-        found: dict[int, CardEntry] = {}
+        """Records by their number, the first field; a repeated number is an error."""
+        records_by_number: dict[int, CardEntry] = {}
         for record in records:
             with self.errors.catch():
                 number = record.card.integer(record.start)
                 if number < 1:
                     raise record.card.error("deck.field-value/number", index=record.start, kind=what)
-                if number in found:
-                    raise duplicate(record.card, f"{what} {number}", found[number].card)
-                found[number] = record
-        return found
+                if number in records_by_number:
+                    raise duplicate(record.card, f"{what} {number}", records_by_number[number].card)
+                records_by_number[number] = record
+        return records_by_number
 
 
 def duplicate(card: Card, what: str, first: Card) -> FemtuneError:
-    """A number that was given before."""
+    """Error for a number that was given before."""
     return card.error("deck.duplicate-id", defined=what, place=first.where())
 
 
 def listed_numbers(record: CardEntry, fields: Sequence[str]) -> list[int]:
-    """Numbers of a list with THRU that is written out (error ``deck.field-value`` where it is too long)."""
+    """All numbers of a list with THRU (error ``deck.field-value`` if it is too long)."""
     try:
         return list(read_list(fields, record.where).expand())
     except ValueError as error:
@@ -113,23 +114,23 @@ def listed_numbers(record: CardEntry, fields: Sequence[str]) -> list[int]:
 
 @dataclass
 class Library(Generic[T]):
-    """Results by number, each made when it is first asked for; what failed fails again with the same error."""
+    """Results by number, each computed on first use; a failure is repeated with the same error."""
 
     make: Callable[[int, CardEntry], T]
     _known: dict[int, T | FemtuneError] = field(default_factory=dict)
 
     def get(self, number: int, user: CardEntry) -> T:
-        """The result of a number, asked for by a card."""
+        """The result of a number that a card refers to."""
         if number not in self._known:
             try:
                 self._known[number] = self.make(number, user)
             except FemtuneError as error:
                 self._known[number] = error
-        found = self._known[number]
-        if isinstance(found, FemtuneError):
-            # or the traceback would grow with each of the cards that ask for it
-            raise found.with_traceback(None)
-        return found
+        result = self._known[number]
+        if isinstance(result, FemtuneError):
+            # otherwise the traceback would grow with each card that refers to it
+            raise result.with_traceback(None)
+        return result
 
 
 @dataclass
@@ -147,7 +148,7 @@ class BatchRows:
     def add(
         self, id: int, nodes: list[int], dofs: list[int], roles: Mapping[str, int], facts: Mapping[str, NDArray]
     ) -> None:  # fmt: skip
-        """One element more."""
+        """Add an element."""
         self.ids.append(id)
         self.nodes.append(nodes)
         self.dofs.append(dofs)
@@ -157,7 +158,7 @@ class BatchRows:
             self.facts.setdefault(name, []).append(fact)
 
     def batches(self) -> list[ElementBatch]:
-        """The batch, or nothing where no element was added."""
+        """The batch, or an empty list if no element was added."""
         if not self.ids:
             return []
         ids, nodes, dofs = (np.array(x, dtype=np.int64) for x in (self.ids, self.nodes, self.dofs))

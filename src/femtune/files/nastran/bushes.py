@@ -1,4 +1,4 @@
-"""Bushes: CBUSH with PBUSH (stiffness, damping, loss factors), its own frame and the arms to its location.
+"""Bushes: CBUSH with PBUSH (stiffness, damping, loss factors), their frames and the arms to their locations.
 
 Gaps (CGAP with PGAP) are bushes without arms, with the stiffness of their initial state.
 """
@@ -25,7 +25,8 @@ from femtune.parameters.jet import Jet
 
 _LINES = ("K", "B", "GE")
 _FLAGS = ("K", "B", "GE", "RCV", "M", "T", "D")
-_COINCIDENT = 1e-10
+_COINCIDENT_ENDS = 1e-10
+"""Distance of the ends, relative to their coordinates, up to which a bush has no axis: above rounding."""
 
 
 def read_bushes(building: Building, grids: Grids) -> list[ElementBatch]:
@@ -40,7 +41,7 @@ def read_bushes(building: Building, grids: Grids) -> list[ElementBatch]:
 
 
 def _values(building: Building, record: CardEntry, pid: int) -> Roles:
-    """K1 to K6, B1 to B6 and GE1 to GE6; each line of the card starts with the flag of what it holds."""
+    """K1 to K6, B1 to B6 and GE1 to GE6; each line of the card starts with the flag of its values."""
     flags = _flags(record.card)
     spare = 8 * max(-(-len(record.card.fields) // 8), 1) + 1
     roles: dict[str, int] = {}
@@ -63,16 +64,16 @@ def _flags(card: Card) -> dict[str, int]:
 
 
 def _line(building: Building, record: CardEntry, pid: int, flag: str, at: int, present: bool) -> dict[str, int]:
-    """The six values of a line; one that the card lacks is written with its flag behind the last line."""
+    """The six values of a line; if the card lacks the line, it is written with its flag after the last line."""
     names = tuple(f"{flag}{i}" for i in range(1, 7))
-    own = CardEntry(record.card, names, at + 1)
+    line = CardEntry(record.card, names, at + 1)
     new = None if present else (at, flag)
-    if flag == "GE" and all(own.blank(name) for name in names[1:]):
-        # Nastran gives all directions the first loss factor where the others are blank
-        first = building.value(own, pid, "GE1", flag=new)
+    if flag == "GE" and all(line.blank(name) for name in names[1:]):
+        # Nastran gives all directions the first loss factor if the others are blank
+        first = building.value(line, pid, "GE1", flag=new)
         derive = building.values.derive
         return {"GE1": first, **{n: derive(FieldRef("PBUSH", pid, n), _same, first) for n in names[1:]}}
-    return {name: building.value(own, pid, name, flag=new) for name in names}
+    return {name: building.value(line, pid, name, flag=new) for name in names}
 
 
 def _same(x: Jet) -> Jet:
@@ -113,7 +114,7 @@ def _location(record: CardEntry, grids: Grids, start: Reals, end: Reals) -> Real
 def _frame(record: CardEntry, grids: Grids, a: int, line: Reals, stiffness: Mapping[str, float]) -> Reals:
     if not record.blank("CID"):
         return grids.systems.get(record.integer("CID"), record).frame(grids.table.xyz[a])
-    if length(line) <= _COINCIDENT * max(1.0, length(grids.table.xyz[a])):
+    if length(line) <= _COINCIDENT_ENDS * max(1.0, length(grids.table.xyz[a])):
         raise record.error("deck.orientation/bush", at="CID", card=record.name)
     v = _any_across(line) if _axial_only(record, stiffness) else orientation_vector(record, grids, a)
     check_line(record, line, v)
@@ -121,7 +122,7 @@ def _frame(record: CardEntry, grids: Grids, a: int, line: Reals, stiffness: Mapp
 
 
 def _axial_only(record: CardEntry, stiffness: Mapping[str, float]) -> bool:
-    """Without orientation the axes across the line do not matter where only directions 1 and 4 act."""
+    """Whether only directions 1 and 4 act, so that the transverse axes need no orientation."""
     oriented = not all(record.blank(x) for x in ("X1", "X2", "X3"))
     return not oriented and not any(stiffness[flag + i] for flag in "KB" for i in "2356")
 
@@ -163,7 +164,7 @@ _ACROSS = tuple(flag + i for flag in "KB" for i in "2356")
 
 
 def _gap_values(building: Building, record: CardEntry, pid: int) -> Roles:
-    """K1 along the gap and K2 = K3 across it in the initial state; the rest is zero."""
+    """K1 along the gap and K2 = K3 across it in the initial state; all others are zero."""
     none = building.values.add(FieldRef("PGAP", pid, "none"), 0.0)
     roles = dict.fromkeys((*(f"K{i}" for i in range(1, 7)), *(f"GE{i}" for i in range(1, 7))), none)
     for name in ("KA", "KB", "KT"):

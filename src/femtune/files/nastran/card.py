@@ -1,4 +1,4 @@
-"""A bulk data card: its name, its fields as they are written, and the lines that they stand on."""
+"""A bulk data card: its name, its fields as written, and their lines."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Card:
     """One card of the bulk data.
 
     `position` is the index in `Deck.cards`; `superelement` is 0 for the residual structure; `replicated` marks a
-    card that a replication line (``=``) made; `plain` tells that all its lines are plain columns of small
-    fields, and `given` are its fields, None until such lines are cut up.
+    card that a replication line (``=``) made; `plain` is True if all its lines are plain columns of small
+    fields, and `given` are its fields, None until such lines are split.
     """
 
     name: str
@@ -34,10 +34,10 @@ class Card:
     @property
     def fields(self) -> tuple[str, ...]:
         """`fields[0]` is field 2 of the first line (what follows the name), `fields[8]` field 2 of the first
-        continuation; blank fields at the end are left off and read as blank.
+        continuation; trailing blank fields are omitted and read as blank.
         """
         if self.given is None:
-            # most cards of a large deck are read by whole columns and never cut up
+            # most cards of a large deck are read by whole columns and never split
             object.__setattr__(self, "given", fields_of([split_line(line, line.body) for line in self.lines]))
         assert self.given is not None
         return self.given
@@ -53,11 +53,11 @@ class Card:
         return Where(line.file, line.number, self.record)
 
     def blank(self, index: int) -> bool:
-        """Whether field `index` is blank or lies after the last field."""
+        """Whether field `index` is blank or after the last field."""
         return not self.text(index)
 
     def text(self, index: int, default: str = "") -> str:
-        """Field `index` in upper case; `default` where it is blank."""
+        """Field `index` in upper case; `default` if it is blank."""
         fields = self.fields
         return (fields[index].upper() if index < len(fields) else "") or default
 
@@ -76,7 +76,7 @@ class Card:
     @overload
     def integer(self, index: int, default: None) -> int | None: ...
     def integer(self, index: int, default: int | EllipsisType | None = ...) -> int | None:
-        """Integer in field `index`; `default` where it is blank (an error without default).
+        """Integer in field `index`; `default` if it is blank (an error without default).
 
         Raises
         ------
@@ -97,7 +97,7 @@ class Card:
     @overload
     def real(self, index: int, default: None) -> float | None: ...
     def real(self, index: int, default: float | EllipsisType | None = ...) -> float | None:
-        """Real number in field `index`; `default` where it is blank (an error without default).
+        """Real number in field `index`; `default` if it is blank (an error without default).
 
         Raises
         ------
@@ -127,7 +127,7 @@ class Card:
         raise self.error("deck.not-a-component", index=index)
 
     def error(self, code: str, *, index: int | None = None, hint: str | None = None, **facts: Any) -> FemtuneError:
-        """An error at this card; with `index` its message names the field and what stands there."""
+        """An error at this card; with `index` its message names the field and its content."""
         values = {} if index is None else self._values(index)
         return FemtuneError(code, where=self.where(index), values=values, hint=hint, **facts)
 
@@ -149,7 +149,7 @@ class Card:
         return self.lines[min(self.slot(index)[0], len(self.lines) - 1)]
 
     def slot(self, index: int) -> tuple[int, int]:
-        """Line of the card (may lie beyond its last) and data field of that line which hold field `index`."""
+        """Line of the card (possibly beyond its last) and data field of that line that hold field `index`."""
         large = [split_line(line, line.body).large for line in self.lines]
         while index >= line_starts(large)[-1] + (4 if large[-1] else 8):
             large.append(large[-1])
@@ -159,7 +159,7 @@ class Card:
 
 
 def fields_of(lines: Sequence[FieldLine]) -> tuple[str, ...]:
-    """All fields of a card from its lines; blank ones at the end are left off."""
+    """All fields of a card from its lines, without trailing blank ones."""
     fields: list[str] = []
     for line, start in zip(lines, line_starts([line.large for line in lines])):
         fields += [""] * (start - len(fields))
@@ -170,7 +170,7 @@ def fields_of(lines: Sequence[FieldLine]) -> tuple[str, ...]:
 
 
 def line_starts(large: Sequence[bool]) -> list[int]:
-    """Field index at which each line of a card starts, from whether each line is in large field.
+    """Field index at which each line of a card starts; `large` tells which lines are in large field.
 
     Two large lines make up one line of eight fields; a small line after a lone first half starts the next
     eight.
@@ -188,7 +188,7 @@ def line_starts(large: Sequence[bool]) -> list[int]:
 
 
 LARGEST_COORDINATE = 1e30
-"""Up to here squares and products of coordinates stay numbers."""
+"""Largest magnitude of a coordinate; squares and products of coordinates do not overflow."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ class CardEntry:
     card : the card
     names : names of the fields, from position `start` of the card
     start : position of the first name
-    defaults : record whose fields stand in for blank ones (GRDSET, BAROR, BEAMOR)
+    defaults : record whose fields replace blank ones (GRDSET, BAROR, BEAMOR)
     """
 
     card: Card
@@ -231,20 +231,20 @@ class CardEntry:
         return self._source(name).card.is_integer(self.at(name))
 
     def integer(self, name: str, default: int | EllipsisType | None = ...) -> Any:
-        """Integer in a field; without default a blank field is an error."""
+        """Integer in a field; a blank field without default is an error."""
         return self._source(name).card.integer(self.at(name), default)  # type: ignore[arg-type]
 
     def real(self, name: str, default: float | EllipsisType | None = ...) -> Any:
-        """Real number in a field; without default a blank field is an error."""
+        """Real number in a field; a blank field without default is an error."""
         return self._source(name).card.real(self.at(name), default)  # type: ignore[arg-type]
 
     def reals(self, *names: str) -> list[float]:
-        """Components of a point or vector, 0 where blank (error ``deck.field-value`` beyond all sizes)."""
-        found = [self.real(name, 0.0) for name in names]
-        for name, x in zip(names, found):
+        """Components of a point or vector, 0 if blank (error ``deck.field-value`` if too large)."""
+        values = [self.real(name, 0.0) for name in names]
+        for name, x in zip(names, values):
             if abs(x) > LARGEST_COORDINATE:
                 raise self.error("deck.field-value/coordinate", at=name)
-        return found
+        return values
 
     def text(self, name: str, default: str = "") -> str:
         """Text in a field, upper case."""
@@ -265,7 +265,7 @@ class CardEntry:
 
 
 def records_of(card: Card, defaults: CardEntry | None = None) -> list[CardEntry]:
-    """The entries of a card; later entries of a card of several that are blank are left out."""
+    """The entries of a card; blank ones after the first are left out."""
     kind = CATALOGUE[card.name]
     return [
         CardEntry(card, kind.fields, start, defaults)

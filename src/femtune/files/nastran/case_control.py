@@ -20,16 +20,16 @@ _SET = re.compile(r"(\d{1,9})\s*=\s*(.*)", re.DOTALL)
 _PLOT_OUTPUT = re.compile(r"\(\s*(PLOT|XYPLOT|XYOUT)\b", re.IGNORECASE)
 _SELECTIONS = ("SPC", "MPC", "METHOD", "NSM", "SDAMPING")
 _TITLES = ("TITLE", "SUBTITLE", "LABEL")
-# what begins a subcase or a part of one; combinations of the results of others have no selections of their own
+# commands that begin a subcase; combinations of the results of others have no selections
 _SUBCASES = ("SUBCASE", "SYM")
 _COMBINATIONS = ("SUBCOM", "SYMCOM", "REPCASE")
-# analyses that have no natural modes, although a METHOD may be selected (buckling)
+# analyses without natural modes, although a METHOD may be selected (buckling)
 _WITHOUT_MODES = ("STAT", "BUCK", "NLST", "HEAT", "HSTA", "HTRA", "DFRE", "DTRA", "DCEI", "PREL", "NLTR")
 
 
 @dataclass(frozen=True)
 class CaseCommand:
-    """One command: `name` in upper case, `options` with their parentheses, `value` as it stands."""
+    """One command: `name` in upper case, `options` with their parentheses, `value` as written."""
 
     name: str
     options: str
@@ -43,12 +43,12 @@ class CaseCommand:
 
     @property
     def text(self) -> str:
-        """The command as it stands: ``STATSUB(PRELOAD) = 1``."""
+        """The command as written: ``STATSUB(PRELOAD) = 1``."""
         return f"{self.name}{self.options} = {self.value}"
 
     @property
     def number(self) -> int:
-        """Its value where that is a set or a subcase (error ``deck.case-control``)."""
+        """Number of the set or subcase that it selects (error ``deck.case-control``)."""
         number = parse_integer(self.value)
         if number is not None:
             return number
@@ -62,7 +62,7 @@ class CaseCommand:
 
 @dataclass(frozen=True)
 class StaticSubcase:
-    """What the subcase of a static preload selects: supports, equations, and loads (LOAD, TEMPERATURE, DEFORM)."""
+    """Selections of the subcase of a static preload: supports, equations, and loads (LOAD, TEMPERATURE, DEFORM)."""
 
     spc: int | None = None
     mpc: int | None = None
@@ -71,13 +71,13 @@ class StaticSubcase:
 
 @dataclass(frozen=True)
 class CaseControl:
-    """What the used subcase selects: its own commands over those of the global level.
+    """Selections of the used subcase: its commands take precedence over those of the global level.
 
-    `subcases` are all subcase numbers, `used` the one taken (None where there is none); `others` are the
-    commands without a meaning here, kept as they stand; `effective` are those of them that apply to the used subcase.
-    `loading` names the steps before the used one in the same subcase, in each of which the structure is loaded, and
-    `preload` is the static subcase that STATSUB takes as preload. `of_superelements` are the selections of subcases
-    that SUPER assigns to superelements, with the numbers of these.
+    `subcases` are all subcase numbers, `used` is the number of the used one, or None; `others` are the commands that
+    are not interpreted, as written; `effective` are those of them that apply to the used subcase. `loading` names the
+    steps before the used one in the same subcase, in each of which the structure is loaded, and `preload` is the static
+    subcase that STATSUB selects. `of_superelements` are the selections of subcases that SUPER assigns to superelements,
+    with the numbers of these.
     """
 
     spc: int | None = None
@@ -100,12 +100,12 @@ class CaseControl:
     of_superelements: tuple[tuple[IntegerList, CaseControl], ...] = ()
 
     def of_superelement(self, number: int) -> CaseControl:
-        """What the first subcase of a superelement selects; without one what the used subcase selects."""
+        """Selections of the first subcase of a superelement, or else of the used subcase."""
         return next((case for numbers, case in self.of_superelements if number in numbers), self)
 
     @property
     def other_counts(self) -> dict[str, int]:
-        """How often each command without a meaning here occurs."""
+        """Number of occurrences of each command that is not interpreted."""
         return dict(Counter(command.name for command in self.others))
 
 
@@ -115,7 +115,7 @@ def read_case_control(lines: Sequence[SourceLine], method_is_modal: bool = True)
     Parameters
     ----------
     lines : the lines
-    method_is_modal : False for a solution whose METHOD requests something else than natural modes (buckling)
+    method_is_modal : False for a solution whose METHOD does not request natural modes (buckling)
 
     Raises
     ------
@@ -158,7 +158,7 @@ def _command(body: str, line: SourceLine) -> CaseCommand:
 
 
 def _full_name(word: str) -> str:
-    """Four letters are enough for the commands that we know (``SUBT``, ``METH``)."""
+    """Full name of a known command, of which four letters suffice (``SUBT``, ``METH``)."""
     word = word.upper()
     known = ("METHOD", "SDAMPING", "SUBCASE", "ANALYSIS", "STATSUB", *_TITLES)
     full = (name for name in known if len(word) >= 4 and name.startswith(word))
@@ -183,7 +183,7 @@ class _Level:
 
     @property
     def own(self) -> list[_Level]:
-        """The levels of the subcase, without the one above all subcases."""
+        """The levels of the subcase, without the global one."""
         return [level for level in self.path if level.begin is not None]
 
     def analysis(self) -> str:
@@ -209,7 +209,7 @@ class _Level:
 
     @property
     def has_no_modes(self) -> bool:
-        """Whether ANALYSIS requests something else than modes."""
+        """Whether ANALYSIS requests an analysis without modes."""
         return self.analysis().startswith(_WITHOUT_MODES)
 
     @property
@@ -219,7 +219,7 @@ class _Level:
 
 
 class _CaseControlReading:
-    """Commands of all levels, as they go by."""
+    """Commands of all levels, gathered line by line."""
 
     def __init__(self, method_is_modal: bool) -> None:
         self.method_is_modal = method_is_modal
@@ -309,7 +309,7 @@ class _CaseControlReading:
         if not parts:
             return self.top, ()
         with_method = [part for part in parts if self._selects_method(part)]
-        # those of superelements ask for the modes of components
+        # those of superelements request the modes of components
         with_method = [part for part in with_method if not part.of_superelement] or with_method
         with_modes = [part for part in parts if part.analysis().startswith("MODE")]
         used = (with_method or with_modes or parts)[0]
@@ -335,23 +335,25 @@ class _CaseControlReading:
         )
 
     def _selects_method(self, part: _Level) -> bool:
-        """Whether modes are solved there: METHOD applies, and no other subcase takes it as its static preload."""
+        """Whether modes are solved there: METHOD applies, and no other subcase uses it as static preload."""
         if not self.method_is_modal or part.has_no_modes or not any("METHOD" in level.commands for level in part.path):
             return False
-        own = part.own[0]
-        number = own.begin.number if own.begin else 0
-        return number not in {preload for other in self.subcases if other is not own for preload in _preloads(other)}
+        subcase = part.own[0]
+        number = subcase.begin.number if subcase.begin else 0
+        return number not in {
+            preload for other in self.subcases if other is not subcase for preload in _preloads(other)
+        }
 
     def _preload(self, level: _Level) -> StaticSubcase | None:
-        """The first of the subcases that a level takes as its static preload."""
+        """The first of the subcases that a level uses as static preload."""
         wanted = set(_preloads(level))
         others = [s for s in self.subcases if s.begin and s is not level.own[0]] if level.own else []
-        found = next((s for s in others if s.begin and s.begin.number in wanted), None)
-        if found is None:
+        static = next((s for s in others if s.begin and s.begin.number in wanted), None)
+        if static is None:
             return None
-        used = {name: command for above in found.path for name, command in above.commands.items()}
+        used = {name: command for above in static.path for name, command in above.commands.items()}
         spc, mpc = (used[name].number if name in used else None for name in ("SPC", "MPC"))
-        loads = {(c.name, c.options): c for above in found.path for c in above.others if _is_load(c)}
+        loads = {(c.name, c.options): c for above in static.path for c in above.others if _is_load(c)}
         return StaticSubcase(spc, mpc, tuple(loads.values()))
 
 

@@ -1,7 +1,7 @@
-"""Whole columns of many cards at once: what a large deck repeats a hundred thousand times.
+"""Whole columns of many cards at once, for cards of which a large deck has a hundred thousand.
 
-Only what is plainly spelled is converted here: integers of digits, and reals, those without an exponent at once. Every
-other field is told apart, so that its card is read by itself, with its own message where it is wrong.
+Only simple spellings are converted here: integers of digits, and reals, those without an exponent all at once. All
+other fields are marked, so that their cards are read one by one, with a message for each error.
 """
 
 from __future__ import annotations
@@ -18,17 +18,25 @@ from femtune.files.nastran.lines import parse_real
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-_WIDTH, _FIRST, _LAST = 8, 8, 72
-_LARGE = 16
-# below so many cards one by one is as fast
-_WORTH = 100
-_LINE, _UNKNOWN = 8, "?"
-_BLANK, _POINT, _ZERO = ord(" "), ord("."), ord("0")
+_SMALL_WIDTH = 8
+_LARGE_WIDTH = 16
+"""Characters of a field in small and in large field format."""
+_DATA_START = 8
+_DATA_END = 72
+"""Columns before the first data field, and up to the end of the last one, of a line in small field."""
+_FIELDS_PER_LINE = 8
+_FEWEST_CARDS = 100
+"""Number of cards below which reading them one by one is as fast as setting up arrays."""
+_UNREADABLE = "?"
+"""Fills a field that is too long, so that it is not read as a number."""
+_BLANK = ord(" ")
+_POINT = ord(".")
+_ZERO = ord("0")
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Fields of n cards: `text` is (n, fields, 8 or, where one is longer, 16) characters."""
+    """Fields of n cards: `text` is (n, fields, 8) characters, or 16 if some field is longer."""
 
     text: Bytes
 
@@ -38,7 +46,7 @@ class Columns:
         return np.asarray((part == _BLANK).all(axis=(1, 2)))
 
     def integers(self, index: int) -> tuple[NDArray[np.int64], Mask]:
-        """(n,) integers of a field and whether each is plainly one; 0 where not."""
+        """(n,) integers of a field, and True where the spelling is simple; 0 elsewhere."""
         field = self._field(index)
         if field is None:
             return np.zeros(len(self.text), np.int64), np.zeros(len(self.text), bool)
@@ -50,7 +58,7 @@ class Columns:
         return np.where(plain, value, 0), plain
 
     def reals(self, index: int) -> tuple[NDArray[np.float64], Mask]:
-        """(n,) reals of a field and whether each is plainly one; a blank one is 0, and what is not is 0 too."""
+        """(n,) reals of a field, and True where the spelling is simple; 0 for blank fields and elsewhere."""
         field = self._field(index)
         if field is None:
             return np.zeros(len(self.text)), np.ones(len(self.text), bool)
@@ -76,52 +84,54 @@ def _texts(field: Bytes) -> NDArray[np.bytes_]:
 
 
 def _together(given: Mask, allowed: Mask) -> Mask:
-    """(n,) whether what is given is allowed and has no blank inside."""
+    """(n,) True if all given characters are allowed and have no blank between them."""
     starts = given[:, 0].astype(int) + (given[:, 1:] & ~given[:, :-1]).sum(axis=1)
     return np.asarray((starts <= 1) & (~given | allowed).all(axis=1))
 
 
 def columns_of(cards: Sequence[Card]) -> Columns | None:
-    """Columns of cards of one name; None where they are few."""
-    if len(cards) < _WORTH:
+    """Columns of cards of one name; None if there are few."""
+    if len(cards) < _FEWEST_CARDS:
         return None
     most = max(_lines(card) for card in cards)
-    wide = np.array([not card.plain and any(len(field) > _WIDTH for field in card.fields) for card in cards])
-    small = _text("".join([_data(card, most) for card, large in zip(cards, wide.tolist()) if not large]), most, _WIDTH)
+    wide = np.array([not card.plain and any(len(field) > _SMALL_WIDTH for field in card.fields) for card in cards])
+    small = _text(
+        "".join([_data(card, most) for card, large in zip(cards, wide.tolist()) if not large]), most, _SMALL_WIDTH
+    )
     if not wide.any():
         return Columns(small)
-    text = np.full((len(cards), most * _LINE, _LARGE), _BLANK, np.uint8)
-    text[~wide, :, :_WIDTH] = small
-    long = [_fields(card, most, _LARGE) for card, large in zip(cards, wide.tolist()) if large]
-    text[wide] = _text("".join(long), most, _LARGE)
+    text = np.full((len(cards), most * _FIELDS_PER_LINE, _LARGE_WIDTH), _BLANK, np.uint8)
+    text[~wide, :, :_SMALL_WIDTH] = small
+    long = [_fields(card, most, _LARGE_WIDTH) for card, large in zip(cards, wide.tolist()) if large]
+    text[wide] = _text("".join(long), most, _LARGE_WIDTH)
     return Columns(text)
 
 
 def _text(text: str, lines: int, width: int) -> Bytes:
-    return np.frombuffer(text.encode("latin-1"), np.uint8).reshape(-1, lines * _LINE, width)
+    return np.frombuffer(text.encode("latin-1"), np.uint8).reshape(-1, lines * _FIELDS_PER_LINE, width)
 
 
 def _lines(card: Card) -> int:
-    return len(card.lines) if card.plain else max(-(-len(card.fields) // _LINE), 1)
+    return len(card.lines) if card.plain else max(-(-len(card.fields) // _FIELDS_PER_LINE), 1)
 
 
 def _data(card: Card, lines: int) -> str:
-    """Columns 9 to 72 of all lines of a card, and blank ones up to a number of lines."""
+    """Columns 9 to 72 of all lines of a card, filled up with blank lines."""
     if not card.plain:
-        return _fields(card, lines, _WIDTH)
-    width = _LAST - _FIRST
-    data = [line[2][_FIRST:_LAST].rstrip("\r\n").ljust(width) for line in card.lines]
+        return _fields(card, lines, _SMALL_WIDTH)
+    width = _DATA_END - _DATA_START
+    data = [line[2][_DATA_START:_DATA_END].rstrip("\r\n").ljust(width) for line in card.lines]
     return "".join(data).ljust(lines * width)
 
 
 def _fields(card: Card, lines: int, width: int) -> str:
-    """All fields of a card at a width, and blank ones up to a number of lines."""
-    fields = [field.ljust(width) if len(field) <= width else width * _UNKNOWN for field in card.fields]
-    return "".join(fields).ljust(lines * _LINE * width)
+    """All fields of a card at a given width, filled up with blank lines."""
+    fields = [field.ljust(width) if len(field) <= width else width * _UNREADABLE for field in card.fields]
+    return "".join(fields).ljust(lines * _FIELDS_PER_LINE * width)
 
 
 def plain_numbers(cards: Sequence[Card]) -> list[int] | None:
-    """The numbers in the first fields of cards; None where they are not plain, or one stands twice."""
+    """The numbers in the first fields of cards; None if some spelling is not simple or a number is repeated."""
     columns = columns_of(cards)
     if columns is None:
         return None

@@ -1,7 +1,7 @@
-"""PBCOMP: a constant beam section, whole or put together from lumped areas of several materials.
+"""PBCOMP: a constant beam section, given as a whole or as lumped areas of several materials.
 
 With fractions C_i of the area A at (Y_i, Z_i): the neutral axis is the centre of the C_i E_i, A_eff = A Σ C_i E_i/E,
-I1 = A Σ C_i (Y_i − ȳ)² E_i/E, I2 and I12 alike, J_eff = J Σ C_i G_i/G, and the mass a length is A Σ C_i ρ_i.
+I1 = A Σ C_i (Y_i − ȳ)² E_i/E, I2 and I12 likewise, J_eff = J Σ C_i G_i/G, and the mass per length is A Σ C_i ρ_i.
 """
 
 from __future__ import annotations
@@ -29,14 +29,16 @@ _IMAGES: tuple[tuple[tuple[int, int], ...], ...] = (
     ((1, 1),),
 )
 _LUMP_FIELDS = ("Y", "Z", "C", "MID")
-_MOST = 20
-_X = (0.0, 1.0)
+_MOST_LUMPS = 20
+"""Largest number of lumped areas after reflection by SYMOPT; all of their moduli enter each derived value."""
+_END_STATIONS = (0.0, 1.0)
+"""Stations of a constant section: both ends of the beam."""
 _ACROSS = {"I1": ("y", "y"), "I2": ("z", "z"), "I12": ("y", "z")}
 
 
 @dataclass(frozen=True)
 class Lump:
-    """Place and fraction of a lumped area, and the positions of its material's values."""
+    """Position and fraction of a lumped area, and the positions of its material's values."""
 
     y: float
     z: float
@@ -54,16 +56,18 @@ def read_pbcomp(
     FemtuneError : ``deck.section`` (SYMOPT, lumps on a line, too many of them, no area)
     """
     lumps = _lumps(record, material, materials)
-    own = {n: b.value(record, pid, n) for n in ("A", "J", "NSM", "M1", "M2")}
-    own |= {n: b.value(record, pid, n, 1.0) for n in ("K1", "K2")}
-    own["NSI"] = b.values.add(FieldRef(record.name, pid, "NSI"), 0.0)
+    given = {n: b.value(record, pid, n) for n in ("A", "J", "NSM", "M1", "M2")}
+    given |= {n: b.value(record, pid, n, 1.0) for n in ("K1", "K2")}
+    given["NSI"] = b.values.add(FieldRef(record.name, pid, "NSI"), 0.0)
     if lumps:
         with np.errstate(all="ignore"):
-            made = _composed(b, FieldRef(record.name, pid, ""), lumps, own, material)
+            made = _composed(b, FieldRef(record.name, pid, ""), lumps, given, material)
         _check_finite(b, record, made)
     else:
         made = {n: b.value(record, pid, n) for n in ("I1", "I2", "I12", "N1", "N2")}
-    section = beam_section(b, record, {name: [at, at] for name, at in {**own, **made}.items() if name != "rho"}, _X)
+    section = beam_section(
+        b, record, {name: [at, at] for name, at in {**given, **made}.items() if name != "rho"}, _END_STATIONS
+    )
     density = {"rho": made["rho"]} if lumps else {}
     return BeamSection({**section.roles, **density}, section.stations)
 
@@ -76,11 +80,11 @@ def _lumps(record: CardEntry, material: Mapping[str, int], materials: Materials)
         fraction = line.real("C", 0.0)
         if fraction < 0.0:
             raise line.error("deck.section/lump-fraction", at="C")
-        own = material if line.blank("MID") else materials.get(line.integer("MID"), line)
+        lump_material = material if line.blank("MID") else materials.get(line.integer("MID"), line)
         y, z = line.reals("Y", "Z")
-        lumps += [Lump(s * y, t * z, fraction, own) for s, t in images if fraction]
-    if len(lumps) > _MOST:
-        raise record.error("deck.section/too-many-lumps", n_lumps=len(lumps), most=_MOST)
+        lumps += [Lump(s * y, t * z, fraction, lump_material) for s, t in images if fraction]
+    if len(lumps) > _MOST_LUMPS:
+        raise record.error("deck.section/too-many-lumps", n_lumps=len(lumps), most=_MOST_LUMPS)
     return lumps
 
 
@@ -97,9 +101,9 @@ def _images(record: CardEntry) -> tuple[tuple[int, int], ...]:
 
 
 def _composed(
-    b: Building, ref: FieldRef, lumps: list[Lump], own: Mapping[str, int], material: Mapping[str, int]
+    b: Building, ref: FieldRef, lumps: list[Lump], given: Mapping[str, int], material: Mapping[str, int]
 ) -> dict[str, int]:  # fmt: skip
-    """Positions of what follows from the lumps; A and J become the effective ones."""
+    """Positions of the values derived from the lumps; A and J become the effective ones."""
     moduli, shear = [lump.material["E"] for lump in lumps], [lump.material["G"] for lump in lumps]
     density = [lump.material["rho"] for lump in lumps]
 
@@ -107,16 +111,16 @@ def _composed(
         return b.values.derive(FieldRef(ref.card, ref.id, name), function, *sources)
 
     out = {
-        "A": derive("effective A", _weighted(lumps), own["A"], material["E"], *moduli),
+        "A": derive("effective A", _weighted(lumps), given["A"], material["E"], *moduli),
         "N1": derive("neutral axis y", _centre(lumps, "y"), *moduli),
         "N2": derive("neutral axis z", _centre(lumps, "z"), *moduli),
     }
     for name, (f, g) in _ACROSS.items():
-        out[name] = derive(f"effective {name}", _second_moment(lumps, f, g), own["A"], material["E"], *moduli)
+        out[name] = derive(f"effective {name}", _second_moment(lumps, f, g), given["A"], material["E"], *moduli)
     if b.values.values[material["G"]]:
-        out["J"] = derive("effective J", _weighted(lumps), own["J"], material["G"], *shear)
+        out["J"] = derive("effective J", _weighted(lumps), given["J"], material["G"], *shear)
     # mass is density times effective area
-    out["rho"] = derive("effective density", _weighted(lumps), own["A"], out["A"], *density)
+    out["rho"] = derive("effective density", _weighted(lumps), given["A"], out["A"], *density)
     return out
 
 

@@ -34,15 +34,18 @@ from femtune.files.nastran.materials import Materials, Properties, read_properti
 # The shells of a model as patches.
 
 
-_NEAREST = 16
-"""Shells of a property that a point is projected on, those with the nearest centres."""
-_COINCIDENT = 1e-9
-"""Distance of the ends beside the size of a patch below which the connector has no length."""
+_MOST_PROJECTIONS = 16
+"""Number of shells of a property, those with the nearest centres, that a point is projected on.
+
+More than one layer of neighbours in a regular mesh; each projection is an iteration.
+"""
+_COINCIDENT_ENDS = 1e-9
+"""Distance of the ends, relative to the size of a patch, up to which the connector has no length: rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Shells:
-    """All shells by number, and those that share a grid point."""
+    """All shells by number, and the shells at each grid point."""
 
     building: Building
     grids: Grids
@@ -55,24 +58,24 @@ class _Shells:
 
     @cached_property
     def _at_points(self) -> dict[int, list[int]]:
-        found: dict[int, list[int]] = {}
+        shells: dict[int, list[int]] = {}
         for number, (batch, i) in self._places.items():
             for row in batch.nodes[i]:
                 if row >= 0:
-                    found.setdefault(int(row), []).append(number)
-        return found
+                    shells.setdefault(int(row), []).append(number)
+        return shells
 
     @cached_property
     def _of_property(self) -> dict[int, Integers]:
-        found: dict[int, list[int]] = {}
+        shells: dict[int, list[int]] = {}
         for name in sorted({batch.card for batch, _ in self._places.values()}):
             for card in self.building.deck.by_name(name):
                 if card.is_integer(0) and card.integer(0) in self._places:
-                    found.setdefault(card.integer(1, card.integer(0)), []).append(card.integer(0))
-        return {pid: np.array(numbers) for pid, numbers in found.items()}
+                    shells.setdefault(card.integer(1, card.integer(0)), []).append(card.integer(0))
+        return {pid: np.array(numbers) for pid, numbers in shells.items()}
 
     def patch(self, number: int, record: CardEntry) -> Patch:
-        """A shell, asked for by a card; without one of its mid-side grid points it has its corners only."""
+        """A shell that a card refers to; if it lacks a mid-side grid point, only its corners are used."""
         if number not in self._places:
             raise record.error("deck.connector/shell", number=number)
         batch, i = self._places[number]
@@ -91,8 +94,8 @@ class _Shells:
     def beside(self, number: int) -> list[int]:
         """Shells that share a grid point with a shell."""
         batch, i = self._places[number]
-        found = {other for row in batch.nodes[i] if row >= 0 for other in self._at_points[int(row)]}
-        return sorted(found - {number})
+        neighbours = {other for row in batch.nodes[i] if row >= 0 for other in self._at_points[int(row)]}
+        return sorted(neighbours - {number})
 
     def near(self, pid: int, point: Reals, record: CardEntry) -> list[int]:
         """Shells of a property, the nearest first."""
@@ -100,7 +103,7 @@ class _Shells:
             raise record.error("deck.connector/property", number=pid)
         numbers = self._of_property[pid]
         distance = np.array([np.linalg.norm(self._centre(int(n)) - point) for n in numbers])
-        return numbers[np.argsort(distance, kind="stable")[:_NEAREST]].tolist()
+        return numbers[np.argsort(distance, kind="stable")[:_MOST_PROJECTIONS]].tolist()
 
     def _centre(self, number: int) -> Reals:
         if number not in self._centres:
@@ -115,17 +118,17 @@ class _Shells:
 
     def of_same_property(self, number: int, others: Sequence[int]) -> list[int]:
         """Those of some shells that have the property of a shell."""
-        own = next((numbers for numbers in self._of_property.values() if number in numbers), np.zeros(0, np.int64))
-        return [n for n in others if n in own]
+        members = next((numbers for numbers in self._of_property.values() if number in numbers), np.zeros(0, np.int64))
+        return [n for n in others if n in members]
 
 
 def _projected(
     shells: _Shells, point: Reals, numbers: Sequence[int], record: CardEntry
 ) -> tuple[int, SurfacePoint] | None:
-    """The shell on which a point falls, the nearest of several."""
-    found = [(n, shells.patch(n, record).project(point)) for n in numbers]
-    inside = [(n, p) for n, p in found if p.is_inside]
-    return min(inside, key=lambda own: own[1].distance, default=None)
+    """The shell on which the projection of a point lies; the nearest of several."""
+    projections = [(n, shells.patch(n, record).project(point)) for n in numbers]
+    inside = [(n, p) for n, p in projections if p.is_inside]
+    return min(inside, key=lambda shell: shell[1].distance, default=None)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -133,12 +136,12 @@ def _projected(
 
 
 _SIDE = np.sqrt(np.pi) / 2.0
-"""Side of the square of auxiliary points over the diameter: the square has the area of the section."""
+"""Ratio of the side of the square of auxiliary points to the diameter: the square has the area of the section."""
 
 
 @dataclass(frozen=True)
 class _Ends:
-    """Both ends, and the shells that they lie on (0 for none)."""
+    """Both ends, and their shells (0 for none)."""
 
     a: EndMotion
     b: EndMotion
@@ -147,7 +150,7 @@ class _Ends:
 
 @dataclass(frozen=True)
 class _Reading:
-    """What the ends of connectors are found by."""
+    """Data for finding the ends of connectors."""
 
     grids: Grids
     shells: _Shells
@@ -159,10 +162,10 @@ class _Reading:
             raise record.error("deck.connector/one-patch")
         ends = []
         for patch, point in zip(patches, self._points(record)):
-            found = patch.project(point)
-            if not found.is_inside:
+            foot = patch.project(point)
+            if not foot.is_inside:
                 raise record.error("deck.connector/outside")
-            ends.append(on_surface(found))
+            ends.append(on_surface(foot))
         return _Ends(ends[0], ends[1])
 
     def _listed(self, record: CardEntry, start: int) -> Patch:
@@ -182,10 +185,10 @@ class _Reading:
         numbers = (record.card.integer(8), record.card.integer(9))
         ends = []
         for number, point in zip(numbers, self._points(record)):
-            found = self.shells.patch(number, record).project(point)
-            if not found.is_inside:
+            foot = self.shells.patch(number, record).project(point)
+            if not foot.is_inside:
                 raise record.error("deck.connector/outside-shell", number=number)
-            ends.append(on_surface(found))
+            ends.append(on_surface(foot))
         return _Ends(ends[0], ends[1], numbers)
 
     def of_points(self, record: CardEntry) -> _Ends:
@@ -202,38 +205,38 @@ class _Reading:
         ends, numbers = [], []
         for name, point in zip(names, self._points(record)):
             candidates = self.shells.near(name, point, record) if by_property else [name]
-            found = _projected(self.shells, point, candidates, record)
-            if found is None and not by_property:
-                found = _projected(self.shells, point, self.shells.beside(name), record)
-            if found is None:
+            projection = _projected(self.shells, point, candidates, record)
+            if projection is None and not by_property:
+                projection = _projected(self.shells, point, self.shells.beside(name), record)
+            if projection is None:
                 code = "deck.connector/outside-property" if by_property else "deck.connector/outside-shell"
                 raise record.error(code, number=name)
-            ends.append(self._with_auxiliary_points(record, found, diameter, by_property))
-            numbers.append(found[0])
+            ends.append(self._with_auxiliary_points(record, projection, diameter, by_property))
+            numbers.append(projection[0])
         return _Ends(ends[0], ends[1], (numbers[0], numbers[1]))
 
     def _with_auxiliary_points(
-        self, record: CardEntry, found: tuple[int, SurfacePoint], diameter: float, by_property: bool
+        self, record: CardEntry, projection: tuple[int, SurfacePoint], diameter: float, by_property: bool
     ) -> EndMotion:  # fmt: skip
-        number, point = found
+        number, point = projection
         others = self.shells.beside(number)
         if by_property:
             others = self.shells.of_same_property(number, others)
         around = []
         for corner in square_around(point, _SIDE * diameter):
-            own = point.patch.project(corner)
-            if not own.is_inside:
+            foot = point.patch.project(corner)
+            if not foot.is_inside:
                 neighbour = _projected(self.shells, corner, others, record)
                 if neighbour is None or neighbour[1].distance > diameter:
                     raise record.error("deck.connector/auxiliary", number=number)
-                own = neighbour[1]
-            around.append(own)
+                foot = neighbour[1]
+            around.append(foot)
         if all(np.array_equal(p.xyz, point.xyz) for p in around):
             raise record.error("deck.connector/point-like", number=number)
         return on_auxiliary_points(point, around)
 
     def _points(self, record: CardEntry) -> tuple[Reals, Reals]:
-        """Where the ends are sought: at GA and GB where these are given, else at GS or XS YS ZS."""
+        """Points at which the ends are sought: GA and GB if given, otherwise GS or XS YS ZS."""
         a, b = (self._given(record, name) for name in ("GA", "GB"))
         return a, b
 
@@ -251,7 +254,7 @@ class _Reading:
         raise record.error("deck.connector/no-place", at="GS")
 
     def _place(self, record: CardEntry, start: int) -> Reals:
-        """The point whose coordinates stand in three fields."""
+        """The point whose coordinates are in three fields."""
         xyz = np.array([record.card.real(start + i, 0.0) for i in range(3)])
         far = np.flatnonzero(np.abs(xyz) > LARGEST_COORDINATE)
         if len(far):
@@ -260,7 +263,7 @@ class _Reading:
 
 
 def _diameter(section: CardEntry) -> float:
-    """D of a property, above zero and no larger than a coordinate may be."""
+    """D of a property, above zero and not above the limit of coordinates."""
     diameter = float(section.real("D"))
     if not 0.0 < diameter <= LARGEST_COORDINATE:
         raise section.error("deck.connector/diameter", at="D")
@@ -272,7 +275,7 @@ def _axes(record: CardEntry, ends: _Ends, direction: Reals | None = None) -> tup
     line = ends.b.xyz - ends.a.xyz
     size = length(line)
     scale = float(np.abs(np.concatenate([ends.a.xyz, ends.b.xyz])).max()) or 1.0
-    x = line / size if size > _COINCIDENT * scale else ends.a.normal
+    x = line / size if size > _COINCIDENT_ENDS * scale else ends.a.normal
     if direction is None:
         helper = np.eye(3)[int(np.argmin(np.abs(np.round(x, 12))))]
         y = helper - (helper @ x) * x
@@ -282,7 +285,7 @@ def _axes(record: CardEntry, ends: _Ends, direction: Reals | None = None) -> tup
             raise record.error("deck.connector/axes")
         y = cross(z / length(z), x)
     y = y / length(y)
-    return (size if size > _COINCIDENT * scale else 0.0), np.column_stack([x, y, cross(x, y)])
+    return (size if size > _COINCIDENT_ENDS * scale else 0.0), np.column_stack([x, y, cross(x, y)])
 
 
 def _facts(grids: Grids, ends: _Ends, axes: Reals) -> tuple[list[int], dict[str, NDArray]]:
@@ -297,9 +300,9 @@ def _facts(grids: Grids, ends: _Ends, axes: Reals) -> tuple[list[int], dict[str,
     for k, end in enumerate((ends.a, ends.b)):
         for i, row in enumerate(end.rows.tolist()):
             frame = grids.table.frames[row]
-            own = motion[6 * k : 6 * k + 6, place[row]]
-            own[:, :3] += end.motion[:, i, :3] @ frame
-            own[:, 3:] += end.motion[:, i, 3:] @ frame
+            block = motion[6 * k : 6 * k + 6, place[row]]
+            block[:, :3] += end.motion[:, i, :3] @ frame
+            block[:, 3:] += end.motion[:, i, 3:] @ frame
     turned = np.einsum("ia,kinc->kanc", axes, motion.reshape(4, 3, len(order), 6)).reshape(12, -1)
     arm = axes.T @ (0.5 * (ends.b.xyz - ends.a.xyz))
     return order, {"ends": turned, "arm": arm}
@@ -326,7 +329,7 @@ def read_connectors(
 def _batches(
     building: Building, card: str, add: Callable[[CardEntry], None], rows: Mapping[Any, BatchRows]
 ) -> list[ElementBatch]:
-    """Add every record of a card to its rows; an error in one does not hide those in others."""
+    """Add every record of a card to its rows, collecting the errors."""
     for record in building.records(card):
         with building.errors.catch():
             add(record)
@@ -348,7 +351,7 @@ class _Welds:
 
     @cached_property
     def _with_patches(self) -> set[int]:
-        """Properties whose diameter places auxiliary points: it is fixed there."""
+        """Properties whose diameter determines auxiliary points and therefore is fixed."""
         cards = self.building.deck.by_name("CWELD")
         return {c.integer(1, c.integer(0, 0)) for c in cards if c.text(3) in _PATCHES and c.is_integer(1)}
 
@@ -403,7 +406,7 @@ class _Welds:
 
 
 def _effective_length(section: CardEntry, distance: float, diameter: float) -> dict[str, NDArray]:
-    """The true length, within LDMIN and LDMAX times the diameter."""
+    """The true length, limited to LDMIN and LDMAX times the diameter."""
     least, most = section.real("LDMIN", 0.2), section.real("LDMAX", 5.0)
     if not 0.0 < least <= most:
         raise section.error("deck.connector/limits", at="LDMIN")

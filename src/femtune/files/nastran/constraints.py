@@ -37,9 +37,9 @@ def read_supports(building: Building, grids: Grids) -> dict[int, Integers]:
 
 
 def read_unions(building: Building, card: str, known: set[int]) -> dict[int, list[int]]:
-    """Members of the sets that SPCADD or MPCADD put together.
+    """Members of the sets that SPCADD or MPCADD combine.
 
-    A set cannot be a union and have cards of its own, and its members are no unions, as in Nastran.
+    A union cannot also have SPC or MPC cards, and its members cannot be unions, as in Nastran.
     """
     unions: dict[int, list[int]] = {}
     numbers = {record.card.integer(0, 0) for record in building.records(card) if record.card.is_integer(0)}
@@ -82,7 +82,7 @@ def _enforced(record: CardEntry, number: int) -> Notice:
 
 
 def listed_dofs(record: CardEntry, grids: Grids, components: str, start: int) -> set[int]:
-    """Components of a list of points from field `start` on; points that only lie in a THRU range may be missing."""
+    """Components of a list of points from field `start` on; points that are only within a THRU range may be missing."""
     points = read_list(record.card.fields[start:], record.where)
     missing = [n for n in points.singles if n not in grids.points]
     if missing:
@@ -98,8 +98,8 @@ def dofs_of_point(record: CardEntry, grids: Grids, number: int, components: str)
     return {grids.dof(number, int(c), record) for c in components}
 
 
-# what follows from it, squared and times a stiffness, stays a number
 _LARGEST_RATIO = 1e30
+"""Largest ratio of a coefficient to the dependent one; its square times a stiffness does not overflow."""
 
 
 def read_multipoint_sets(building: Building, grids: Grids) -> dict[int, ConstraintRows]:
@@ -149,7 +149,7 @@ def _equation(record: CardEntry, grids: Grids) -> ConstraintRows:
 
 
 def _terms(record: CardEntry, grids: Grids) -> list[tuple[int, float]]:
-    """DOF and coefficient of each term: two a line, in fields 3 to 8."""
+    """DOF and coefficient of each term: two per line, in fields 3 to 8."""
     card, terms = record.card, []
     for line in range(0, len(card.fields), 8):
         for at in (line + 1, line + 4):
@@ -165,7 +165,7 @@ def _terms(record: CardEntry, grids: Grids) -> list[tuple[int, float]]:
 # ----------------------------------------------------------------------------------------------------
 # Named sets of degrees of freedom: ASET, OMIT, BSET, CSET, QSET, SUPORT, USET and their second forms.
 #
-# They tell which degrees of freedom a reduction keeps or how a support is taken; none of them holds anything here.
+# They define the degrees of freedom that a reduction retains, or a support; none of them constrains anything here.
 
 
 # card: name of its set, and the field in which pairs of point and components start
@@ -194,18 +194,18 @@ _EFFECTS = {
 def read_dof_sets(building: Building, grids: Grids) -> dict[str, Integers]:
     """g-set DOFs by set: "ASET", "OMIT", "BSET", "CSET", "QSET", "SUPORT", "SUPORT1 3", "USET U1".
 
-    BNDFIX is BSET and BNDFREE is CSET. A notice tells of each set that nothing depends on it.
+    BNDFIX is BSET and BNDFREE is CSET. A notice says for each set that it has no effect.
     """
-    found: dict[str, set[int]] = {}
+    sets: dict[str, set[int]] = {}
     first: dict[str, CardEntry] = {}
     for record in building.records(*_PAIRED, *_LISTED):
         with building.errors.catch():
             name, dofs = _set_name(record), _dofs(record, grids)
-            found.setdefault(name, set()).update(dofs)
+            sets.setdefault(name, set()).update(dofs)
             first.setdefault(name, record)
-    building.notices += [_notice(name, len(dofs), first[name]) for name, dofs in found.items()]
-    building.notices += _overlaps(found, first, grids)
-    return {name: np.array(sorted(dofs), dtype=np.int64) for name, dofs in found.items()}
+    building.notices += [_notice(name, len(dofs), first[name]) for name, dofs in sets.items()]
+    building.notices += _overlaps(sets, first, grids)
+    return {name: np.array(sorted(dofs), dtype=np.int64) for name, dofs in sets.items()}
 
 
 def _set_name(record: CardEntry) -> str:
@@ -256,15 +256,15 @@ def _notice(name: str, count: int, record: CardEntry) -> Notice:
 
 
 def effect_of(name: str) -> str:
-    """What a set of `read_dof_sets` means for the model, in words."""
+    """Text on the effect of a set of `read_dof_sets` on the model."""
     kind = name.split(maxsplit=1)[0]
     return _EFFECTS[kind]
 
 
-def _overlaps(found: dict[str, set[int]], first: dict[str, CardEntry], grids: Grids) -> Iterable[Notice]:
-    """A DOF that is omitted and kept: other programs refuse it; here neither has an effect."""
+def _overlaps(sets: dict[str, set[int]], first: dict[str, CardEntry], grids: Grids) -> Iterable[Notice]:
+    """Notices of DOFs that are both omitted and kept: an error in other programs, without effect here."""
     for name in _KEPT:
-        both = found.get("OMIT", set()) & found.get(name, set())
+        both = sets.get("OMIT", set()) & sets.get(name, set())
         if both:
             dof = grids.table.describe(min(both))
             yield Notice(

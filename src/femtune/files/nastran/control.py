@@ -1,4 +1,4 @@
-"""What case control and PARAM cards choose: sets, eigenvalue method, mass factor, coupled mass, AUTOSPC."""
+"""Choices of case control and PARAM cards: sets, eigenvalue method, mass factor, coupled mass, AUTOSPC."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from femtune.files.nastran.lines import parse_integer, parse_real
 UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "SNORM", "G", "W3", "W4", "KDAMP", "CK2",
     "CM2", "CB2", "CK42")  # fmt: skip
 
-# two facets at more than a right angle are no smooth surface
-MOST_DEGREES = 45.0
+LARGEST_NORMAL_ANGLE = 45.0
+"""Largest value of PARAM SNORM, degrees from the mean normal.
+
+Two facets are then at a right angle; at larger angles they do not approximate a smooth surface.
+"""
 
 _PROPORTIONAL = ": damping proportional to mass and stiffness is not modelled"
 _WHY_IGNORED = {
@@ -27,7 +30,7 @@ _WHY_IGNORED = {
 
 @dataclass(frozen=True)
 class EigenMethod:
-    """Modes that an EIGR or EIGRL card asks for: range in Hz and number; None where the card leaves it open."""
+    """Modes that an EIGR or EIGRL card requests: range in Hz and number; None if not given."""
 
     id: int
     card: str
@@ -43,7 +46,7 @@ def eigen_methods(building: Building) -> dict[int, EigenMethod]:
 
 def _method(record: CardEntry, number: int) -> EigenMethod:
     low, high = ("V1", "V2") if record.name == "EIGRL" else ("F1", "F2")
-    # with the old inverse power method NE is an estimate; ND is what is wanted in all
+    # with the old inverse power method NE is an estimate; with all methods ND is the requested number
     return EigenMethod(
         number, record.name, record.real(low, None), record.real(high, None), record.integer("ND", None)
     )  # fmt: skip
@@ -57,7 +60,7 @@ def check_selected(building: Building, kind: str, number: int | None, known: Col
 
 
 def selected_equations(building: Building, number: int | None, known: Collection[int]) -> int | None:
-    """MPC set that case control selects; without such equations none apply, as Nastran has it."""
+    """MPC set that case control selects; if there are no such equations none apply, as in Nastran."""
     if number is None or number in known:
         return number
     building.notices.append(
@@ -114,7 +117,7 @@ def coupled_mass(building: Building) -> bool:
 
 
 def hold_singular(building: Building) -> bool:
-    """AUTOSPC of case control, else PARAM AUTOSPC; YES without either, as in normal modes."""
+    """AUTOSPC of case control, else PARAM AUTOSPC; YES by default, as in normal modes."""
     words = {"YES": True, "NO": False, "1": True, "0": False, "-1": False}
     for command in building.deck.case_control.effective:
         word = command.value.upper()
@@ -124,10 +127,10 @@ def hold_singular(building: Building) -> bool:
 
 
 def drilling_factor(building: Building, batches: Collection[ElementBatch]) -> float:
-    """PARAM K6ROT, the stiffness of shells against turning about their normal; 100 without it.
+    """PARAM K6ROT, the stiffness of shells against rotation about their normal; 100 by default.
 
-    Zero where every shell is a membrane: commercial Nastran then ignores K6ROT, as its listing of a wing of membranes
-    and rods shows.
+    Zero if every shell is a membrane: commercial Nastran then ignores K6ROT, as its listing of a wing of membranes and
+    rods shows.
     """
     bends = [b.facts["has_bending"].any() for b in batches if "has_bending" in b.facts]
     value = real_param(building, "K6ROT", 100.0)
@@ -139,18 +142,18 @@ def drilling_factor(building: Building, batches: Collection[ElementBatch]) -> fl
 
 
 def normal_angle(building: Building) -> float:
-    """PARAM SNORM, degrees from their mean normal up to which shells share it; 20 without it."""
+    """PARAM SNORM, degrees from their mean normal up to which shells share it; 20 by default."""
     value = real_param(building, "SNORM", 20.0)
     if value < 0.0:
         with building.errors.catch():
             raise _bad_param("SNORM", building.deck.params["SNORM"], "zero or more")
-    if value > MOST_DEGREES:
+    if value > LARGEST_NORMAL_ANGLE:
         given = building.deck.params["SNORM"]
-        where, most = given.card.where(), MOST_DEGREES
+        where, most = given.card.where(), LARGEST_NORMAL_ANGLE
         building.notices.append(
             Notice("deck.ignored-param/normals", where=where, given_value=given.value, most=f"{most:g}")
         )
-    return min(value, MOST_DEGREES)
+    return min(value, LARGEST_NORMAL_ANGLE)
 
 
 def _switch(building: Building, name: str, words: dict[str, bool], default: bool) -> bool:
@@ -169,7 +172,7 @@ def _bad_param(name: str, given: DeckParameter, expected: str) -> FemtuneError:
 
 
 def ignored_params(deck: Deck) -> list[Notice]:
-    """PARAM cards that have no meaning here; a warning where one would change the modes of the deck."""
+    """Notices of PARAM cards that are not interpreted; a warning if one would change the modes of the deck."""
     return [
         Notice(
             "deck.ignored-param",

@@ -12,8 +12,13 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.nastran.card import CardEntry
 
-_MAX_CHAIN = 200
+_LONGEST_CHAIN = 200
+"""Longest chain of systems defined in terms of each other; real decks have a few, and recursion is limited."""
 _ON_AXIS = 1e-10
+"""Distance from the axis, relative to the coordinates (at least 1), up to which the radial direction is undefined.
+
+Above the rounding of coordinates, so that the direction is never one of rounding errors.
+"""
 
 
 @dataclass(frozen=True)
@@ -26,13 +31,13 @@ class CoordinateSystem:
     axes: Reals
 
     def point(self, x: Reals) -> Reals:
-        """Basic coordinates of a point given in this system (r, θ°, z or r, θ°, φ° where it is not rectangular)."""
+        """Basic coordinates of a point given in this system (r, θ°, z or r, θ°, φ° if it is not rectangular)."""
         return self.origin + self.axes @ _rectangular(self.shape, np.asarray(x, dtype=float))
 
     def frame(self, at: Reals) -> Reals:
         """(3, 3) unit axes, as columns in the basic frame, of components at a point in basic coordinates.
 
-        On the axis of a cylindrical or spherical system, where the radius has no direction, θ = 0 is taken.
+        On the axis of a cylindrical or spherical system, where the radial direction is undefined, θ = 0 is used.
         """
         if self.shape == "R":
             return self.axes
@@ -64,7 +69,7 @@ def _local_frame(shape: str, x: Reals) -> Reals:
 
 
 def cross(a: Reals, b: Reals) -> Reals:
-    """Vector product of two vectors; much faster than NumPy's, which is made for arrays of them."""
+    """Vector product of two vectors; much faster for single vectors than NumPy's."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
@@ -74,7 +79,7 @@ def length(a: Reals) -> float:
 
 
 def system_through(id: int, shape: str, a: Reals, b: Reals, c: Reals) -> CoordinateSystem | None:
-    """System with origin A, z-axis through B and C in the x-z plane; None where the points lie on a line."""
+    """System with origin A, z-axis through B and C in the x-z plane; None if the points are collinear."""
     z, out = b - a, c - a
     y = cross(z, out)
     if length(y) <= 1e-10 * length(z) * length(out):
@@ -85,7 +90,7 @@ def system_through(id: int, shape: str, a: Reals, b: Reals, c: Reals) -> Coordin
 
 @dataclass
 class CoordinateSystems:
-    """Systems by number, resolved when they are first asked for.
+    """Systems by number, resolved on first use.
 
     Parameters
     ----------
@@ -104,7 +109,7 @@ class CoordinateSystems:
         self._known[0] = self.basic
 
     def get(self, cid: int, user: CardEntry) -> CoordinateSystem:
-        """The system of a number, asked for by a card.
+        """The system of a number that a card refers to.
 
         Raises
         ------
@@ -113,15 +118,15 @@ class CoordinateSystems:
         """
         if cid not in self._known:
             self._known[cid] = self._resolved(cid, user)
-        found = self._known[cid]
-        if isinstance(found, FemtuneError):
-            raise found
-        return found
+        system = self._known[cid]
+        if isinstance(system, FemtuneError):
+            raise system
+        return system
 
     def _resolved(self, cid: int, user: CardEntry) -> CoordinateSystem | FemtuneError:
         if cid not in self.records:
             return _unknown(cid, user, self.records)
-        if cid in self._pending or len(self._pending) > _MAX_CHAIN:
+        if cid in self._pending or len(self._pending) > _LONGEST_CHAIN:
             raise _circular([*self._pending, cid], self.records[cid])
         self._pending.append(cid)
         try:
@@ -133,10 +138,10 @@ class CoordinateSystems:
 
     def _build(self, cid: int, record: CardEntry) -> CoordinateSystem:
         points = self._from_grids(record) if record.name.startswith("CORD1") else self._from_points(record)
-        found = system_through(cid, record.name[-1], *points)
-        if found is None:
+        system = system_through(cid, record.name[-1], *points)
+        if system is None:
             raise record.error("deck.degenerate-coordinates", cid=cid)
-        return found
+        return system
 
     def _from_grids(self, record: CardEntry) -> tuple[Reals, Reals, Reals]:
         a, b, c = (self.grid_location(record.integer(name), record) for name in ("G1", "G2", "G3"))
@@ -158,5 +163,5 @@ def _unknown(cid: int, user: CardEntry, known: Mapping[int, CardEntry]) -> Femtu
 
 def _circular(chain: list[int], record: CardEntry) -> FemtuneError:
     shown = chain[chain.index(chain[-1]) :] if chain[-1] in chain[:-1] else chain[-10:]
-    long = "" if chain[-1] in chain[:-1] else f" (more than {_MAX_CHAIN} systems long)"
+    long = "" if chain[-1] in chain[:-1] else f" (more than {_LONGEST_CHAIN} systems long)"
     return record.error("deck.circular-coordinates", length_of_chain=long, chain=" -> ".join(map(str, shown)))

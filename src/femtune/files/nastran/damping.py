@@ -1,4 +1,4 @@
-"""Damping of the whole model: PARAM G, W3 and W4; what looks wrong, and what is not read."""
+"""Damping of the whole model: PARAM G, W3 and W4; notices of implausible and of ignored damping."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from femtune.files.nastran.control import check_selected, real_param
 from femtune.files.nastran.deck import Deck
 from femtune.model.damping import DampingUnit, ModalDamping, as_hysteretic, damping_table
 
-_LARGEST_LOSS = 2.0
+_LARGEST_LOSS_FACTOR = 2.0
+"""Loss factor above which a notice is given: damping layers reach about 1, and a percentage is usually larger."""
 _MATRICES = ("B2PP",)
 
 
 def overall_damping(building: Building) -> OverallDamping:
-    """PARAM G as an entry of the value table, with W3 and W4 (error ``deck.param`` where they are below zero)."""
+    """PARAM G as an entry of the value table, with W3 and W4 (error ``deck.param`` if they are below zero)."""
     w3, w4 = (_not_negative(building, name) for name in ("W3", "W4"))
     if "G" not in building.deck.params:
         return OverallDamping(None, w3, w4)
     ref, card = FieldRef("PARAM", 0, "G"), building.deck.params["G"].card
     cards = building.deck.cards
-    # a PARAM of case control has no card that could be written
+    # a PARAM of case control has no card to write to
     if card.position < len(cards) and cards[card.position] is card:
         building.places[ref] = FieldPlace(card.position, (1,))
     return OverallDamping(building.values.add(ref, real_param(building, "G", 0.0)), w3, w4)
@@ -40,17 +41,17 @@ def _not_negative(building: Building, name: str) -> float:
 
 
 def damping_notices(building: Building) -> list[Notice]:
-    """Loss factors beyond all materials, and damping matrices that are not read."""
+    """Notices of loss factors that no material has, and of damping matrices that are not read."""
     return [*_large_losses(building), *_matrix_notices(building.deck)]
 
 
 def _large_losses(building: Building) -> list[Notice]:
     table = building.values
-    found = [(r, v) for r, v in zip(table.refs, table.values) if r in building.places and _is_loss(r) and _is_large(v)]
-    if not found:
+    losses = [(r, v) for r, v in zip(table.refs, table.values) if r in building.places and _is_loss(r) and _is_large(v)]
+    if not losses:
         return []
-    ref, value = found[0]
-    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    ref, value = losses[0]
+    more = f" (and {len(losses) - 1} more)" if len(losses) > 1 else ""
     return [
         Notice(
             "deck.large-loss-factor",
@@ -67,7 +68,7 @@ def _is_loss(ref: FieldRef) -> bool:
 
 
 def _is_large(value: float) -> bool:
-    return abs(value) > _LARGEST_LOSS
+    return abs(value) > _LARGEST_LOSS_FACTOR
 
 
 def _matrix_notices(deck: Deck) -> list[Notice]:
@@ -79,11 +80,12 @@ def _matrix_notices(deck: Deck) -> list[Notice]:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Modal damping over frequency: TABDMP1, and which table case control selects.
+# Modal damping over frequency: TABDMP1, and its selection by case control.
 
 
 _UNITS: Mapping[str, DampingUnit] = {"G": "G", "CRIT": "CRIT", "Q": "Q"}
 _FIRST_PAIR = 8
+"""Index of the first frequency of a TABDMP1: the first field of its first continuation."""
 
 
 def damping_tables(building: Building) -> dict[int, ModalDamping]:
@@ -96,15 +98,15 @@ def damping_tables(building: Building) -> dict[int, ModalDamping]:
 
 
 def modal_damping(building: Building, tables: Mapping[int, ModalDamping]) -> ModalDamping | None:
-    """The table that SDAMPING selects, as PARAM KDAMP has it taken; None without one (error ``deck.missing-set``)."""
+    """The table that SDAMPING selects, interpreted by PARAM KDAMP, or None (error ``deck.missing-set``)."""
     selected = building.deck.case_control.damping
-    # a table that cannot be used has its own error
+    # an unusable table has a separate error
     known = {card.integer(0, 0) for card in building.deck.by_name("TABDMP1") if card.is_integer(0)}
     check_selected(building, "SDAMPING", selected, known)
     if selected is None or selected not in tables:
         return None
-    found = tables[selected]
-    return as_hysteretic(found) if real_param(building, "KDAMP", 1.0) < 0.0 else found
+    table = tables[selected]
+    return as_hysteretic(table) if real_param(building, "KDAMP", 1.0) < 0.0 else table
 
 
 def _table(record: CardEntry) -> ModalDamping:
@@ -119,12 +121,12 @@ def _table(record: CardEntry) -> ModalDamping:
 
 
 def _pairs(card: Card) -> list[tuple[float, float]]:
-    """Frequencies and values up to ENDT; a pair with SKIP is left out, and one that is blank."""
-    found: list[tuple[float, float]] = []
+    """Frequencies and values up to ENDT; pairs with SKIP and blank pairs are left out."""
+    pairs: list[tuple[float, float]] = []
     for at in range(_FIRST_PAIR, len(card.fields), 2):
         texts = (card.text(at), card.text(at + 1))
         if "ENDT" in texts:
-            return found
+            return pairs
         if "SKIP" not in texts and any(texts):
-            found.append((card.real(at), card.real(at + 1)))
+            pairs.append((card.real(at), card.real(at + 1)))
     raise card.error("deck.damping-table")

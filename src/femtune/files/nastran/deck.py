@@ -22,18 +22,19 @@ _SOL = re.compile(r"\s*SOL[\s,=]+(\w+)", re.IGNORECASE)
 _SOLUTION_NUMBERS = {"SEMODES": 103, "MODES": 103, "SESTATIC": 101, "SESTATICS": 101, "SEMFREQ": 111, "SEBUCKL": 105,
     "SEDCEIG": 107, "SEMCEIG": 110, "NLSTATIC": 106, "NONLIN": 400}  # fmt: skip
 _BUCKLING = 105
+"""Number of the solution sequence for buckling, whose METHOD does not select natural modes."""
 
 
 @dataclass(frozen=True)
 class Executive:
-    """Executive control (with file management): its statements as they stand and the solution's name."""
+    """Executive control (with file management): its statements as written and the name of the solution."""
 
     lines: tuple[SourceLine, ...] = ()
     solution: str = ""
 
     @property
     def solution_number(self) -> int | None:
-        """Number of the solution sequence (103 for SEMODES), None where it is not known."""
+        """Number of the solution sequence (103 for SEMODES), None if it is unknown."""
         return _SOLUTION_NUMBERS.get(self.solution, parse_integer(self.solution))
 
 
@@ -47,12 +48,12 @@ class DeckParameter:
 
 @dataclass(frozen=True)
 class Deck:
-    """One deck as it was read.
+    """One deck as read.
 
-    `files` are all files, the main one first; `cards` are in the order of reading with INCLUDEs in their
-    place; `params` holds for each PARAM the value that counts (the last one; case control before bulk data); `parts`
-    are the BEGIN SUPER lines by the number of their superelement, `aside` those of sections that are no part of the
-    model. `section` is the number of the part that `names` is limited to, 0 for the main bulk data, None for all.
+    `files` are all files, the main one first; `cards` are in the order of reading with INCLUDEs expanded in place;
+    `params` has the effective value of each PARAM (the last one; case control before bulk data); `parts` are the BEGIN
+    SUPER lines by the number of their superelement, `aside` those of sections that are not part of the model. `section`
+    is the number of the part that `names` is limited to, 0 for the main bulk data, None for all.
     """
 
     path: Path
@@ -93,11 +94,11 @@ class Deck:
 
 
 def read_deck(path: str | Path) -> Deck:
-    """Read a deck with its INCLUDEs; a file of bulk data alone is read too.
+    """Read a deck with its INCLUDEs; a file may also contain bulk data alone.
 
     Raises
     ------
-    FemtuneError : see `read_source`, `read_bulk`, `read_case_control`; ``deck.truncated`` where the deck ends
+    FemtuneError : see `read_source`, `read_bulk`, `read_case_control`; ``deck.truncated`` if the deck ends
         before BEGIN BULK, or in the middle of a line without ENDDATA
     """
     source = read_source(path)
@@ -106,7 +107,7 @@ def read_deck(path: str | Path) -> Deck:
     executive = _executive(lines)
     case_control = read_case_control(case, executive.solution_number != _BUCKLING)
     bulk = read_bulk(bulk_lines)
-    # those of a part count in that part
+    # those of a part apply to that part
     params, repeated = _params(case_control, [c for c in bulk.cards if c.name == "PARAM" and not c.superelement])
     has_sections = bool(bulk_lines) and _BEGIN.match(bulk_lines[0].text) is not None
     end = _check_end(source, has_sections)
@@ -143,16 +144,16 @@ def _sections(source: DeckSource) -> tuple[_Lines, _Lines, _Lines]:
 
 
 def _check_bulk_only(lines: _Lines) -> None:
-    found = next((line for line in lines if _EXECUTIVE.match(line.text)), None)
-    if found:
+    statement = next((line for line in lines if _EXECUTIVE.match(line.text)), None)
+    if statement:
         raise FemtuneError(
-            "deck.truncated/no-bulk-data", where=Where(found.file, found.number, found.body.strip()[:20])
+            "deck.truncated/no-bulk-data", where=Where(statement.file, statement.number, statement.body.strip()[:20])
         )
 
 
 def _executive(lines: _Lines) -> Executive:
-    found = [match[1].upper() for line in lines if (match := _SOL.match(line.body))]
-    return Executive(lines, found[0] if found else "")
+    solutions = [match[1].upper() for line in lines if (match := _SOL.match(line.body))]
+    return Executive(lines, solutions[0] if solutions else "")
 
 
 def _params(case_control: CaseControl, in_bulk: list[Card]) -> tuple[dict[str, DeckParameter], list[Notice]]:

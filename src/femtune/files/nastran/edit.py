@@ -1,4 +1,4 @@
-"""Changes to a deck: values of fields, new cards, cards rewritten in large field. Nothing else moves."""
+"""Changes to a deck: values of fields, new cards, cards rewritten in large field. All else is unchanged."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Edits = Mapping[tuple[int, int], float | int | str]
 
 @dataclass(frozen=True)
 class NewCard:
-    """A card to be put right after the card at position `after`, in that card's format."""
+    """A card to be inserted directly after the card at position `after`, in that card's format."""
 
     after: int
     name: str
@@ -56,8 +56,8 @@ class FieldChange:
 class EditedDeck:
     """A deck with changed lines.
 
-    `replacements` holds the new text of each changed line by file and line number; `changes` what was changed;
-    `values` for each real-valued edit the number that will be read back from its field.
+    `replacements` holds the new text of each changed line by file and line number; `changes` the changed fields;
+    `values` the number that will be read back from the field of each real-valued edit.
     """
 
     deck: Deck
@@ -67,7 +67,7 @@ class EditedDeck:
 
     @property
     def texts(self) -> dict[str, str]:
-        """New text of each file in which something changed, by file."""
+        """New text of each changed file, by file."""
         changed = {file for file, _ in self.replacements}
         return {file.file: new_text(file, self.replacements) for file in self.deck.files if file.file in changed}
 
@@ -79,14 +79,14 @@ def new_text(file: SourceFile, replacements: Mapping[tuple[str, int], str]) -> s
 
 
 def edit_fields(deck: Deck, edits: Edits, *, new_cards: Sequence[NewCard] = (), wide: bool = False) -> EditedDeck:
-    """Change fields and add cards; every byte outside of these fields stays.
+    """Change fields and add cards; every byte outside of these fields is kept.
 
     Parameters
     ----------
-    edits : new value by (card position, field index): a float is written as the closest real number that the
-        field holds, an int and a str as they are. A field that already has the value is not touched.
+    edits : new value by (card position, field index): a float is written as the closest real number that fits
+        in the field, an int and a str literally. A field that already has the value is not changed.
     new_cards : cards to add
-    wide : rewrite a card in large field where a real does not fit exactly in its field
+    wide : rewrite a card in large field if a real does not fit exactly in its field
 
     Raises
     ------
@@ -205,7 +205,7 @@ def _width(card: Card, index: int) -> int:
 
 
 def in_all_fields(card: Card, indices: Sequence[int], value: float) -> float:
-    """The value that every one of some fields holds: rounded to the narrowest of them where they are several."""
+    """The value held by each of several fields: rounded to the narrowest of them."""
     narrowest = min(_width(card, index) for index in indices)
     return rounded(value, narrowest) if len(indices) > 1 and math.isfinite(value) else value
 
@@ -222,7 +222,7 @@ def _texts(card: Card, values: Mapping[int, float | int | str], widen: bool) -> 
 
 
 def _joined(above: str, added: Sequence[str], ending: str) -> str:
-    """Lines put below `above`; the last one ends as `above` did."""
+    """Lines inserted below `above`; the last one has the line ending of `above`."""
     if not added:
         return above
     content = above.rstrip("\r\n")
@@ -302,10 +302,10 @@ def _sixteen(text: str) -> str:
 
 
 def _check_read_back(card: Card, texts: dict[int, str], lines: Sequence[Sequence[str]]) -> None:
-    """Read the new lines as a deck reads them: all fields must be as intended."""
+    """Read the new lines back: all fields must be as intended."""
     rows = [text for row in lines for text in row]
     read = read_bulk([SourceLine(card.lines[0].file, 1 + i, text) for i, text in enumerate(rows)]).cards
     wanted = {i: text for i, text in (dict(enumerate(card.fields)) | texts).items() if text}
-    found = {i: text for i, text in enumerate(read[0].fields) if text} if len(read) == 1 else {}
-    if {i: _sixteen(text) for i, text in found.items()} != {i: _sixteen(text) for i, text in wanted.items()}:
+    read_fields = {i: text for i, text in enumerate(read[0].fields) if text} if len(read) == 1 else {}
+    if {i: _sixteen(text) for i, text in read_fields.items()} != {i: _sixteen(text) for i, text in wanted.items()}:
         raise card.error("write.not-read-back")

@@ -17,7 +17,9 @@ from femtune.files.nastran.columns import columns_of
 from femtune.files.nastran.grids import Grids
 
 Section = TypeVar("Section")
-_PID, _FIRST = 1, 2
+_PROPERTY_FIELD = 1
+_FIRST_NODE_FIELD = 2
+"""Indices of the property number and of the first grid point on an element card."""
 
 
 def read_elements(
@@ -34,30 +36,30 @@ def read_elements(
     Parameters
     ----------
     sizes : numbers of grid points that a plain card may have
-    section : what the property of a number gives, asked for by a card
-    plain : takes number, section and rows of the node table of a plain element; False where it cannot
-    other : takes the record of any other element, and says what is wrong with it
+    section : section of a property number, for a card that refers to it
+    plain : takes number, section and rows of the node table of a plain element; returns False if it cannot
+    other : takes the record of any other element, and raises its errors
     """
     cards = building.deck.by_name(name)
-    found = _plain_elements(cards, sizes, grids)
+    plain_elements = _plain_elements(cards, sizes, grids)
     sections = _Sections(section)
     for at, card in enumerate(cards):
-        own = found.get(at)
-        known = sections.get(own[1], card) if own else None
-        if own is None or known is None or not plain(own[0], known, own[2]):
+        element = plain_elements.get(at)
+        known = sections.get(element[1], card) if element else None
+        if element is None or known is None or not plain(element[0], known, element[2]):
             with building.errors.catch():
                 other(_record(card))
 
 
 @dataclass
 class _Sections(Generic[Section]):
-    """Sections by number; None for one that is wrong, which its users say by themselves."""
+    """Sections by number; None for an invalid one, whose error each user raises."""
 
     make: Callable[[int, CardEntry], Section]
     known: dict[int, Section | None] = field(default_factory=dict)
 
     def get(self, number: int, user: Card) -> Section | None:
-        """The section that a card asks for."""
+        """The section that a card refers to."""
         if number not in self.known:
             try:
                 self.known[number] = self.make(number, _record(user))
@@ -71,21 +73,21 @@ def _record(card: Card) -> CardEntry:
 
 
 def _plain_elements(cards: Sequence[Card], sizes: Sequence[int], grids: Grids) -> dict[int, tuple[int, int, list[int]]]:
-    """Number, property and rows of the node table of plain cards, by place in the list."""
+    """Number, property and rows of the node table of plain cards, by index in the list."""
     columns = columns_of(cards)
     if columns is None:
         return {}
     eids, plain = columns.integers(0)
-    pids, given = columns.integers(_PID)
+    pids, given = columns.integers(_PROPERTY_FIELD)
     plain &= given
     out: dict[int, tuple[int, int, list[int]]] = {}
     left = plain
     numbers = np.empty((len(cards), max(sizes)), np.int64)
     for i in range(max(sizes)):
-        numbers[:, i], given = columns.integers(_FIRST + i)
+        numbers[:, i], given = columns.integers(_FIRST_NODE_FIELD + i)
         left = left & (given | (i >= min(sizes)))
     for size in sizes:
-        rows = np.flatnonzero(left & columns.blank(_FIRST + size, columns.text.shape[1]))
+        rows = np.flatnonzero(left & columns.blank(_FIRST_NODE_FIELD + size, columns.text.shape[1]))
         rows = rows[(numbers[rows, :size] > 0).all(axis=1) & _distinct(numbers[rows, :size])]
         nodes = grids.rows(numbers[rows, :size])
         sound = (nodes >= 0).all(axis=1)

@@ -1,4 +1,4 @@
-"""Errors of kernels and constraints, which know an element's number only, with the place of its card in the deck."""
+"""Adds the place of a card in the deck to errors of kernels and constraints, which have only the element's number."""
 
 from __future__ import annotations
 

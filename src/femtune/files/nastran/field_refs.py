@@ -13,10 +13,11 @@ from femtune.files.nastran.sections import SECTION_ROLES
 
 UPDATABLE = tuple(kind.name for kind in CATALOGUE.values() if kind.values)
 
-# what the Nastran manuals call them, and what a study may write too
+# names in the Nastran manuals that a study may also use
 _OTHER_NAMES = {("PSHELL", "12I/T**3"): "RI", ("PSHELL", "12I/T3"): "RI", ("PSHELL", "TS/T"): "TS"}
 _SHELLS = ("CQUAD4", "CTRIA3", "CQUADR", "CTRIAR", "CQUAD8", "CTRIA6")
 _MOST_NAMED = 12
+"""Number of known fields that a message lists."""
 _OF_DIMENSIONS = "parameter.derived-field/of-dimensions"
 _OF_CORNERS = "parameter.derived-field/of-corners"
 _FOLLOWING = {
@@ -27,16 +28,16 @@ _FOLLOWING = {
 
 BARS = ("CBAR", "CBEAM")
 OF_MATRICES = ("MATRIX", "VARIABLE")
-"""``MATRIX FRAME`` is the factor of a matrix that no element made, ``VARIABLE T`` what sets of matrices depend on."""
+"""``MATRIX FRAME`` is the factor of a matrix given as such, ``VARIABLE T`` a variable of sets of matrices."""
 WITHOUT_CARD = (*OF_MATRICES, *FACTORS, "GENERIC", AMPLITUDE)
-"""What a study may move although no card of a deck holds it."""
+"""Values that a study may change although they are not on a card of a deck."""
 
 
 def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
     """Read ``PBAR 3 I1``: card, number, name of the field.
 
-    Of the whole model there are ``PARAM G``, the loss factor of all stiffness, and ``MODAL 3 ZETA``, the damping ratio
-    of mode 3 (``MODAL ZETA``: of every mode without one of its own).
+    Values of the whole model are ``PARAM G``, the loss factor of all stiffness, and ``MODAL 3 ZETA``, the damping ratio
+    of mode 3 (``MODAL ZETA``: of every mode without an individual one).
 
     Raises
     ------
@@ -105,7 +106,7 @@ def resolve(built: BuiltModel, ref: FieldRef, where: Where | None = None) -> int
 
 
 def follows(built: BuiltModel, index: int) -> bool:
-    """Whether an entry of the value table follows from others and stands in no field of its own."""
+    """Whether an entry of the value table is derived from others and has no field."""
     table = built.structure.values
     return table.is_derived(index) and table.refs[index] not in built.fields
 
@@ -135,14 +136,14 @@ def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> Femt
 
 
 def _no_ply(built: BuiltModel, ref: FieldRef, where: Where | None) -> FemtuneError:
-    """Plies that are not there, or whose thickness is that of the ply before."""
+    """Error for plies that do not exist, or whose thickness is that of the previous ply."""
     known = [r.name for r in built.fields if (r.card, r.id) == (ref.card, ref.id)]
     code = "study.unknown-field/no-ply" if known else "study.unknown-field/no-ply-unused"
     return FemtuneError(code, where=where, field=ref, known=", ".join(known[:_MOST_NAMED]))
 
 
 def _blank(ref: FieldRef, where: Where | None) -> FemtuneError:
-    """Fields of shells and offsets of bars are values where they are filled; blank ones have none of their own."""
+    """Error for blank fields of shells and blank offsets of bars, which have no values."""
     start = "0." if ref.name == "ZOFFS" or ref.card in BARS else "the thickness of the PSHELL"
     return FemtuneError("parameter.touches-nothing/blank", where=where, field=ref, value=start)
 

@@ -1,4 +1,4 @@
-"""What the values of fields are: their unit in a system of units, and whether they are positive by nature."""
+"""Physical nature of fields: their unit in a system of units, and whether they must be positive."""
 
 from __future__ import annotations
 
@@ -8,9 +8,22 @@ from dataclasses import dataclass
 from femtune.fem.fields import FieldRef
 from femtune.units import UnitSystem
 
-_PRESSURE, _DENSITY, _LENGTH, _AREA, _SECOND_MOMENT = "P", "M/L³", "L", "L²", "L⁴"
-_MASS, _INERTIA, _STIFFNESS, _TURNING, _MASS_PER_AREA, _MASS_PER_LENGTH = "M", "M·L²", "F/L", "F·L", "M/L²", "M/L"
-_VISCOUS, _TURNING_VISCOUS, _NONE, _OPEN = "F·s/L", "F·L·s", "", ""
+_LENGTH = "L"
+_AREA = "L²"
+_SECOND_MOMENT = "L⁴"
+_MASS = "M"
+_MASS_PER_LENGTH = "M/L"
+_MASS_PER_AREA = "M/L²"
+_DENSITY = "M/L³"
+_INERTIA = "M·L²"
+_PRESSURE = "P"
+_STIFFNESS = "F/L"
+_ROTATIONAL_STIFFNESS = "F·L"
+_DAMPING = "F·s/L"
+_ROTATIONAL_DAMPING = "F·L·s"
+_NONE = ""
+_OPEN = ""
+"""Unit of a field that may act on a translation or on a rotation."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +34,7 @@ class FieldNature:
     positive: bool
 
     def unit_in(self, system: UnitSystem) -> str:
-        """Text of the unit; "" for a number without one, and where the card leaves it open."""
+        """Text of the unit; "" for a number without one, and if the card does not determine it."""
         length, mass = system.word.split("-")[:2] if system.word.count("-") == 2 else ("", "")
         if not self.unit or not length:
             return ""
@@ -36,7 +49,7 @@ _PRESSURES = {("N", "m"): "Pa", ("N", "mm"): "MPa", ("mN", "mm"): "kPa", ("kN", 
 
 _ANY = FieldNature(_OPEN, False)
 
-# card, field (regular expressions), unit, positive; the first that fits
+# card, field (regular expressions), unit, positive; the first match applies
 _TABLE = (
     (r"MAT1|MAT8|MAT11", r"[EG]\w*(?<!GE)", _PRESSURE, True),
     (r"MAT2|MAT9", r"G(\d)\1", _PRESSURE, True),
@@ -62,19 +75,19 @@ _TABLE = (
     (r"PBEAM|PBCOMP", r"[MN][12][AB]?", _LENGTH, False),
     (r"CBAR|CBEAM", r"W\d[AB]", _LENGTH, False),
     (r"PBUSH", r"K[123]", _STIFFNESS, True),
-    (r"PBUSH", r"K[456]", _TURNING, True),
-    (r"PBUSH", r"B[123]", _VISCOUS, True),
-    (r"PBUSH", r"B[456]", _TURNING_VISCOUS, True),
+    (r"PBUSH", r"K[456]", _ROTATIONAL_STIFFNESS, True),
+    (r"PBUSH", r"B[123]", _DAMPING, True),
+    (r"PBUSH", r"B[456]", _ROTATIONAL_DAMPING, True),
     (r"PGAP", r"K[ABT]", _STIFFNESS, True),
     (r"PWELD", r"D", _LENGTH, True),
     (r"PFAST", r"KT[123]", _STIFFNESS, True),
-    (r"PFAST", r"KR[123]", _TURNING, True),
+    (r"PFAST", r"KR[123]", _ROTATIONAL_STIFFNESS, True),
     (r"PFAST", r"MASS", _MASS, True),
     (r"PBUSH1D", r"K", _STIFFNESS, True),
-    (r"PBUSH1D", r"C", _VISCOUS, True),
-    (r"PVISC", r"CE", _VISCOUS, True),
-    (r"PVISC", r"CR", _TURNING_VISCOUS, True),
-    # of a displacement or of a rotation: the card does not tell
+    (r"PBUSH1D", r"C", _DAMPING, True),
+    (r"PVISC", r"CE", _DAMPING, True),
+    (r"PVISC", r"CR", _ROTATIONAL_DAMPING, True),
+    # for a translation or for a rotation: the card does not determine it
     (r"CELAS2|CELAS4|PELAS|CDAMP2|CDAMP4|PDAMP|CMASS2|CMASS4|PMASS", r"[KBM]", _OPEN, True),
     (r"CONM2", r"M", _MASS, True),
     (r"CONM2", r"I(\d)\1", _INERTIA, True),
@@ -86,7 +99,7 @@ _TABLE = (
 
 
 def field_nature(ref: FieldRef) -> FieldNature:
-    """Of a field of a deck; not positive, without a unit, where nothing is known.
+    """Nature of a field of a deck; without a unit and not positive if it is unknown.
 
     Examples
     --------

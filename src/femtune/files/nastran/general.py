@@ -1,7 +1,7 @@
 """GENEL: a stiffness or flexibility matrix between components of grid points and scalar points.
 
 With components UI and supports UD, the forces are K (u_i − S u_d). S follows from rigid-body motion if the card has
-none. The matrix is constant: its entries are no parameters.
+none. The matrix is constant: its entries cannot be parameters.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.grids import Grids
 
 _WORDS = ("UD", "K", "Z", "S")
-_CONDITION = 1e12
+_LARGEST_CONDITION = 1e12
+"""Largest condition number of a flexibility or of six supports; four of the sixteen digits of a double are left."""
 
 
 def read_general_elements(building: Building, grids: Grids) -> list[AssembledMatrix]:
     """The matrix of each GENEL card."""
-    found = []
+    matrices = []
     for record in building.records("GENEL"):
         with building.errors.catch():
-            found.append(_matrix(record, grids))
-    return found
+            matrices.append(_matrix(record, grids))
+    return matrices
 
 
 def _matrix(record: CardEntry, grids: Grids) -> AssembledMatrix:
@@ -41,7 +42,7 @@ def _matrix(record: CardEntry, grids: Grids) -> AssembledMatrix:
     m, n = len(independent), len(supports)
     stiffness: NDArray = _triangle(card, parts["K" if "K" in parts else "Z"], m)
     if "Z" in parts:
-        if np.linalg.cond(stiffness) > _CONDITION:
+        if np.linalg.cond(stiffness) > _LARGEST_CONDITION:
             raise _error(card, "its flexibility Z is singular")
         stiffness = np.linalg.inv(stiffness)
         stiffness = 0.5 * (stiffness + stiffness.T)
@@ -59,17 +60,17 @@ def _matrix(record: CardEntry, grids: Grids) -> AssembledMatrix:
 
 
 def _parts(card: Card) -> dict[str, list[int]]:
-    """Positions of the fields that belong to each word; those of UI stand first, without their word."""
-    found: dict[str, list[int]] = {"UI": []}
+    """Positions of the fields that belong to each word; those of UI are first, without the word."""
+    fields: dict[str, list[int]] = {"UI": []}
     word = "UI"
     for at in range(2, len(card.fields)):
         text = card.text(at)
         if text in _WORDS:
             word = text
-            found[word] = []
+            fields[word] = []
         else:
-            found[word].append(at)
-    return found
+            fields[word].append(at)
+    return fields
 
 
 def _dofs(record: CardEntry, grids: Grids, fields: list[int]) -> list[int]:
@@ -105,11 +106,11 @@ def _values(card: Card, fields: list[int], count: int) -> NDArray[np.float64]:
 
 
 def _rigid(card: Card, grids: Grids, independent: list[int], supports: list[int]) -> Reals:
-    """S from the six supports that determine a rigid motion."""
+    """S from the six supports that determine the rigid-body motion."""
     if not supports:
         return np.zeros((len(independent), 0))
     modes = rigid_body_modes(grids.table)
-    if len(supports) != 6 or np.linalg.cond(modes[supports]) > _CONDITION:
+    if len(supports) != 6 or np.linalg.cond(modes[supports]) > _LARGEST_CONDITION:
         raise _error(card, "S is missing, and UD are not six components that determine a rigid-body motion")
     return np.asarray(modes[independent] @ np.linalg.inv(modes[supports]))
 

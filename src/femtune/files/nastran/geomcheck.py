@@ -13,18 +13,18 @@ from femtune.files.nastran.source import SourceLine
 _STATEMENT = re.compile(r"\s*GEOMCHECK(?=[\s,]|$)(.*)", re.IGNORECASE)
 _ENTRY = re.compile(r"([A-Z0-9_]+)(?:\s*=\s*([^\s,=]+))?")
 _SETTINGS = ("MSGLIMIT", "MSGTYPE", "SUMMARY", "FATAL", "WARN", "INFORM", "ADVNLELM")
-"""Words that say how a solver prints its messages, and for which of its elements."""
+"""Words that control the messages of a solver, and for which elements it prints them."""
 
 
 @dataclass(frozen=True)
 class GeometryChecks:
-    """What a deck asks for.
+    """Requests of a deck.
 
     Parameters
     ----------
-    limits : by key of the test
+    limits : limits by key of the test
     off : True after GEOMCHECK NONE
-    unknown : words that are no test that is known here, as the deck has them
+    unknown : words that are not known tests, as written in the deck
     """
 
     limits: dict[str, float] = field(default_factory=dict)
@@ -35,7 +35,7 @@ class GeometryChecks:
 def geometry_checks(lines: Iterable[SourceLine]) -> GeometryChecks:
     """Limits in lines of executive control; a later one replaces an earlier one.
 
-    A statement that ends with a comma goes on in the next line.
+    A statement that ends with a comma continues in the next line.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def _number(text: str) -> float | None:
 
 
 def _statements(lines: Iterable[SourceLine]) -> Iterator[str]:
-    """What follows the word, with the continuations."""
+    """Text after the word GEOMCHECK, with the continuations."""
     going = ""
     for line in lines:
         text = line.text.partition("$")[0].rstrip()

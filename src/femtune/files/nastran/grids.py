@@ -23,12 +23,16 @@ from femtune.files.nastran.lines import parse_integer, parse_real
 # GRID cards of a large deck, read by whole columns.
 
 
-_CP, _X, _CD, _PS = 1, 2, 5, 6
+# indices of the fields of a GRID card
+_POSITION_SYSTEM = 1
+_FIRST_COORDINATE = 2
+_DISPLACEMENT_SYSTEM = 5
+_PERMANENT_CONSTRAINTS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class CardRecords(Mapping[int, CardEntry]):
-    """Records by number, each made when it is asked for."""
+    """Records by number, each created on access."""
 
     cards: Mapping[int, Card]
 
@@ -52,10 +56,10 @@ class PlainGrids:
 
     Parameters
     ----------
-    records : their cards by number
+    records : cards by number
     xyz : (n, 3) coordinates, for those that are `simple`
-    simple : (n,) coordinates and displacements are in the basic frame, and plainly spelled
-    supported : (n,) field PS is filled
+    simple : (n,) True if coordinates and displacements are in the basic frame and simply spelled
+    supported : (n,) True if field PS is filled
     """
 
     records: CardRecords
@@ -65,7 +69,7 @@ class PlainGrids:
 
 
 def plain_grids(cards: tuple[Card, ...]) -> PlainGrids | None:
-    """Columns of GRID cards; None where a number is not plain or stands twice."""
+    """Columns of GRID cards; None if a number is not simply spelled or is repeated."""
     columns = columns_of(cards)
     if columns is None:
         return None
@@ -74,13 +78,13 @@ def plain_grids(cards: tuple[Card, ...]) -> PlainGrids | None:
     ascending = numbers[order]
     if not plain.all() or ascending[0] <= 0 or not (np.diff(ascending) > 0).all():
         return None
-    simple = _basic(columns, _CP) & _basic(columns, _CD)
+    simple = _basic(columns, _POSITION_SYSTEM) & _basic(columns, _DISPLACEMENT_SYSTEM)
     xyz = np.empty((len(cards), 3))
     for i in range(3):
-        xyz[:, i], given = columns.reals(_X + i)
+        xyz[:, i], given = columns.reals(_FIRST_COORDINATE + i)
         simple &= given & (np.abs(xyz[:, i]) <= LARGEST_COORDINATE)
     records = CardRecords(dict(zip(ascending.tolist(), (cards[i] for i in order.tolist()))))
-    return PlainGrids(records, xyz[order], simple[order], ~columns.blank(_PS)[order])
+    return PlainGrids(records, xyz[order], simple[order], ~columns.blank(_PERMANENT_CONSTRAINTS)[order])
 
 
 def _basic(columns: Columns, index: int) -> NDArray[np.bool_]:
@@ -90,7 +94,7 @@ def _basic(columns: Columns, index: int) -> NDArray[np.bool_]:
 
 @dataclass
 class Grids:
-    """Grid points by number with their coordinate systems; `table` is their node table once it is complete."""
+    """Grid points by number with their coordinate systems; `table` is their node table, when it is complete."""
 
     records: Mapping[int, CardEntry]
     system_records: Mapping[int, CardEntry]
@@ -105,11 +109,11 @@ class Grids:
         self._locations = Library(self._locate)
 
     def location(self, number: int, user: CardEntry) -> NDArray[np.float64]:
-        """Basic coordinates of a grid point, asked for by a card.
+        """Basic coordinates of a grid point that a card refers to.
 
         Raises
         ------
-        FemtuneError : ``deck.unknown-grid`` and what is wrong with the grid point's coordinate system
+        FemtuneError : ``deck.unknown-grid`` and errors of the grid point's coordinate system
         """
         if number not in self.records:
             raise unknown_grid(number, user)
@@ -134,7 +138,7 @@ class Grids:
         return frozenset([*self.records, *self.table.scalar_points.tolist()])
 
     def row(self, number: int, user: CardEntry) -> int:
-        """Row of the node table (error ``deck.unknown-grid``, or what is wrong with the grid point)."""
+        """Row of the node table (error ``deck.unknown-grid``, or that of the grid point)."""
         if not self.table.has_grid(number):
             raise unknown_grid(number, user)
         row = self.table.position(number)
@@ -143,7 +147,7 @@ class Grids:
         return row
 
     def rows(self, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Rows of the node table of many grid points, −1 where there is none or something is wrong with it."""
+        """Rows of the node table of many grid points, −1 for missing and invalid ones."""
         ids = self.table.ids
         if not len(ids):
             return np.full(numbers.shape, -1)
@@ -170,14 +174,14 @@ class Grids:
 
 
 def unknown_grid(number: int, user: CardEntry) -> FemtuneError:
-    """A card refers to a grid point that is not there."""
+    """Error for a card that refers to a grid point that does not exist."""
     return user.error("deck.unknown-grid", number=number)
 
 
 def read_grids(building: Building) -> Grids:
     """Grid points, scalar points and coordinate systems of the deck."""
     systems = building.records("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
-    # GRDSET gives defaults that whole columns don't know, and plain coordinates are those of the whole model
+    # reading by columns does not apply defaults of GRDSET, and takes coordinates in the basic frame of the whole model
     apart = building.deck.by_name("GRDSET") or building.basic is not BASIC
     plain = None if apart else plain_grids(building.deck.by_name("GRID"))
     records = _grid_records(building) if plain is None else plain.records
@@ -188,17 +192,17 @@ def read_grids(building: Building) -> Grids:
 
 
 def _distinct(building: Building, systems: list[CardEntry]) -> list[CardEntry]:
-    """Coordinate systems without those that are defined again with the same data, as files of superelements do."""
-    found: dict[tuple[str, ...], CardEntry] = {}
+    """Coordinate systems without those that are repeated with the same data, as in files of superelements."""
+    distinct: dict[tuple[str, ...], CardEntry] = {}
     for record in systems:
         key = record.name, *(_spelled(record.card.text(record.at(name))) for name in record.names)
-        if key in found:
+        if key in distinct:
             number = f"coordinate system {record.card.text(record.start)}"
             building.notices.append(
                 Notice("deck.repeated-grid/system", where=record.where, level="info", system=number)
             )
-        found.setdefault(key, record)
-    return list(found.values())
+        distinct.setdefault(key, record)
+    return list(distinct.values())
 
 
 def _spelled(text: str) -> str:
@@ -214,18 +218,18 @@ def _check_systems(building: Building, grids: Grids) -> None:
 
 
 def _grid_records(building: Building) -> dict[int, CardEntry]:
-    """Grid points by number; Nastran accepts a repeated one that is the same."""
-    found: dict[int, CardEntry] = {}
+    """Grid points by number; like Nastran, accepts an identical repeated one."""
+    records: dict[int, CardEntry] = {}
     for record in building.records("GRID", defaults=building.defaults("GRDSET")):
         with building.errors.catch():
             number = _positive(record)
-            if number not in found:
-                found[number] = record
-            elif _same(record, found[number]):
+            if number not in records:
+                records[number] = record
+            elif _same(record, records[number]):
                 building.notices.append(_repeated(record, number))
             else:
-                raise duplicate(record.card, f"grid point {number}", found[number].card)
-    return found
+                raise duplicate(record.card, f"grid point {number}", records[number].card)
+    return records
 
 
 def _positive(record: CardEntry) -> int:
@@ -260,11 +264,11 @@ def _node_table(building: Building, grids: Grids) -> NodeTable:
 
 
 def _scalar_points(building: Building, grids: Mapping[int, CardEntry]) -> NDArray[np.int64]:
-    found: set[int] = set()
+    numbers: set[int] = set()
     for record in building.records("SPOINT"):
         with building.errors.catch():
-            found |= _spoint_numbers(record, grids)
-    return np.array(sorted(found | _implied_scalars(building, grids)), dtype=np.int64)
+            numbers |= _spoint_numbers(record, grids)
+    return np.array(sorted(numbers | _implied_scalars(building, grids)), dtype=np.int64)
 
 
 def _spoint_numbers(record: CardEntry, grids: Mapping[int, CardEntry]) -> set[int]:
@@ -278,22 +282,22 @@ def _spoint_numbers(record: CardEntry, grids: Mapping[int, CardEntry]) -> set[in
 
 
 def _implied_scalars(building: Building, grids: Mapping[int, CardEntry]) -> set[int]:
-    """Points that scalar elements name without a component: Nastran makes them scalar points."""
-    found = set()
+    """Points that scalar elements refer to without a component: they become scalar points, as in Nastran."""
+    numbers = set()
     for record in building.records(*_SCALAR_ELEMENTS):
         with building.errors.catch():
             for end in "12":
                 number = record.integer(("G" if "G1" in record.names else "S") + end, 0)
                 if number > 0 and number not in grids and _no_component(record, end):
-                    found.add(number)
-    return found
+                    numbers.add(number)
+    return numbers
 
 
 _SCALAR_ELEMENTS = tuple(f"{kind}{i}" for kind in ("CELAS", "CMASS", "CDAMP") for i in (1, 2, 3, 4))
 
 
 def _no_component(record: CardEntry, end: str) -> bool:
-    """True where an end is a scalar point; elements that join scalar points only name no components."""
+    """True if an end is a scalar point; elements between scalar points have no components."""
     return "G1" not in record.names or record.component("C" + end, "0") == "0"
 
 

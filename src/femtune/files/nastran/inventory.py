@@ -1,4 +1,4 @@
-"""What becomes of each card: read, not needed for normal modes, not understood, or an element that is missing."""
+"""Use of each card: read, not needed for normal modes, not understood, or a missing element."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.loads import is_read
 
-READ, NOT_NEEDED, IGNORED, MISSING = "read", "not needed for normal modes", "not understood", "missing element"
+READ = "read"
+NOT_NEEDED = "not needed for normal modes"
+IGNORED = "not understood"
+MISSING = "missing element"
+"""Uses of a card; a missing element makes the modes wrong."""
 
-# Loads, tables, dynamics, aeroelasticity, heat, optimisation, output: they leave K, M and the constraints alone.
+# Loads, tables, dynamics, aeroelasticity, heat, optimisation, output: they do not affect K, M and the constraints.
 _NOT_NEEDED_NAMES = """
     ACCEL ACCEL1 DAREA DEFORM DELAY DLOAD DPHASE FORCE FORCE1 FORCE2 FORCEAX GRAV LOAD LOADCYH LOADCYN LSEQ MOMENT
     MOMENT1 MOMENT2 MOMAX PLOAD PLOAD1 PLOAD2 PLOAD4 PLOADX1 PRESAX RANDPS RANDT1 RFORCE RLOAD1 RLOAD2 SLOAD SPCD
@@ -32,7 +36,7 @@ _NOT_NEEDED_NAMES = """
 """
 _NOT_NEEDED = frozenset(_NOT_NEEDED_NAMES.split()) - set(CATALOGUE)
 
-# Elements and constraints without which the modes would be wrong, beside all other cards of the form C…
+# Elements and constraints without which the modes would be wrong, in addition to all other cards of the form C…
 _ELEMENT_NAMES = "RJOINT RSSCON RBE2A RBE2GS RBE3D DMIAX"
 _ELEMENTS = frozenset(_ELEMENT_NAMES.split())
 _TEMPERATURE = "materials do not depend on temperature here; those on the material card are used"
@@ -52,7 +56,7 @@ _NO_ELEMENTS = ("CORD", "CSET", "CYJOIN", "CYSYM", "CYAX", "CYSUP", "CREEP", "CL
 
 @dataclass(frozen=True)
 class CardUse:
-    """Cards of one name: how many, the place of the first, and what became of them."""
+    """Cards of one name: their number, the place of the first, and their use."""
 
     name: str
     count: int
@@ -77,7 +81,7 @@ def _read_here(deck: Deck, name: str) -> bool:
 
 
 def use_of(name: str) -> str:
-    """What becomes of a card."""
+    """Use of the cards of a name."""
     if name in CATALOGUE:
         return READ
     if name in _NOT_NEEDED:
@@ -103,7 +107,7 @@ def ignored_notices(counts: tuple[CardUse, ...]) -> list[Notice]:
 
 
 def missing_error(count: CardUse) -> FemtuneError:
-    """An element or constraint that is not read."""
+    """Error for an element or constraint that is not read."""
     return FemtuneError(
         "deck.unsupported-element",
         where=count.where,
@@ -114,7 +118,7 @@ def missing_error(count: CardUse) -> FemtuneError:
 
 
 def missing_notice(count: CardUse) -> Notice:
-    """The same as a warning, where missing elements are allowed."""
+    """The same as a warning, if missing elements are permitted."""
     return Notice("deck.unsupported-element/left-out", where=count.where, cards=_cards(count))
 
 

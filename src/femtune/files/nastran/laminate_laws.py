@@ -3,7 +3,7 @@
 A ply has the thickness t, the height c of its middle above the laminate's middle, and a law in the laminate's axes. The
 transverse shear is that of Nastran (equilibrium of cylindrical bending): with σ = E (z − n) κ of each direction, n its
 neutral axis, the first moment f(z) = −∫ E (z' − n) dz' from the bottom gives τ = f/EI · V, and the flexibilities are
-∫ fᵢ fⱼ (G⁻¹)ᵢⱼ dz / EIᵢ EIⱼ. A single material comes out with 5/6 G h.
+∫ fᵢ fⱼ (G⁻¹)ᵢⱼ dz / EIᵢ EIⱼ. For a single material this is 5/6 G h.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def turned_stiffness(entry: str) -> Rule:
 
 @cache
 def turned_modulus(direction: int) -> Rule:
-    """Modulus along x (0) or y (1) as Nastran takes it: of Q with Poisson's ratios zero, turned."""
+    """Modulus along x (0) or y (1) as in Nastran: of the rotated Q with zero Poisson's ratios."""
 
     def modulus(a: Any, b: Any, d: Any, f: Any, theta: Any) -> Any:
         T = _turn(theta)
@@ -112,7 +112,7 @@ def turned_flexibility(entry: str) -> Rule:
 def shear_inverse(entry: str) -> Rule:
     """Entry of the inverse of a positive definite 2 × 2 matrix given by 11, 12 and 22.
 
-    By what one row leaves of the other: the determinant of the flexibility of very stiff sheets has no third power.
+    By elimination of one row: the determinant of the flexibility of very stiff sheets could underflow.
     """
 
     def inverse(a: Any, b: Any, d: Any) -> Any:
@@ -133,7 +133,7 @@ def _split(values: Sequence[Any], kinds: int) -> list[Sequence[Any]]:
 
 
 def membrane_sum(*values: Any) -> Any:
-    """A = Σ Q̄ t from all Q̄ and all t; of the mass too, Σ ρ t."""
+    """A = Σ Q̄ t from all Q̄ and all t; also the mass, Σ ρ t."""
     Q, t = _split(values, 2)
     return total(q * h for q, h in zip(Q, t))
 
@@ -156,7 +156,7 @@ def smeared_bending(membrane: Any, height: Any) -> Any:
 
 
 def cored_bending(*values: Any) -> Any:
-    """12 D of a core (the last Q̄ and t) between faces of half of all other plies each, whose order is ignored."""
+    """12 D of a core (the last Q̄ and t) between faces that each have half of all other plies, in any order."""
     Q, t = _split(values, 2)
     faces = total(t[:-1])
     mean, core, whole = membrane_sum(*Q[:-1], *t[:-1]) / faces, t[-1], t[-1] + faces

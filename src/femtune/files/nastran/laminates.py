@@ -1,7 +1,7 @@
-"""Laminates: PCOMP and PCOMPG as sections of shells, all their stiffness derived from the plies.
+"""Laminates: PCOMP and PCOMPG as sections of shells whose stiffness is derived from the plies.
 
 The section's thickness is one; its laws are A, 12 D, B (about the laminate's middle) and the transverse shear, so that
-every coefficient of the kernel is an entry of these. Z0 moves the middle off the reference plane.
+every coefficient of the kernel is an entry of these. Z0 offsets the middle from the reference plane.
 """
 
 from __future__ import annotations
@@ -18,21 +18,25 @@ from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.plane_laws import PlaneLaw, PlaneLaws, rigid_modulus
 
 # ----------------------------------------------------------------------------------------------------
-# Plies of PCOMP (four fields each, numbered from the bottom) and of PCOMPG (a line each, with global numbers).
+# Plies of PCOMP (four fields each, numbered from the bottom) and of PCOMPG (one line each, with global numbers).
 
 
-_FIRST = 8
+_FIRST_PLY = 8
+"""Index of the first field of the plies: the first of the first continuation."""
 _FIELDS = {"PCOMP": (4, ("MID", "T", "THETA", "SOUT")), "PCOMPG": (8, ("GPLYID", "MID", "T", "THETA", "SOUT"))}
 
-_THINNEST = 1e-15
-"""Sixth powers of thicknesses stand beside squares of moduli: within these bounds none overflows."""
+_THINNEST_PLY = 1e-15
+"""Smallest thickness of a ply, and inverse of the largest.
+
+Flexibilities contain sixth powers of thicknesses (1e±90) times squares of moduli, which then do not overflow.
+"""
 
 
 @dataclass(frozen=True)
 class Ply:
     """A ply: its material, and positions of its thickness and of its angle in degrees.
 
-    `record` and `at` are the card and the field that named the material last.
+    `record` and `at` are the card and the field that give the material.
     """
 
     mid: int
@@ -44,7 +48,7 @@ class Ply:
 
 
 def read_plies(building: Building, record: CardEntry, pid: int, laws: PlaneLaws) -> list[Ply]:
-    """The plies from the bottom to the top; blank materials and thicknesses are those of the ply before.
+    """The plies from the bottom to the top; blank materials and thicknesses are those of the previous ply.
 
     Raises
     ------
@@ -60,10 +64,10 @@ def read_plies(building: Building, record: CardEntry, pid: int, laws: PlaneLaws)
 
 
 def _ply_records(record: CardEntry) -> Iterator[tuple[int, CardEntry]]:
-    """Number and fields of every ply that has any field filled; the fields' names end with the number."""
+    """Number and fields of every ply with a filled field; the names of the fields end with the number."""
     width, names = _FIELDS[record.name]
     seen: set[int] = set()
-    for start in range(_FIRST, len(record.card.fields), width):
+    for start in range(_FIRST_PLY, len(record.card.fields), width):
         if all(record.card.blank(i) for i in range(start, start + len(names))):
             continue
         number = len(seen) + 1
@@ -94,14 +98,14 @@ def _thickness(building: Building, ply: CardEntry, pid: int, name: str, before: 
     thickness = ply.real(name)
     if thickness <= 0.0:
         raise ply.error("deck.laminate/thickness-sign", at=name)
-    if not _THINNEST < thickness < 1.0 / _THINNEST:
+    if not _THINNEST_PLY < thickness < 1.0 / _THINNEST_PLY:
         raise ply.error("deck.laminate/thickness-size", at=name)
     return building.value(ply, pid, name)
 
 
 ENTRIES = ("11", "12", "13", "22", "23", "33")
 SHEAR = ("11", "12", "22")
-# what LAM makes of a laminate: membrane, bending, coupling, transverse shear by the plies
+# parts of a laminate by LAM: membrane, bending, coupling, transverse shear by the plies
 _OPTIONS = {
     "": (True, True, True, True),
     "SYM": (True, True, False, True),
@@ -124,7 +128,7 @@ class LaminateSection:
 
 @dataclass
 class Laminates:
-    """Sections of PCOMP and PCOMPG; plies of one material and angle share their law."""
+    """Sections of PCOMP and PCOMPG; plies of the same material and angle share their law."""
 
     building: Building
     laws: PlaneLaws
@@ -159,7 +163,7 @@ class Laminates:
         return self._turned[key]
 
     def _plain(self, ply: Ply) -> dict[str, int]:
-        """An isotropic ply, which no angle changes."""
+        """An isotropic ply, independent of the angle."""
         a, b, _, d, zero, _ = ply.law.law
         shear = self.laws.shear(ply.mid, ply.record, ply.at)[0]
         modulus = self._derive(f"ply material {ply.mid} E", laws_of.plain_modulus, a, b, d)

@@ -1,4 +1,4 @@
-"""What a deck requests and the modes of femtune leave out: preloads, contact, glue and fluid."""
+"""Effects that a deck requests and that are not modelled: preloads, contact, glue and fluid."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.loads import preload_command, preload_request
 
+# numbers of solution sequences
 _NONLINEAR = (106, 129, 153, 400, 401, 402, 600, 601, 700)
 _BUCKLING = 105
 _CRAIG_BAMPTON = 31
-"""MYSTRAN gives this number to its Craig-Bampton solution."""
+"""Craig-Bampton solution of MYSTRAN."""
 _COMPLEX_MODES = (107, 110)
 
 # commands that change stiffness or mass, with the wording of the warning
@@ -28,31 +29,31 @@ _COMMANDS = {
 }
 
 
-# matrices that enter responses, but no real modes
+# matrices that affect responses, but not real modes
 _OF_RESPONSES = ("K2PP", "M2PP", "B2PP", "TFL")
 
 
 def left_out(deck: Deck, preloaded: bool = True) -> list[Notice]:
     """A warning for each effect that the deck requests for its modes and that is not modelled.
 
-    `preloaded` tells that the static preload is modelled where its loads are known.
+    `preloaded` is True if the static preload is modelled, provided its loads are known.
     """
-    found = {notice.code + notice.what: notice for notice in _all(deck, preloaded)}
-    return list(found.values())
+    distinct = {notice.code + notice.what: notice for notice in _all(deck, preloaded)}
+    return list(distinct.values())
 
 
 def preloads(deck: Deck) -> dict[str, FemtuneError]:
-    """Why the modes after a nonlinear solution are not solved, by the name of what requests it.
+    """Errors for modes after a nonlinear solution, by the name of the command that requests it.
 
-    Their stiffness is not modelled, and the modes without it would be those of another structure.
+    Their stiffness is not modelled, and modes without it would be those of a different structure.
     """
-    found: dict[str, FemtuneError] = {}
+    errors: dict[str, FemtuneError] = {}
     for notice in (*_nonlinear(deck), *_commands(deck)):
         name = str(notice.facts.get("loaded_by", ""))
         if name:
             request = notice.facts.get("request")
-            found.setdefault(name, FemtuneError("deck.preload", where=notice.where, request=request, name=name))
-    return found
+            errors.setdefault(name, FemtuneError("deck.preload", where=notice.where, request=request, name=name))
+    return errors
 
 
 def _all(deck: Deck, preloaded: bool) -> Iterator[Notice]:
@@ -84,7 +85,7 @@ def _other_solutions(deck: Deck) -> Iterator[Notice]:
 
 def _preloads(deck: Deck, preloaded: bool) -> Iterator[Notice]:
     if deck.executive.solution_number == _BUCKLING:
-        # its loads serve the buckling analysis alone
+        # its loads are for the buckling analysis only
         return
     for command in deck.case_control.effective:
         if command.is_preload and not (preloaded and preload_command(deck)):

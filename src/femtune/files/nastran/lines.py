@@ -1,4 +1,4 @@
-"""One line of bulk data cut into fields: small (8 columns), large (16 columns) or free (commas).
+"""One line of bulk data split into fields: small (8 columns), large (16 columns) or free (commas).
 
 A line has ten fields: the name, data (8, or 4 in large field), and a tenth for the name of the continuation.
 Tabs move to the next multiple of eight columns.
@@ -19,13 +19,14 @@ from femtune.files.nastran.source import SourceLine
 
 Format = Literal["small", "large", "free"]
 LINE_COLUMNS = 80
+"""Columns of a line of bulk data; the last eight are field 10."""
 
 
 @dataclass(frozen=True, slots=True)
 class FieldLine:
-    """One line cut up: `head` is field 1 in upper case, `data` 8 or 4 stripped texts, `tail` field 10.
+    """One split line: `head` is field 1 in upper case, `data` 8 or 4 stripped texts, `tail` field 10.
 
-    `large` tells a line of four 16-column fields, in columns or with commas (``GRID*,...``).
+    `large` is True for a line of four 16-column fields, in columns or with commas (``GRID*,...``).
     """
 
     source: SourceLine
@@ -37,12 +38,12 @@ class FieldLine:
 
     @property
     def continues(self) -> bool:
-        """Whether the line goes on with the card above."""
+        """Whether the line continues the card above."""
         return not self.head or self.head[0] in "+*"
 
 
 def split_line(line: SourceLine, body: str) -> FieldLine:
-    """Cut a line without its comment (`body`) into fields.
+    """Split a line without its comment (`body`) into fields.
 
     Raises
     ------
@@ -75,7 +76,7 @@ def _split_free(line: SourceLine, body: str) -> FieldLine:
     return FieldLine(line, "free", head, tuple(data), tail, large)
 
 
-# name and first field of a line whose other fields stand between commas
+# name and first field of a line whose other fields are separated by commas
 _MIXED = re.compile(r"(\s*[A-Z][A-Z0-9]{2,7}\*?\s+)([^\s,]+)\s*", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[ED]?[+-]?\d{1,3})?", re.IGNORECASE)
 
@@ -92,10 +93,10 @@ def _check_commas(line: SourceLine, body: str, first: str) -> None:
     columns = body.expandtabs(8)
     width = 16 if "*" in columns[:8] else 8
     fields = [columns[start : start + width].strip() for start in range(8, 72, width)]
-    found = next((text for text in fields if _DECIMAL_COMMA.fullmatch(text)), None)
-    if found is not None:
+    number = next((text for text in fields if _DECIMAL_COMMA.fullmatch(text)), None)
+    if number is not None:
         where = Where(line.file, line.number, columns[:8].strip())
-        raise FemtuneError("deck.decimal-comma", where=where, text=found, right=found.replace(",", "."))
+        raise FemtuneError("deck.decimal-comma", where=where, text=number, right=number.replace(",", "."))
 
 
 def _too_many(line: SourceLine, head: str, found: int, allowed: int) -> FemtuneError:
@@ -109,12 +110,12 @@ def _too_many(line: SourceLine, head: str, found: int, allowed: int) -> FemtuneE
 
 
 def beyond_last_column(line: FieldLine, body: str) -> bool:
-    """Whether a line in columns has text after column 80, which no field takes."""
+    """Whether a line in columns has text after column 80, which belongs to no field."""
     return line.format != "free" and len(body) > LINE_COLUMNS and len(body.expandtabs(8)) > LINE_COLUMNS
 
 
 # ----------------------------------------------------------------------------------------------------
-# Numbers as Nastran spells them: reading, and writing the closest number that a field can hold.
+# Numbers in Nastran's notation: reading, and writing the closest number that fits in a field.
 
 
 _REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]([+-]?\d{1,4})|([+-]\d{1,4}))?", re.IGNORECASE)
@@ -124,8 +125,8 @@ _INTEGER = re.compile(r"[+-]?\d{1,18}")
 def parse_real(text: str) -> float | None:
     """The real number in `text` (``1.5-3``, ``1.+4``, ``2.D5``, ``.1``), or None if it is not one.
 
-    A real number has a decimal point; an exponent may stand without its letter. Numbers beyond the range of
-    double precision are not taken.
+    A real number has a decimal point; the letter of the exponent may be omitted. Numbers beyond the range of
+    double precision are refused.
     """
     match = _REAL.fullmatch(text)
     if match is None:
@@ -145,9 +146,9 @@ def parse_integer(text: str) -> int | None:
 
 
 def format_real(value: float, width: int = 8) -> str:
-    """Closest number to `value` that `width` columns (8 or more) hold; it always has a decimal point.
+    """Closest number to `value` that fits in `width` columns (8 or more); it always has a decimal point.
 
-    The exponent stands without its letter and the decimal point where it costs the fewest columns:
+    The exponent has no letter, and the decimal point is where it costs the fewest columns:
     ``1.2346-5``, ``.123456``, ``12346.+8``.
 
     Raises
@@ -194,7 +195,7 @@ def _shortest_fitting(digits: str, power: int, room: int) -> str:
 
 
 def _points(digits: str) -> list[int]:
-    """Places of the decimal point, the usual one (after the first digit) first."""
+    """Positions of the decimal point, the usual one (after the first digit) first."""
     return [1, 0, *range(2, len(digits) + 1)]
 
 
@@ -222,7 +223,7 @@ Value = float | int | str | None
 
 @dataclass(frozen=True)
 class CardLayout:
-    """How a line is written: its format, and whether its fields are 16 columns wide."""
+    """Layout of a line: its format, and whether its fields are 16 columns wide."""
 
     format: Format
     large: bool
@@ -245,7 +246,7 @@ def layout_of(line: SourceLine) -> CardLayout:
 
 
 def value_text(value: Value, width: int) -> str:
-    """A real, integer, word or blank as a field of `width` characters holds it.
+    """Text of a real, integer, word or blank in a field of `width` characters.
 
     Raises
     ------
@@ -270,7 +271,7 @@ def field_width(line: SourceLine, slot: int) -> int:
 
 
 def with_field(line: SourceLine, slot: int, text: str) -> SourceLine:
-    """The line with data field `slot` replaced; every other character stays where it was if there is room."""
+    """The line with data field `slot` replaced; every other character keeps its place if there is room."""
     content = line.text.rstrip("\r\n")
     dollar = content.find("$")
     body, comment = (content, "") if dollar < 0 else (content[:dollar], content[dollar:])
@@ -315,7 +316,7 @@ def _raw_index(body: str, column: int) -> int:
 
 
 def _placed(old: str, width: int, text: str) -> str:
-    """`text` in a field, on the side where the old text stood."""
+    """`text` in a field, aligned as the old text."""
     lead = len(old) - len(old.lstrip())
     left = bool(old.strip()) and len(old.rstrip()) < width
     return (" " * min(lead, width - len(text)) + text).ljust(width) if left else text.rjust(width)

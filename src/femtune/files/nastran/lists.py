@@ -1,7 +1,7 @@
 """Lists of identification numbers with THRU, BY, EXCEPT and ALL.
 
-Ranges are kept as ranges: ``1 THRU 99999999`` costs nothing, and who uses a list can tell a number that was
-named from one that merely lies in a range.
+Ranges are kept as ranges: ``1 THRU 99999999`` needs no memory, and the user of a list can distinguish a number that is
+listed from one that is only within a range.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Span:
 
 @dataclass(frozen=True)
 class IntegerList:
-    """`singles` are named one by one, `spans` come from THRU, `every` is ALL."""
+    """`singles` are listed individually, `spans` come from THRU, `every` is ALL."""
 
     singles: tuple[int, ...] = ()
     spans: tuple[Span, ...] = ()
@@ -56,7 +56,7 @@ class IntegerList:
 def read_list(tokens: Sequence[str], where: Where) -> IntegerList:
     """Read ``1, 5, 10 THRU 20 EXCEPT 12, 13, 30 THRU 40 BY 2`` (blank tokens are skipped).
 
-    Numbers after EXCEPT are left out of the range before it, up to the first that lies beyond that range.
+    Numbers after EXCEPT are excluded from the range before it, up to the first one outside of that range.
 
     Raises
     ------
@@ -116,9 +116,9 @@ class _ListReading:
         return number
 
     def _word(self, word: str) -> bool:
-        found = self.at < len(self.words) and self.words[self.at] == word
-        self.at += found
-        return found
+        matches = self.at < len(self.words) and self.words[self.at] == word
+        self.at += matches
+        return matches
 
     def _error(self, code: str, **facts: Any) -> FemtuneError:
         return FemtuneError(code, where=self.where, values={"list": " ".join(self.words)[:200]}, **facts)

@@ -42,7 +42,7 @@ _FIELDS = {
     "PLOAD4": "SID EID P1 P2 P3 P4 G1 G34 CID N1 N2 N3 SORL LDIR",
 }
 _FOLLOWING = ("PLOAD", "PLOAD2", "PLOAD4", "FORCE1", "FORCE2", "MOMENT1", "MOMENT2")
-# cards with loads that LOAD of case control may select, and that are not read
+# cards with loads that LOAD of case control may select, but that are not read
 _OTHERS = ("PLOADX1", "PLOADB3", "RFORCE", "RFORCE1", "SPCD", "SPCR", "ACCEL", "ACCEL1", "LOADCYH", "LOADCYN",
            "LOADCYT", "FORCEAX", "MOMAX", "PRESAX")  # fmt: skip
 _NO_CONTINUATION = ("FORCE", "FORCE1", "FORCE2", "MOMENT", "MOMENT1", "MOMENT2", "GRAV", "PLOAD", "PLOAD1", "SLOAD")
@@ -51,7 +51,7 @@ _WITHOUT_DIFFERENTIAL = (CURVED_BAR.key, SHEAR_PANEL.key, WELD.key)
 
 
 def preload_command(deck: Deck) -> CaseCommand | None:
-    """The command that selects a static preload with loads for the modes, None without one."""
+    """The command that selects a static preload with loads for the modes, or None."""
     case = deck.case_control
     if case.preload is None or not case.preload.loads:
         return None
@@ -64,7 +64,7 @@ def is_read(deck: Deck, name: str) -> bool:
 
 
 def preload_request(deck: Deck, command: CaseCommand) -> str:
-    """What selects the preload, for messages: ``STATSUB = 1 (LOAD = 3)``."""
+    """The command that selects the preload, for messages: ``STATSUB = 1 (LOAD = 3)``."""
     case = deck.case_control
     loads = ", ".join(c.text for c in (case.preload.loads if case.preload else ()))
     return command.text + (f" ({loads})" if loads else "")
@@ -101,7 +101,7 @@ def read_preload(building: Building, grids: Grids, batches: Sequence[ElementBatc
 
 
 def _check_subcase(building: Building) -> None:
-    """Error ``deck.preload`` where the modes take a preload from a subcase that is not another one of the deck."""
+    """Error ``deck.preload`` if the preload of the modes is not from another subcase of the deck."""
     case = building.deck.case_control
     command = next((c for c in case.effective if c.is_preload), None)
     if command is not None and case.preload is None:
@@ -117,7 +117,7 @@ def _refused(at: CaseCommand | Card, request: str, what: str) -> FemtuneError:
 
 @dataclass
 class _Loads:
-    """Forces on the g-set and the acceleration, as cards add to them."""
+    """Forces on the g-set and the acceleration, to which cards are added."""
 
     building: Building
     grids: Grids
@@ -144,13 +144,13 @@ class _Loads:
         for card in self.building.deck.by_name("LOAD"):
             if card.integer(0, 0) == number:
                 parts += _combination(card)
-        found = False
+        has_loads = False
         for scale, part in parts:
             for card in by_set.get(part, ()):
-                found = True
+                has_loads = True
                 with self.building.errors.catch():
                     self._add(card, scale)
-        if not found:
+        if not has_loads:
             known = ", ".join(map(str, sorted(by_set))) or "none"
             values = {"known": known}
             raise FemtuneError(
@@ -216,7 +216,7 @@ class _Loads:
                 self.forces[self.grids.dof(number, 0, record)] += scale * record.real("F" + k)
 
     def gravity(self, record: CardEntry, scale: float) -> None:
-        """GRAV, of a rectangular system."""
+        """GRAV, in a rectangular system."""
         system = self.grids.systems.get(record.integer("CID", 0), record)
         vector = system.frame(np.zeros(3)) @ np.array(record.reals("N1", "N2", "N3"))
         self.acceleration = self.acceleration + scale * record.real("A") * vector
@@ -233,7 +233,7 @@ class _Loads:
         return {int(n): (b, i) for b in self.batches if b.card in _BARS for i, n in enumerate(b.ids)}
 
     def on_bars(self, record: CardEntry, scale: float) -> None:
-        """PLOAD1: a force or moment at a place of a bar, or one along it that changes linearly."""
+        """PLOAD1: a force or moment at a point of a bar, or a linearly varying one along it."""
         number, kind, places = record.integer("EID"), record.text("TYPE"), record.text("SCALE")
         if number not in self._bars:
             raise record.error("deck.field-value/loaded-bar", number=number)
@@ -249,10 +249,12 @@ class _Loads:
         frame = element_frame(line, batch.facts["orientation"][i]) if kind.endswith("E") else np.eye(3)
         unit = 1.0 if places == "FR" else 1.0 / float(np.linalg.norm(line))
         first, last = unit * record.real("X1"), unit * record.real("X2", record.real("X1"))
-        if not -_BEYOND <= first <= last <= 1.0 + _BEYOND:
-            raise record.error("deck.field-value/place-on-bar", at="X2" if -_BEYOND <= first <= 1.0 + _BEYOND else "X1")
+        if not -_END_TOLERANCE <= first <= last <= 1.0 + _END_TOLERANCE:
+            raise record.error(
+                "deck.field-value/place-on-bar", at="X2" if -_END_TOLERANCE <= first <= 1.0 + _END_TOLERANCE else "X1"
+            )
         loads = np.array([record.real("P1"), record.real("P2", record.real("P1"))])
-        # a zero fills the field of a single load in decks of some preprocessors
+        # some preprocessors write a zero in this field for a single load
         if first == last and loads[1] not in (0.0, loads[0]):
             raise record.error("deck.field-value/single-load-on-bar", at="P2")
         forces = _of_bar(line, (first, last), np.outer(scale * loads, frame[:, "XYZ".index(kind[1])]), kind[0] == "M")
@@ -321,7 +323,7 @@ class _Loads:
         raise record.error("deck.field-value/loaded-face", number=number)
 
     def _meant(self, local: list[int], first: int, other: int, count: int) -> bool:
-        """G34 is the corner opposite to G1 on a face of four, none on a face of three, or off that of a CTETRA."""
+        """Whether G34 fits a face: the corner opposite to G1 of four, none of three, or the one off a CTETRA's face."""
         if count == 4:
             return other >= 0 and other not in local
         if len(local) == 3:
@@ -356,20 +358,21 @@ class _Loads:
 
 
 _KINDS_ON_BARS = tuple(a + b + c for a in "FM" for b in "XYZ" for c in ("", "E"))
-_BEYOND = 1e-6
+_END_TOLERANCE = 1e-6
+"""Distance by which a load may be beyond the ends of a bar, as a fraction of its length: rounding of X1 and X2."""
 
 
 def _of_bar(line: Reals, places: tuple[float, float], loads: Reals, moments: bool) -> Reals:
-    """(2, 2, 3) forces and moments at the ends that do the same work as a load along a bar.
+    """(2, 2, 3) forces and moments at the ends that are work-equivalent to a load along a bar.
 
-    The bar moves linearly along its axis, and as a cubic across it, as one that is stiff in shear.
+    Displacements are linear along the axis and cubic across it, as of a shear-rigid bar.
 
     Parameters
     ----------
     line : from end A to end B
-    places : first and last, as parts of the length; a single load where they are equal
-    loads : (2, 3) at these places, per length unless single
-    moments : moments instead of forces
+    places : start and end, as fractions of the length; equal for a concentrated load
+    loads : (2, 3) at these places, per length unless concentrated
+    moments : True for moments, False for forces
     """
     size = float(np.linalg.norm(line))
     axis = line / size
@@ -396,13 +399,13 @@ def _of_bar(line: Reals, places: tuple[float, float], loads: Reals, moments: boo
 
 
 def _cubics(s: float) -> tuple[Reals, Reals]:
-    """Deflection at a part of the length for a unit deflection, and per length for a unit rotation, at both ends."""
+    """Deflection at a fraction of the length for unit deflections, and per length for unit rotations, of both ends."""
     bent = s * s * (3.0 - 2.0 * s)
     return np.array([1.0 - bent, bent]), np.array([s * (1.0 - s) ** 2, -s * s * (1.0 - s)])
 
 
 def _cubic_slopes(s: float) -> tuple[Reals, Reals]:
-    """Their derivatives."""
+    """Derivatives of `_cubics`."""
     bent = 6.0 * s * (1.0 - s)
     return np.array([-bent, bent]), np.array([(1.0 - s) * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)])
 

@@ -28,14 +28,14 @@ from femtune.files.nastran.lists import IntegerList, read_list
 
 def read_masses(building: Building, grids: Grids) -> list[ElementBatch]:
     """Batches of CONM2 and of CONM1."""
-    found = []
+    batches = []
     for card, kind in (("CONM2", CONCENTRATED_MASS.key), ("CONM1", GENERAL_MASS.key)):
         rows = BatchRows(kind, card)
         for record in building.records(card):
             with building.errors.catch():
                 _add(rows, record, building, grids)
-        found += rows.batches()
-    return found
+        batches += rows.batches()
+    return batches
 
 
 def _add(rows: BatchRows, record: CardEntry, building: Building, grids: Grids) -> None:
@@ -62,12 +62,13 @@ def _axes(record: CardEntry, grids: Grids, row: int) -> NDArray[np.float64]:
 # Non-structural mass by NSM, NSM1, NSML, NSML1 and NSMADD, for the set that case control selects.
 
 
-# place of each number, rows in the order of the numbers, and from where to where each number's rows are
+# index of each number, rows in the order of the numbers, and start and end of each number's rows
 _Order = tuple[Mapping[int, int], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 _CARDS = ("NSM", "NSM1", "NSML", "NSML1")
-# TYPE: property cards whose elements it means; PBARL counts as PBAR, PBEAML and PBCOMP as PBEAM, as in Nastran
-_BARS, _BEAMS = ("PBAR", "PBARL"), ("PBEAM", "PBEAML", "PBCOMP")
+# TYPE and the property cards of its elements; PBARL counts as PBAR, PBEAML and PBCOMP as PBEAM, as in Nastran
+_BARS = ("PBAR", "PBARL")
+_BEAMS = ("PBEAM", "PBEAML", "PBCOMP")
 _FAMILIES = {
     **dict.fromkeys(_BARS, _BARS),
     **dict.fromkeys(_BEAMS, _BEAMS),
@@ -75,11 +76,12 @@ _FAMILIES = {
     "ELEMENT": (),
 }
 _MOST_NAMED = 5
+"""Number of unknown elements that a notice lists."""
 
 
 @dataclass(frozen=True)
 class _MassEntry:
-    """Mass for the elements of a list: a length or an area, or where `total` a mass that is spread over them."""
+    """Mass of the elements of a list: per length or area, or, if `total`, a mass that is distributed over them."""
 
     record: CardEntry
     kind: str
@@ -99,7 +101,7 @@ class _Elements:
     area: NDArray[np.bool_]
 
     def rows(self, entry: _MassEntry) -> tuple[NDArray[np.int64], Reals]:
-        """Rows of the elements that an entry means, and how often; Nastran counts twice what a list names twice."""
+        """Rows of the elements of an entry, and how often each is listed, as in Nastran."""
         every = entry.kind == "ELEMENT"
         numbers, order, starts, ends = self._by_element if every else self._by_property
         count = _named(entry.numbers, numbers)
@@ -118,9 +120,9 @@ class _Elements:
 
 
 def add_nonstructural_mass(building: Building, nodes: NodeTable, batches: Sequence[ElementBatch]) -> list[ElementBatch]:
-    """Batches whose NSM is that of their property and what the selected cards add to it.
+    """Batches whose NSM is that of their property plus the mass of the selected cards.
 
-    The property's own NSM stays a value that may be updated. Errors are gathered (``deck.nonstructural-mass`` and
+    The NSM of the property remains a value that may be updated. Errors are gathered (``deck.nonstructural-mass`` and
     those of fields); ``deck.nonstructural-unused`` tells of cards without effect.
     """
     chosen = _selected(building)
@@ -148,12 +150,12 @@ def _selected(building: Building) -> list[_MassEntry]:
     if number is None and records:
         building.notices.append(Notice("deck.nonstructural-unused/not-selected", where=records[0].where))
     wanted = unions.get(number, [number]) if number is not None else []
-    found: list[_MassEntry] = []
+    entries: list[_MassEntry] = []
     for record in records:
         with building.errors.catch():
             if record.card.integer(0) in wanted:
-                found += _entries(record)
-    return found
+                entries += _entries(record)
+    return entries
 
 
 def _entries(record: CardEntry) -> list[_MassEntry]:
@@ -169,7 +171,7 @@ def _entries(record: CardEntry) -> list[_MassEntry]:
 
 
 def _mass_roles(batch: ElementBatch) -> list[str]:
-    """Roles of non-structural mass; a tapered beam has one a station."""
+    """Roles of non-structural mass; a tapered beam has one per station."""
     return [name for name in batch.roles if name.partition("@")[0] == "NSM"]
 
 
@@ -182,13 +184,13 @@ def _table(building: Building, nodes: NodeTable, batch: ElementBatch) -> _Elemen
 
 
 def _lengths(nodes: NodeTable, batch: ElementBatch) -> Reals:
-    """Between the two ends, offsets counted."""
+    """Lengths between the two ends, including offsets."""
     ends = [nodes.xyz[batch.nodes[:, k]] + batch.facts.get(f"offset_{end}", 0.0) for k, end in enumerate("ab")]
     return np.asarray(np.linalg.norm(ends[1] - ends[0], axis=1))
 
 
 def _added(building: Building, elements: _Elements, entries: Iterable[_MassEntry]) -> Reals:
-    """Mass a length or area that the entries add to each element."""
+    """Mass per length or area that the entries add to each element."""
     out = np.zeros(len(elements.ids))
     for entry in entries:
         with building.errors.catch():
@@ -205,7 +207,7 @@ def _ordered(numbers: NDArray[np.int64]) -> _Order:
 
 
 def _named(numbers: IntegerList, places: Mapping[int, int]) -> dict[int, int]:
-    """Places of the numbers that a list names, and how often it does."""
+    """Indices of the numbers in a list, and how often each is listed."""
     named, spans = Counter(numbers.singles), numbers.spans
     asked = places if spans or numbers.every else [n for n in named if n in places]
     count = {places[n]: numbers.every + named[n] + sum(n in span for span in spans) for n in asked}
@@ -213,7 +215,7 @@ def _named(numbers: IntegerList, places: Mapping[int, int]) -> dict[int, int]:
 
 
 def _spread(entry: _MassEntry, elements: _Elements, rows: NDArray[np.int64], times: Reals) -> float:
-    """Length or area over which a total is spread (1 where there is none)."""
+    """Length or area over which a total is distributed (1 if there is none)."""
     kinds = elements.area[rows]
     if kinds.any() and not kinds.all():
         raise entry.record.error("deck.nonstructural-mass/lines-and-areas")
@@ -221,7 +223,7 @@ def _spread(entry: _MassEntry, elements: _Elements, rows: NDArray[np.int64], tim
 
 
 def _unused(entry: _MassEntry, elements: _Elements, rows: NDArray[np.int64]) -> Iterable[Notice]:
-    """What a card names and nobody has; Nastran passes over it too."""
+    """Notices of listed numbers that do not exist, which Nastran also ignores."""
     known = set((elements.ids if entry.kind == "ELEMENT" else elements.properties)[rows].tolist())
     lost = sorted(set(entry.numbers.singles) - known)
     if lost or not known:
@@ -247,9 +249,11 @@ def _with_added(building: Building, batch: ElementBatch, extra: Reals) -> Elemen
     return replace(batch, roles=roles)
 
 
-def _sum(building: Building, own: int, more: float) -> int:
+def _sum(building: Building, of_property: int, more: float) -> int:
     """Position of the property's NSM plus a constant."""
-    values, ref = building.values, building.values.refs[own]
+    values, ref = building.values, building.values.refs[of_property]
     added = values.add(FieldRef("", 0, f"added mass {more!r}"), more)
     name = f"{ref.name} + {more!r}"
-    return values.derive(FieldRef(ref.card, ref.id, name), add, own, added, nominal=values.values[own] + more)
+    return values.derive(
+        FieldRef(ref.card, ref.id, name), add, of_property, added, nominal=values.values[of_property] + more
+    )

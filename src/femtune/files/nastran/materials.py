@@ -1,6 +1,6 @@
 """Materials by number. The isotropic one, MAT1, has any two of E, G and ν; the third is derived.
 
-Where a card gives all three and they agree, G follows E and ν too.
+If a card gives all three and they agree, G is also derived from E and ν.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def poisson_ratio(young: Jet, shear: Jet) -> Jet:
 
 
 def shear_in_ratio(young: Jet, poisson: Jet, ratio: Jet) -> Jet:
-    """G = r E / 2(1 + ν); r is 1 but for the digits that the card gives."""
+    """G = r E / 2(1 + ν); r is 1 except for the rounding on the card."""
     return ratio * shear_modulus(young, poisson)
 
 
-# as in Nastran: MAT1 is implausible where |1 - E / 2(1 + NU)G| is larger
 _LARGEST_DIFFERENCE = 0.01
+"""Relative difference of G and E / 2(1 + ν) up to which a MAT1 is isotropic, as in Nastran's check of MAT1."""
 
 
 @dataclass
@@ -57,14 +57,14 @@ class Materials:
         self._library = Library(self._make)
 
     def find(self, mid: int, user: CardEntry, at: str = "MID") -> CardEntry:
-        """The card of a material, asked for by field `at` of a card (error ``deck.unknown-material``)."""
+        """The card of a material that field `at` of a card refers to (error ``deck.unknown-material``)."""
         if mid not in self.records:
             known = did_you_mean(str(mid), [str(k) for k in list(self.records)[:20]])
             raise user.error("deck.unknown-material", at=at, hint=known or "add a MAT1 card of that number", mid=mid)
         return self.records[mid]
 
     def get(self, mid: int, user: CardEntry) -> Roles:
-        """Roles of an isotropic material, asked for by a card.
+        """Roles of an isotropic material that a card refers to.
 
         Raises
         ------
@@ -73,19 +73,19 @@ class Materials:
         name = self.find(mid, user).name
         if name != "MAT1":
             raise user.error("deck.material-type", at="MID", mid=mid, name=name, user_name=user.name)
-        found = self.isotropic(mid, user)
-        return {role: found[role] for role in ("E", "G", "rho", "GE")}
+        roles = self.isotropic(mid, user)
+        return {role: roles[role] for role in ("E", "G", "rho", "GE")}
 
     def isotropic(self, mid: int, user: CardEntry) -> Roles:
-        """Roles of a MAT1 with "NU" (not there where E alone is given with G = 0)."""
+        """Roles of a MAT1 with "NU" (missing if only E is given, with G = 0)."""
         return self._library.get(mid, user)
 
     def continuum(self, mid: int, user: CardEntry) -> Roles:
-        """The same for shells and solids, which cannot do without a Poisson's ratio (error ``deck.material``)."""
-        found, record = self.isotropic(mid, user), self.records[mid]
-        if "NU" not in found and not record.blank("NU") and not _is_ratio(record):
+        """The same for shells and solids, which need a Poisson's ratio (error ``deck.material``)."""
+        roles, record = self.isotropic(mid, user), self.records[mid]
+        if "NU" not in roles and not record.blank("NU") and not _is_ratio(record):
             raise record.error("deck.material/poisson-ratio", at="NU")
-        return found
+        return roles
 
     def _make(self, mid: int, user: CardEntry) -> Roles:
         record, b = self.records[mid], self.building
@@ -93,13 +93,13 @@ class Materials:
         return {**self._elastic(record, mid), "rho": b.value(record, mid, "RHO"), "GE": b.value(record, mid, "GE")}
 
     def _elastic(self, record: CardEntry, mid: int) -> Roles:
-        """E, G and ν; a third that is blank follows from the two that are given."""
+        """E, G and ν; a blank third is derived from the other two."""
         b = self.building
         blanks = [name for name in ("E", "G", "NU") if record.blank(name)]
         if not blanks and not _is_ratio(record):
             b.notices.append(Notice("deck.implausible-ratio", where=record.where, mid=mid, ratio=record.text("NU")))
             return {name: b.value(record, mid, name) for name in ("E", "G")}
-        # Nastran takes 0 for both where two are blank
+        # as in Nastran, both are 0 if two are blank
         blank = blanks[0] if len(blanks) == 1 else ""
         given = {n: b.value(record, mid, n) for n in ("E", "G", "NU") if n != blank and (blanks or n != "G")}
         if blank == "G":
@@ -113,9 +113,9 @@ class Materials:
         return given
 
     def _shear(self, record: CardEntry, mid: int) -> int:
-        """G of a card that gives E and ν too: it follows them where the material is isotropic, else it is on its own.
+        """G of a card that also gives E and ν: derived from them if the material is isotropic, otherwise independent.
 
-        It follows in the ratio that the card has, so that the values of the deck are kept to the last digit.
+        It is derived with the ratio on the card, so that the values of the deck are kept to the last digit.
         """
         b = self.building
         young, shear, poisson = (record.real(name) for name in ("E", "G", "NU"))
@@ -147,7 +147,7 @@ def read_materials(building: Building) -> Materials:
 
 
 def _is_negative(record: CardEntry) -> bool:
-    """True for a density below zero; one that is no number is told where the material is used."""
+    """True for a density below zero; one that is not a number is an error when the material is used."""
     try:
         return not record.blank("RHO") and record.real("RHO") < 0.0
     except FemtuneError:
@@ -173,7 +173,7 @@ def _check(record: CardEntry) -> None:
         smallest_allowed = record.real(name) > 0.0 if name == "E" else record.real(name) >= 0.0
         if not smallest_allowed:
             raise record.error("deck.material/modulus-sign", at=name, name=name)
-    # with E and G bars and rods do not need it
+    # bars and rods do not need it if they have E and G
     if (blanks or record.real("G") <= 0.0) and not record.blank("NU") and not _is_ratio(record):
         raise record.error("deck.material/poisson-ratio", at="NU")
 
@@ -183,7 +183,7 @@ def _is_ratio(record: CardEntry) -> bool:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Property cards by number, and which of them an element may use.
+# Property cards by number, and those that an element may use.
 
 
 _NO_PROPERTIES = ("PARAM", "PAERO", "PLOAD", "PLOT", "POINT", "PRES", "PSET", "PVAL", "PANEL")
@@ -197,7 +197,7 @@ class Properties:
     others: Mapping[int, str]
 
     def find(self, pid: int, user: CardEntry) -> CardEntry:
-        """The property card of a number, asked for by an element.
+        """The property card of a number that an element refers to.
 
         Raises
         ------
@@ -223,8 +223,8 @@ def read_properties(building: Building, element: str) -> Properties:
 
 def _names(building: Building, family: tuple[str, ...]) -> dict[int, str]:
     """Names of the property cards of other families, read or not, by number."""
-    found = {}
+    names = {}
     for name, cards in building.deck.names.items():
         if name.startswith("P") and name not in family and not name.startswith(_NO_PROPERTIES):
-            found.update({card.integer(0, 0): name for card in cards if card.is_integer(0)})
-    return found
+            names.update({card.integer(0, 0): name for card in cards if card.is_integer(0)})
+    return names

@@ -25,14 +25,19 @@ from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.lines import parse_real
 from femtune.parameters.jet import Jet
 
-_SQUARE, _SYMMETRIC = 1, 6
+# IFO: form of a DMIG matrix
+_SQUARE = 1
+_SYMMETRIC = 6
+# TIN: complex in single and in double precision
 _COMPLEX = (3, 4)
-_FIRST, _GROUP = 4, 4
+_FIRST_ENTRY = 4
+_FIELDS_PER_ENTRY = 4
+"""Index of the first entry on a column card, and fields of each entry: G, C, A and B."""
 
 
 @dataclass(frozen=True)
 class DmigHeader:
-    """Form (1 square, 6 symmetric, 2 and 9 rectangular), type of the numbers, magnitude and phase or not, columns."""
+    """Form (1 square, 6 symmetric, 2 and 9 rectangular), type of the numbers, polar or not, number of columns."""
 
     name: str
     form: int
@@ -59,7 +64,7 @@ def dmig_names(deck: Deck) -> list[str]:
 
 
 def dmig_matrix(deck: Deck, name: str | None) -> Dmig:
-    """Entries of a DMIG matrix of a deck; the first one where no name is asked for.
+    """Entries of a DMIG matrix of a deck; of the first one without a name.
 
     Raises
     ------
@@ -90,7 +95,7 @@ def _entries(header: DmigHeader, cards: list[Card]) -> Dmig:
     row, col, value, owners = [], [], [], []
     for card in cards:
         column = _dof(card, 1)
-        for at in range(_FIRST, len(card.fields), _GROUP):
+        for at in range(_FIRST_ENTRY, len(card.fields), _FIELDS_PER_ENTRY):
             if not card.blank(at):
                 row.append(_dof(card, at))
                 col.append(column)
@@ -125,20 +130,20 @@ def _check_columns(header: DmigHeader, col: list[tuple[int, int]]) -> None:
         )
 
 
-def check_one_triangle(found: Dmig, row: NDArray, col: NDArray) -> None:
-    """A symmetric DMIG gives each pair once, in either order."""
-    if found.header.form != _SYMMETRIC:
+def check_one_triangle(matrix: Dmig, row: NDArray, col: NDArray) -> None:
+    """Check that a symmetric DMIG has each pair once, in either order."""
+    if matrix.header.form != _SYMMETRIC:
         return
     low, high = np.minimum(row, col), np.maximum(row, col)
     _, first, count = np.unique(low * (row.max(initial=0) + col.max(initial=0) + 1) + high, return_index=True,
                                 return_counts=True)  # fmt: skip
     if (count > 1).any():
-        card = found.cards[int(first[int(np.argmax(count > 1))])]
+        card = matrix.cards[int(first[int(np.argmax(count > 1))])]
         raise FemtuneError(
             "matrices.duplicate",
             where=card.where(),
             values={"pairs": int((count > 1).sum())},
-            header_name=found.header.name,
+            header_name=matrix.header.name,
         )
 
 
@@ -163,18 +168,18 @@ _PART = re.compile(r"(?:([^*,\s]+)\s*\*\s*)?([A-Z][A-Z0-9]{0,7})", re.IGNORECASE
 
 def read_direct_matrices(building: Building, grids: Grids) -> tuple[AssembledMatrix, ...]:
     """The matrices that case control selects; each has a factor in the value table, ``MATRIX STIFF``."""
-    found: list[AssembledMatrix] = []
+    matrices: list[AssembledMatrix] = []
     commands = {c.name: c for c in building.deck.case_control.effective if c.name in KINDS}
     elsewhere = _in_other_parts(building.deck)
     for command in commands.values():
         with building.errors.catch():
             parts = [part for part in _parts(command) if part[1] not in elsewhere]
-            found += [_matrix(building, grids, command, *part) for part in parts]
-    return tuple(found)
+            matrices += [_matrix(building, grids, command, *part) for part in parts]
+    return tuple(matrices)
 
 
 def _in_other_parts(deck: Deck) -> set[str]:
-    """Names of matrices of which only other superelements have DMIG cards; a selection may hold for all of them."""
+    """Names of matrices that have DMIG cards only in other superelements, to which a selection may apply."""
     if deck.section is None:
         return set()
     return {card.text(0) for card in deck.cards if card.name == "DMIG"} - set(dmig_names(deck))
@@ -191,7 +196,7 @@ def _parts(command: CaseCommand) -> Iterator[tuple[float, str]]:
 
 
 def _number(text: str) -> float | None:
-    """A real; case control lets whole numbers pass for one."""
+    """A real; case control also permits integers."""
     return float(text) if text.lstrip("+-").isdecimal() else parse_real(text)
 
 
@@ -214,19 +219,19 @@ def dmig_upper(deck: Deck, name: str, grids: Grids) -> sp.csr_array:
     return _upper(dmig_matrix(deck, name), grids)
 
 
-def _upper(found: Dmig, grids: Grids) -> sp.csr_array:
-    row, col = _dofs(found, found.row, grids), _dofs(found, found.col, grids)
-    check_one_triangle(found, row, col)
+def _upper(matrix: Dmig, grids: Grids) -> sp.csr_array:
+    row, col = _dofs(matrix, matrix.row, grids), _dofs(matrix, matrix.col, grids)
+    check_one_triangle(matrix, row, col)
     n = grids.table.n_dofs
     names = np.array([[d.node, d.component] for d in map(grids.table.describe, range(n))], np.int64).reshape(-1, 2)
-    entries = Entries(row, col, found.value, (n, n), names, lambda i: found.cards[i].where())
-    where = Where(found.header.card.where().file, found.header.card.where().line, f"DMIG {found.header.name}")
-    return matrix_from(entries, found.header.name, where).upper
+    entries = Entries(row, col, matrix.value, (n, n), names, lambda i: matrix.cards[i].where())
+    where = Where(matrix.header.card.where().file, matrix.header.card.where().line, f"DMIG {matrix.header.name}")
+    return matrix_from(entries, matrix.header.name, where).upper
 
 
-def _dofs(found: Dmig, at: NDArray[np.int64], grids: Grids) -> NDArray[np.int64]:
+def _dofs(matrix: Dmig, at: NDArray[np.int64], grids: Grids) -> NDArray[np.int64]:
     table = grids.table
-    return np.array([table.dof(int(n), int(c), card.where()) for (n, c), card in zip(at, found.cards)], np.int64)
+    return np.array([table.dof(int(n), int(c), card.where()) for (n, c), card in zip(at, matrix.cards)], np.int64)
 
 
 def _factor(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:

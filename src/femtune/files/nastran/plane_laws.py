@@ -17,14 +17,18 @@ from femtune.parameters.jet import Jet
 Entries = tuple[int, ...]
 
 RIGID_SHEAR = 1e3
-"""Transverse shear modulus of a shell that is rigid in it, by its in-plane shear modulus.
+"""Ratio of the transverse to the in-plane shear modulus of a shell that is rigid in transverse shear.
 
-What is left of the shear flexibility is a thousandth: 2e-4 of a frequency at the most for a plate as thick as a tenth
-of its span. More would cost digits: on plates of a thousandth of their span a factor of 1e4 already moves the seventh
-digit by rounding, and 1e6 the fifth.
+A thousandth of the shear flexibility remains, at most 2e-4 of a frequency for a plate with a thickness of a tenth of
+its span. A larger factor costs digits: on plates with a thickness of a thousandth of their span, 1e4 already changes
+the seventh digit by rounding, and 1e6 the fifth.
 """
 
-_DEFINITE = 1e-9
+_LEAST_EIGENVALUE = 1e-9
+"""Smallest eigenvalue of a positive definite law relative to its size.
+
+Its inverse keeps seven digits; the moduli of real materials differ by a few decades at most.
+"""
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,7 @@ class PlaneLaws:
         self._shear = Library(self._make_shear)
 
     def plane(self, mid: int, user: CardEntry, at: str) -> PlaneLaw:
-        """Law of membrane or bending, asked for by field `at` of a card.
+        """Law of membrane or bending that field `at` of a card refers to.
 
         Raises
         ------
@@ -91,7 +95,7 @@ class PlaneLaws:
         return self._plane.get(mid, user)
 
     def coupling(self, mid: int, user: CardEntry, at: str) -> PlaneLaw:
-        """Law that couples membrane and bending; a MAT2 need not resist every strain for that."""
+        """Law that couples membrane and bending; a MAT2 for it need not be positive definite."""
         self._check_name(mid, user, at)
         record = self.materials.records[mid]
         if record.name != "MAT2":
@@ -100,7 +104,7 @@ class PlaneLaws:
         return PlaneLaw(law, self.building.value(record, mid, "RHO"), self.loss(mid), False)
 
     def shear(self, mid: int, user: CardEntry, at: str) -> Entries:
-        """Positions of the transverse shear law 11 12 22, asked for by field `at` of a card."""
+        """Positions of the transverse shear law 11 12 22 that field `at` of a card refers to."""
         self._check_name(mid, user, at)
         return self._shear.get(mid, user)
 
@@ -110,7 +114,7 @@ class PlaneLaws:
             raise user.error("deck.material-type/for-shell", at=at, mid=mid, name=name)
 
     def rigid(self, mid: int, user: CardEntry, at: str) -> Entries:
-        """Transverse shear law 11 12 22 of a shell that bends by a material and is rigid in transverse shear."""
+        """Transverse shear law 11 12 22 of a shell with bending material that is rigid in transverse shear."""
         law = self.plane(mid, user, at).law
         record = self.materials.find(mid, user, at)
         stiff = self.stiffened(record, mid, law[5])
@@ -138,7 +142,7 @@ class PlaneLaws:
         return _SHEAR_LAWS[record.name](self, record, mid, user)
 
     def derive(self, record: CardEntry, mid: int, name: str, rule: Callable[..., Jet], *sources: int) -> int:
-        """An entry of a law that follows from fields of the material's card."""
+        """An entry of a law derived from fields of the material's card."""
         return self.building.values.derive(FieldRef(record.name, mid, name), rule, *sources)
 
 
@@ -151,14 +155,17 @@ def _isotropic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) ->
 
 
 def _in_plane_shear(laws: PlaneLaws, record: CardEntry, mid: int, at: Roles) -> int:
-    """D33 = E / 2(1 + ν): where a card gives G beside E and NU, it counts for transverse shear alone, as in Nastran."""
+    """D33 = E / 2(1 + ν): of a card with E, NU and G, the latter is for transverse shear only, as in Nastran."""
     if any(record.blank(name) for name in ("E", "G", "NU")):
         return at["G"]
     return laws.derive(record, mid, "D33", shear_modulus, at["E"], at["NU"])
 
 
-_LARGEST_POISSON = 0.5 + 1e-6
-"""Of a stable isotropic solid. A ratio that is given is checked with its card; one that E and G imply may be larger."""
+_LARGEST_POISSON_RATIO = 0.5 + 1e-6
+"""Poisson's ratio of a stable isotropic solid, with an allowance for the rounding of E and G to seven digits.
+
+A given ratio is checked with its card; one derived from E and G may be larger.
+"""
 
 
 def _elastic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> Roles:
@@ -170,7 +177,7 @@ def _elastic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> R
     if not -1.0 < values[at["NU"]] < 1.0:
         raise record.error("deck.material/shell-poisson-ratio", at="G", ratio=values[at["NU"]])
     notices = laws.building.notices
-    if values[at["NU"]] > _LARGEST_POISSON and not any(
+    if values[at["NU"]] > _LARGEST_POISSON_RATIO and not any(
         n.code == "deck.inconsistent-shear" and n.where == record.where for n in notices
     ):
         notices.append(
@@ -202,7 +209,7 @@ def _anisotropic_shear(laws: PlaneLaws, record: CardEntry, mid: int, user: CardE
 def _check_definite(laws: PlaneLaws, record: CardEntry, law: Entries, places: list[list[int]]) -> None:
     values = np.array([laws.building.values.values[i] for i in law])[np.array(places)]
     size = np.abs(values).max()
-    if size == 0.0 or np.linalg.eigvalsh(values / size)[0] <= _DEFINITE:
+    if size == 0.0 or np.linalg.eigvalsh(values / size)[0] <= _LEAST_EIGENVALUE:
         raise record.error("deck.material/plane-not-definite", at="G11", record_name=record.name)
 
 
@@ -226,7 +233,7 @@ def _check_orthotropic(record: CardEntry) -> None:
 
 
 def _orthotropic_shear(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> Entries:
-    """G1Z and G2Z; where one is blank or 0 the shell is rigid in that direction."""
+    """G1Z and G2Z; if one is blank or 0, the shell is rigid in that direction."""
     _check_orthotropic(record)
     shear = laws.building.value(record, mid, "G12")
     both = []

@@ -1,4 +1,4 @@
-"""Rigid elements as equations: RBE2, RBAR, RBAR1, RTRPLT, RTRPLT1, RROD; RBE1 and RBE3 are in `rigid_lists`."""
+"""Rigid elements as equations: RBE1, RBE2, RBE3, RBAR, RBAR1, RTRPLT, RTRPLT1, RROD, RSPLINE."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Pairs = list[tuple[int, list[int]]]
 
 @dataclass
 class _Fields:
-    """The filled fields of a card one after the other, from a position; blank ones are passed over."""
+    """The filled fields of a card in sequence, from a position; blank ones are skipped."""
 
     card: Card
     at: int
@@ -46,7 +46,7 @@ class _Fields:
         return self.at if self.at < len(self.card.fields) else None
 
     def take(self) -> int:
-        """Position of the field that must stand next."""
+        """Position of the next field, which must exist."""
         at = self.next()
         if at is None:
             return self.at
@@ -54,7 +54,7 @@ class _Fields:
         return at
 
     def until_real(self) -> list[str]:
-        """Texts up to the next real number or word, which is left."""
+        """Texts up to the next real number or word, exclusive."""
         texts = []
         while (at := self.next()) is not None and not self.card.is_real(at) and self.card.text(at) not in _WORDS:
             texts.append(self.card.text(self.take()))
@@ -96,23 +96,23 @@ def _group(record: CardEntry, fields: _Fields) -> WeightedPoints:
 
 
 def _list_numbers(record: CardEntry, texts: list[str]) -> list[int]:
-    """A list with THRU written out; a number that is named twice stands there twice."""
+    """A list with THRU written out; a repeated number is kept."""
     named = Counter(read_list(texts, record.where).singles)
     return listed_numbers(record, texts) + [n for n, times in named.items() if times > 1]
 
 
 def _after_words(fields: _Fields) -> dict[str, Pairs]:
-    """What stands after UM; the numbers after ALPHA are checked to be numbers."""
-    found: dict[str, Pairs] = {}
+    """The pairs after UM; the values after ALPHA must be numbers."""
+    pairs: dict[str, Pairs] = {}
     while (at := fields.next()) is not None:
         word = fields.card.text(fields.take())
         if word == "UM":
-            found.setdefault("UM", []).extend(_pairs(fields))
+            pairs.setdefault("UM", []).extend(_pairs(fields))
         elif word == "ALPHA" or fields.card.is_real(at):
             fields.card.real(fields.take() if word == "ALPHA" else at)
         else:
             raise fields.card.error("deck.field-value/rbe3-word", index=at)
-    return found
+    return pairs
 
 
 def _pairs(fields: _Fields) -> Pairs:
@@ -127,7 +127,7 @@ def _pairs(fields: _Fields) -> Pairs:
 
 
 def _digits(card: Card, at: int) -> list[int]:
-    """Components of a grid point; they must be there (error ``deck.field-value``)."""
+    """Components of a grid point, which are required (error ``deck.field-value``)."""
     text = card.component(at)
     if text in ("", "0"):
         raise card.error("deck.field-value/no-components", index=at)
@@ -150,7 +150,7 @@ def read_rigid(building: Building, grids: Grids) -> ConstraintRows:
 
 
 def _placed(record: CardEntry, grids: Grids) -> ConstraintRows:
-    """Rows of an element; errors of the kernel get the card's place in the file."""
+    """Rows of an element; errors of the kernel get the place of the card."""
     try:
         return _READERS[record.name](record, grids)
     except FemtuneError as error:
@@ -160,11 +160,11 @@ def _placed(record: CardEntry, grids: Grids) -> ConstraintRows:
 
 
 def _note_expansion(building: Building) -> None:
-    """A coefficient of thermal expansion is the only real number on a rigid element, weights of RBE3 apart."""
-    found = [record for record in building.records(*_READERS) if _expands(record)]
-    if found:
-        count = f"{len(found)} rigid element{'s give' if len(found) > 1 else ' gives'}"
-        building.notices.append(Notice("deck.rigid-expansion", where=found[0].where, level="info", count=count))
+    """Notice of thermal expansion, the only real number on a rigid element except for the weights of RBE3."""
+    expanding = [record for record in building.records(*_READERS) if _expands(record)]
+    if expanding:
+        count = f"{len(expanding)} rigid element{'s give' if len(expanding) > 1 else ' gives'}"
+        building.notices.append(Notice("deck.rigid-expansion", where=expanding[0].where, level="info", count=count))
 
 
 def _expands(record: CardEntry) -> bool:
@@ -206,7 +206,7 @@ def _bar(record: CardEntry, grids: Grids) -> ConstraintRows:
 
 
 def _first_rules(record: CardEntry, grids: Grids) -> ConstraintRows:
-    """RBAR1 and RTRPLT1: end A moves the others, all their components where none are named."""
+    """RBAR1 and RTRPLT1: end A moves the others, in all components if none are given."""
     names = {"GB": "CB"} if record.name == "RBAR1" else {"GB": "CMB", "GC": "CMC"}
     points = _points(record, grids, "GA", *names)
     dependent = [(n, _of(record, c) or list(ALL_COMPONENTS)) for n, c in zip(points[1:], names.values())]
@@ -228,15 +228,15 @@ def _rod(record: CardEntry, grids: Grids) -> ConstraintRows:
     return rigid_rod_rows(grids.table, (a, b), chosen[0], record.integer("EID"))
 
 
-_TUBE = 0.1
-
-
-_THINNEST, _THICKEST = 1e-6, 1e3
-"""D/L of an RSPLINE; beyond these its bending is lost beside its extension by rounding, or the reverse."""
+_TUBE_RATIO = 0.1
+"""Default of D/L of an RSPLINE, as in Nastran."""
+_THINNEST_TUBE = 1e-6
+_THICKEST_TUBE = 1e3
+"""Limits of D/L of an RSPLINE; beyond them bending is lost in the rounding of extension, or the reverse."""
 
 
 def _spline(record: CardEntry, grids: Grids) -> ConstraintRows:
-    """RSPLINE: G1, then pairs of grid point and dependent components; blank where a point is independent."""
+    """RSPLINE: G1, then pairs of grid point and dependent components; blank for independent points."""
     card = record.card
     points: list[int] = [record.integer("G1")]
     dependent: list[list[int]] = [[]]
@@ -246,8 +246,8 @@ def _spline(record: CardEntry, grids: Grids) -> ConstraintRows:
             dependent.append([c for c in _numbers(card.component(at + 1)) if c])
         elif not card.blank(at + 1):
             raise card.error("deck.field-value/spline-point", index=at)
-    ratio = card.real(1, _TUBE)
-    if not _THINNEST <= ratio <= _THICKEST:
+    ratio = card.real(1, _TUBE_RATIO)
+    if not _THINNEST_TUBE <= ratio <= _THICKEST_TUBE:
         raise card.error("deck.field-value/spline-ratio", index=1)
     if len(points) < 3 or dependent[-1] or not any(dependent):
         raise record.error("deck.field-value/spline")

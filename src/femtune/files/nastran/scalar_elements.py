@@ -22,13 +22,13 @@ from femtune.files.nastran.materials import Materials, Properties, Roles, read_p
 from femtune.parameters.jet import Jet
 
 _KINDS = {SPRING.key: "CELAS", SCALAR_MASS.key: "CMASS", DASHPOT.key: "CDAMP"}
-# 1 and 3 have a property card, 2 and 4 hold their value; 3 and 4 join scalar points only
+# 1 and 3 have a property card, 2 and 4 contain the value; 3 and 4 connect scalar points only
 _WITH_PROPERTY = "13"
 
 
 def read_scalars(building: Building, grids: Grids) -> list[ElementBatch]:
     """Batches of CELAS1 to CELAS4, CMASS1 to CMASS4 and CDAMP1 to CDAMP4."""
-    found = []
+    batches = []
     for kind, stem in _KINDS.items():
         for number in "1234":
             card = stem + number
@@ -37,8 +37,8 @@ def read_scalars(building: Building, grids: Grids) -> list[ElementBatch]:
             for record in building.records(card):
                 with building.errors.catch():
                     _add(rows, record, building, grids, properties)
-            found += rows.batches()
-    return found
+            batches += rows.batches()
+    return batches
 
 
 def _add(rows: BatchRows, record: CardEntry, building: Building, grids: Grids, properties: Properties | None) -> None:
@@ -93,7 +93,7 @@ _DAMPER_KINDS = {"CVISC": LINE_DASHPOT.key, "CBUSH1D": LINE_SPRING.key}
 
 def read_dampers(building: Building, grids: Grids) -> list[ElementBatch]:
     """Batches of CVISC and of CBUSH1D."""
-    found = []
+    batches = []
     for card, kind in _DAMPER_KINDS.items():
         properties = read_properties(building, card)
         values = _library(building, properties)
@@ -101,8 +101,8 @@ def read_dampers(building: Building, grids: Grids) -> list[ElementBatch]:
         for record in building.records(card):
             with building.errors.catch():
                 _add_damper(rows, record, grids, properties, values)
-        found += rows.batches()
-    return found
+        batches += rows.batches()
+    return batches
 
 
 def _library(building: Building, properties: Properties) -> Library[Roles]:
@@ -116,7 +116,7 @@ def _roles(building: Building, record: CardEntry, pid: int) -> Roles:
 
 
 def _check_linear(building: Building, record: CardEntry) -> None:
-    """Mass is an error; springs and dampers that are not linear are left out with a notice."""
+    """Raise an error for mass; nonlinear springs and dampers are ignored with a notice."""
     if record.real("M", 0.0):
         raise record.error("deck.section/bush-one-dimensional-mass", at="M")
     if len(record.card.fields) > 8:
@@ -157,14 +157,14 @@ def read_rods(building: Building, grids: Grids, materials: Materials) -> list[El
     """Batches of CROD, of CONROD and of CTUBE."""
     properties = read_properties(building, "CROD")
     sections = Library(lambda pid, user: _section(building, properties.find(pid, user), pid, materials))
-    rods, own = BatchRows(ROD.key, "CROD"), BatchRows(ROD.key, "CONROD")
+    rods, conrods = BatchRows(ROD.key, "CROD"), BatchRows(ROD.key, "CONROD")
     for record in building.records("CROD"):
         with building.errors.catch():
             _add_rod(rods, record, _property(record, properties, sections), grids)
     for record in building.records("CONROD"):
         with building.errors.catch():
-            _add_rod(own, record, _section(building, record, record.integer("EID"), materials), grids)
-    return rods.batches() + own.batches() + _read_tubes(building, grids, materials)
+            _add_rod(conrods, record, _section(building, record, record.integer("EID"), materials), grids)
+    return rods.batches() + conrods.batches() + _read_tubes(building, grids, materials)
 
 
 def _property(record: CardEntry, properties: Properties, sections: Library[Roles]) -> Roles:
@@ -196,7 +196,7 @@ def _read_tubes(building: Building, grids: Grids, materials: Materials) -> list[
 
 
 def _tube(building: Building, record: CardEntry, pid: int, materials: Materials) -> Roles:
-    """Roles of a tube; a wall of 0 is a solid bar. Tubes with different ends are an error, as in Nastran."""
+    """Roles of a tube; a wall thickness of 0 means a solid bar, and different ends are an error, as in Nastran."""
     material = materials.get(record.integer("MID"), record)
     outer, wall = record.real("OD"), record.real("T", 0.0)
     if record.real("OD2", outer) not in (0.0, outer):
@@ -212,7 +212,7 @@ def _tube(building: Building, record: CardEntry, pid: int, materials: Materials)
 
 
 def tube_area(outer: Jet, wall: Jet) -> Jet:
-    """π(D − t)t of a tube of diameter D with a wall t."""
+    """π(D − t)t of a tube of diameter D with wall thickness t."""
     return math.pi * (outer - wall) * wall
 
 

@@ -38,8 +38,8 @@ def _section(building: Building, record: CardEntry, pid: int, materials: Materia
     for name in ("F1", "F2"):
         if record.real(name, 0.0) < 0.0:
             raise record.error("deck.shell-section/shear-panel-effectiveness", at=name, name=name)
-    own = {role: building.value(record, pid, name) for role, name in _VALUES.items()}
-    return {**material, **own}
+    values = {role: building.value(record, pid, name) for role, name in _VALUES.items()}
+    return {**material, **values}
 
 
 _VALUES = {"t": "T", "NSM": "NSM", "F1": "F1", "F2": "F2"}

@@ -1,4 +1,4 @@
-"""Sections of shells: PSHELL with its up to four materials, and laminates, as positions in the value table."""
+"""Sections of shells: PSHELL with up to four materials, and laminates, as positions in the value table."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class ShellSection:
 
     Parameters
     ----------
-    number : its number
-    roles : positions of all values of the kernel but thickness and offset
+    number : number of the card
+    roles : positions of all values of the kernel except thickness and offset
     facts : "has_membrane", "has_bending", "has_coupling"
-    thickness : position of its thickness, None where T is blank
-    layered : True where plies make it, so that its elements have no thickness of their own
-    offset : position of the height of a laminate's middle above its reference plane, None where that is its middle
+    thickness : position of its thickness, None if T is blank
+    layered : True for plies, so that elements cannot give a thickness
+    offset : position of the height of a laminate's middle above its reference plane, None if they coincide
     """
 
     number: int
@@ -62,7 +62,7 @@ class ShellProperties:
         self._laminates = Laminates(self.building, self.laws)
 
     def get(self, pid: int, user: CardEntry) -> ShellSection:
-        """Section of a property, asked for by an element.
+        """Section of a property that an element refers to.
 
         Raises
         ------
@@ -108,7 +108,7 @@ class ShellProperties:
         return dict(zip(names, law.law)) if law else dict.fromkeys(names, self._none(record, pid))
 
     def _bent(self, record: CardEntry, pid: int, bending: PlaneLaw | None) -> dict[str, int]:
-        """What acts in bending only: inertia ratio, transverse shear and the loss factors."""
+        """Values of bending only: inertia ratio, transverse shear and the loss factors."""
         names = ("RI", "TS", *SHEAR, "GEB", "GES")
         if bending is None:
             return dict.fromkeys(names, self._none(record, pid))
@@ -118,12 +118,12 @@ class ShellProperties:
             whole = self.building.values.add(FieldRef(record.name, pid, "whole"), 1.0)
             shear = self.laws.rigid(record.integer("MID2"), record, "MID2")
             return dict(zip(names, (ratio, whole, *shear, bending.loss, bending.loss)))
-        share = self.building.value(record, pid, "TS", _SHEAR_SHARE)
+        share = self.building.value(record, pid, "TS", _SHEAR_THICKNESS_RATIO)
         shear = self.laws.shear(mid, record, "MID3")
         return dict(zip(names, (ratio, share, *shear, bending.loss, self.laws.loss(mid))))
 
     def _coupled(self, record: CardEntry, pid: int, laws: tuple[PlaneLaw | None, ...]) -> dict[str, int]:
-        """What couples membrane and bending; MID4 counts where z is negative."""
+        """Coupling of membrane and bending; MID4 applies where z is negative."""
         names, mid = (*COUPLING, "GEC"), record.integer("MID4", 0)
         if not mid:
             return dict.fromkeys(names, self._none(record, pid))
@@ -136,11 +136,11 @@ class ShellProperties:
         return dict(zip(names, (*turned, law.loss)))
 
     def _check_definite(self, record: CardEntry, laws: tuple[PlaneLaw | None, ...], inertia: int) -> None:
-        """Membrane, bending and coupling of a shell of unit thickness resist every strain."""
+        """Check that the law of membrane, bending and coupling is positive semidefinite for unit thickness."""
         values = np.array(self.building.values.values)
         membrane, bending, coupling = (values[np.array(law.law)[_PLACES]] for law in laws if law)
         whole = np.block([[membrane, -coupling], [-coupling, bending * values[inertia] / 12.0]])
-        if np.linalg.eigvalsh(whole / np.abs(whole).max())[0] < -_ROUNDING:
+        if np.linalg.eigvalsh(whole / np.abs(whole).max())[0] < -_NEGATIVE_ROUNDING:
             raise _refused(record, "MID4", "deck.shell-section/not-definite")
 
     def _none(self, record: CardEntry, pid: int) -> int:
@@ -151,8 +151,11 @@ class ShellProperties:
 
 
 _PLACES = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-# of the largest modulus, below which a negative energy is rounding
-_ROUNDING = 1e-9
+_NEGATIVE_ROUNDING = 1e-9
+"""Negative eigenvalue of a law, relative to its largest entry, that is a rounding error.
+
+MID4 is given with seven to nine digits on a card and may make a law singular on purpose.
+"""
 
 
 def negative(value: Jet) -> Jet:
@@ -160,12 +163,12 @@ def negative(value: Jet) -> Jet:
     return -value
 
 
-# the default of TS/T: documented as .833333; element matrices of commercial Nastran show 5/6
-_SHEAR_SHARE = 5.0 / 6.0
+_SHEAR_THICKNESS_RATIO = 5.0 / 6.0
+"""Default of TS/T: documented as 0.833333; element matrices of commercial Nastran show 5/6."""
 
 
 def _check(record: CardEntry) -> None:
-    """Materials that are named in a way that is not modelled, and values that no plate has."""
+    """Errors for combinations of materials that are not modelled, and for impossible values."""
     first, second, third, fourth = (record.integer(f"MID{i}", 0) for i in (1, 2, 3, 4))
     if second == -1:
         raise _refused(record, "MID2", "deck.shell-section/plane-strain")
@@ -179,7 +182,7 @@ def _check(record: CardEntry) -> None:
 
 
 def _check_values(record: CardEntry) -> None:
-    """The ratios count where their material is named."""
+    """Check the ratios whose material is given."""
     counted = {"T": True, "RI": record.integer("MID2", 0) > 0, "TS": record.integer("MID3", 0) > 0}
     for name, words in (("T", "thickness T"), ("RI", "inertia ratio 12I/T**3"), ("TS", "shear ratio TS/T")):
         if counted[name] and not record.blank(name) and record.real(name) <= 0.0:
@@ -191,17 +194,21 @@ def _refused(record: CardEntry, at: str, code: str, **facts: Any) -> FemtuneErro
 
 
 # ----------------------------------------------------------------------------------------------------
-# Thickness of a shell element: its property's, or what stands at its corners, and the mean of it.
+# Thickness of a shell element: that of its property, or those at its corners and their mean.
 
 
-_MOST_DIFFERENCE = 0.2
+_LARGEST_VARIATION = 0.2
+"""Difference of the corner thicknesses, relative to their mean, above which a notice says that the mean is used.
+
+Bending stiffness is ∝ t³: for a linear variation of ±10 % its mean is 1 % above that of the mean thickness.
+"""
 
 
 @dataclass
 class Thicknesses:
-    """Positions of the thicknesses of one card's elements, and those whose corners differ much.
+    """Positions of the thicknesses of one card's elements, and the elements whose corners differ much.
 
-    `made_even` is False where the elements have the thickness that varies, and not its mean.
+    `made_even` is False if the elements have the varying thickness instead of its mean.
     """
 
     building: Building
@@ -214,12 +221,12 @@ class Thicknesses:
 
         Raises
         ------
-        FemtuneError : ``deck.shell-section`` where there is none, ``deck.field-value`` for TFLAG
+        FemtuneError : ``deck.shell-section`` if there is none, ``deck.field-value`` for TFLAG
         """
         given, relative = self._given(record, section)
         if not given:
             return self._of_property(record, section)
-        # factors are of the property's thickness, and blank corners have it
+        # factors multiply the property's thickness, which is also that of blank corners
         own = [self._of_property(record, section)] if relative or len(given) < len(self.corners) else []
         corners = {name: self.building.value(record, eid, name) for name in given}
         rule = scaled_mean(len(self.corners)) if relative else corner_mean(len(self.corners))
@@ -230,7 +237,7 @@ class Thicknesses:
         return self.building.values.derive(FieldRef(record.name, eid, "T"), rule, *at, nominal=nominal)
 
     def at_corners(self, record: CardEntry, eid: int, section: ShellSection) -> list[int] | None:
-        """Positions of the thickness at each corner, None where all of it is the property's; errors as of ``get``."""
+        """Positions of the thickness at each corner, None if all are the property's; errors as of ``get``."""
         given, relative = self._given(record, section)
         if not given:
             return None
@@ -266,7 +273,7 @@ class Thicknesses:
         return f"{self.corners[0]} to {self.corners[-1]}"
 
     def _relative(self, record: CardEntry) -> bool:
-        """TFLAG: 0 or blank for thicknesses, 1 for factors of the property's."""
+        """TFLAG: 0 or blank for thicknesses, 1 for factors of the property's thickness."""
         flag: int = record.integer("TFLAG", 0)
         if flag not in (0, 1):
             raise record.error("deck.field-value/thickness-flag", at="TFLAG", record_name=record.name)
@@ -278,11 +285,11 @@ class Thicknesses:
             raise record.error("deck.shell-section/corner-thickness", at=worst, names=self._names)
         blank = 1.0 if relative else self.building.values.values[own[0]] if own else 0.0
         every = [*corners.values(), *[blank] * (len(self.corners) - len(corners))]
-        if self.made_even and max(every) - min(every) > _MOST_DIFFERENCE * sum(every) / len(every):
+        if self.made_even and max(every) - min(every) > _LARGEST_VARIATION * sum(every) / len(every):
             self.uneven.append(record.where)
 
     def notices(self, card: str) -> list[Notice]:
-        """What the user should know of elements that are not of one thickness."""
+        """Notices of elements with varying thickness."""
         if not self.uneven:
             return []
         n = len(self.uneven)
@@ -300,7 +307,7 @@ class Thicknesses:
 
 @cache
 def corner_mean(n: int) -> Callable[..., Any]:
-    """Mean over n corners of thicknesses; the first one given stands for those that are blank too."""
+    """Mean over n corners of thicknesses; the first one given also replaces blank ones."""
 
     def mean(first: Any, *others: Any) -> Any:
         total = first * float(n - len(others))

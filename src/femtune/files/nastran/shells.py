@@ -47,13 +47,15 @@ _SHAPES = {
     "CQUAD8": _ShellShape(4, 8, SHELL_QUAD8.key),
     "CTRIA6": _ShellShape(3, 6, SHELL_TRI6.key),
 }
-_LACKING = -1
-_ALONG = 1e-6
+_LEFT_OUT = -1
+"""Row in place of a mid-side grid point that is left out."""
+_LEAST_DIRECTION_SINE = 1e-6
+"""Sine of the angle between the normal and the x axis of THETA's system up to which the projection is undefined."""
 _NO_DIRECTION = np.zeros(3)
 
 
 def read_shells(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
-    """Batches of shells, those of each card apart."""
+    """Batches of shells, separate for each card."""
     laws = PlaneLaws(building, materials)
     return [batch for card in _SHAPES for batch in _read(card, building, grids, laws)]
 
@@ -74,7 +76,7 @@ def _read(card: str, building: Building, grids: Grids, laws: PlaneLaws) -> list[
 class _Row(NamedTuple):
     """One element: its number, rows of its nodes, positions of thickness and offsets, material direction.
 
-    `corners` are the positions of thicknesses at the corners where these stand for themselves.
+    `corners` are the positions of thicknesses at the corners if these vary.
     """
 
     id: int
@@ -109,18 +111,18 @@ class _ShellReading:
         self.none = self.building.values.add(FieldRef(self.card, 0, "none"), 0.0)
 
     def add_plain(self, eid: int, section: ShellSection, nodes: list[int]) -> bool:
-        """An element with nothing but grid points; False where its PSHELL has no thickness."""
+        """Add an element that has only grid points; returns False if its PSHELL has no thickness."""
         if section.thickness is None:
             return False
         off = section.offset is not None
         offset = self.none if section.offset is None else section.offset
-        nodes = [*nodes, *[_LACKING] * (self.shape.nodes - len(nodes))]
+        nodes = [*nodes, *[_LEFT_OUT] * (self.shape.nodes - len(nodes))]
         row = _Row(eid, nodes, section, section.thickness, offset, self.none, off, 0.0, _NO_DIRECTION)
         self.rows.append(row)
         return True
 
     def add(self, record: CardEntry) -> None:
-        """Any element."""
+        """Add any element."""
         eid = record.integer("EID")
         section = self.properties.get(record.integer("PID", eid), record)
         nodes = _nodes(record, self.grids)
@@ -142,7 +144,7 @@ class _ShellReading:
         return lift, self.building.values.derive(ref, add, lift, section.offset)
 
     def batches(self) -> list[ElementBatch]:
-        """The batch, or nothing where no element was added."""
+        """The batch, or an empty list if no element was added."""
         if not self.rows:
             return []
         ids, nodes, sections, thickness, offset, lift, offset_given, theta, direction, corners = zip(*self.rows)
@@ -152,9 +154,11 @@ class _ShellReading:
         roles |= {"t": np.array(thickness, np.int64), "z0": np.array(offset, np.int64)}
         roles["zm"] = roles["z0"] if lift == offset else np.array(lift, np.int64)
         facts |= {"offset_given": np.array(offset_given), "theta": np.array(theta), "direction": np.array(direction)}
-        if any(own is not None for own in corners):
-            facts["uneven"] = np.array([own is not None for own in corners])
-            every = np.array([[t] * self.shape.corners if own is None else own for own, t in zip(corners, thickness)])
+        if any(given is not None for given in corners):
+            facts["uneven"] = np.array([given is not None for given in corners])
+            every = np.array(
+                [[t] * self.shape.corners if given is None else given for given, t in zip(corners, thickness)]
+            )
             roles |= {f"t{i + 1}": column for i, column in enumerate(every.T)}
         return [ElementBatch(self.shape.kind, self.card, np.array(ids, np.int64), at, dofs, roles, facts)]
 
@@ -179,7 +183,7 @@ def _section_columns(sections: tuple[ShellSection, ...]) -> tuple[dict[str, NDAr
 
 
 def _nodes(record: CardEntry, grids: Grids) -> list[int]:
-    """Rows of the grid points in the node table, −1 for a mid-side one that is left out."""
+    """Rows of the grid points in the node table, −1 for a mid-side point that is left out."""
     shape = _SHAPES[record.name]
     if shape.nodes == 4 and record.blank("G4"):
         raise record.error("deck.shell-corners/no-fourth-corner", at="G4")
@@ -189,11 +193,11 @@ def _nodes(record: CardEntry, grids: Grids) -> list[int]:
         if number and number in numbers[:i]:
             raise record.error(_repeated(numbers, shape, i), at=names[i], grid=number)
     given = [number or i < shape.corners for i, number in enumerate(numbers)]
-    return [grids.row(number, record) if own else _LACKING for number, own in zip(numbers, given)]
+    return [grids.row(number, record) if is_given else _LEFT_OUT for number, is_given in zip(numbers, given)]
 
 
 def _repeated(numbers: list[int], shape: _ShellShape, i: int) -> str:
-    """The message for a grid point that an element has twice; it says what a collapsed element should have been."""
+    """The message for a grid point that an element has twice; for a collapsed element it names the card to use."""
     if i >= shape.corners:
         return "deck.shell-corners/repeated"
     if shape.corners == 4 and len(set(numbers[:4])) == 3:
@@ -202,7 +206,7 @@ def _repeated(numbers: list[int], shape: _ShellShape, i: int) -> str:
 
 
 def _material_axis(record: CardEntry, grids: Grids, nodes: list[int]) -> tuple[float, Reals]:
-    """Angle in rad from side G1-G2 to the material's x axis, or a basic vector that is projected to it."""
+    """Angle in rad from side G1-G2 to the material's x axis, or the basic vector whose projection is that axis."""
     if record.blank("THETA"):
         return 0.0, _NO_DIRECTION
     if not record.has_integer("THETA"):
@@ -210,6 +214,6 @@ def _material_axis(record: CardEntry, grids: Grids, nodes: list[int]) -> tuple[f
     corners = grids.table.xyz[nodes]
     axis = grids.systems.get(record.integer("THETA"), record).frame(corners.mean(axis=0))[:, 0]
     normal = cross(corners[2] - corners[0], corners[-1] - corners[1])
-    if length(cross(normal, axis)) <= _ALONG * length(normal):
+    if length(cross(normal, axis)) <= _LEAST_DIRECTION_SINE * length(normal):
         raise record.error("deck.orientation/material-axis", at="THETA")
     return 0.0, axis

@@ -19,8 +19,10 @@ from femtune.parameters.jet import Jet
 LAW = tuple(f"C{i}{j}" for i in range(1, 7) for j in range(i, 7))
 """Names of the entries of a law."""
 
-_DEFINITE = 1e-9
-_LARGEST_RATIO = 0.5
+_LEAST_EIGENVALUE = 1e-9
+"""Smallest eigenvalue of a positive definite law whose diagonal is scaled to one; its inverse keeps seven digits."""
+_LARGEST_POISSON_RATIO = 0.5
+"""Limit of Poisson's ratio, at which λ is infinite."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class SolidLaws:
         self._library = Library(self._make)
 
     def get(self, mid: int, user: CardEntry) -> SolidLaw:
-        """Law of a material, asked for by a PSOLID.
+        """Law of a material that a PSOLID refers to.
 
         Raises
         ------
@@ -116,7 +118,7 @@ class SolidLaws:
         return SolidLaw({**roles, **also}, isotropic)
 
     def derive(self, record: CardEntry, mid: int, name: str, rule: Callable[..., Jet], *sources: int) -> int:
-        """An entry of a law that follows from fields of the material's card."""
+        """An entry of a law derived from fields of the material's card."""
         return self.building.values.derive(FieldRef(record.name, mid, name), rule, *sources)
 
     def filled(self, record: CardEntry, mid: int, *names: str) -> dict[str, int]:
@@ -125,7 +127,7 @@ class SolidLaws:
 
 
 def _isotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Roles, bool]:
-    """λ + 2μ, λ and μ; where a card gives G beside E and NU, E and NU count, as in Nastran."""
+    """λ + 2μ, λ and μ; if a card gives E, NU and G, those of E and NU are used, as in Nastran."""
     at = laws.materials.continuum(mid, user)
     _check_isotropic(laws, record, at)
     stiff = laws.derive(record, mid, "C11", confined, at["E"], at["NU"])
@@ -145,19 +147,20 @@ def _check_isotropic(laws: SolidLaws, record: CardEntry, at: Roles) -> None:
     if values[at["G"]] == 0.0:
         raise record.error("deck.material/solid-shear-modulus", at="G")
     ratio = values[at["NU"]]
-    if ratio >= _LARGEST_RATIO:
+    if ratio >= _LARGEST_POISSON_RATIO:
         raise record.error("deck.material/incompressible", at="NU", ratio=ratio)
     if ratio <= -1.0:
         raise record.error("deck.material/solid-poisson-ratio", at="G", ratio=ratio)
 
 
 def _anisotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Roles, bool]:
-    """Gij of MAT9 as they stand; blank ones are no values."""
-    found = laws.filled(record, mid, *(f"G{name[1:]}" for name in LAW))
-    return {f"C{name[1:]}": at for name, at in found.items()}, False
+    """Gij of MAT9 as given; blank ones have no values."""
+    entries = laws.filled(record, mid, *(f"G{name[1:]}" for name in LAW))
+    return {f"C{name[1:]}": at for name, at in entries.items()}, False
 
 
-_MODULI, _RATIOS = ("E1", "E2", "E3"), ("NU12", "NU13", "NU23")
+_MODULI = ("E1", "E2", "E3")
+_RATIOS = ("NU12", "NU13", "NU23")
 _RULES: dict[str, Callable[..., Jet]] = {
     "C11": orthotropic_11,
     "C12": orthotropic_12,
@@ -182,22 +185,22 @@ def _orthotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) 
 
 
 def _check_ratios(record: CardEntry) -> None:
-    """The compliance of normal stresses must be positive definite: each pair of axes, and all three."""
+    """Check that the compliance of normal stresses is positive definite: each pair of axes, and all three."""
     e1, e2, e3, nu12, nu13, nu23 = (record.real(name, 0.0) for name in (*_MODULI, *_RATIOS))
     a, b, c = nu12 * nu12 * e2 / e1, nu13 * nu13 * e3 / e1, nu23 * nu23 * e3 / e2
     whole = 1.0 - a - b - c - 2.0 * nu12 * nu23 * nu13 * e3 / e1
-    if max(a, b, c) >= 1.0 or whole <= _DEFINITE:
+    if max(a, b, c) >= 1.0 or whole <= _LEAST_EIGENVALUE:
         raise record.error("deck.material/orthotropic-solid-ratios", at="NU12")
 
 
 def _check_definite(laws: SolidLaws, record: CardEntry, roles: Roles) -> None:
-    """Every strain costs energy, whatever the units of single entries: the law is scaled to ones on its diagonal."""
+    """Check that the law, scaled to a unit diagonal, is positive definite."""
     law = np.zeros((6, 6))
     law[np.triu_indices(6)] = [laws.building.values.values[roles[name]] for name in LAW]
     diagonal = np.diag(law)
     if (diagonal > 0.0).all():
         scaled = law / np.sqrt(np.outer(diagonal, diagonal))
-        if np.linalg.eigvalsh(scaled, UPLO="U")[0] > _DEFINITE:
+        if np.linalg.eigvalsh(scaled, UPLO="U")[0] > _LEAST_EIGENVALUE:
             return
     raise record.error("deck.material/solid-not-definite", at=record.names[1], record_name=record.name)
 

@@ -41,15 +41,17 @@ _SHAPES = {
     "CTETRA": _SolidShape(4, 10, TETRA4_KIND.key, TETRA10_KIND.key),
     "CPYRAM": _SolidShape(5, 13, PYRAM5_KIND.key, PYRAM13_KIND.key),
 }
-_FIRST = 2
+_FIRST_NODE_FIELD = 2
+"""Index of the first grid point on an element card."""
 _ELEMENT_AXES = -1
+"""Value of CORDM for material axes along those of the element."""
 # faces opposite to each other, by corner: their centres give the element's axes
 _FACES = (((0, 3, 4, 7), (1, 2, 5, 6)), ((0, 1, 4, 5), (2, 3, 6, 7)), ((0, 1, 2, 3), (4, 5, 6, 7)))
 
 
 @dataclass(frozen=True)
 class SolidSection:
-    """One PSOLID: positions of its material's values, and the system of the material axes (−1 the element's own)."""
+    """One PSOLID: positions of its material's values, and the system of the material axes (−1: the element's)."""
 
     number: int
     roles: Roles
@@ -58,7 +60,7 @@ class SolidSection:
 
 
 def read_solids(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
-    """Batches of solids, those of a card without mid-side points apart."""
+    """Batches of solids, separate for each card and for elements with and without mid-side points."""
     if not any(building.deck.by_name(card) for card in _SHAPES):
         return []
     laws = SolidLaws(building, materials)
@@ -82,9 +84,9 @@ def _section(
         grids.systems.get(axes, record)
     elif axes < _ELEMENT_AXES:
         raise record.error("deck.solid-section/material-system", at="CORDM")
-    # no value of a PSOLID counts, but writing back has to know which one an element refers to
-    own = building.values.add(FieldRef(record.name, pid, "none"), 0.0)
-    return SolidSection(pid, {**law.roles, "section": own}, law.isotropic, axes)
+    # a PSOLID has no values, but writing back must know which one an element refers to
+    section = building.values.add(FieldRef(record.name, pid, "none"), 0.0)
+    return SolidSection(pid, {**law.roles, "section": section}, law.isotropic, axes)
 
 
 def _read(
@@ -115,7 +117,7 @@ def _read(
 
 
 def node_numbers(record: CardEntry) -> list[int]:
-    """Grid points of a solid: its corners, or all places of its mid-side points too, 0 where one is left out.
+    """Grid points of a solid: its corners, or with all mid-side points, 0 for one that is left out.
 
     Raises
     ------
@@ -123,7 +125,7 @@ def node_numbers(record: CardEntry) -> list[int]:
     """
     shape = _SHAPES[record.name]
     _check_length(record, shape)
-    numbers = [record.integer(name, 0) for name in record.names[_FIRST : _FIRST + shape.most]]
+    numbers = [record.integer(name, 0) for name in record.names[_FIRST_NODE_FIELD : _FIRST_NODE_FIELD + shape.most]]
     for i, number in enumerate(numbers):
         if number < 0 or (number == 0 and i < shape.corners):
             code = "deck.solid-nodes/negative" if number else "deck.solid-nodes/missing-corner"
@@ -138,13 +140,13 @@ def node_numbers(record: CardEntry) -> list[int]:
 
 
 def _check_length(record: CardEntry, shape: _SolidShape) -> None:
-    if len(record.card.fields) > _FIRST + shape.most:
-        at = next(i for i in range(_FIRST + shape.most, len(record.card.fields)) if not record.card.blank(i))
+    if len(record.card.fields) > _FIRST_NODE_FIELD + shape.most:
+        at = next(i for i in range(_FIRST_NODE_FIELD + shape.most, len(record.card.fields)) if not record.card.blank(i))
         raise record.card.error("deck.solid-nodes", index=at, record_name=record.name, most=shape.most)
 
 
 def _other_shape(record: CardEntry, numbers: Sequence[int]) -> str:
-    """The card that a collapsed element should be; "" where there is none."""
+    """The card to use for a collapsed element, or ""."""
     corners = len(set(numbers[: _SHAPES[record.name].corners]))
     fits = [name for name, shape in _SHAPES.items() if shape.corners == corners and name != record.name]
     return fits[0] if fits else ""
@@ -168,7 +170,7 @@ _BASIC = np.eye(3)
 
 
 def element_axes(corners: Reals) -> Reals:
-    """(3, 3) axes of a hexahedron from its corners (8, 3): the rotation that is nearest to the lines between its faces.
+    """(3, 3) axes of a hexahedron from its corners (8, 3): the rotation nearest to the lines between opposite faces.
 
     It is the orthogonal factor of the polar decomposition of these three vectors, as in Nastran.
     """
@@ -189,14 +191,14 @@ class _Rows:
     axes: list[Reals] = field(default_factory=list)
 
     def add(self, id: int, nodes: list[int], section: SolidSection, axes: Reals) -> None:
-        """One element more."""
+        """Add an element."""
         self.ids.append(id)
         self.nodes.append(nodes)
         self.sections.append(section)
         self.axes.append(axes)
 
     def batches(self) -> list[ElementBatch]:
-        """The batch, or nothing where no element was added."""
+        """The batch, or an empty list if no element was added."""
         if not self.ids:
             return []
         nodes = np.array(self.nodes, dtype=np.int64)
@@ -209,7 +211,7 @@ class _Rows:
 
 
 def _columns(sections: Sequence[SolidSection]) -> tuple[dict[str, NDArray[np.int64]], NDArray[np.bool_]]:
-    """Roles of the sections, element by element (one array for values that are one entry), and who is isotropic."""
+    """Roles of the sections, element by element (one array for values that are one entry), and isotropic flags."""
     known = {section.number: section for section in sections}
     row = {number: i for i, number in enumerate(known)}
     at = np.array([row[section.number] for section in sections])
@@ -224,7 +226,7 @@ def _columns(sections: Sequence[SolidSection]) -> tuple[dict[str, NDArray[np.int
 
 
 def _unused_fields(properties: Properties) -> list[Notice]:
-    """A remark where a PSOLID asks for another integration than the elements have."""
+    """Notices of PSOLID cards that request another integration than that of the elements."""
     asking = [r for r in properties.own.values() if any(not r.blank(name) for name in ("IN", "STRESS", "ISOP"))]
     if not asking:
         return []
@@ -232,11 +234,11 @@ def _unused_fields(properties: Properties) -> list[Notice]:
 
 
 def _stiff_tetrahedra(batches: Sequence[ElementBatch], building: Building) -> list[Notice]:
-    found = next((batch for batch in batches if batch.kind == TETRA4_KIND.key), None)
-    if found is None:
+    tetrahedra = next((batch for batch in batches if batch.kind == TETRA4_KIND.key), None)
+    if tetrahedra is None:
         return []
-    first = next(card for card in building.deck.by_name("CTETRA") if card.integer(0, 0) == found.ids[0])
-    return [Notice("deck.stiff-tetrahedra", where=first.where(), count=_count(len(found), "CTETRA"))]
+    first = next(card for card in building.deck.by_name("CTETRA") if card.integer(0, 0) == tetrahedra.ids[0])
+    return [Notice("deck.stiff-tetrahedra", where=first.where(), count=_count(len(tetrahedra), "CTETRA"))]
 
 
 def _count(number: int, name: str) -> str:

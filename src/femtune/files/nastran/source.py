@@ -1,7 +1,7 @@
 """Text files of a deck with their INCLUDEs: every physical line is kept byte-true.
 
-Files are decoded as Latin-1, so that any byte goes back as it came; line endings, tabs, trailing blanks and
-comments stay in `SourceLine.text`.
+Files are decoded as Latin-1, so that every byte is preserved; line endings, tabs, trailing blanks and comments are kept
+in `SourceLine.text`.
 """
 
 from __future__ import annotations
@@ -23,8 +23,11 @@ _FIRST_LETTERS = frozenset("iIeE")
 _ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\s*(\$.*)?", re.IGNORECASE)
 _BEGIN = re.compile(r"\s*BEGIN\b", re.IGNORECASE)
-# nested INCLUDEs of real decks are a few levels deep; files that include others twice can double without end
-_DEEPEST, _MOST_INCLUDES, _MOST_LINES = 100, 5_000, 100_000_000
+# Limits of INCLUDEs. Those of real decks are nested a few levels; files that include others twice grow exponentially.
+_MOST_LEVELS = 100
+_MOST_INCLUDES = 5_000
+_MOST_LINES = 100_000_000
+"""Lines of an expanded deck: some ten GB of memory, and more than any deck of real structures."""
 _CONTROL = re.compile(r"[\x01-\x08\x0b\x0e-\x19\x1b-\x1f]")
 
 
@@ -42,7 +45,7 @@ class SourceLine(NamedTuple):
 
     @property
     def ending(self) -> str:
-        """Line ending as it stands: LF, CR LF, CR, or nothing at the end of a file."""
+        """Line ending as in the file: LF, CR LF, CR, or nothing at the end of a file."""
         return self.text[len(self.text.rstrip("\r\n")) :]
 
 
@@ -62,7 +65,7 @@ class SourceFile:
 
 @dataclass(frozen=True)
 class IncludeStatement:
-    """An INCLUDE on lines `first` to `last` of `file`; `written` is the path as the deck spells it."""
+    """An INCLUDE on lines `first` to `last` of `file`; `written` is the path as written in the deck."""
 
     file: str
     first: int
@@ -75,7 +78,7 @@ class IncludeStatement:
 class DeckSource:
     """A deck's files (the main file first) and its active lines in reading order, INCLUDEs expanded.
 
-    `lines` ends with ENDDATA where there is one (`ended`); what follows stays in `files` only. `notices` tell of files
+    `lines` ends with ENDDATA if there is one (`ended`); lines after it are in `files` only. `notices` are about files
     that executive control includes and that do not exist.
     """
 
@@ -107,7 +110,7 @@ def read_source(path: str | Path) -> DeckSource:
 
 
 def _ends_executive(main: SourceFile) -> SourceLine | None:
-    """CEND of the main file; None where it does not begin with executive control."""
+    """CEND of the main file; None if it does not begin with executive control."""
     for line in main.lines:
         if _CEND.fullmatch(line.body):
             return line
@@ -184,7 +187,7 @@ class _Expansion:
             self.notices.append(Notice("deck.missing-include/executive", where=where, written=written))
             return after
         if statement not in self.includes:
-            # what was expanded once leads to none of the files above it
+            # a file that was expanded before does not include any of the files above it
             _check_include(statement, parents)
             self.includes[statement] = None
         self._check_size(statement, parents)
@@ -192,11 +195,11 @@ class _Expansion:
         return after
 
     def _check_size(self, statement: IncludeStatement, parents: tuple[str, ...]) -> None:
-        """INCLUDEs that nest too deep, or that repeat files until the deck is too long."""
+        """Errors for INCLUDEs that are nested too deep, or that repeat files until the deck is too long."""
         self.followed += 1
         where = Where(statement.file, statement.first, "INCLUDE")
-        if len(parents) > _DEEPEST:
-            raise FemtuneError("deck.too-many-includes/depth", where=where, most=_DEEPEST)
+        if len(parents) > _MOST_LEVELS:
+            raise FemtuneError("deck.too-many-includes/depth", where=where, most=_MOST_LEVELS)
         if self.followed > _MOST_INCLUDES or len(self.lines) > _MOST_LINES:
             count = f"{self.followed - 1} INCLUDEs, {len(self.lines)} lines"
             raise FemtuneError("deck.too-many-includes", where=where, values={"so far": count})
@@ -220,7 +223,7 @@ def _quoted(source: SourceFile, number: int, rest: str, quote: str) -> tuple[str
 
 
 def _unquoted(source: SourceFile, number: int, rest: str) -> tuple[str, int]:
-    """An unquoted path goes on in the next line where it ends with a comma."""
+    """Read an unquoted path, which continues in the next line if it ends with a comma."""
     pieces = []
     for index in range(number, len(source.lines)):
         text = rest if index == number else source.lines[index].text
@@ -240,7 +243,7 @@ def _unfinished(source: SourceFile, number: int, code: str) -> FemtuneError:
 
 
 def plain_path(written: str) -> str:
-    """A path as the deck spells it, with forward slashes, and in UTF-8 where its bytes are UTF-8."""
+    """A path as written in the deck, with forward slashes, and in UTF-8 if its bytes are UTF-8."""
     try:
         text = written.encode(ENCODING).decode("utf-8")
     except UnicodeDecodeError:
@@ -252,14 +255,14 @@ def _target(file: str, written: str) -> str:
     """Path of an included file, relative to the folder of the file that includes it."""
     joined = os.path.join(os.path.dirname(file), plain_path(written))
     normal = os.path.normpath(joined)
-    # "folder/../x" is not "x" where the folder is a symbolic link
+    # "folder/../x" is not "x" if the folder is a symbolic link
     return normal if os.path.realpath(normal) == os.path.realpath(joined) else joined
 
 
 def _check_include(statement: IncludeStatement, parents: tuple[str, ...]) -> None:
     where = Where(statement.file, statement.first, "INCLUDE")
     target = Path(statement.target)
-    if not os.path.isfile(target):  # False too for a name that no file can have
+    if not os.path.isfile(target):  # also False for a name that no file can have
         raise FemtuneError(
             "deck.missing-include",
             where=where,

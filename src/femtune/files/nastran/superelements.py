@@ -1,4 +1,4 @@
-"""Superelements: the parts of a deck, where they are joined, their reduced matrices, and what is refused."""
+"""Superelements: the parts of a deck, their boundaries, their reduced matrices, and unsupported cards."""
 
 from __future__ import annotations
 
@@ -29,12 +29,19 @@ from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.files.nastran.matrices import dmig_names, dmig_upper, scaled_matrix
 
 _IN_ONE_MODEL = ("SESET", "SETREE", "SEELT", "SEQSET", "SEQSET1")
-# what moves or copies a part, or changes how it is joined
+# cards that move or copy a part, or change its boundary
 _REFUSED = ("SEMPLN", "RELEASE", "CSUPER", "CSUPEXT")
-_PRIMARY, _OP4, _DMIG = "PRIMARY", ("EXTOP4", "MATOP4"), "EXTERNAL"
-_TOLERANCE = 1e-5
-# of the distance of its points
-_SAME_TRIANGLE = 1e-3
+# TYPE of SEBULK: a part with bulk data, and parts with matrices in an OP4 file or on DMIG cards
+_PRIMARY = "PRIMARY"
+_OP4 = ("EXTOP4", "MATOP4")
+_DMIG = "EXTERNAL"
+_LOCATION_TOLERANCE = 1e-5
+"""Default of TOL on SEBULK and SECONCT: distance of boundary points, in the deck's unit of length, as in Nastran."""
+_TRIANGLE_ERROR = 1e-3
+"""Largest difference of the sides of SELOC's two triangles, relative to the first side.
+
+Above the rounding of coordinates; points that do not correspond differ by more.
+"""
 _SEARCHES = ("AUTO", "MANUAL")
 _ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*(?:'([^']*)'|\"([^\"]*)\"|([^\s,'\"]+))(.*)", re.IGNORECASE | re.DOTALL)
 _UNIT = re.compile(r"\bUNIT\s*=?\s*(\d{1,5})", re.IGNORECASE)
@@ -49,11 +56,11 @@ _NEEDED = ("stiffness", "mass")
 
 
 def superelement_notices(deck: Deck) -> list[Notice]:
-    """A notice where the deck is divided; parts are solved as they are, without the reduction that Nastran makes.
+    """Notices for a deck with superelements; parts are solved as a whole, without Nastran's reduction.
 
     Raises
     ------
-    FemtuneError : ``deck.superelement`` for what is not read
+    FemtuneError : ``deck.superelement`` for unsupported cards
     """
     _refuse(deck)
     aside = [
@@ -82,7 +89,7 @@ def _of_division(deck: Deck) -> list[Notice]:
 
 
 def increase_notice(deck: Deck, number: int, more: Increase) -> Notice:
-    """How the numbers of a superelement are increased, because other parts have them too."""
+    """Notice of the increase of a superelement's numbers that also occur in other parts."""
     line = deck.parts[number]
     groups = ("points", more.points), ("elements", more.elements), ("properties and materials", more.cards)
     named = ", ".join(name for name, by in groups if by)
@@ -92,7 +99,7 @@ def increase_notice(deck: Deck, number: int, more: Increase) -> Notice:
 
 
 def _whole_parts(deck: Deck, where: Where, names: str) -> Notice:
-    """Without component modes Nastran reduces a part statically, which may change the frequencies much."""
+    """Notice that Nastran reduces a part without component modes statically, with much different frequencies."""
     dynamic = {card.superelement for card in deck.cards if card.name in ("QSET", "QSET1", "SENQSET")}
     listed = {int(card.integer(0, 0)) for card in deck.by_name("SENQSET")} if deck.by_name("SENQSET") else set()
     static = [n for n in deck.parts if n not in dynamic | listed and not _is_external(deck, n)]
@@ -139,7 +146,7 @@ def _is_external(deck: Deck, number: int) -> bool:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Parts that SELOC moves: their basic system is another one.
+# Parts that are moved by SELOC, with a different basic system.
 
 
 def moved_basic(deck: Deck, number: int) -> CoordinateSystem:
@@ -147,27 +154,28 @@ def moved_basic(deck: Deck, number: int) -> CoordinateSystem:
 
     Raises
     ------
-    FemtuneError : ``deck.superelement`` where the three points of SELOC do not fit those of the main bulk data
+    FemtuneError : ``deck.superelement`` if the three points of SELOC do not match those of the main bulk data
     """
     card = next((card for card in deck.by_name("SELOC") if card.integer(0) == number), None)
     if card is None:
         return BASIC
     part, main = (_Located(Building(deck.of_section(n))) for n in (number, 0))
     record = CardEntry(card, CATALOGUE["SELOC"].fields)
-    own = [part.location(record.integer(f"PA{i}"), record) for i in (1, 2, 3)]
+    in_part = [part.location(record.integer(f"PA{i}"), record) for i in (1, 2, 3)]
     other = [main.location(record.integer(f"PB{i}"), record) for i in (1, 2, 3)]
-    one, two = system_through(0, "R", *own), system_through(0, "R", *other)
+    one, two = system_through(0, "R", *in_part), system_through(0, "R", *other)
     gaps = [
-        abs(np.linalg.norm(own[i] - own[j]) - np.linalg.norm(other[i] - other[j])) for i, j in ((0, 1), (0, 2), (1, 2))
+        abs(np.linalg.norm(in_part[i] - in_part[j]) - np.linalg.norm(other[i] - other[j]))
+        for i, j in ((0, 1), (0, 2), (1, 2))
     ]
-    if one is None or two is None or max(gaps) > _SAME_TRIANGLE * np.linalg.norm(own[1] - own[0]):
+    if one is None or two is None or max(gaps) > _TRIANGLE_ERROR * np.linalg.norm(in_part[1] - in_part[0]):
         raise FemtuneError("deck.superelement/location", where=card.where(), card=card.record)
     turn = two.axes @ one.axes.T
-    return CoordinateSystem(0, "R", other[0] - turn @ own[0], turn)
+    return CoordinateSystem(0, "R", other[0] - turn @ in_part[0], turn)
 
 
 class _Located:
-    """Places of GRID and POINT cards of a section."""
+    """Locations of GRID and POINT cards of a section."""
 
     def __init__(self, building: Building) -> None:
         self.grids = read_grids(building)
@@ -181,7 +189,7 @@ class _Located:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Where parts are joined: pairs of SECONCT cards, and points in one place where SEBULK does not exclude the search.
+# Boundaries of parts: pairs on SECONCT cards, and coincident points unless SEBULK excludes the search.
 
 
 @dataclass(frozen=True)
@@ -193,11 +201,11 @@ class BulkSection:
 
 
 def boundary_pairs(deck: Deck, sections: Sequence[BulkSection]) -> list[tuple[Point, Point]]:
-    """Pairs of points that are joined, of which each is the index of its section and its number.
+    """Pairs of joined points, each given by the index of its section and its number.
 
     Raises
     ------
-    FemtuneError : ``deck.superelement`` for points that do not exist, lie apart, or are ambiguous
+    FemtuneError : ``deck.superelement`` for points that do not exist, do not coincide, or are ambiguous
     """
     at = {section.number: i for i, section in enumerate(sections)}
     pairs = [pair for card in deck.by_name("SECONCT") for pair in _listed_pairs(card, at, sections)]
@@ -218,7 +226,7 @@ def _listed_pairs(card: Card, at: dict[int, int], sections: Sequence[BulkSection
     unknown = next((n for n in numbers if n not in at), None)
     if unknown is not None:
         raise FemtuneError("deck.superelement/unknown", where=card.where(), card=card.record, number=unknown)
-    check, tolerance = card.text(3, "YES") != "NO", card.real(2, _TOLERANCE)
+    check, tolerance = card.text(3, "YES") != "NO", card.real(2, _LOCATION_TOLERANCE)
     i, j = (at[n] for n in numbers)
     for a, b in _pairs(card):
         places = []
@@ -242,7 +250,7 @@ def _listed_pairs(card: Card, at: dict[int, int], sections: Sequence[BulkSection
 
 
 def _pairs(card: Card) -> Iterator[tuple[int, int]]:
-    """Pairs of the continuations: ``A1 B1 A2 B2 …``, or ``A1 THRU A2 B1 THRU B2`` on a line of its own."""
+    """Pairs of the continuations: ``A1 B1 A2 B2 …``, or ``A1 THRU A2 B1 THRU B2`` on a separate line."""
     for start in range(8, len(card.fields), 8):
         if card.text(start + 1) == "THRU":
             user = CardEntry(card, CATALOGUE[card.name].fields)
@@ -257,24 +265,24 @@ def _pairs(card: Card) -> Iterator[tuple[int, int]]:
 
 
 def _found_pairs(deck: Deck, sections: Sequence[BulkSection], i: int, j: int) -> Iterator[tuple[Point, Point]]:
-    """Points of two sections in one place."""
+    """Coincident points of two sections."""
     cards = [_bulk_card(deck, sections[k].number) for k in (i, j) if sections[k].number]
     searched = [card for card in cards if card is None or card.text(3, "AUTO") == "AUTO"]
     if not searched:
         return
-    tolerance = max(_TOLERANCE if card is None else card.real(4, _TOLERANCE) for card in searched)
-    own, other = ((k, _candidates(deck, sections[k], sections[m].number)) for k, m in ((i, j), (j, i)))
-    if not len(own[1]) or not len(other[1]):
+    tolerance = max(_LOCATION_TOLERANCE if card is None else card.real(4, _LOCATION_TOLERANCE) for card in searched)
+    one, other = ((k, _candidates(deck, sections[k], sections[m].number)) for k, m in ((i, j), (j, i)))
+    if not len(one[1]) or not len(other[1]):
         return
     xyz = [
         sections[k].structure.nodes.xyz[np.searchsorted(sections[k].structure.nodes.ids, numbers)]
-        for k, numbers in (own, other)
+        for k, numbers in (one, other)
     ]
-    # two neighbours tell whether a point is the only one
+    # the second neighbour shows whether the first is unique
     gaps, near = cKDTree(xyz[1]).query(xyz[0], k=2, distance_upper_bound=max(tolerance, 0.0) * (1.0 + 1e-12))
     taken: dict[int, int] = {}
     for row in np.flatnonzero(np.isfinite(gaps[:, 0])).tolist():
-        to, a = int(near[row, 0]), int(own[1][row])
+        to, a = int(near[row, 0]), int(one[1][row])
         if np.isfinite(gaps[row, 1]) or to in taken:
             twice = [int(other[1][k]) for k in near[row]] if np.isfinite(gaps[row, 1]) else [taken[to], a]
             raise FemtuneError(
@@ -291,7 +299,7 @@ def _where(deck: Deck, sections: Sequence[BulkSection], i: int, j: int) -> Where
 
 
 def _candidates(deck: Deck, section: BulkSection, other: int) -> Integers:
-    """Grid points of a section that may be joined to another one: of SEBNDRY, or all, without those of SEEXCLD."""
+    """Grid points of a section that may be joined to another: those of SEBNDRY or all, without those of SEEXCLD."""
     ids = section.structure.nodes.ids
     listed = _listed(deck, "SEBNDRY", section.number, other)
     if listed:
@@ -313,7 +321,7 @@ def _listed(deck: Deck, name: str, number: int, other: int) -> list[IntegerList]
 
 
 def reduced_matrices(building: Building, grids: Grids, whole: Deck) -> list[AssembledMatrix]:
-    """Stiffness, mass and damping of an external superelement that another run reduced; nothing for other parts.
+    """Stiffness, mass and damping of an external superelement reduced in another run; empty for other parts.
 
     Raises
     ------
@@ -331,7 +339,7 @@ def reduced_matrices(building: Building, grids: Grids, whole: Deck) -> list[Asse
         raise FemtuneError("matrices.unreadable/missing", where=Where(str(path)))
     names = [header.name for header in op4_names(path)]
     dofs = _boundary(building, grids, card)
-    found = []
+    matrices = []
     for matrix, known in _NAMES:
         name = next((n for n in known if n in names), None)
         if name is None and matrix in _NEEDED:
@@ -342,18 +350,18 @@ def reduced_matrices(building: Building, grids: Grids, whole: Deck) -> list[Asse
         if name is not None:
             given = read_op4(path, name)
             if given.size == len(dofs):
-                found.append(
+                matrices.append(
                     scaled_matrix(building, matrix, f"{card.record} {name}", _placed(given, dofs, grids), name)
                 )
             elif matrix in _NEEDED or given.size > 1:
                 raise FemtuneError(
                     "deck.superelement/size", where=Where(str(path)), name=name, rows=given.size, boundary=len(dofs)
                 )
-    return found
+    return matrices
 
 
 def _of_dmig(building: Building, grids: Grids, card: Card) -> Iterator[AssembledMatrix]:
-    """Matrices of DMIG cards that case control does not select: K2GG and M2GG name those of most runs."""
+    """Matrices of DMIG cards that case control does not select; in most runs K2GG and M2GG select them."""
     selected = any(c.name in ("K2GG", "M2GG") for c in building.deck.case_control.effective)
     names = dmig_names(building.deck)
     for matrix, known in () if selected else _NAMES:
@@ -376,7 +384,7 @@ def _assigned(deck: Deck, card: Card) -> Path:
         match = _ASSIGN.match(body.strip())
         if match is None:
             continue
-        # a comma at the end goes on with the next line
+        # a line that ends with a comma continues in the next one
         rest = match[4] + (lines[i + 1] if match[4].rstrip().endswith(",") and i + 1 < len(lines) else "")
         given = _UNIT.search(rest)
         if given and int(given[1]) == unit:

@@ -1,4 +1,4 @@
-"""Filled fields that no card has: beyond its last field, between its fields, or in field 10 of a line."""
+"""Filled fields that a card does not have: beyond its last field, between its fields, or in field 10 of a line."""
 
 from __future__ import annotations
 
@@ -12,23 +12,28 @@ from femtune.files.nastran.lines import parse_real, split_line
 from femtune.files.nastran.sections import SHAPES
 
 _MOST_SHOWN = 5
-_OF_LINE, _WIDTH, _FIRST = 8, 8, 8
-# columns before field 10
-_TAIL = 72
+"""Number of cards of one name, and of fields of a card, that are shown; more have the same cause."""
+_FIELDS_PER_LINE = 8
+_FIELD_WIDTH = 8
+_DATA_START = 8
+_DATA_END = 72
+"""Columns before the first data field and before field 10 of a line in small field."""
 
 
 def surplus_fields(deck: Deck) -> list[Notice]:
-    """A warning for each card with such fields; of many cards of one name the first few, and how many there are."""
+    """A warning for each card with such fields; of many cards of one name, the first few and the number of others."""
     notices = []
     for name, cards in deck.names.items():
         kind = CATALOGUE.get(name)
         if kind is None:
             continue
-        found = list(_of_cards(kind, cards))
-        notices += [surplus_notice(card, indices) for card, indices in found[:_MOST_SHOWN]]
-        if len(found) > _MOST_SHOWN:
-            rest = len(found) - _MOST_SHOWN
-            notices.append(Notice("deck.surplus-field/more", where=found[_MOST_SHOWN][0].where(), rest=rest, name=name))
+        surplus = list(_of_cards(kind, cards))
+        notices += [surplus_notice(card, indices) for card, indices in surplus[:_MOST_SHOWN]]
+        if len(surplus) > _MOST_SHOWN:
+            rest = len(surplus) - _MOST_SHOWN
+            notices.append(
+                Notice("deck.surplus-field/more", where=surplus[_MOST_SHOWN][0].where(), rest=rest, name=name)
+            )
         notices += _of_tails(cards)
     return notices
 
@@ -46,16 +51,16 @@ def _length(kind: CardKind, card: Card) -> int | None:
     if kind.name != "PBARL":
         return kind.length
     shape = SHAPES.get(card.text(3))
-    # the dimensions and NSM stand on the continuations
-    return None if shape is None else _OF_LINE + len(shape.dimensions) + 1
+    # the dimensions and NSM are on the continuations
+    return None if shape is None else _FIELDS_PER_LINE + len(shape.dimensions) + 1
 
 
 def _candidates(kind: CardKind, card: Card, length: int | None, blanks: tuple[int, ...]) -> Iterable[int]:
     """Positions that must be blank."""
-    count = _OF_LINE * len(card.lines) if card.plain else len(card.fields)
+    count = _FIELDS_PER_LINE * len(card.lines) if card.plain else len(card.fields)
     if kind.name == "MPC":
-        # terms stand in pairs, between blank fields at the end of a line and at the start of the next
-        return [i for i in range(7, count) if i % _OF_LINE in (0, 7)]
+        # terms are in pairs; the last field of a line and the first of the next are blank
+        return [i for i in range(7, count) if i % _FIELDS_PER_LINE in (0, 7)]
     beyond = () if length is None else range(length, count)
     return [*(i for i in blanks if i < count), *beyond] if blanks else beyond
 
@@ -63,10 +68,10 @@ def _candidates(kind: CardKind, card: Card, length: int | None, blanks: tuple[in
 def _is_filled(card: Card, index: int) -> bool:
     if not card.plain:
         return not card.blank(index)
-    # most cards of a large deck are never cut up
-    line, slot = divmod(index, _OF_LINE)
-    start = _FIRST + _WIDTH * slot
-    return not (text := card.lines[line].text[start : start + _WIDTH]).isspace() and bool(text)
+    # most cards of a large deck are never split
+    line, slot = divmod(index, _FIELDS_PER_LINE)
+    start = _DATA_START + _FIELD_WIDTH * slot
+    return not (text := card.lines[line].text[start : start + _FIELD_WIDTH]).isspace() and bool(text)
 
 
 def surplus_notice(card: Card, indices: Sequence[int]) -> Notice:
@@ -80,7 +85,7 @@ def _of_tails(cards: Sequence[Card]) -> Iterator[Notice]:
     """Numbers with a decimal point in field 10, which is for names of continuations."""
     for card in cards:
         for line in () if card.plain or card.replicated else card.lines:
-            if len(line.text) <= _TAIL and "," not in line.text and "\t" not in line.text:
+            if len(line.text) <= _DATA_END and "," not in line.text and "\t" not in line.text:
                 continue
             tail = split_line(line, line.body).tail
             if "." in tail and not tail.startswith("+") and parse_real(tail) is not None:

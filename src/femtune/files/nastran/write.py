@@ -1,7 +1,7 @@
-"""A deck written into a folder: changed files go there, unchanged INCLUDEs are referred to where they are.
+"""A deck written into a folder: changed files are written there, unchanged INCLUDEs are referred to.
 
 The main file is written as ``updated.bdf``; an included file is written beside it if it was changed or includes
-a file that was. The path of an INCLUDE is rewritten only where it would not lead to its file any more.
+a file that was. The path of an INCLUDE is rewritten only if it would no longer lead to its file.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ from femtune.files.nastran.source import ENCODING, IncludeStatement, SourceLine,
 from femtune.files.whole_file import write_whole
 
 _PATH_COLUMNS = 56
+"""Longest piece of a path on a line: with ``INCLUDE '`` before it, it ends before column 72."""
 _STATEMENT = re.compile(r"\s*INCLUDE\s*=?\s*", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class IncludeChange:
-    """An INCLUDE whose path was rewritten: its place in the deck that was read, old and new path."""
+    """An INCLUDE whose path was rewritten: its place in the original deck, old and new path."""
 
     where: Where
     before: str
@@ -48,9 +49,9 @@ class WrittenDeck:
 def write_deck(
     edited: EditedDeck, folder: str | Path, name: str = "updated.bdf", reserved: Collection[str] = ()
 ) -> WrittenDeck:
-    """Write an edited deck into `folder`, which is made if it is not there.
+    """Write an edited deck into `folder`, which is created if it does not exist.
 
-    `reserved` are names of other files of the folder, which no changed INCLUDE may have.
+    `reserved` are names of other files of the folder, which changed INCLUDEs may not have.
 
     Raises
     ------
@@ -70,7 +71,7 @@ def write_deck(
 
 
 def _new_names(edited: EditedDeck, name: str, folder: Path, reserved: Collection[str]) -> dict[str, str]:
-    """Names in the run folder of all files that must be written, by their present file; none is that of an input."""
+    """Names in the run folder of all files that must be written, by their present file; never that of an input."""
     main = edited.deck.files[0].file
     written = {main} | set(edited.texts)
     for _ in edited.deck.files:
@@ -102,7 +103,7 @@ def check_overwrites(deck: Deck, folder: Path, name: str) -> None:
 
 
 def _rewritten_includes(deck: Deck, names: Mapping[str, str], folder: Path) -> dict[IncludeStatement, str]:
-    """New paths of those INCLUDEs in written files that would not lead to their file any more."""
+    """New paths of those INCLUDEs in written files that would no longer lead to their file."""
     new_paths = {}
     for statement in deck.source.includes:
         if statement.file in names:
@@ -113,7 +114,7 @@ def _rewritten_includes(deck: Deck, names: Mapping[str, str], folder: Path) -> d
 
 
 def _kept_path(statement: IncludeStatement, folder: Path) -> str:
-    """Path from the run folder to a file that stays where it is: the old one if it still leads there."""
+    """Path from the run folder to an unchanged file: the old one if it still leads there."""
     target = os.path.realpath(statement.target)
     spelled = plain_path(statement.written)
     if os.path.realpath(folder / spelled) == target:
@@ -135,7 +136,7 @@ def _include_lines(deck: Deck, includes: Mapping[IncludeStatement, str]) -> dict
 
 
 def _include_text(lines: tuple[SourceLine, ...], path: str) -> str:
-    """The statement with another path; what follows the path (a comment) is kept."""
+    """The statement with another path; the text after the path (a comment) is kept."""
     match = _STATEMENT.match(lines[0].text)
     assert match is not None
     joined = "".join(line.text for line in lines)[match.end() :]
@@ -148,7 +149,7 @@ def _include_text(lines: tuple[SourceLine, ...], path: str) -> str:
 
 
 def _path_pieces(path: str) -> list[str]:
-    """A long path cut behind slashes, as no line may go beyond column 72."""
+    """A long path split after slashes, as no line may extend beyond column 72."""
     pieces, at = [], 0
     while len(path) - at > _PATH_COLUMNS:
         slash = path.rfind("/", at, at + _PATH_COLUMNS)
@@ -175,14 +176,14 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
 
 Owner = tuple[str, int]
 _LARGEST_NUMBER = 99_999_999
+"""Largest number that fits in a field of eight columns."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """A card that was copied for some elements, which refer to the copy now.
+    """A card that was copied for some elements, which now refer to the copy.
 
-    `values` has what the copy holds of the updated values, `materials` the (old, new) numbers of materials that it
-    refers to anew.
+    `values` are the updated values on the copy, `materials` the (old, new) numbers of materials that it refers to.
     """
 
     source: str
@@ -195,7 +196,7 @@ class Split:
 
 @dataclass(frozen=True)
 class WritePlan:
-    """An edited deck, for `write_deck`; the cards that were copied; the value that each field will hold.
+    """An edited deck, for `write_deck`; the copied cards; the new value of each field.
 
     `places` has the field of each place (card, index) that was changed.
     """
@@ -212,7 +213,7 @@ def plan_edits(
     regions: Mapping[str, Iterable[int]] | None = None,
     wide: bool = False,
 ) -> WritePlan:
-    """Changes of the deck that bring it to updated values.
+    """Changes that give the deck the updated values.
 
     Parameters
     ----------
@@ -220,7 +221,7 @@ def plan_edits(
         its card is copied under a free number (for a material the properties that refer to it too) and the
         elements are made to refer to the copy
     regions : element numbers by name of the region
-    wide : rewrite cards in large field where a value would be cut
+    wide : rewrite cards in large field if a value would be truncated
 
     Raises
     ------
@@ -249,7 +250,7 @@ def _elements(built: BuiltModel, region: str, regions: Mapping[str, Iterable[int
 
 @dataclass
 class _Planning:
-    """Edits and new cards as they are gathered."""
+    """Edits and new cards, gathered step by step."""
 
     built: BuiltModel
     wide: bool
@@ -262,7 +263,7 @@ class _Planning:
     taken: dict[str, set[int]] = field(default_factory=dict)
 
     def change(self, ref: FieldRef, value: float) -> None:
-        """A field in place, on all stations where it is repeated."""
+        """Change a field in place, at all stations if it is repeated."""
         plain = replace(ref, region="")
         if plain not in self.built.fields:
             raise _no_field(ref)
@@ -271,7 +272,7 @@ class _Planning:
             place = place.beside({index: text for (card, index), text in self.edits.items() if card == place.card})
         if place.flag is not None:
             self.edits[place.card, place.flag[0]] = place.flag[1]
-        # a value that stands in several fields stays one value
+        # a value in several fields remains one value
         card = self.built.deck.cards[place.card]
         held = float(value) if self.wide else in_all_fields(card, place.fields, float(value))
         self.edits.update({(place.card, index): held for index in place.fields})
@@ -279,7 +280,7 @@ class _Planning:
         self.at[ref] = (place.card, place.fields[0])
 
     def split(self, regions: Mapping[str, set[int]], updates: Mapping[FieldRef, float]) -> None:
-        """Copies of cards for the elements of regions; an element may lie in several of them."""
+        """Copies of cards for the elements of regions; an element may belong to several of them."""
         changed: dict[Owner, dict[FieldRef, float]] = {}
         for ref, value in updates.items():
             if not ref.region:
@@ -310,7 +311,7 @@ class _Planning:
 
 @dataclass(frozen=True)
 class _Copy:
-    """A card to be copied: what changes in it, and the materials that it refers to anew, as (old, new) numbers."""
+    """A card to be copied: its changes, and the (old, new) numbers of materials that it refers to."""
 
     owner: Owner
     changes: frozenset[FieldRef]
@@ -319,7 +320,7 @@ class _Copy:
 
 @dataclass
 class _Copying:
-    """Copies for regions; elements that change in the same way share a copy."""
+    """Copies for regions; elements with the same changes share a copy."""
 
     planning: _Planning
     regions: Mapping[str, set[int]]
@@ -327,20 +328,24 @@ class _Copying:
     new: dict[_Copy, int] = field(default_factory=dict)
     users: dict[_Copy, list[int]] = field(default_factory=dict)
 
-    def repoint(self, number: int, own: Owner | None, materials: Iterable[Owner]) -> None:
-        """Make an element, of one property and its materials, refer to copies of what changes."""
+    def repoint(self, number: int, property_owner: Owner | None, materials: Iterable[Owner]) -> None:
+        """Make an element, with its property and materials, refer to copies of the cards that change."""
         built = self.planning.built
         card = built.element_cards[number]
         names = CATALOGUE[built.deck.cards[card].name].fields
         if built.deck.cards[card].superelement:
-            # the numbers of a part are not those of its cards
+            # the numbers of a part differ from those on its cards
             element = built.deck.cards[card]
             raise FemtuneError("write.superelement", where=element.where(), element=number, part=element.superelement)
         copies = {m[1]: self._copy(_Copy(m, self._changes(m, number)), number) for m in materials}
         new = tuple((old, copy) for old, copy in sorted(copies.items()) if copy)
-        if new and own is None:
+        if new and property_owner is None:
             self.planning.edits[card, names.index("MID")] = new[0][1]
-        new_own = self._copy(_Copy(own, self._changes(own, number), new), number) if own else 0
+        new_own = (
+            self._copy(_Copy(property_owner, self._changes(property_owner, number), new), number)
+            if property_owner
+            else 0
+        )
         if new_own:
             self.planning.edits[card, names.index("PID")] = new_own
 
@@ -348,7 +353,7 @@ class _Copying:
         return frozenset(ref for ref in self.changed.get(owner, {}) if element in self.regions[ref.region])
 
     def _copy(self, copy: _Copy, element: int) -> int:
-        """Number of a copy; 0 where there is nothing to change."""
+        """Number of a copy; 0 if nothing changes."""
         if not copy.changes and not copy.materials:
             return 0
         if copy not in self.new:
@@ -357,7 +362,7 @@ class _Copying:
         return self.new[copy]
 
     def finish(self) -> None:
-        """The new cards; what no element of its region uses is an error."""
+        """The new cards; an update that no element of its region uses is an error."""
         used = {ref for copy in self.new for ref in copy.changes}
         unused = [ref for refs in self.changed.values() for ref in refs if ref not in used]
         if unused:
@@ -380,17 +385,17 @@ class _Copying:
         self.planning.splits.append(Split(source, made, regions, tuple(self.users[copy]), held, copy.materials))
 
     def _held(self, copy: _Copy, record: CardEntry) -> dict[FieldRef, float]:
-        """New values of a copy: those of its regions, and what else changes on the card itself."""
-        own = {ref: self.changed[copy.owner][ref] for ref in sorted(copy.changes)}
-        of_regions = {replace(ref, region="") for ref in own}
-        return {ref: v for ref, v in self._in_place(record).items() if ref not in of_regions} | own
+        """New values of a copy: those of its regions, and the other changes of the card itself."""
+        of_copy = {ref: self.changed[copy.owner][ref] for ref in sorted(copy.changes)}
+        of_regions = {replace(ref, region="") for ref in of_copy}
+        return {ref: v for ref, v in self._in_place(record).items() if ref not in of_regions} | of_copy
 
     def _in_place(self, record: CardEntry) -> dict[FieldRef, float]:
-        """What changes on the card itself, and so in its copies."""
+        """Changes of the card itself, and so of its copies."""
         planning = self.planning
         owner = (record.name, record.card.integer(record.start))
-        own = {ref: at for ref, at in planning.at.items() if not ref.region and (ref.card, ref.id) == owner}
-        return {ref: float(planning.edits[at]) for ref, at in own.items()}
+        edited = {ref: at for ref, at in planning.at.items() if not ref.region and (ref.card, ref.id) == owner}
+        return {ref: float(planning.edits[at]) for ref, at in edited.items()}
 
     def _regions_of(self, copy: _Copy) -> set[str]:
         """Regions of the materials that a property is copied for."""
@@ -398,7 +403,7 @@ class _Copying:
         return {ref.region for c, n in self.new.items() if n in made and _is_material(c) for ref in c.changes}
 
     def _put(self, fields: list[float | int | str | None], record: CardEntry, ref: FieldRef, value: float) -> float:
-        """Write a value into the fields of a copy; returns what they hold of it."""
+        """Write a value into the fields of a copy; returns the value as rounded there."""
         place = self.planning.built.fields.get(replace(ref, region=""))
         if place is None:
             raise _no_field(ref)
@@ -427,16 +432,16 @@ def _material_fields(record: CardEntry) -> list[int]:
 
 
 def _owners(built: BuiltModel, elements: set[int]) -> dict[int, tuple[Owner | None, tuple[Owner, ...]]]:
-    """For each element the property card and the material cards that its values stand on."""
+    """For each element, the property card and the material cards of its values."""
     refs = built.structure.values.refs
-    found: dict[int, tuple[Owner | None, tuple[Owner, ...]]] = {}
+    owners: dict[int, tuple[Owner | None, tuple[Owner, ...]]] = {}
     for batch in built.structure.batches:
         for i, number in enumerate(batch.ids.tolist()):
             if number in elements:
                 at = {refs[positions[i]] for positions in batch.roles.values()}
                 by_role = {role: _of_role(at, role) for role in (PROPERTY, MATERIAL)}
-                found[number] = next(iter(by_role[PROPERTY]), None), by_role[MATERIAL]
-    return found
+                owners[number] = next(iter(by_role[PROPERTY]), None), by_role[MATERIAL]
+    return owners
 
 
 def _of_role(refs: Iterable[FieldRef], role: str) -> tuple[Owner, ...]:
@@ -450,7 +455,7 @@ def _record(built: BuiltModel, owner: Owner) -> CardEntry:
 
 
 def _own_fields(record: CardEntry) -> tuple[str, ...]:
-    """Fields of a card, or of the one entry where a card holds several."""
+    """Fields of a card, or of one entry of a card with several."""
     many = len(CATALOGUE[record.name].starts) > 1
     return record.card.fields[record.start : record.start + len(record.names)] if many else record.card.fields
 

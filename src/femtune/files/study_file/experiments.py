@@ -10,6 +10,8 @@ from pydantic import Field
 from femtune.errors import FemtuneError
 from femtune.files.study_file.kinds import Text, TomlTable
 from femtune.files.study_file.source import StudyLines, table
+from femtune.global_search.kinds import SearchWord
+from femtune.surrogates.kinds import CorrelationKind, Infill, Noise, RadialKernel, RunsOn, SurrogateMethod, Trend
 
 Seed = Annotated[int, Field(ge=0, le=2**63 - 1)]
 
@@ -22,7 +24,7 @@ class ScreenTable(TomlTable):
     levels: Annotated[int, Field(ge=2, le=12)] | None = None
     trajectories: Annotated[int, Field(ge=2, le=10_000)] = 10
     points: Annotated[int, Field(ge=64, le=1 << 20)] = 1024
-    on: Literal["surrogate", "model"] = "surrogate"
+    on: RunsOn = "surrogate"
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
     seed: Seed = 0
     configuration: Text | None = None
@@ -31,19 +33,19 @@ class ScreenTable(TomlTable):
 class SearchTable(TomlTable):
     """[search]: a search of the whole box, on a surrogate of the residuals or on the model itself."""
 
-    on: Literal["surrogate", "model"] = "surrogate"
+    on: RunsOn = "surrogate"
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
     fresh_runs: Annotated[int, Field(ge=0, le=10_000)] = 5
     infill: Annotated[int, Field(ge=0, le=10_000)] = 5
-    infill_by: Literal["improvement", "error"] = "improvement"
+    infill_by: Infill = "improvement"
     infill_until: Annotated[float, Field(gt=0.0)] | None = None
-    surrogate: Literal["kriging", "radial-basis", "chaos"] = "kriging"
-    trend: Literal["constant", "linear", "quadratic"] = "linear"
-    correlation: Literal["gaussian", "matern-5/2", "matern-3/2", "none"] = "gaussian"
-    kernel: Literal["cubic", "quintic", "thin-plate"] = "cubic"
+    surrogate: SurrogateMethod = "kriging"
+    trend: Trend = "linear"
+    correlation: CorrelationKind = "gaussian"
+    kernel: RadialKernel = "cubic"
     degree: Annotated[int, Field(ge=1, le=20)] = 6
-    noise: Literal["estimate", "none"] = "estimate"
-    method: Literal["differential-evolution", "genetic", "cma-es"] = "differential-evolution"
+    noise: Noise = "estimate"
+    method: SearchWord = "differential-evolution"
     population: Annotated[int, Field(ge=4, le=100_000)] = 60
     generations: Annotated[int, Field(ge=1, le=100_000)] = 300
     seeds: Annotated[int, Field(ge=1, le=1000)] = 3

@@ -6,7 +6,7 @@ import re
 import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, StringConstraints
 from pydantic_core import PydanticCustomError
@@ -18,6 +18,7 @@ from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.parameters import parse_expression
 from femtune.units import SI, unit_system
+from femtune.updating.kinds import WEIGHT_RULES, WeightRule
 
 T = TypeVar("T")
 
@@ -175,7 +176,7 @@ def _frequency_sd(value: object) -> None:
 
 
 def _weight(value: object) -> None:
-    if value in ("l-curve", "gcv"):
+    if value in WEIGHT_RULES:
         return
     if not is_number(value):
         raise FemtuneError("study.type/weight")
@@ -292,7 +293,7 @@ FieldText = Annotated[str, checked(field_reference)]
 GroupName = Annotated[str, checked(_group_name)]
 Components = Annotated[str, checked(_components)]
 Expression = Annotated[str, checked(parse_expression)]
-Weight = Annotated[float | Literal["l-curve", "gcv"], read_by(_weight)]
+Weight = Annotated[float | WeightRule, read_by(_weight)]
 FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
 Covariance = Annotated[tuple[tuple[float, ...], ...] | str, read_by(_covariance)]
 ByNode = Annotated[float | dict[int, float], read_by(_by_node)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, StringConstraints
 
@@ -30,6 +30,9 @@ class ModelTable(TomlTable):
 
 class MatrixEntry(TomlTable):
     """[[matrix]]: one matrix; several of one name are sets of it at values of the variables."""
+
+    only_configuration: ClassVar[str] = "as imported"
+    """Name of the configuration of a study without [[configuration]]."""
 
     name: Name
     kind: Literal["stiffness", "mass", "viscous", "hysteretic"]

@@ -21,6 +21,8 @@ from femtune.files.study_file.kinds import (
 from femtune.files.study_file.parameter import RegionTable
 from femtune.files.study_file.response import Hertz, HertzAboveZero
 from femtune.files.study_file.source import StudyLines, falls, number, table
+from femtune.planning.kinds import Average, Criterion, PlacementMethod, Weighting
+from femtune.residuals.kinds import FrfForm
 
 Axis = Literal["X", "Y", "Z"]
 
@@ -60,22 +62,22 @@ class PlanTable(TomlTable):
     dof_set: Text | None = None
     exclude: Numbers | None = None
     directions: Directions = "normal"
-    method: Literal["expansion", "elimination"] = "expansion"
+    method: PlacementMethod = "expansion"
     exchange: bool = True
-    weighting: Literal["none", "kinetic-energy"] = "none"
+    weighting: Weighting = "none"
     triaxial_threshold: Threshold = 0.05
     uniaxial_threshold: Threshold = 0.01
     aim: Literal["modes", "parameters"] = "modes"
-    criterion: Literal["D", "A"] = "D"
+    criterion: Criterion = "D"
     points: Annotated[int, Field(ge=1, le=1000)] = 1
-    average: Literal["mean", "worst"] = "mean"
+    average: Average = "mean"
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     data: Literal["modes", "frfs"] = "modes"
     frequency_sd: Spread = 0.005
     shape_sd: Spread = 0.02
     frf_sd: Spread | None = None
     frf_floor: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    frf_form: Literal["linear", "log-magnitude", "log-complex"] = "log-complex"
+    frf_form: FrfForm = "log-complex"
     frf_lines: Annotated[int, Field(ge=1, le=100_000)] | None = None
     exciters: Annotated[int, Field(ge=0, le=100)] = 0
     exciters_placed: tuple[DofLabel, ...] = ()

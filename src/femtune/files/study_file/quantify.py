@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from femtune.files.study_file.kinds import NamesFile, Text, TomlTable
+from femtune.uncertainty.kinds import CovarianceEstimate, MissingValues, OutputWeighting, QuantifyMethod
 
 
 class SelectTable(TomlTable):
@@ -34,14 +35,14 @@ class QuantifyTable(TomlTable):
     repeats: Annotated[tuple[RepeatsName, ...], BeforeValidator(_listed), Field(min_length=1)]
     columns: tuple[str, ...] = ()
     configuration: Text | None = None
-    method: Literal["second-order", "perturbation", "cross-covariance", "output-difference"] = "second-order"
-    missing: Literal["em", "pairwise", "complete"] = "em"
-    covariance: Literal["sample", "robust"] = "sample"
+    method: QuantifyMethod = "second-order"
+    missing: MissingValues = "em"
+    covariance: CovarianceEstimate = "sample"
     noise_sd: Fraction | Literal["test"] | dict[Text, Fraction] | None = None
     hold_out: Fraction | Annotated[tuple[RepeatNumber, ...], Field(min_length=1)] | None = None
     shapes: bool = False
     intervals: bool = False
-    weighting: Literal["relative", "covariance"] = "relative"
+    weighting: OutputWeighting = "relative"
     regularisation: Annotated[float, Field(ge=0, le=1e12)] = 0.0
     samples: Annotated[int, Field(ge=20, le=1_000_000)] = 200
     seed: Annotated[int, Field(ge=0, le=2**31)] = 1

@@ -25,13 +25,13 @@ from femtune.files.study_file.kinds import (
     Vector,
     numbered,
 )
-from femtune.files.study_file.response import Hertz, HertzAboveZero, Labels, MethodWord, Ratio
+from femtune.files.study_file.response import Hertz, HertzAboveZero, Labels, Ratio
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables, texts
 from femtune.files.study_file.specimens import specimens_of
+from femtune.residuals.kinds import FrequencyForm, FrfForm, FrfMethodWord, MacForm, Scatter, ShapeScaling
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
-Scale = Literal["unit-norm", "largest-entry", "scale-factor", "mass"]
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class FrfResidualEntry(MeasuredFunctionsTable):
 
     kind: Literal["frf"]
     modes: Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
-    form: Literal["linear", "log-magnitude", "log-complex"] = "log-complex"
+    form: FrfForm = "log-complex"
     around: Literal["band", "resonances"] = "band"
     most: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     bandwidths: Positive = 2.0
@@ -129,7 +129,7 @@ class FrfResidualEntry(MeasuredFunctionsTable):
     averages: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     output_sd: Annotated[dict[DofLabel, Positive], Field(min_length=1)] | None = None
     angle_sd_deg: Annotated[ByNode, BeforeValidator(numbered)] = 0.0
-    method: MethodWord = "real modes"
+    method: FrfMethodWord = "real modes"
     residual_vectors: bool = True
     ratio: Ratio | None = None
     ratios: Annotated[tuple[Ratio, ...], Field(min_length=1)] | None = None
@@ -179,7 +179,7 @@ class FrequencyResidualEntry(OfModesTable):
     covariance_of_test = True
 
     kind: Literal["frequency"]
-    form: Literal["frequency", "eigenvalue"] = "frequency"
+    form: FrequencyForm = "frequency"
     sd: FrequencySd | None = None
     covariance: Covariance | None = None
 
@@ -218,7 +218,7 @@ class ShapeResidualEntry(OfModesTable):
     sd_of_test = True
 
     kind: Literal["shape"]
-    scaling: Scale = "unit-norm"
+    scaling: ShapeScaling = "unit-norm"
     sensors: Sensors | None = None
     sd: FrequencySd | None = None
     covariance: Covariance | None = None
@@ -231,7 +231,7 @@ class StrainResidualEntry(OfModesTable):
     sd_of_test = True
 
     kind: Literal["strain"]
-    scaling: Scale = "unit-norm"
+    scaling: ShapeScaling = "unit-norm"
     sensors: Sensors
     sd: FrequencySd | None = None
     covariance: Covariance | None = None
@@ -242,7 +242,7 @@ class MacResidualEntry(OfModesTable):
     """A function of the MAC."""
 
     kind: Literal["mac"]
-    form: Literal["root", "ratio", "difference"] = "root"
+    form: MacForm = "root"
     sd: NotNegative
 
 
@@ -351,10 +351,10 @@ class ResidualsTable(TomlTable):
     frequency_sd: FrequencySd = 0.01
     shape_sd: FrequencySd = 0.0
     shape_form: Literal["difference", "mac"] = "difference"
-    frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
+    frequency_form: FrequencyForm = "frequency"
     shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
     shape_sd_of: Literal["largest-entry", "scaled-shape"] = "largest-entry"
-    scatter: Literal["stated", "estimated"] = "stated"
+    scatter: Scatter = "stated"
     common_frequency_sd: Annotated[float, Field(ge=0, le=1)] = 0.0
 
     @property

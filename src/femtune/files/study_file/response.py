@@ -10,12 +10,12 @@ from pydantic import Field
 from femtune.errors import FemtuneError
 from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
 from femtune.files.study_file.source import StudyLines, named_twice, number, table, tables
+from femtune.residuals.kinds import FrfMethodWord
 
 Labels = Annotated[tuple[DofLabel, ...], Field(min_length=1)]
 Ratio = Annotated[float, Field(ge=0, lt=1)]
 Hertz = Annotated[float, Field(ge=0, le=1e12)]
 HertzAboveZero = Annotated[float, Field(gt=0, le=1e12)]
-MethodWord = Literal["real modes", "complex modes", "direct"]
 
 MOST_LINES = 1_000_000
 
@@ -30,7 +30,7 @@ class ResponseTable(TomlTable):
     to_hz: HertzAboveZero | None = None
     step_hz: Positive | None = None
     lines: Annotated[int, Field(ge=1, le=MOST_LINES)] | None = None
-    method: MethodWord = "real modes"
+    method: FrfMethodWord = "real modes"
     modes: Annotated[int, Field(ge=1, le=100_000)] | None = None
     max_hz: HertzAboveZero | None = None
     residual_vectors: bool = True

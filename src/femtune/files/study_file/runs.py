@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -11,13 +11,17 @@ from femtune.errors import FemtuneError
 from femtune.files.study_file.kinds import RunsName, TomlTable
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables
 from femtune.files.study_file.validation import FRF_LIMITS
+from femtune.surrogates.kinds import SurrogateMethod
 
 
 class RunsModelTable(TomlTable):
     """[runs]: the table, and the polynomials or surrogates that are fitted to it."""
 
+    only_configuration: ClassVar[str] = "as imported"
+    """Name of the configuration of a study without [[configuration]]."""
+
     file: RunsName
-    method: Literal["polynomial", "kriging", "radial-basis", "chaos"] = "polynomial"
+    method: Literal["polynomial", SurrogateMethod] = "polynomial"
     degree: Annotated[int, Field(ge=0, le=20)] | None = None
     crossed: bool = True
     correlation: Literal["gaussian", "matern-5/2"] = "gaussian"

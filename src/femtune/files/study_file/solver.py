@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -23,6 +23,9 @@ from femtune.files.study_file.source import StudyLines, table, tables
 
 class SolverTable(TomlTable):
     """[solver]: command, input and output files, and when a run is tried again."""
+
+    only_configuration: ClassVar[str] = "as imported"
+    """Name of the configuration of a study without [[configuration]]."""
 
     command: Command
     templates: tuple[TemplateName, ...] = ()

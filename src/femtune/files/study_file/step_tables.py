@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
+from femtune.correlation.kinds import ExpansionMethod
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.files.study_file.kinds import (
     ByNode,
@@ -21,13 +22,19 @@ from femtune.files.study_file.kinds import (
     Weight,
     numbered,
 )
+from femtune.identification.kinds import Drawing
+from femtune.uncertainty.kinds import Jacobian
 from femtune.units import UnitSystem, unit_system
+from femtune.updating.kinds import RegularisationMethod, SearchMethod, WeightTarget
 
 Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
 
 
 class StudyTable(TomlTable):
     """[study]: title, deck and units."""
+
+    only_configuration: ClassVar[str] = "as the deck"
+    """Name of the configuration of a study without [[configuration]]."""
 
     title: Text
     deck: DeckName | None = None
@@ -63,7 +70,7 @@ class SensorTerm(TomlTable):
     """One model DOF in a generalised sensor."""
 
     node: Number
-    component: Literal["S", "X", "Y", "Z", "RX", "RY", "RZ"]
+    component: Literal["S", Component]
     factor: float = 1.0
 
 
@@ -99,7 +106,7 @@ class CorrelateTable(TomlTable):
     frequency_gate: Annotated[float, Field(gt=0, le=1)] = 0.30
     mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
     cluster_gap: NotNegative = 0.01
-    expand: Literal["none", "serep", "dynamic", "mdre"] = "none"
+    expand: Literal["none", ExpansionMethod] = "none"
     expand_modes: Annotated[int, Field(ge=1, le=100_000)] | None = None
     expand_noise: Annotated[float, Field(gt=0, lt=1)] = 0.01
 
@@ -116,15 +123,15 @@ class UpdateTable(TomlTable):
     """[update]: search, convergence and regularisation."""
 
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 250
-    regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
+    regularisation: RegularisationMethod = "none"
     weight: Weight = 0.0
-    weight_on: Literal["whole-change", "each-step"] = "whole-change"
+    weight_on: WeightTarget = "whole-change"
     adapt: bool = False
     smallest_change: Annotated[float, Field(ge=0, le=1000)] = 0.25
     identical: tuple[Annotated[tuple[Text, ...], Field(min_length=2)], ...] = ()
     correlations: tuple[CorrelationEntry, ...] = ()
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
-    search: Literal["levenberg-marquardt", "line-search", "gauss-newton"] = "levenberg-marquardt"
+    search: SearchMethod = "levenberg-marquardt"
     starts: Annotated[int, Field(ge=1, le=100_000)] = 1
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     hops: Annotated[int, Field(ge=0, le=1000)] = 0
@@ -144,10 +151,10 @@ class ReductionTable(TomlTable):
 class BootstrapTable(TomlTable):
     """[bootstrap]: spread of the parameters from the FRFs of one test, by drawing frequency lines again."""
 
-    method: Literal["lines", "entries", "noise"] = "lines"
+    method: Drawing = "lines"
     runs: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
-    jacobian: Literal["shared", "own"] = "shared"
+    jacobian: Jacobian = "shared"
     tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
     checked: Annotated[int, Field(ge=0, le=1000)] = 5
 

@@ -137,11 +137,8 @@ class StudyFile(TomlTable):
 
     @property
     def configurations(self) -> tuple[ConfigurationEntry, ...]:
-        """All configurations: those of the file, or the only one, with the test of [test].
-
-        That is called "as the deck", or "as imported" where the model is made of matrices.
-        """
-        return self.configuration or (only_configuration(self.test, "as imported" if self.imported else "as the deck"),)
+        """All configurations: those of the file, or the only one, with the test of [test]."""
+        return self.configuration or (only_configuration(self.test, self.source.only_configuration),)
 
     @property
     def specimens(self) -> tuple[str, ...]:
@@ -155,21 +152,9 @@ class StudyFile(TomlTable):
         return (*self.residuals.comparisons(alone=not self.residual), *tables)
 
     @property
-    def deck_path(self) -> Path:
-        """The deck; of a study of matrices, the file of the first one."""
-        return self.path_of(self.source_name)
-
-    @property
-    def source_name(self) -> str:
-        """Name of the model in the study: the deck, the file of the first matrix, the table of runs, or a template."""
-        return self.study.deck or (
-            self.runs.file if self.runs else self.solver.templates[0] if self.solver else self.matrix[0].file
-        )
-
-    @property
-    def imported(self) -> bool:
-        """True for a study of matrices or runs of another solver, which has no deck."""
-        return bool(self.matrix) or self.runs is not None or self.solver is not None
+    def source(self) -> SolverTable | RunsModelTable | MatrixEntry | StudyTable:
+        """The table that says what the model is made of: [solver], [runs], the first [[matrix]], or [study] deck."""
+        return self.solver or self.runs or next(iter(self.matrix), self.study)
 
     @property
     def output_folder(self) -> Path:

@@ -10,13 +10,13 @@ from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import is_number
 from femtune.files.study_file.source import StudyLines, number, table, tables
 from femtune.files.study_file.specimens import free_names
+from femtune.updating.kinds import WEIGHT_RULES
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
 _WEIGHED = ("minimum-change", "distance", "link", "identical")
 _OF_STEPS = ("minimum-change", "distance", "link")
-_FOUND = ("l-curve", "gcv")
 
 
 def update_rules(data: Data, source: StudyLines) -> Problems:
@@ -33,7 +33,7 @@ def update_rules(data: Data, source: StudyLines) -> Problems:
 
 def _weight(update: Data, source: StudyLines) -> Problems:
     kind, weight = update.get("regularisation", "none"), update.get("weight", 0.0)
-    if weight in _FOUND:
+    if weight in WEIGHT_RULES:
         fits = kind in _WEIGHED
     elif is_number(weight) and math.isfinite(float(min(weight, 1e300))):
         fits = (weight != 0) == (kind in (*_WEIGHED, "truncated")) and not (kind == "truncated" and weight >= 1)
@@ -50,7 +50,7 @@ def _weight(update: Data, source: StudyLines) -> Problems:
 def _of_other_kinds(update: Data, source: StudyLines) -> Problems:
     """Keys that only one kind of regularisation reads."""
     kind = update.get("regularisation", "none")
-    if update.get("adapt") and update.get("weight") not in _FOUND:
+    if update.get("adapt") and update.get("weight") not in WEIGHT_RULES:
         yield source.error(("update", "adapt"), "study.regularisation/adapt", {"weight": update.get("weight")})
     if update.get("weight_on") == "each-step" and kind not in _OF_STEPS:
         yield source.error(("update", "weight_on"), "study.regularisation/each-step", {"regularisation": kind})

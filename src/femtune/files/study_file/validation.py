@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -11,6 +11,8 @@ from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
 from femtune.files.study_file.response import HertzAboveZero
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables
+from femtune.identification.kinds import ChannelRule
+from femtune.validation.kinds import ProfileWord
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
@@ -26,13 +28,13 @@ class HoldOutEntry(TomlTable):
     outputs: tuple[DofLabel, ...] = ()
     inputs: tuple[DofLabel, ...] = ()
     worst: Annotated[int, Field(ge=1, le=100_000)] | None = None
-    by: Literal["coherence", "noise"] | None = None
+    by: ChannelRule | None = None
 
 
 class ValidateTable(TomlTable):
     """[validate]: criteria of a standard or of the user, and the standard deviations of the test."""
 
-    profile: Literal["all", "NASA", "MIL", "ECSS", "own"] = "all"
+    profile: ProfileWord = "all"
     frequency_error: Fraction | None = None
     mac: Fraction | None = None
     cross_orthogonality: Fraction | None = None

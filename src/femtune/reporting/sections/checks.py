@@ -176,7 +176,7 @@ def checks(source: ReportSource) -> list[Block]:
         *grounding_elements(model.configurations),
         *grounding_dofs(model.configurations),
         *sturm(source),
-        *([] if source.results.study.imported else _cards(model)),
+        *(_cards(model) if source.results.study.has_deck else []),
         *_held(model),
         Heading("Notices of the deck reader"),
         *alert_boxes(model.notices),

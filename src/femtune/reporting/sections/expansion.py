@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.correlation.kinds import EXPANSION_METHODS
 from femtune.reporting.document import Cell, Figure, Heading, Paragraph, Table, columns, row
 from femtune.reporting.figures.shapes import ShapePanel, Wireframe, shapes_svg
 from femtune.reporting.numbers import NONE, counted, freq, percent
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from femtune.results.correlation import CorrelationResults
     from femtune.results.expansion import ExpandedMode, ExpansionResults
 
-METHODS = {"serep": "SEREP", "dynamic": "dynamic expansion", "mdre": "minimum dynamic residual (MDRE)"}
-_HEADS = {"serep": "SEREP", "dynamic": "Dynamic", "mdre": "MDRE"}
 _A_FIGURE = 6
 _MOST_PARTS = 24_000
 
@@ -48,9 +47,9 @@ def _configuration(source: ReportSource, name: str, found: Sequence[CorrelationR
 def expansion_table(comparison: CorrelationResults, record: ExpansionResults) -> list[Block]:
     """Errors of the methods mode by mode, for page and terminal."""
     methods = [e.method for e in record.modes[0].errors] if record.modes else []
-    heads = columns("Test mode", ">Hz", ">At sensors", *(f">{_HEADS[m]}" for m in methods))
+    heads = columns("Test mode", ">Hz", ">At sensors", *(f">{EXPANSION_METHODS[m].label}" for m in methods))
     rows = tuple(_row(m, record.method) for m in record.modes)
-    title = f"Expansion by {METHODS[record.method]}, {VERSION_HEADS[comparison.stage]}: errors in %"
+    title = f"Expansion by {EXPANSION_METHODS[record.method].text}, {VERSION_HEADS[comparison.stage]}: errors in %"
     return [Table(title, heads, rows, _note(record))] if rows else []
 
 

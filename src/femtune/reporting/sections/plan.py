@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.planning.kinds import CRITERIA, PLACEMENT_METHODS, WEIGHTINGS
 from femtune.reporting.alert_boxes import alert_boxes
 from femtune.reporting.document import (
     Cell,
@@ -34,6 +35,7 @@ from femtune.reporting.numbers import (
     with_unit,
 )
 from femtune.reporting.sections.mode_shapes import structure_of
+from femtune.residuals.kinds import FRF_FORMS
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
@@ -216,16 +218,9 @@ def _assumed(plan: PlanResults) -> str:
     model = "" if of.order is None else f" They are computed with a reduced model of order {of.order}."
     return (
         "Standard deviations that an update with the FRFs between these sensors and exciters would have, to first "
-        f"order: {_FORMS[of.form]} at {counted(of.lines, 'line')}. Assumed are standard deviations of real and "
-        f"imaginary part of {' and '.join(parts)}.{model}"
+        f"order: {FRF_FORMS[of.form].label} at {counted(of.lines, 'line')}. Assumed are standard deviations of real "
+        f"and imaginary part of {' and '.join(parts)}.{model}"
     )
-
-
-_FORMS = {
-    "linear": "differences of the values",
-    "log-magnitude": "logarithms of the ratio of the magnitudes",
-    "log-complex": "logarithms of the complex ratio",
-}
 
 
 def _chosen_lines(plan: PlanResults) -> list[Block]:
@@ -334,24 +329,16 @@ def plan_method(source: ReportSource) -> list[Block]:
 
 def method_sentences(plan: PlanResults) -> list[str]:
     """The method in sentences."""
-    words = {
-        "expansion": "sensors were placed one by one, where they increase the determinant of the information most",
-        "elimination": "the candidate with the least effective independence was removed until all others were wanted",
-    }
-    weighted = {
-        "none": "All candidates have equal weight.",
-        "kinetic-energy": "Candidates are weighted by kinetic energy: shapes are multiplied by the square root of "
-        "the mass at the grid point.",
-    }
+    placed = PLACEMENT_METHODS[plan.method].text
     if plan.criterion is not None:
-        what = {"D": "determinant of the information on", "A": "sum of the variances of"}[plan.criterion]
+        what = CRITERIA[plan.criterion].text
         where = "at the initial values" if plan.points == 1 else f"at {plan.points} points within the bounds"
         of = "" if plan.functions is None else " from the FRFs"
-        words["expansion"] = f"sensors were placed one by one for the {what} the parameters{of}, {where}"
+        placed = f"sensors were placed one by one for the {what} the parameters{of}, {where}"
     found = [
         f"Candidates: {counted(plan.candidate_points, 'grid point')} that move in at least one target mode, with "
         f"{counted(plan.candidate_directions, 'uniaxial direction')}.",
-        f"Method {plan.method}: {words[plan.method]}. {weighted[plan.weighting]}",
+        f"Method {plan.method}: {placed}. {WEIGHTINGS[plan.weighting].text}",
         f"Thresholds of the output Gramian: {short(plan.triaxial_threshold)} for triaxial and "
         f"{short(plan.uniaxial_threshold)} for uniaxial sensors; {counted(plan.rejected, 'candidate')} rejected.",
     ]

@@ -12,18 +12,13 @@ from femtune.reporting.figures.parameters import Cloud, clouds_svg
 from femtune.reporting.numbers import counted, freq, listed, short, signed_percent, value
 from femtune.reporting.sections.validation import verdict_cell
 from femtune.results.quantify import ORDER
+from femtune.uncertainty.kinds import QUANTIFY_METHODS
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
     from femtune.results.quantify import QuantifiedOutput, QuantifiedParameter, QuantifyResults
 
-METHODS = {
-    "second-order": "second-order perturbation, equation (39)",
-    "perturbation": "linear perturbation about the mean, equation (39)",
-    "cross-covariance": "sampling, with the covariance of outputs and parameters, equation (40)",
-    "output-difference": "sampling, with the difference of the output covariances, equation (41)",
-}
 _MOST_SHOWN = 24
 
 
@@ -51,8 +46,8 @@ def _how(found: QuantifyResults) -> str:
     held = f" ({counted(len(found.held_out), 'other')} held out)" if found.held_out else ""
     return (
         f"{counted(found.repeats, 'repeat')}{held} of {found.configuration}; mean and covariance of the repeats: "
-        f"{found.estimate}. Method: {METHODS[found.method]}; {counted(found.solutions, 'model solution')}. "
-        f"Forward check: {found.samples} samples of a Latin hypercube."
+        f"{found.estimate}. Method: {QUANTIFY_METHODS[found.method].text}; "
+        f"{counted(found.solutions, 'model solution')}. Forward check: {found.samples} samples of a Latin hypercube."
     )
 
 

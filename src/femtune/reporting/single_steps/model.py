@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from femtune.assembly.model_source import FromDeck, model_source
 from femtune.files.study_file import is_deck, read_study_file
 from femtune.reporting.alert_boxes import alert_boxes
 from femtune.reporting.document import (
@@ -91,13 +92,17 @@ def _range(field: DampingField) -> str:
 
 @dataclass(frozen=True)
 class Subject:
-    """Title, deck (or first file of matrices), and units of length and mass, "" for a deck alone, which tells none."""
+    """Title, name of the model with the word before it, and units of length and mass; "" for a deck, which tells none.
+
+    `has_cards` is False for a model without elements.
+    """
 
     title: str
     deck: str
     length_unit: str = ""
     mass_unit: str = ""
-    imported: bool = False
+    word: str = FromDeck.title
+    has_cards: bool = FromDeck.has_elements
 
     def document(self, verdict: str, level: Level, sections: Iterable[Section]) -> Document:
         """A document that has nothing but sections for the terminal."""
@@ -116,7 +121,8 @@ def subject_of(path: Path | str) -> Subject:
         return Subject(path.name, str(path))
     file = read_study_file(path)
     length, mass, _ = file.study.units.split("-")
-    return Subject(file.study.title, file.source_name, length, mass, file.imported)
+    source = model_source(file)
+    return Subject(file.study.title, source.name, length, mass, source.title, source.has_elements)
 
 
 _ORDER: tuple[Level, ...] = ("problem", "warning")
@@ -132,8 +138,7 @@ _NOISE = 1e-9
 def info_document(subject: Subject, facts: ModelFacts) -> Document:
     """Cards, PARAMs and notices, then a section each configuration."""
     level: Level = "info" if all(c.rigid_body_check.verdict == "pass" for c in facts.configurations) else "warning"
-    title = "Matrices of" if subject.imported else "Deck"
-    deck = Section("deck", f"{title} {subject.deck}", tuple(_deck(subject, facts)))
+    deck = Section("deck", f"{subject.word} {subject.deck}", tuple(_deck(subject, facts)))
     each = (Section(c.configuration, c.configuration, tuple(_configuration(subject, c))) for c in facts.configurations)
     return subject.document(_verdict(facts), level, (deck, *each))
 
@@ -151,7 +156,7 @@ def _verdict(facts: ModelFacts) -> str:
 
 def _deck(subject: Subject, facts: ModelFacts) -> list[Block]:
     return [
-        *([] if subject.imported else cards(_beside(subject, facts))),
+        *(cards(_beside(subject, facts)) if subject.has_cards else []),
         *named_sets(facts),
         *_parameters(facts.deck_parameters),
         *damping_blocks(facts),

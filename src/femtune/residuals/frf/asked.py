@@ -12,7 +12,6 @@ from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice, Where, did_you_mean
 from femtune.modal import FrfSet
 from femtune.model import ModalDamping, constant_damping, damping_by_mode
-from femtune.model.response import Method
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState
 from femtune.residuals.frf.against_model import against_model
@@ -25,8 +24,8 @@ from femtune.residuals.frf.model_way import AtFirstState, ModelWay, ModesWanted,
 from femtune.residuals.frf.residual import FrfResidual, Places
 from femtune.residuals.frf.scatter import FrfScatter, relative_sd
 from femtune.residuals.frf.truncation import with_enough_modes
+from femtune.residuals.kinds import FRF_METHODS
 
-_METHODS: dict[str, Method] = {"real modes": "real-modes", "complex modes": "complex-modes", "direct": "direct"}
 _POOR = 0.1
 """Relative error of an identified system above which modes may be missing in it."""
 
@@ -45,7 +44,7 @@ class AskedFrfs(AtFirstState):
         _check_labels(asked)
         relative = relative_sd(entry.sd, entry.floor)
         scatter = FrfScatter(relative, entry.floor, entry.averages, _output_sd(asked, measured), _angles(entry))
-        way = ModelWay(_METHODS[entry.method], _wanted(entry), None, entry.residual_vectors, _limit(entry))
+        way = ModelWay(FRF_METHODS[entry.method], _wanted(entry), None, entry.residual_vectors, _limit(entry))
 
         def settle(state: CaseState) -> Settled:
             used, damping, about = _equalised(asked, measured)

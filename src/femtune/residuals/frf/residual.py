@@ -5,10 +5,9 @@ Source: handbook chapter, displacement residual in the frequency domain; logarit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,13 +26,13 @@ from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.frf.left_out import LeftOutModes
 from femtune.residuals.frf.lines import Region
 from femtune.residuals.frf.model_way import ModelWay
+from femtune.residuals.kinds import FRF_FORMS, RESIDUALS, FrfForm
 from femtune.residuals.weights import IdentifiedValues, LineSamples, ResidualBlock
 
 # ----------------------------------------------------------------------------------------------------
 # Forms of the FRF residual: differences, or the logarithm of the ratio, of model and measured functions.
 
 
-FrfForm = Literal["linear", "log-magnitude", "log-complex"]
 Pair = tuple[Reals, Reals]
 
 
@@ -65,23 +64,34 @@ def _stacked(values: Complexes, slope: Complexes) -> Pair:
     return np.concatenate([values.real, values.imag]), np.concatenate([slope.real, slope.imag])
 
 
-FORMS: Mapping[str, Callable[[Complexes, Complexes, Complexes], Pair]] = {
-    "linear": linear,
-    "log-magnitude": log_magnitude,
-    "log-complex": log_complex,
-}
+@dataclass(frozen=True)
+class FrfComparison:
+    """How FRFs are compared.
 
-MODELS: Mapping[str, Callable[[Reals, Complexes], Complexes]] = {
-    "linear": lambda r, test: test + _complex(r),
-    "log-magnitude": lambda r, test: np.abs(test) * np.exp(r) + 0.0j,
-    "log-complex": lambda r, test: test * np.exp(_complex(r)),
-}
-"""H (n,) from the values of a form and H_X (n,); of magnitudes |H|."""
+    Parameters
+    ----------
+    compare : H (n,), ∂H/∂x (n, p) and H_X (n,) -> values and Jacobian
+    model : values and H_X (n,) -> H (n,); |H| where magnitudes are compared
+    """
+
+    compare: Callable[[Complexes, Complexes, Complexes], Pair]
+    model: Callable[[Reals, Complexes], Complexes]
 
 
 def _complex(stacked: Reals) -> Complexes:
     n = len(stacked) // 2
     return stacked[:n] + 1j * stacked[n:]
+
+
+LINEAR = FrfComparison(linear, lambda r, test: test + _complex(r))
+LOG_MAGNITUDE = FrfComparison(log_magnitude, lambda r, test: np.abs(test) * np.exp(r) + 0.0j)
+LOG_COMPLEX = FrfComparison(log_complex, lambda r, test: test * np.exp(_complex(r)))
+
+
+def frf_comparison(form: FrfForm) -> FrfComparison:
+    """The comparison of a form."""
+    comparison: FrfComparison = FRF_FORMS[form].load()
+    return comparison
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -183,7 +193,7 @@ class FrfResidual(Residual):
     identified: RedrawnTest | None = field(default=None, repr=False)
     left_out: LeftOutModes | None = None
     key = "frf"
-    label = "frf"
+    label = RESIDUALS[key].label
     # a reduced model of modes has no residual vectors for the forces and no damping of its own
     on_modes = False
 
@@ -224,7 +234,8 @@ class FrfResidual(Residual):
         of, p = compared.places, gradient.shape[-1]
         test = self.measured.values.ravel()[of]
         with np.errstate(divide="ignore", invalid="ignore"):
-            residuals, jacobian = FORMS[self.form](values.ravel()[of], gradient.reshape(values.size, p)[of], test)
+            slopes = gradient.reshape(values.size, p)[of]
+            residuals, jacobian = frf_comparison(self.form).compare(values.ravel()[of], slopes, test)
         if not (np.isfinite(residuals).all() and np.isfinite(jacobian).all()):
             raise self._not_finite(residuals, jacobian)
         if self.form != "linear" and self.shift is not None:
@@ -249,7 +260,7 @@ class FrfResidual(Residual):
         if self.form != "linear" and self.shift is not None:
             residuals[: len(of)] -= self.shift.ravel()[of]
         out = np.full(self.sd.size, np.nan, dtype=complex)
-        out[of] = MODELS[self.form](residuals, self.measured.values.ravel()[of])
+        out[of] = frf_comparison(self.form).model(residuals, self.measured.values.ravel()[of])
         return out.reshape(self.sd.shape)
 
     def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:

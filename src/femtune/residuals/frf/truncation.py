@@ -14,7 +14,7 @@ from femtune.model.eigen.sturm import count_below
 from femtune.model.response import TIMES_HIGHEST_LINE, Method
 from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.frf.model_way import full_modes, settled
-from femtune.residuals.frf.residual import FORMS, FrfResidual
+from femtune.residuals.frf.residual import FrfResidual, frf_comparison
 
 SMALL = 0.1
 """Errors of the model's functions up to this many standard deviations of the measured ones are small."""
@@ -143,7 +143,9 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
     few, values = _at_lines(residual, at), values[:, :, at]
     exact = replace(few, way=replace(way, method="direct")).functions(model)[0]
     known = np.isfinite(few.sd)
-    differences, _ = FORMS[residual.form](values[known], np.zeros((int(known.sum()), 0), complex), exact[known])
+    differences, _ = frf_comparison(residual.form).compare(
+        values[known], np.zeros((int(known.sum()), 0), complex), exact[known]
+    )
     errors = np.abs(differences.reshape(-1, int(known.sum()))).max(axis=0) / few.sd[known]
     i, j, k = (int(axis[errors.argmax()]) for axis in np.nonzero(known))
     return Truncation(

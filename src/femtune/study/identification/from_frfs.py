@@ -12,8 +12,9 @@ from femtune.errors import FemtuneError
 from femtune.files.described_test import read_described
 from femtune.identification.averaging import Averaging, input_output_spectra
 from femtune.identification.estimators import estimate_frfs
-from femtune.identification.input_known import FRF_METHODS, InputKnown, identify_frfs
+from femtune.identification.input_known import InputKnown, identify_frfs
 from femtune.identification.join import at_lines
+from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.periodic import periodic_frfs
 from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
@@ -50,7 +51,7 @@ def found_from_frfs(
 ) -> Found:
     """Modes of functions, with every pole, the fit and the state-space model; `sd` is that of the functions."""
     table = file.identify
-    methods = tuple(m for m in table.methods or FRF_METHODS if m in FRF_METHODS)
+    methods = tuple(m for m in table.methods or KNOWN_INPUT if m in KNOWN_INPUT)
     asked = InputKnown(
         table.band_hz, table.largest_order or DEFAULT_ORDER, methods, take=table.take_hz, drop=table.drop_hz,
         real=table.real,

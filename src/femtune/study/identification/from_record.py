@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Notice
-from femtune.files.identification_file import OUTPUT_ONLY
 from femtune.files.records import ChannelColumn, read_record
 from femtune.identification.averaging import cross_spectra
 from femtune.identification.choice import change_choice, has_candidate
 from femtune.identification.combine import Estimate, combine
 from femtune.identification.fdd import decompose
 from femtune.identification.input_lines import judge_peaks
+from femtune.identification.kinds import OUTPUT_ONLY
 from femtune.identification.mode_checks import collinearity_remarks, damping_remarks, quadrature_notices
 from femtune.identification.operational import (
-    METHODS,
     Operational,
     chosen_modes,
     prepared,
@@ -80,7 +79,7 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
         piece = record.select_samples(i * length, (i + 1) * length)
         for j, name in enumerate(names):
             progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
-            several[name, i] = _by_hand(METHODS[name](piece, asked), file)
+            several[name, i] = _by_hand(OUTPUT_ONLY[name].load()(piece, asked), file)
     _check_choice([several[names[0], i] for i in range(table.fragments)], file)
     found = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
     labels = found.modes.dofs.labels()

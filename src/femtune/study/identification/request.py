@@ -11,8 +11,6 @@ from pydantic import ValidationError
 
 from femtune.errors import FemtuneError, Where
 from femtune.files.identification_file import (
-    KNOWN_INPUT,
-    OUTPUT_ONLY,
     IdentifyFile,
     is_identification_file,
     read_identify_file,
@@ -21,6 +19,7 @@ from femtune.files.study_file.problems import problems
 from femtune.files.study_file.source import StudyLines
 from femtune.files.uff.measured_functions import read_header
 from femtune.files.uff.scan import scan_uff
+from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY
 from femtune.identification.operational import prepared, segment_of
 from femtune.identification.record_checks import dead_channels
 

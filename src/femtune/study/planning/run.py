@@ -20,6 +20,7 @@ from femtune.files.study_file import PlanTable, with_plan
 from femtune.files.study_file.kinds import number_list
 from femtune.model.response.rigid import is_rigid
 from femtune.planning import information_of, mesh_distances, outcome_of, rank_of, set_independence, trace_lines
+from femtune.planning.kinds import PLACEMENT_METHODS
 from femtune.residuals.frf.scatter import relative_sd
 from femtune.results.base import alert
 from femtune.results.model import model_modes
@@ -132,9 +133,9 @@ def plan_test(
 def _papers(record: PlanResults) -> list[str]:
     """Keys of the publications on what ran."""
     kinds = {s.kind for s in record.sensors if not s.given}
-    search = ["kammer1991"] if record.method == "elimination" else ["kammer2005"]
+    search = PLACEMENT_METHODS[record.method].citations
     return [
-        *(search if record.aim == "modes" and kinds & {"triaxial", "uniaxial"} else []),
+        *(search if record.aim == "modes" and kinds & {"triaxial", "uniaxial"} else ()),
         *(["kammer2004"] if record.aim == "modes" and "triaxial" in kinds else []),
         *(["fedorov1972"] if record.exchanges else []),
         *(["atkinson2007"] if record.aim == "parameters" else []),

@@ -1,8 +1,8 @@
 """Curved shells (CQUAD8, CTRIA6): strains of the surface with ties, at the points of one rule.
 
-The in-plane strain e + z k is tied at every height alike, so that offset and coupling laws lock no more than the
-membrane does. What tying changes of an element's mean strain is put back, for without it constant stress would not be
-in balance on elements whose sides are not parallel.
+The in-plane strain e + z k is tied in the same way at every height, so that offset and coupling laws lock no more than
+the membrane does. The change of an element's mean strain due to tying is added back; without it constant stress would
+not be in equilibrium on elements whose sides are not parallel.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from femtune.fem.elements.shells.uneven import uneven_thickness
 from femtune.fem.elements.solids.solid import lumped
 from femtune.fem.structure import ElementBatch, Structure
 
-# elements whose rows fit a core's cache
-CHUNK = 64
+ELEMENTS_PER_CHUNK = 64
+"""Elements that are computed together: their strain rows (about 2 MB) fit in a core's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurvedFormulation:
-    """A shape and what its strains are tied to."""
+    """A shape and the ties of its strains."""
 
     shape: CurvedShape
     strain: Tie
@@ -72,14 +72,14 @@ def curved_pieces(
         terms,
         shell_mass(batch, uneven),
         lambda part: curved_shells(batch, structure, formulation, normals, part),
-        CHUNK,
+        ELEMENTS_PER_CHUNK,
     )
 
 
 def curved_shells(
     batch: ElementBatch, structure: Structure, formulation: CurvedFormulation, normals: Reals, part: slice
 ) -> CurvedShells:
-    """A part of a batch where it is; `normals` (e, n, 3) are the shared ones of the whole batch."""
+    """A part of a batch in its position; `normals` (e, n, 3) are the shared ones of the whole batch."""
     at = batch.nodes[part]
     missing = at < 0
     xyz = np.where(missing[:, :, None], 0.0, structure.nodes.xyz[at])
@@ -91,13 +91,13 @@ def curved_shells(
 
 @dataclass(frozen=True, eq=False)
 class CurvedShells:
-    """m curved shells with n nodes where they are.
+    """m curved shells with n nodes in their positions.
 
     Parameters
     ----------
     frames : (m, n, 3, 3) displacement frames of the grid points
     theta : (m,) angle from the line along r to the material's x axis, at each point
-    along : (m, 3) a vector whose projection on the surface is that axis, zero where `theta` counts
+    along : (m, 3) a vector whose projection on the surface is that axis, zero if `theta` applies
     """
 
     formulation: CurvedFormulation
@@ -108,11 +108,11 @@ class CurvedShells:
 
     @property
     def normals(self) -> Reals:
-        """Those that the grid points share with the neighbours."""
+        """Normals that the grid points share with the neighbours."""
         return self.nodes.normals
 
     def direction(self, number: int, own: NDArray[np.int64]) -> tuple[Reals, Reals]:
-        """There are no uniaxial rows, so none is turned."""
+        """Not needed: curved shells have no uniaxial rows."""
         return np.ones(len(own)), np.zeros(len(own))
 
     def rows(self, offsets: bool, coupling: bool) -> Rows:
@@ -123,15 +123,15 @@ class CurvedShells:
         if coupling:
             rows |= _named("c", curvature)
         if offsets:
-            # at the height z0 the strain is e + z0 k; what turns about the normal are the grid points
+            # at the height z0 the strain is e + z0 k; the rotations about the normal are those of the grid points
             rows |= {f"m{k}{OFFSET}": v for k, v in zip(("1", "2", "12"), np.moveaxis(curvature, 2, 0))}
             rows["drill" + OFFSET] = np.zeros_like(rows["drill"])
         return {name: self._on_nodes(row) for name, row in rows.items()}
 
     def shares(self, consistent: bool, point: int | None = None) -> Reals:
-        """Integrals of products of the shape functions, or in proportion to their diagonal; of a point alone.
+        """Integrals of products of the shape functions, or lumped in proportion to their diagonal; or of one point.
 
-        Lumped, a point's mass is shared by the nodes as that of the whole element is.
+        If lumped, the mass of a point is shared by the nodes in the same ratio as that of the whole element.
         """
         functions = self._surface.functions[:, :, 0] * np.sqrt(self._areas)[:, :, None]
         if consistent and point is not None:
@@ -178,7 +178,7 @@ class CurvedShells:
         return _times(turn, strain) * self._roots, _times(turn, curvature) * self._roots
 
     def _mean_kept(self, rows: Callable[[Surface], Reals]) -> Reals:
-        """Strains xx, yy, xy, tied and with the mean that they have without the ties."""
+        """Tied strains xx, yy, xy with the mean of the untied ones."""
         tied = _times(self._cartesian, _tied(self.formulation.ties[0], rows(self._at_strain_ties)))
         shares = self._areas / self._areas.sum(axis=1, keepdims=True)
         change = _times(self._cartesian, rows(self._surface)) - tied
@@ -214,7 +214,7 @@ class CurvedShells:
         return {"s1": rows[:, :, 0], "s2": rows[:, :, 1]}
 
     def _on_nodes(self, rows: Reals) -> Reals:
-        """(m, p, 6n) rows on the displacements of the grid points in their own frames."""
+        """(m, p, 6n) rows on the displacements of the grid points in their displacement frames."""
         m, p, n, _ = rows.shape
         flat = np.swapaxes(rows, 1, 2).reshape(m, n, 2 * p, 3) @ self.frames
         return np.asarray(np.swapaxes(flat.reshape(m, n, p, 6), 1, 2).reshape(m, p, 6 * n))
@@ -277,12 +277,12 @@ def _differential(batch: ElementBatch, structure: Structure, shape: CurvedShape)
 
 
 def quad8_differential(batch: ElementBatch, structure: Structure) -> Differential:
-    """That of the membrane forces along the axes of the mean plane."""
+    """Differential stiffness of the membrane forces along the axes of the mean plane."""
     return _differential(batch, structure, QUAD8_SHAPE)
 
 
 def tri6_differential(batch: ElementBatch, structure: Structure) -> Differential:
-    """That of the membrane forces along the axes of the mean plane."""
+    """Differential stiffness of the membrane forces along the axes of the mean plane."""
     return _differential(batch, structure, TRI6_SHAPE)
 
 

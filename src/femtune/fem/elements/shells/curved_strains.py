@@ -1,6 +1,6 @@
 """Covariant strains of curved shells as rows on (u, θ) of each node, in the basic frame.
 
-The director n is interpolated from the nodes' normals and moves by d = Σ Nᵢ θᵢ × nᵢ. With x the place and u the
+The director n is interpolated from the nodes' normals and moves by d = Σ Nᵢ θᵢ × nᵢ. With x the position and u the
 displacement, the strain at the height z above the surface is e + z k:
 
     e_αβ = ½ (x,α·u,β + x,β·u,α),  k_αβ = ½ (x,α·d,β + x,β·d,α + n,α·u,β + n,β·u,α),  γ_α = x,α·d + n·u,α
@@ -47,7 +47,7 @@ def shear(surface: Surface) -> Reals:
 
 
 def turning(surface: Surface) -> Reals:
-    """(m, p, 1, n, 6) turn about the normal less the surface's own."""
+    """(m, p, 1, n, 6) rotation about the normal relative to that of the surface."""
     functions, bases = surface.functions[..., None], surface.bases[:, :, :, None]
     out = _zeros(surface, 1)
     size = 2.0 * surface.area[:, :, None, None]
@@ -87,10 +87,10 @@ def turned_strain(c: Reals, s: Reals) -> Reals:
 
 
 def bubble_curvature(surface: Surface, bubble: Reals, weights: Reals, axes: Reals, excess: Reals) -> Reals:
-    """(m, p, 3, n, 6) curvatures rr, ss, rs of a bubble of the director that takes the integral of `excess` off.
+    """(m, p, 3, n, 6) curvatures rr, ss, rs of a bubble of the director that cancels the integral of `excess`.
 
     `bubble` (p, 3) are its values and derivatives along r and s, `weights` (p,) those of the integral, `axes` (m, 2, 3)
-    two directions in which it moves, `excess` (m, p, 2, n, 6) the shear that it makes vanish in the mean.
+    two directions in which it moves, `excess` (m, p, 2, n, 6) the shear whose mean it cancels.
     """
     m, _, _, n, _ = excess.shape
     along = surface.bases @ np.swapaxes(axes, 1, 2)[:, None]
@@ -103,12 +103,12 @@ def bubble_curvature(surface: Surface, bubble: Reals, weights: Reals, axes: Real
 
 
 # ----------------------------------------------------------------------------------------------------
-# Assumed strains of curved shells: which covariant components are taken where, and what varies between.
+# Assumed strains of curved shells: covariant components at tying points, and their interpolation.
 #
-# Strains that quadratic displacements cannot make vanish where they should would lock the shell. So the components
-# along the lines of the reference shape are taken at Gauss points of its sides and as means, and vary between as a
-# space of functions has it. Sources: Bathe and Dvorkin, Int. J. Numer. Meth. Engng 22 (1986) 697-722 (eight nodes;
-# the strain in the middle is taken at points there, here as moments); Neunteufel and Schöberl, Comput. Methods Appl.
+# Strains that should vanish but cannot with quadratic displacements would lock the shell. So the components along the
+# lines of the reference shape are taken at Gauss points of its sides and as means, and are interpolated in a space of
+# functions. Sources: Bathe and Dvorkin, Int. J. Numer. Meth. Engng 22 (1986) 697-722 (eight nodes;
+# there the strain in the middle is taken at points, here as moments); Neunteufel and Schöberl, Comput. Methods Appl.
 # Mech. Engrg 373 (2021) 113524 (membrane strains of triangles); Bathe, Brezzi and Cho, Computers and Structures 32
 # (1989) 797-814 (shear of triangles with a bubble of the rotations, whose size is a function of the nodes' motion
 # here).
@@ -117,7 +117,10 @@ def bubble_curvature(surface: Surface, bubble: Reals, weights: Reals, axes: Real
 Basis = Callable[[Reals, Reals], list[tuple[Reals | float, ...]]]
 
 GAUSS = 1.0 / np.sqrt(3.0)
-NEAR, FAR = 0.5 - 0.5 * GAUSS, 0.5 + 0.5 * GAUSS
+"""Point of the two-point Gauss rule on [−1, 1]."""
+NEAR = 0.5 - 0.5 * GAUSS
+FAR = 0.5 + 0.5 * GAUSS
+"""Points of the two-point Gauss rule on [0, 1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +130,7 @@ class Tie:
     Parameters
     ----------
     points : (k, 2)
-    functionals : (q, k, c) what is taken: the sums of these weights times components
+    functionals : (q, k, c) weights of the components; the weighted sums are the tied values
     basis : (r, s) -> q functions, each with its c components
     """
 
@@ -153,7 +156,7 @@ class Tie:
 
 
 Taken = list[tuple[tuple[float, float], Reals]]
-"""Points with the weights of their components: the sum of the products is taken."""
+"""Points with the weights of their components: the tied value is the weighted sum."""
 
 
 def _tie(taken: list[Taken], basis: Basis) -> Tie:
@@ -224,10 +227,10 @@ TRI_STRAIN = _tie(
         *((0, 0, f) for f in (1, r, s)),
     ],
 )
-"""Strains of a triangle, linear: along the sides and in the mean those of the displacements (Regge interpolation)."""
+"""Linear strains of a triangle: equal to those of the displacements along the sides and in the mean (Regge)."""
 
 TRI_SHEAR = _tie(
     [*_at(_SIDES[0], 1, 0), *_at(_SIDES[1], 0, 1), *_at(_SIDES[2], -1, 1)],
     lambda r, s: [*((f, 0) for f in (1, r, s)), *((0, f) for f in (1, r, s))],
 )
-"""Transverse shear of a triangle, linear: along the sides that of the displacements."""
+"""Linear transverse shear of a triangle: equal to that of the displacements along the sides."""

@@ -1,4 +1,4 @@
-"""Where a curved shell sits: base vectors and normals of its surface at points, and axes on the tangent planes."""
+"""Geometry of curved shells: base vectors and normals of the surface at points, and axes on the tangent planes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from femtune.fem.elements.shells.placement import mean_plane
 # ----------------------------------------------------------------------------------------------------
 # Shape functions of shells with mid-side nodes, in the order of Nastran's cards.
 #
-# Quadrilateral: [−1, 1]², the eight serendipity functions. Triangle: r, s ≥ 0, r + s ≤ 1, the six quadratic
-# functions. On a quadrilateral whose corners are no parallelogram serendipity functions lack a quadratic function of
-# the place. A share δᵢ of the bubble (1 − r²)(1 − s²) is added to each, the smallest ones that bring it back, as
-# MacNeal and Harder (Int. J. Numer. Meth. Engng 33 (1992) 1049-1058) have it.
+# Quadrilateral: [−1, 1]², the eight serendipity functions. Triangle: r, s ≥ 0, r + s ≤ 1, the six quadratic functions.
+# On a quadrilateral whose corners do not form a parallelogram, serendipity functions lack a quadratic function of
+# position. A share δᵢ of the bubble (1 − r²)(1 − s²) is added to each function, the smallest shares that restore it
+# (MacNeal and Harder, Int. J. Numer. Meth. Engng 33 (1992) 1049-1058).
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class CurvedShape:
 
     Parameters
     ----------
-    nodes : (n, 2) places of the nodes, corners first, then the middles of the sides 1-2, 2-3, …
+    nodes : (n, 2) positions of the nodes, corners first, then the middles of the sides 1-2, 2-3, …
     exponents : n pairs (a, b): the functions are combinations of r^a s^b
     points, weights : (p, 2) and (p,) rule of integration, the points nearest to the corners first
     """
@@ -44,24 +44,24 @@ class CurvedShape:
 
     @cached_property
     def _weights(self) -> Reals:
-        # all weights are quarters, so that rounding them takes away the errors of the inverse
+        # all weights are multiples of a quarter, so that rounding removes the errors of the inverse
         return np.asarray(np.round(4.0 * np.linalg.inv(self._powers(self.nodes))) / 4.0)
 
     @cached_property
     def side_directions(self) -> Reals:
         """(n, 2, 2) directions on the reference shape from each corner to the next and to the one before.
 
-        At the middle of a side along it and inwards, at an angle of 180 degrees for who weighs by angles.
+        At the middle of a side: along it and inwards, at an angle of 180 degrees where angles are used as weights.
         """
         corners = self.nodes[: self.corners]
         ahead, back = (np.roll(corners, k, axis=0) - corners for k in (-1, 1))
-        # the smallest part inwards: the plane is the same, the angle nearly straight
+        # a tiny inward component: it defines the plane, and the angle is nearly straight
         inside = -ahead + 1e-3 * (corners.mean(axis=0) - self.nodes[self.corners :])
         return np.concatenate([np.stack([ahead, back], axis=1), np.stack([ahead, inside], axis=1)])
 
     @cached_property
     def corner_shares(self) -> Reals:
-        """(p, c) what varies linearly between the corners, at the points of the rule."""
+        """(p, c) linear interpolation between the corners, at the points of the rule."""
         r, s = self.points.T[:, :, None]
         if self.corners == 3:
             return np.concatenate([1.0 - r - s, r, s], axis=1)
@@ -97,14 +97,14 @@ def triangle_bubble(points: Reals) -> Reals:
 def centre_shares(corners: Reals) -> Reals:
     """(m, 8) shares δ of the bubble for quadrilaterals with corners (m, 4, 2); zero for parallelograms.
 
-    The quadratic functions of the place that the corners and the middles of straight sides see are met at the centre.
+    The shares reproduce at the centre the quadratic functions of position given at the corners and mid-side nodes.
     """
     size = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
     flat = (corners - corners.mean(axis=1, keepdims=True)) / size[:, None, None]
     xy = np.concatenate([flat, 0.5 * (flat + np.roll(flat, -1, axis=1))], axis=1)
     x, y = np.moveaxis(xy, 2, 0)
     known = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
-    # the centre of straight sides is the mean of the corners, the origin: all but the constant vanish there
+    # with straight sides the centre is the mean of the corners, the origin: all functions but the constant vanish there
     wanted = -(known @ _SERENDIPITY_CENTRE)
     wanted[:, 0] = 0.0
     square = known @ np.swapaxes(known, 1, 2)
@@ -130,7 +130,7 @@ def _triangle_rule() -> tuple[Reals, Reals]:
 
 
 def _corner_point(a: float, k: int) -> tuple[float, float]:
-    """The point whose area coordinates are a but for corner k."""
+    """The point whose area coordinates are a except for corner k."""
     area = [a, a, a]
     area[k] = 1.0 - 2.0 * a
     return area[1], area[2]
@@ -155,7 +155,7 @@ class CurvedNodes:
     Parameters
     ----------
     shape : the reference shape
-    xyz : (m, n, 3) places in the basic frame, zero for a mid-side node that is left out
+    xyz : (m, n, 3) positions in the basic frame, zero for a mid-side node that is left out
     normals : (m, n, 3) unit normals that the nodes share with the neighbours, zero likewise
     missing : (m, n) True for a mid-side node that is left out
     """
@@ -217,7 +217,7 @@ class Surface:
     Parameters
     ----------
     functions : (m, p, 3, n) shape functions and their derivatives along r and s
-    bases : (m, p, 2, 3) base vectors, derivatives of the place along r and s
+    bases : (m, p, 2, 3) base vectors, derivatives of the position along r and s
     director : (m, p, 3, 3) interpolated normal and its derivatives along r and s
     normals : (m, n, 3) unit normals of the nodes
     """
@@ -229,16 +229,16 @@ class Surface:
 
     @cached_property
     def cross(self) -> Reals:
-        """(m, p, 3) product of the base vectors: normal to the surface, as long as the area for a unit of r s."""
+        """(m, p, 3) product of the base vectors: normal to the surface, of the length of the area per unit of r s."""
         return np.cross(self.bases[:, :, 0], self.bases[:, :, 1])
 
     @cached_property
     def area(self) -> Reals:
-        """(m, p) area for a unit of r s."""
+        """(m, p) area per unit of r s."""
         return np.linalg.norm(self.cross, axis=2)
 
     def frames(self, axes: Reals) -> Reals:
-        """(m, p, 3, 3) axes as rows, the third normal: those of the mean plane (m, 3, 3), turned the shortest way."""
+        """(m, p, 3, 3) axes as rows, the third normal: the mean plane's (m, 3, 3), rotated by the smallest angle."""
         flat, normal = np.swapaxes(axes, 1, 2)[:, None], self.cross / self.area[:, :, None]
         z = np.broadcast_to(flat[:, :, 2], normal.shape)
         turn = cross_matrix(np.cross(z, normal).reshape(-1, 3)).reshape(*normal.shape, 3)

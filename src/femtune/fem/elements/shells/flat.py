@@ -1,6 +1,7 @@
-"""Shells (CQUAD4, CTRIA3, CTRIAR): the parts that all shapes share, put together from a formulation of the strains.
+"""Shells (CQUAD4, CTRIA3, CTRIAR): the parts common to all shapes, assembled from a formulation of the strains.
 
-The stiffness is a list of products of rows, each with one coefficient; the rows come in chunks that fit a core's cache.
+The stiffness is a list of products of rows, each with one coefficient; the rows are computed in chunks that fit in a
+core's cache.
 """
 
 from __future__ import annotations
@@ -16,19 +17,19 @@ from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution, LowRank, joined
 from femtune.fem.elements.differential import Differential, of_surface
 from femtune.fem.elements.kind import QUADRILATERAL_PARTS, TRIANGLE_PARTS, ElementKind
-from femtune.fem.elements.placement import CHUNK
+from femtune.fem.elements.placement import ELEMENTS_PER_CHUNK
 from femtune.fem.elements.shells.checks import check_shells
 from femtune.fem.elements.shells.laws import ShellTerm, couples, stiffness_terms
 from femtune.fem.elements.shells.mass import ShellMass, lumped, shell_mass
 from femtune.fem.elements.shells.normals import shared_normals
 from femtune.fem.elements.shells.placement import PlacedShells, ShellPlane, mean_plane, shell_plane
 from femtune.fem.elements.shells.quad import ETA, GAUSS, QUAD, XI
-from femtune.fem.elements.shells.strains import ON_TIES, TIES, Rows, ShellFormulation, ShellStrains, nodal_rows
+from femtune.fem.elements.shells.strains import LETTERS_ON_TIES, TIES, Rows, ShellFormulation, ShellStrains, nodal_rows
 from femtune.fem.elements.shells.tri import TRI, TRI_ROTATION
 from femtune.fem.structure import ElementBatch, Structure
 
-# Nastran's scale of K6ROT
-DRILLING = 1e-6
+DRILLING_SCALE = 1e-6
+"""Factor of PARAM K6ROT in the drilling stiffness, as in Nastran: K6ROT = 100 gives 1e-4 G t."""
 
 
 def shell_quad(batch: ElementBatch, structure: Structure) -> list[Contribution]:
@@ -97,7 +98,7 @@ class FlatShells:
 
     @property
     def normals(self) -> Reals:
-        """Those of the mean planes."""
+        """Normals of the mean planes."""
         return np.broadcast_to(self.plane.axes[:, None, :, 2], (*self.plane.heights.shape, 3))
 
     @cached_property
@@ -127,9 +128,9 @@ def placed_pieces(
     terms: list[ShellTerm],
     mass: ShellMass,
     place: Callable[[slice], PlacedShells],
-    chunk: int = CHUNK,
+    chunk: int = ELEMENTS_PER_CHUNK,
 ) -> Iterator[list[Contribution]]:
-    """Stiffness by its terms and mass, `chunk` elements at a time, of shells that `place` puts where they are."""
+    """Stiffness by its terms and mass, `chunk` elements at a time, of shells that `place` puts in position."""
     for part in _chunks(len(batch), chunk):
         placed = place(part)
         yield [*_stiffness(batch, structure, terms, placed, part), *mass.contributions(placed, structure, part)]
@@ -144,43 +145,43 @@ def _stiffness(
 ) -> Iterator[Contribution]:
     rows = placed.rows(bool(batch.facts["offset_given"][part].any()), bool(couples(batch)[part].any()))
     for name in [name for name in rows if name.startswith("drill")]:
-        rows[name] = rows[name] * np.sqrt(DRILLING * structure.drilling)
+        rows[name] = rows[name] * np.sqrt(DRILLING_SCALE * structure.drilling)
     for term in terms:
         lo, hi = np.searchsorted(term.at, [part.start, part.stop])
         if lo < hi:
-            own = term.at[lo:hi] - part.start
+            some = term.at[lo:hi] - part.start
             facts = {name: fact[lo:hi] for name, fact in term.facts.items()}
             if term.direction:
-                facts |= dict(zip(("cos", "sin"), placed.direction(term.direction, own)))
+                facts |= dict(zip(("cos", "sin"), placed.direction(term.direction, some)))
             weights = None if term.weights is None else term.weights[lo:hi]
-            squares = _squares(rows, term, own, weights)
-            tied = TIES in rows and term.left[0][0] in ON_TIES
-            stored = LowRank(rows[TIES][own], squares) if tied else squares
+            squares = _squares(rows, term, some, weights)
+            tied = TIES in rows and term.left[0][0] in LETTERS_ON_TIES
+            stored = LowRank(rows[TIES][some], squares) if tied else squares
             yield Contribution(
                 "stiffness", term.label, term.at[lo:hi], stored, term.roles, term.coefficient, facts, term.loss
             )
 
 
-def _squares(rows: Rows, term: ShellTerm, own: NDArray[np.int64], weights: Reals | None) -> Reals:
+def _squares(rows: Rows, term: ShellTerm, some: NDArray[np.int64], weights: Reals | None) -> Reals:
     """LᵀL or LᵀR + RᵀL, times the weights, exactly symmetric."""
-    left = _together(rows, term.left, term.point, own)
-    # LᵀL is half of itself twice, so that both cases are one pass
-    right = _together(rows, term.right, term.point, own) if term.right else 0.5 * left
+    left = _together(rows, term.left, term.point, some)
+    # LᵀL is ½ (LᵀL + LᵀL), so that one expression serves both cases
+    right = _together(rows, term.right, term.point, some) if term.right else 0.5 * left
     if weights is not None:
         right = right * np.repeat(weights, right.shape[1] // 2, axis=1)[:, :, None]
     half = np.swapaxes(left, 1, 2) @ right
     return np.asarray(half + np.swapaxes(half, 1, 2))
 
 
-def _together(rows: Rows, names: tuple[str, ...], point: int | None, own: NDArray[np.int64]) -> Reals:
+def _together(rows: Rows, names: tuple[str, ...], point: int | None, some: NDArray[np.int64]) -> Reals:
     """Rows of several names one after the other, of some elements of the chunk."""
     places = slice(None) if point is None else slice(point, point + 1)
     whole = np.concatenate([rows[name][:, places] for name in names], axis=1)
-    return whole if len(own) == len(whole) else whole[own]
+    return whole if len(some) == len(whole) else whole[some]
 
 
 def flat_differential(batch: ElementBatch, structure: Structure, functions: Reals, weights: Reals) -> Differential:
-    """That of the membrane forces along the axes of the mean plane; `functions` and `weights` as of `of_surface`."""
+    """Differential stiffness of the membrane forces along the mean plane's axes; arguments as of `of_surface`."""
     axes, _, _ = mean_plane(structure.nodes.xyz[batch.nodes])
     return of_surface(batch, structure, functions[None], weights, axes)
 

@@ -1,4 +1,4 @@
-"""Which strain rows of a shell meet which coefficient: membrane M·t, bending B·t³·RI, both together C·t², shear S·t·TS.
+"""Strain rows of a shell and their coefficients: membrane M·t, bending B·t³·RI, both together C·t², shear S·t·TS.
 
 An offset z0 multiplies the membrane's terms by z0 and z0², and those of membrane and bending together by z0.
 
@@ -17,24 +17,27 @@ from numpy.typing import NDArray
 from femtune.arrays import Flags
 from femtune.fem.contribution import Coefficient, product
 from femtune.fem.elements.placement import nominal
-from femtune.fem.elements.shells.residual import SOFTENERS, VARYING, ResidualFlexibility, bends, softened_shear
+from femtune.fem.elements.shells.residual import MEAN_TO_VARYING, SOFTENERS, ResidualFlexibility, bends, softened_shear
 from femtune.fem.elements.shells.strains import OFFSET
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters.jet import Jet
 
 Names = tuple[str, ...]
 
-# determinant of a membrane law over the product of its diagonal, below which no stress can be uniaxial
-SINGULAR = 1e-9
+LEAST_DETERMINANT = 1e-9
+"""Determinant of a membrane law, relative to the product of its diagonal, up to which it is not inverted.
+
+Above it the uniaxial modulus keeps seven digits; laws of real materials are far above.
+"""
 
 
 @dataclass(frozen=True)
 class ShellTerm:
-    """A stiffness of some elements: LᵀL of the rows `left`, or LᵀR + RᵀL where there is a `right`.
+    """A stiffness of some elements: LᵀL of the rows `left`, or LᵀR + RᵀL if there is a `right`.
 
     `direction` is the number of the uniaxial row whose angle to the material's x axis enters the coefficient, else 0;
-    `point` is the only place of the rows that counts, None where all do. `weights` (m, 2) are factors of the first half
-    of the right rows and of the second, None where they are one.
+    `point` is the only integration point that is used, None for all. `weights` (m, 2) are factors of the first and of
+    the second half of the right rows, None if they are one.
     """
 
     label: str
@@ -52,7 +55,7 @@ class ShellTerm:
 
 @dataclass(frozen=True)
 class _Law:
-    """The entries of a law of a batch: letter of its roles and rows, further factors, and who has it."""
+    """The entries of a law of a batch: letter of its roles and rows, other factors, and the elements that have it."""
 
     law: str
     rows: str
@@ -86,7 +89,7 @@ def stiffness_terms(
     ]
     sheared = list(_shear_law(batch, structure, shear))
     if residual is not None:
-        soft, varying = bends(batch, structure), residual.times(1.0 / VARYING)
+        soft, varying = bends(batch, structure), residual.times(1.0 / MEAN_TO_VARYING)
         rest = [replace(_with_rows(t, "v"), label=f"varying-{t.label}") for t in sheared] if uniaxial else []
         sheared = [part for term in sheared for part in _softened(term, residual, soft, "n")]
         sheared += [part for term in rest for part in _softened(term, varying, soft, "w")]
@@ -95,7 +98,7 @@ def stiffness_terms(
 
 
 def _plane_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator[ShellTerm]:
-    """Entries 11 to 33; the two moduli of a law that has one are one term, and entries known to be zero are none."""
+    """Terms of the entries 11 to 33; equal moduli make one term, and entries known to be zero make none."""
     one, two, both = (f"{law.rows}{k}" for k in ("1", "2", "12"))
     alike = law.has & (batch.roles[f"{law.law}11"] == batch.roles[f"{law.law}22"])
     coupled = law.has & ~_shared_zero(batch, structure, f"{law.law}13", f"{law.law}23")
@@ -110,12 +113,12 @@ def _plane_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator
 
 
 def couples(batch: ElementBatch) -> Flags:
-    """(e,) True where membrane and bending have a common law."""
+    """(e,) True if membrane and bending are coupled by a law."""
     return np.asarray(batch.facts.get("has_coupling", np.zeros(len(batch), bool)))
 
 
 def _coupling_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator[ShellTerm]:
-    """Entries 11 to 33: strain i meets curvature j, and j meets i."""
+    """Terms of the entries 11 to 33: strain i with curvature j, and strain j with curvature i."""
     if not law.has.any():
         return
     alike = law.has & (batch.roles["C11"] == batch.roles["C22"])
@@ -139,11 +142,11 @@ def _shear_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator
 
 
 def _softened(term: ShellTerm, residual: ResidualFlexibility, soft: Flags, less: str) -> Iterator[ShellTerm]:
-    """A term of shear, with residual bending flexibility where there is bending.
+    """A term of shear, with residual bending flexibility if there is bending.
 
-    With φ1 and φ2 for the sizes of an element where it is wide and narrow, the law is φ1 S + (φ2 − φ1) (nᵀS n) n nᵀ:
-    S itself for φ1 = φ2 = 1, and positive definite for φ1 ≤ φ2. `less` is the letter of the rows in the direction n:
-    the narrow one for mean shear, the wide one for shear that varies, for that alternates across the narrow one.
+    With the factors φ1 and φ2 of an element in its wide and its narrow direction, the law is φ1 S + (φ2 − φ1) (nᵀS n) n
+    nᵀ: S itself for φ1 = φ2 = 1, and positive definite for φ1 ≤ φ2. `less` is the letter of the rows in the direction
+    n: the narrow one for mean shear, the wide one for varying shear, which alternates across the narrow direction.
     """
     yield replace(term, at=term.at[~soft[term.at]])
     roles = tuple(dict.fromkeys((*term.roles, *SOFTENERS)))
@@ -168,7 +171,7 @@ def _with_rows(term: ShellTerm, letter: str) -> ShellTerm:
 
 
 def _shared_zero(batch: ElementBatch, structure: Structure, a: str, b: str) -> Flags:
-    """True where two entries are one value and it is zero: the mark of a law without coupling to shear."""
+    """True if two entries are the same value and it is zero, as in a law without coupling to shear."""
     return np.asarray((batch.roles[a] == batch.roles[b]) & (nominal(batch, structure, a) == 0.0))
 
 
@@ -181,7 +184,7 @@ def _term(law: _Law, entry: str, has: Flags, left: Names, right: Names = ()) -> 
 def _uniaxial(
     batch: ElementBatch, structure: Structure, law: _Law, label: str, rows: str, count: int
 ) -> Iterator[ShellTerm]:
-    """Uniaxial rows with the modulus of their direction; with the full entry where a law cannot be inverted."""
+    """Uniaxial rows with the modulus of their direction, or with the full entry if a law cannot be inverted."""
     entries = tuple(f"{law.law}{entry}" for entry in ENTRIES)
     stiff, isotropic = nominal(batch, structure, entries[0]) != 0.0, _isotropic(batch, structure, law)
     regular, names = _invertible(batch, structure, entries), tuple(f"{rows}{i + 1}" for i in range(count))
@@ -200,7 +203,7 @@ ENTRIES = ("11", "12", "13", "22", "23", "33")
 
 
 def _isotropic(batch: ElementBatch, structure: Structure, law: _Law) -> Flags:
-    """True where the two moduli of a law are one value and it has no coupling to shear."""
+    """True if the two moduli of a law are the same value and it has no coupling to shear."""
     alike = batch.roles[f"{law.law}11"] == batch.roles[f"{law.law}22"]
     return np.asarray(alike & _shared_zero(batch, structure, f"{law.law}13", f"{law.law}23"))
 
@@ -222,7 +225,7 @@ def _times(factors: Names, modulus: Coefficient) -> Coefficient:
 def _invertible(batch: ElementBatch, structure: Structure, entries: Names) -> Flags:
     a, b, c, d, e, f = (nominal(batch, structure, name) for name in entries)
     determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
-    return np.asarray(determinant > SINGULAR * np.abs(a * d * f))
+    return np.asarray(determinant > LEAST_DETERMINANT * np.abs(a * d * f))
 
 
 def isotropic_modulus(a: str, b: str) -> Coefficient:
@@ -247,7 +250,7 @@ def directional_modulus(entries: Names) -> Coefficient:
 
 
 def constrained_modulus(entries: Names) -> Coefficient:
-    """The modulus for strain along (cos, sin) and none across, aᵀMa with a = (c², s², 2cs)."""
+    """The modulus for strain along (cos, sin) without transverse strain, aᵀMa with a = (c², s², 2cs)."""
 
     def modulus(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
         return _quadratic(tuple(values[name] for name in entries), facts, 2.0)
@@ -266,7 +269,7 @@ def _quadratic(entries: tuple[Jet, ...], facts: Mapping[str, NDArray], shear: fl
 
 
 def _offset_terms(term: ShellTerm, offset: Flags) -> list[ShellTerm]:
-    """The terms in z0 and z0² that go with a membrane term."""
+    """The terms in z0 and z0² that belong to a membrane term."""
     at = term.at[offset[term.at]]
     left, right = (tuple(name + OFFSET for name in names) for names in (term.left, term.right))
     crossed = (term.left, left) if not right else ((*term.left, *term.right), (*right, *left))
@@ -277,7 +280,7 @@ def _offset_terms(term: ShellTerm, offset: Flags) -> list[ShellTerm]:
 
 
 def _lifted_coupling(term: ShellTerm, offset: Flags) -> ShellTerm:
-    """The term in z0 that goes with one of membrane and bending together."""
+    """The term in z0 that belongs to a term of membrane-bending coupling."""
     left = tuple(name + OFFSET for name in term.left)
     return _times_offset(term, term.at[offset[term.at]], f"{term.label}-offset", (left, term.right), 1)
 

@@ -1,4 +1,4 @@
-"""Mass of shells: ρ·t and NSM, lumped or consistent, at the mid-surface where that is offset.
+"""Mass of shells: ρ·t and NSM, lumped or consistent, at the mid-surface, which may be offset.
 
 Translations only, as Nastran forms it. Lumped: each corner gets the row sum of the consistent mass. An offset z0 moves
 the mass along the normal n: u + z0 θ × n, so that the terms are 1, z0 and z0², and their sum is positive semidefinite.
@@ -22,7 +22,7 @@ from femtune.fem.structure import ElementBatch, Structure
 
 @dataclass(frozen=True)
 class _Inertia:
-    """A mass an area, times a power of the arm: `point` is the only place that counts, None where all do."""
+    """A mass per area, times a power of the arm; `point` is the only integration point that is used, None for all."""
 
     label: str
     roles: tuple[str, ...]
@@ -39,8 +39,8 @@ class ShellMass:
     Parameters
     ----------
     offset : (e,) True for elements whose mass is offset
-    arm : the value that tells how far
-    uneven : which elements have a thickness that varies, None where none may
+    arm : name of the value of the offset
+    uneven : elements of varying thickness, None if the shape does not permit it
     """
 
     offset: NDArray[np.bool_]
@@ -50,59 +50,59 @@ class ShellMass:
     @cached_property
     def _terms(self) -> list[_Inertia]:
         """ρ·t and NSM, times 1, z0 and z0²."""
-        found = []
+        terms = []
         for power, tail in enumerate(("", "-offset", "-offset²")):
             arms, has = (self.arm,) * power, self.offset if power else np.ones_like(self.offset)
-            found += [
+            terms += [
                 _Inertia(label + tail, tuple(dict.fromkeys(f + arms)), product(*f, *arms), has, power)
                 for label, f in (("mass", ("rho", "t")), ("added-mass", ("NSM",)))
             ]
-        return [part for term in found for part in self._by_points(term)]
+        return [part for term in terms for part in self._by_points(term)]
 
     def _by_points(self, term: _Inertia) -> list[_Inertia]:
         uneven = self.uneven
         if uneven is None or not uneven.has.any() or "t" not in term.roles:
             return [term]
-        roles, own = uneven.roles_for(term.roles), term.has & uneven.has
+        roles, has = uneven.roles_for(term.roles), term.has & uneven.has
         points = [
-            _Inertia(f"{term.label}@{k + 1}", roles, uneven.at(k, term.coefficient), own, term.power, k)
+            _Inertia(f"{term.label}@{k + 1}", roles, uneven.at(k, term.coefficient), has, term.power, k)
             for k in range(len(uneven.weights))
         ]
         return [replace(term, has=term.has & ~uneven.has), *points]
 
     def contributions(self, placed: PlacedShells, structure: Structure, part: slice) -> Iterator[Contribution]:
-        """Those of a part of the batch."""
+        """Contributions of a part of the batch."""
         known: dict[tuple[int | None, int, int], Reals] = {}
         for term in self._terms:
-            own = np.flatnonzero(term.has[part])
+            elements = np.flatnonzero(term.has[part])
             # masses of one power and the same elements share matrices
-            key = (term.point, term.power, len(own))
-            if len(own) and key not in known:
+            key = (term.point, term.power, len(elements))
+            if len(elements) and key not in known:
                 shares = placed.shares(structure.consistent_mass, term.point) * structure.mass_factor
-                known[key] = _powers[term.power](placed.frames[own], placed.normals[own], shares[own])
-            if len(own):
-                yield Contribution("mass", term.label, own + part.start, known[key], term.roles, term.coefficient)
+                known[key] = _powers[term.power](placed.frames[elements], placed.normals[elements], shares[elements])
+            if len(elements):
+                yield Contribution("mass", term.label, elements + part.start, known[key], term.roles, term.coefficient)
 
 
 def shell_mass(batch: ElementBatch, uneven: UnevenThickness | None = None) -> ShellMass:
-    """Mass of a batch; where it is offset otherwise than the stiffness, it has a value of its own."""
+    """Mass of a batch; if its offset differs from that of the stiffness, the mass has a separate value."""
     return ShellMass(batch.facts["offset_given"], "zm" if "zm" in batch.roles else "z0", uneven)
 
 
 def plain_mass(frames: Reals, normals: Reals, shares: Reals) -> Reals:
-    """(m, 6n, 6n) for a unit mass an area, from its `shares` (m, n, n) and the frames (m, n, 3, 3) of displacements."""
+    """(m, 6n, 6n) for a unit mass per area, from `shares` (m, n, n) and the frames (m, n, 3, 3) of displacements."""
     still = _still(frames)
     return np.asarray(_between(still, still) * _spread(shares))
 
 
 def first_moment(frames: Reals, normals: Reals, shares: Reals) -> Reals:
-    """What goes with z0."""
+    """Mass matrix that is multiplied by z0."""
     first = _between(_still(frames), offset_arms(normals, frames))
     return np.asarray((first + np.swapaxes(first, 1, 2)) * _spread(shares))
 
 
 def second_moment(frames: Reals, normals: Reals, shares: Reals) -> Reals:
-    """What goes with z0²."""
+    """Mass matrix that is multiplied by z0²."""
     lifted = offset_arms(normals, frames)
     return np.asarray(_between(lifted, lifted) * _spread(shares))
 

@@ -1,10 +1,10 @@
 """Normals that neighbouring shells share at a grid point.
 
-A grid point has no stiffness of its own about the normal. Facets that meet at a small angle, each with its own normal,
-would hand the part of a twisting moment across the fold to that missing stiffness: a fine mesh of a curved shell would
-come out too soft, and the finer the softer. So all corners of shells at a grid point whose normals differ by less than
+A grid point has almost no stiffness about the normal. If facets that meet at a small angle had separate normals, a part
+of a twisting moment across the fold would act on that missing stiffness: the mesh of a curved shell would be too soft,
+and the finer the softer. So all corners of shells at a grid point whose normals differ by less than
 FOLD use one mean normal (Nastran: PARAM SNORM, 20 degrees from the mean, which for two facets is the same). Corners
-that meet at larger angles, as in a box, keep their own.
+that meet at larger angles, as in a box, keep separate normals.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def shared_normals(batch: ElementBatch, structure: Structure) -> Reals:
 
 
 def _of_batch(batch: ElementBatch, structure: Structure) -> tuple[Reals, NDArray[np.int64]]:
-    """Normals (c, 3), as long as the corner's angle, and the grid points they stand on."""
+    """Normals (c, 3), with the corner's angle as their length, and their grid points."""
     given = batch.nodes >= 0
     xyz = np.where(given[:, :, None], structure.nodes.xyz[batch.nodes], 0.0)
     surface = KINDS[batch.kind].surface
@@ -42,7 +42,7 @@ def _of_batch(batch: ElementBatch, structure: Structure) -> tuple[Reals, NDArray
 
 
 def corner_normals(xyz: Reals) -> Reals:
-    """(e, n, 3) normals of the bilinear or flat surface at its corners, as long as the corner's angle in radians."""
+    """(e, n, 3) normals of the bilinear or flat surface at its corners; their length is the corner's angle in rad."""
     ahead, back = np.roll(xyz, -1, axis=1) - xyz, np.roll(xyz, 1, axis=1) - xyz
     cross = np.cross(ahead, back)
     size = np.linalg.norm(cross, axis=2)
@@ -53,7 +53,7 @@ def corner_normals(xyz: Reals) -> Reals:
 def smoothed(normals: Reals, nodes: NDArray[np.int64], fold: float) -> Reals:
     """(c, 3) unit normals: of each corner, the sum over those at its grid point that differ by less than `fold`.
 
-    Elements whose corners run the other way around count with their normal turned over.
+    The normals of elements with the opposite sense of numbering are reversed.
     """
     one, other = _pairs(nodes)
     size = np.linalg.norm(normals, axis=1)
@@ -67,7 +67,7 @@ def smoothed(normals: Reals, nodes: NDArray[np.int64], fold: float) -> Reals:
 
 
 def _pairs(nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """All ordered pairs of corners at one grid point, each corner with itself too."""
+    """All ordered pairs of corners at one grid point, including each corner with itself."""
     order = np.argsort(nodes, kind="stable")
     _, start, count = np.unique(nodes[order], return_index=True, return_counts=True)
     each = np.repeat(count, count)
@@ -78,7 +78,7 @@ def _pairs(nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int6
 
 
 def _curved_normals(shape: CurvedShape, xyz: Reals, given: NDArray[np.bool_]) -> Reals:
-    """Of the quadratic surface at its nodes, as long as the angle between the sides there."""
+    """Normals of the quadratic surface at its nodes, with the angle between the sides as their length."""
     sides = CurvedNodes(shape, xyz, np.zeros_like(xyz), ~given).sides()
     cross = np.cross(sides[:, :, 0], sides[:, :, 1])
     size = np.linalg.norm(cross, axis=2)
@@ -87,11 +87,11 @@ def _curved_normals(shape: CurvedShape, xyz: Reals, given: NDArray[np.bool_]) ->
 
 
 # ----------------------------------------------------------------------------------------------------
-# Areas of shells and shear panels, for mass that is spread over them.
+# Areas of shells and shear panels, for distributed mass.
 
 
 def areas(nodes: NodeTable, batch: ElementBatch) -> Reals:
-    """(e,) areas: of a curved surface its own, of a warped quadrilateral that in its mean plane."""
+    """(e,) areas of curved surfaces, and of warped quadrilaterals projected on the mean plane."""
     missing = batch.nodes < 0
     xyz = np.where(missing[:, :, None], 0.0, nodes.xyz[batch.nodes])
     shape = KINDS[batch.kind].surface

@@ -1,6 +1,6 @@
-"""Where a shell sits: its mean plane, the corners projected on it, their heights, and the material's axes.
+"""Position of a shell: its mean plane, the corners projected on it, their heights, and the material's axes.
 
-Nothing here depends on the number of nodes; what a warped shape makes of the heights is for its formulation to say.
+Nothing here depends on the number of nodes; the formulation decides how it treats the heights of a warped shape.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from femtune.fem.structure import ElementBatch, Structure
 
 
 class PlacedShells(Protocol):
-    """m shells with n nodes: what their stiffness and mass are made of.
+    """m shells with n nodes: the input of their stiffness and mass.
 
-    `frames` (m, n, 3, 3) are the displacement frames of the nodes, `normals` (m, n, 3) the basic directions in which an
-    offset moves what stands on them.
+    `frames` (m, n, 3, 3) are the displacement frames of the nodes, `normals` (m, n, 3) the basic directions of
+    offsets.
     """
 
     @property
@@ -30,10 +30,10 @@ class PlacedShells(Protocol):
     def normals(self) -> Reals: ...
 
     def rows(self, offsets: bool, coupling: bool) -> dict[str, Reals]:
-        """Strain rows (m, r, 6n) by name on the nodes' displacements, each times the root of its weight."""
+        """Strain rows (m, r, 6n) by name on the nodes' displacements, each times the square root of its weight."""
 
     def shares(self, consistent: bool, point: int | None = None) -> Reals:
-        """(m, n, n) integrals of products of the shape functions over the area, or lumped ones; of a point alone."""
+        """(m, n, n) integrals of products of the shape functions over the area, or lumped ones; or of one point."""
 
     def direction(self, number: int, own: NDArray[np.int64]) -> tuple[Reals, Reals]:
         """Cosine and sine of the angle from the material's x axis to a uniaxial row, of some of the shells."""
@@ -49,7 +49,7 @@ class ShellPlane:
     corners : (m, n, 2) x and y of the corners, from the mean of the grid points
     heights : (m, n) distances of the grid points above the plane, along z; zero on a flat element
     normals : (m, n, 3) unit normals on the axes that the element shares with its neighbours at each corner
-    carry : (m, n, 6, 6) from a grid point's displacements, in its own frame, to (u, v, w, θx, θy, θz) on the axes
+    carry : (m, n, 6, 6) from a grid point's displacements, in its frame, to (u, v, w, θx, θy, θz) on the axes
     frames : (m, n, 3, 3) displacement frames of the grid points
     material : (m, 2) cosine and sine of the angle from x to the material's x axis, about z
     """
@@ -69,7 +69,7 @@ class ShellPlane:
 def shell_plane(batch: ElementBatch, structure: Structure, normals: Reals, part: slice) -> ShellPlane:
     """Mean planes of a part of a batch; shapes must have passed ``check_shells``.
 
-    `normals` (e, n, 3) are the shared ones of the whole batch, in the basic frame.
+    `normals` (e, n, 3) are the shared normals of the whole batch, in the basic frame.
     """
     at = batch.nodes[part]
     xyz, frames = structure.nodes.xyz[at], structure.nodes.frames[at]
@@ -100,7 +100,7 @@ def shell_normal(xyz: Reals) -> Reals:
 
 
 def material_axis(axes: Reals, theta: Reals, direction: Reals) -> Reals:
-    """(m, 2) cosine and sine of the material's angle: `theta` from side 1-2, or a `direction` that is projected."""
+    """(m, 2) cosine and sine of the material's angle: `theta` from side 1-2, or the projection of a `direction`."""
     out = np.stack([np.cos(theta), np.sin(theta)], axis=1)
     given = direction.any(axis=1)
     flat = np.einsum("mi,mij->mj", direction[given], axes[given])[:, :2]
@@ -109,7 +109,7 @@ def material_axis(axes: Reals, theta: Reals, direction: Reals) -> Reals:
 
 
 def offset_arms(normals: Reals, frames: Reals) -> Reals:
-    """(m, n, 3, 6) basic displacements, for a unit offset along each node's normal (m, n, 3), from the node's own."""
+    """(m, n, 3, 6) from a node's displacements to the basic ones that a unit offset along its normal (m, n, 3) adds."""
     m, n, _ = normals.shape
     basic = np.broadcast_to(np.eye(3), (m * n, 3, 3))
     lifted = arm_transform(basic, normals.reshape(-1, 3), frames.reshape(-1, 3, 3))[:, :3]

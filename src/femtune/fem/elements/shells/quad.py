@@ -117,11 +117,11 @@ TIES: tuple[tuple[Point, Point], ...] = (((0.0, -1.0), (0.0, 1.0)), ((-1.0, 0.0)
 
 
 # ----------------------------------------------------------------------------------------------------
-# Bending of a quadrilateral: mean curvatures, and two modes of curvature that varies and meets uniaxial stress.
+# Bending of a quadrilateral: mean curvatures, and two modes of varying curvature with uniaxial stress.
 #
-# As in the membrane: the mean curvature of bilinear rotations meets the whole law and passes the patch test on any
-# shape. What it leaves of the rotations alternates from corner to corner; the curvature that this causes along a side's
-# direction varies linearly across. Meeting the whole law it would lock where stresses across are strongly coupled.
+# As in the membrane, the mean curvature of bilinear rotations has the whole law and passes the patch test on any shape.
+# The rest of the rotations alternates from corner to corner; the curvature that it causes along a side's direction
+# varies linearly across. With the whole law it would lock where transverse stresses are strongly coupled.
 #
 # The surface x and its normal n are bilinear, n from the normals that neighbours share at the corners: with d = θ × n,
 # the curvature is ½(x,α·d,β + x,β·d,α + u,α·n,β + u,β·n,α) and the shear x,α·d + u,α·n, which both vanish in rigid
@@ -141,8 +141,9 @@ def bending_rows(shape: QuadShape) -> Reals:
 def varying_bending_rows(shape: QuadShape, mean: Reals) -> Reals:
     """(m, 2, 4, 6) curvatures along ĝ1 and ĝ2 that vary across, from the rows of the `mean` curvatures.
 
-    Of the curvature along a side as it varies from one side to the opposite one, what the mean curvature makes by the
-    change of the side is no part: that leaves η ĝ1·q/|g1|, as in the membrane. The mean squares of ξ and η are a third.
+    From the curvature along a side, which varies from one side to the opposite one, the contribution of the mean
+    curvature through the change of the side is subtracted: η ĝ1·q/|g1| remains, as in the membrane. The mean squares of
+    ξ and η are a third.
     """
     xx, yy, xy = np.moveaxis(mean[:, 0] / np.sqrt(shape.area)[:, None, None, None], 1, 0)
     change = 0.25 * HOURGLASS @ shape.flat
@@ -183,21 +184,21 @@ def _cartesian(turn: Reals, tensor: Reals) -> Reals:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Transverse shear of a quadrilateral, tied at the middles of the sides, its mean with residual bending flexibility.
+# Transverse shear of a quadrilateral, tied at the middles of the sides, with residual bending flexibility.
 #
 # Source: Dvorkin and Bathe (above; MITC4); Bathe and Dvorkin, Int. J. Numer. Meth. Engng 21 (1985) 367-383. The
 # covariant shear along ξ is taken at the middles of the sides η = ±1 and varies linearly between, that along η at the
 # middles of ξ = ±1; both are integrated at 2 × 2 points with the exact area.
 #
-# Of a rectangle a × b the bending that bilinear rotations cannot show is a²/12D and b²/12D of flexibility for the mean
-# shear along a and b (MacNeal, Computers and Structures 8 (1978) 175-183). Those of any quadrilateral are the principal
-# values of G/12D, G = 4 (g1 g1ᵀ + g2 g2ᵀ), whose principal axes are the directions in which it is wide and narrow.
+# For a rectangle a × b the bending that bilinear rotations cannot represent has the flexibilities a²/12D and b²/12D for
+# mean shear along a and b (MacNeal, Computers and Structures 8 (1978) 175-183). For any quadrilateral they are the
+# principal values of G/12D, G = 4 (g1 g1ᵀ + g2 g2ᵀ), whose principal axes are its wide and its narrow direction.
 
 
 def tied_shear(shape: QuadShape) -> TiedShear:
-    """The covariant shears at the middles of the four sides, and what the mean and the rest of the shear are of them.
+    """The covariant shears at the middles of the four sides, and from them the mean and the rest of the shear.
 
-    The mean is times the root of the area, the rest at 2 × 2 points times the root of their weights.
+    The mean is multiplied by the square root of the area, the rest at 2 × 2 points by the square roots of the weights.
     """
     ties = [_covariant_shear(shape, point, i) for i, pair in enumerate(TIES) for point in pair]
     every = np.empty((len(shape.area), 4, 2, 4))
@@ -221,14 +222,14 @@ def _covariant_shear(shape: QuadShape, point: Point, i: int) -> Reals:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Membrane of a quadrilateral: mean strains, and two bending modes in the plane that meet uniaxial stress.
+# Membrane of a quadrilateral: mean strains, and two in-plane bending modes with uniaxial stress.
 #
-# The mean of the bilinear element's strains passes the patch test on any shape. What they leave of the displacements
-# is the hourglass q ξη; the strain that it causes along a side's direction varies linearly across and meets uniaxial
-# stress. For a parallelogram that is the hybrid element of Pian and Sumihara (Int. J. Numer. Meth. Engng 20, 1984,
+# The mean of the bilinear element's strains passes the patch test on any shape. The rest of the displacements is the
+# hourglass q ξη; the strain that it causes along a side's direction varies linearly across and has uniaxial stress. For
+# a parallelogram this is the hybrid element of Pian and Sumihara (Int. J. Numer. Meth. Engng 20, 1984,
 # 1685-1695) exactly; the split into mean strains and stabilised hourglasses is that of Belytschko and Bachrach
-# (Comput. Methods Appl. Mech. Engrg 54, 1986, 279-301). The heights h (1, −1, 1, −1) of a warped element make an
-# hourglass of a rigid turn, −h ∇w, which is taken off; the mean strains do not see it.
+# (Comput. Methods Appl. Mech. Engrg 54, 1986, 279-301). The heights h (1, −1, 1, −1) of a warped element turn a
+# rigid rotation into an hourglass, −h ∇w, which is subtracted; it does not affect the mean strains.
 
 
 def hourglass(shape: QuadShape) -> Reals:

@@ -1,6 +1,7 @@
 """Strains of a flat shell as rows on its corners' displacements, and the same rows on the grid points.
 
-A formulation gives rows, each multiplied by the root of its integration weight, so that energies are sums of squares.
+A formulation gives rows, each multiplied by the square root of its integration weight, so that energies are sums of
+squares.
 """
 
 from __future__ import annotations
@@ -16,18 +17,26 @@ from femtune.fem.elements.shells.residual import ResidualFlexibility
 
 Rows = dict[str, Reals]
 
-IN_PLANE, OUT_OF_PLANE, ABOUT_NORMAL = (0, 1), (2, 3, 4), (0, 1, 5)
+# of the components u, v, w, θx, θy, θz
+IN_PLANE = (0, 1)
+OUT_OF_PLANE = (2, 3, 4)
+ABOUT_NORMAL = (0, 1, 5)
 
 OFFSET = "+"
-"""Ends the name of a row that gives the strain for a unit offset of the mid-surface."""
+"""Suffix of the names of rows of the strain due to a unit offset of the mid-surface."""
 
-TIES, ON_TIES = "ties", frozenset("svnw")
-"""Name of the rows of the shears at the ties, and first letters of the rows on these."""
+TIES = "ties"
+"""Name of the rows of the shears at the ties."""
+LETTERS_ON_TIES = frozenset({"s", "v", "n", "w"})
+"""First letters of the rows that are combinations of the shears at the ties, see `nodal_rows`.
+
+They are the mean shear (s), the varying rest (v), and their parts in the narrow (n) and in the wide direction (w).
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class UniaxialStrains:
-    """q strains that vary across the shell and meet uniaxial stress, each along a direction.
+    """q strains that vary across the shell and have uniaxial stress, each along a direction.
 
     Parameters
     ----------
@@ -48,9 +57,9 @@ class TiedShear:
     Parameters
     ----------
     ties : (m, k, n, 6) rows of the shears at the ties
-    mean : (m, 1, 2, k) the mean shear, as combinations of them
-    varying : (m, r, 2, k) the shear less its mean
-    narrow : (m, 2) unit direction in which the shell is narrow, for the residual flexibility of the mean
+    mean : (m, 1, 2, k) the mean shear, as combinations of the ties
+    varying : (m, r, 2, k) the shear minus its mean
+    narrow : (m, 2) unit vector of the narrow direction, for the residual flexibility of the mean
     """
 
     ties: Reals
@@ -63,16 +72,16 @@ class TiedShear:
 class ShellStrains:
     """Strain rows of m shells with n corners, on (u, v, w, θx, θy, θz) of each along the axes of the mean plane.
 
-    Weights are within; the number of places r may differ from one to the other, but membrane and bending have the same.
-    ``placed`` makes six components.
+    Weights are included; the number of points r may differ, but is the same for membrane and bending. ``placed``
+    extends rows to six components.
 
     Parameters
     ----------
     membrane : (m, r, 3, n, 6) strains xx, yy and engineering xy
-    uniaxial : strains and curvatures that meet uniaxial stress; None where there are none
-    drilling : (m, r, n, 6) turn about the normal less the membrane's own rotation
+    uniaxial : strains and curvatures with uniaxial stress, or None
+    drilling : (m, r, n, 6) rotation about the normal relative to that of the membrane
     bending : (m, r, 3, n, 6) curvatures θy,x, −θx,y and θy,y − θx,x
-    shear : (m, r, 2, n, 6) transverse shear w,x + θy and w,y − θx; or as combinations of shears at ties
+    shear : (m, r, 2, n, 6) transverse shear w,x + θy and w,y − θx; or combinations of the shears at ties
     """
 
     membrane: Reals
@@ -84,7 +93,7 @@ class ShellStrains:
 
 @dataclass(frozen=True)
 class ShellFormulation:
-    """What a shape of shell adds to the parts that all shells share.
+    """The parts of a shell that depend on its shape.
 
     Parameters
     ----------
@@ -104,10 +113,10 @@ def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool, coupling
     """Rows (m, r, 6n) by name on the grid points' displacements, strains along the material's axes.
 
     ``m1 m2 m12`` membrane, ``b1 b2 b12`` bending, ``a1 …`` and ``k1 …`` their uniaxial strains, ``drill``, ``s1 s2``
-    shear. Where the shear is tied, ``ties`` are the shears at the ties, and rows (m, r, k) on these are ``s1 s2`` the
+    shear. If the shear is tied, ``ties`` are the shears at the ties, and the rows (m, r, k) on these are ``s1 s2`` the
     mean, ``v1 v2`` the rest, ``n1 n2`` the part of the mean in the narrow direction, ``w1 w2`` that of the rest in the
-    wide direction. With `offsets` also those of the membrane that a unit offset adds, with `coupling` also
-    ``c1 c2 c12``, the curvatures that meet the membrane. The twelfth of t³/12 is within the rows of bending.
+    wide direction. With `offsets` also those that a unit offset adds to the membrane, with `coupling` also
+    ``c1 c2 c12``, the curvatures coupled to the membrane. The factor 1/12 of t³/12 is included in the rows of bending.
     """
     c, s = plane.material[:, 0], plane.material[:, 1]
     in_plane = _named("m", _turn_strain(strains.membrane, c, s))
@@ -162,7 +171,7 @@ def _tied(shear: TiedShear, c: Reals, s: Reals) -> Rows:
 
 
 def _by_turn(rows: Reals) -> Reals:
-    """What a unit offset adds: it moves u by θy and v by −θx."""
+    """Contribution of a unit offset, which moves u by θy and v by −θx."""
     return placed(np.stack([-rows[..., 1], rows[..., 0]], axis=-1), (3, 4))
 
 

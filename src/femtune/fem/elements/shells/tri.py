@@ -13,7 +13,7 @@ from femtune.fem.elements.shells.residual import ResidualFlexibility, of_one_siz
 from femtune.fem.elements.shells.strains import ABOUT_NORMAL, IN_PLANE, ShellFormulation, ShellStrains, placed
 
 # ----------------------------------------------------------------------------------------------------
-# Membrane of a flat triangle: constant strains, and the turn about the normal; its geometry and its mass.
+# Membrane of a flat triangle: constant strains and the rotation about the normal; geometry and mass.
 
 
 MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
@@ -64,8 +64,8 @@ def membrane_rows(corners: Reals) -> Reals:
 def bending_rows(corners: Reals, normals: Reals) -> Reals:
     """(m, 1, 3, 3, 6) curvatures, times the root of the area.
 
-    With b = θ × n: xx is b_x,x + u,x·n,x and xy is b_x,y + b_y,x + u,x·n,y + u,y·n,x. All of it is constant, and a
-    rigid motion has none.
+    With b = θ × n: xx is b_x,x + u,x·n,x and xy is b_x,y + b_y,x + u,x·n,y + u,y·n,x. All curvatures are constant, and
+    zero in rigid motion.
     """
     bx, by = np.moveaxis(tri_gradient(corners)[..., None], 1, 0)
     turn_x, turn_y = np.moveaxis(director_moves(normals)[:, :, :2], 2, 0)
@@ -98,7 +98,7 @@ def shear_rows(corners: Reals, normals: Reals) -> Reals:
 
 
 def side_shears(corners: Reals, normals: Reals) -> Reals:
-    """(m, 3, 3, 6) integrals of the shear along the sides 12, 23 and 31: means of b along, and of n on the stretch."""
+    """(m, 3, 3, 6) integrals of the shear along the sides 12, 23 and 31, from the means of b and n on each side."""
     out, moves = np.zeros((len(corners), 3, 3, 6)), director_moves(normals)[:, :, :2]
     for k, (i, j) in enumerate(((0, 1), (1, 2), (2, 0))):
         side = corners[:, j] - corners[:, i]
@@ -109,9 +109,11 @@ def side_shears(corners: Reals, normals: Reals) -> Reals:
     return out
 
 
-# h²/15D of shear flexibility stands for the bending that linear rotations cannot show; MacNeal's beam has h²/12D.
-# Chosen by measurement: docs/theory/shell-triangles.md
-RESIDUAL = 12.0 / 15.0
+RESIDUAL_FLEXIBILITY = 12.0 / 15.0
+"""Residual bending flexibility h²/15D of a triangle, relative to that of MacNeal's beam, h²/12D.
+
+It represents the bending that linear rotations cannot. Chosen by measurement: docs/theory/shell-triangles.md
+"""
 
 
 def tri_strains(plane: ShellPlane) -> ShellStrains:
@@ -129,13 +131,13 @@ def tri_strains(plane: ShellPlane) -> ShellStrains:
 def tri_residual(xyz: Reals) -> ResidualFlexibility:
     """12h²/15 of triangles with corners `xyz` (e, 3, 3); h² is the mean of the squared sides, in classes.
 
-    The classes are the largest h² divided by powers of √2, so that triangles of one size share one coefficient; their
-    limits are where no h² of a regular refinement falls.
+    The classes are the largest h² divided by powers of √2, so that triangles of one size share one coefficient. No h²
+    of a regular refinement is near the limit of a class.
     """
     squares = mean_square_side(xyz)
     largest = squares.max(initial=0.0)
     steps = np.floor(2.0 * np.log2(largest / squares) + 0.37)
-    return of_one_size(RESIDUAL * largest * 2.0 ** (-0.5 * steps))
+    return of_one_size(RESIDUAL_FLEXIBILITY * largest * 2.0 ** (-0.5 * steps))
 
 
 TRI = ShellFormulation(0, tri_strains, tri_shares, tri_residual)
@@ -144,11 +146,15 @@ TRI = ShellFormulation(0, tri_strains, tri_shares, tri_residual)
 # ----------------------------------------------------------------------------------------------------
 # Membrane with rotations about the normal (CTRIAR): Allman, Computers and Structures 19 (1984) 1-8.
 #
-# A side bends as a beam between the rotations of its corners: its middle leaves the chord by l(θi − θj)/8. Equal
-# rotations of all corners strain nothing; a spring of a ten-thousandth of G t holds them, that of K6ROT = 100 before.
+# A side bends as a beam between the rotations of its corners: its middle is l(θi − θj)/8 away from the chord. Equal
+# rotations of all corners cause no strain; a weak spring resists them.
 
 
-SLACK = 1e-4
+EQUAL_ROTATION_STIFFNESS = 1e-4
+"""Stiffness against equal rotations of all corners, relative to G t: the drilling stiffness of K6ROT = 100.
+
+Small enough to leave the membrane unaffected, large enough to keep the stiffness matrix well conditioned.
+"""
 
 
 def rotation_rows(corners: Reals) -> Reals:
@@ -176,7 +182,7 @@ def tri_rotation_strains(plane: ShellPlane) -> ShellStrains:
     """Strain rows of flat triangles whose rotations about the normal belong to the membrane."""
     flat = tri_strains(plane)
     held = np.zeros((len(plane.corners), 3, 3, 3, 6))
-    held[:, :, 2] = np.sqrt(SLACK) * flat.drilling
+    held[:, :, 2] = np.sqrt(EQUAL_ROTATION_STIFFNESS) * flat.drilling
     membrane = np.concatenate([placed(rotation_rows(plane.corners), ABOUT_NORMAL), held], axis=1)
     bending = np.zeros_like(membrane)
     bending[:, :3] = flat.bending / ROOT_3

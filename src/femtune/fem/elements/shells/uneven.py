@@ -1,7 +1,7 @@
-"""Shells whose thickness varies between their corners: every point of the rule has its own.
+"""Shells whose thickness varies between their corners, with one thickness per integration point.
 
-The thickness at a point is Σ wᵢ tᵢ, so that what goes with t³ is a cubic form of the corners' values, exact like the
-rest; the price is a term for each point.
+The thickness at a point is Σ wᵢ tᵢ, so that t³ is a cubic form of the corners' values and remains exact; the price is
+a term for each point.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from femtune.parameters.jet import Jet
 
 @dataclass(frozen=True, eq=False)
 class UnevenThickness:
-    """Which elements of a batch have it.
+    """The elements of a batch with varying thickness.
 
     Parameters
     ----------
-    has : (e,) True for these
+    has : (e,) True for elements with varying thickness
     weights : (p, c) shares of the corners' thicknesses at each point
     """
 
@@ -38,7 +38,7 @@ class UnevenThickness:
         return tuple(f"t{i + 1}" for i in range(self.weights.shape[1]))
 
     def terms(self, terms: list[ShellTerm]) -> list[ShellTerm]:
-        """The terms of even elements, and those of the others point by point."""
+        """The terms of elements of constant thickness, and those of the others point by point."""
         if not self.has.any():
             return terms
         return [part for term in terms for part in self._parts(term) if len(part.at)]
@@ -51,11 +51,11 @@ class UnevenThickness:
             yield replace(term, label=label, at=at, roles=roles, coefficient=self.at(k, term.coefficient), point=k)
 
     def roles_for(self, roles: tuple[str, ...]) -> tuple[str, ...]:
-        """Names of the values that a coefficient needs, the corners' thicknesses for the element's."""
+        """Names of the values that a coefficient needs, with the corners' thicknesses in place of the element's."""
         return (*(name for name in roles if name != "t"), *self.roles)
 
     def at(self, point: int, coefficient: Coefficient) -> Coefficient:
-        """A coefficient with the thickness of a point."""
+        """A coefficient evaluated with the thickness at a point."""
         shares = dict(zip(self.roles, self.weights[point]))
 
         def own(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
@@ -69,5 +69,5 @@ class UnevenThickness:
 
 
 def uneven_thickness(batch: ElementBatch, weights: Reals) -> UnevenThickness:
-    """Which elements of a batch have a thickness that varies; `weights` as of ``UnevenThickness``."""
+    """The elements of a batch with varying thickness; `weights` as in ``UnevenThickness``."""
     return UnevenThickness(batch.facts.get("uneven", np.zeros(len(batch), bool)), weights)

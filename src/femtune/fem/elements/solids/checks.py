@@ -1,4 +1,4 @@
-"""Refusals of solids that have no proper shape."""
+"""Checks of the shape of solids."""
 
 from __future__ import annotations
 
@@ -13,32 +13,33 @@ from femtune.fem.elements.placement import element_error
 from femtune.fem.elements.solids.strains import SolidFormulation, grid_points
 from femtune.fem.structure import ElementBatch, Structure
 
-# two grid points nearer than this part of the element's size are at one place
-COLLAPSED = 1e-9
-# volume of the box that the sides span, over the product of their lengths, below which they lie in a plane
-FLAT = 1e-6
-# elements that are shown for each kind of error
-SHOWN = 10
-# elements that are looked at together
-PART = 4096
+# Limits below which a solid has no defined geometry: about the rounding of coordinates with seven to nine digits
+COINCIDENT_NODES = 1e-9
+"""Distance of two grid points, relative to the element's size, up to which they coincide."""
+LEAST_CORNER_VOLUME = 1e-6
+"""Volume spanned by the sides at a corner, relative to the product of their lengths, up to which they are coplanar."""
+MOST_SHOWN = 10
+"""Number of elements that are shown for each kind of error; a mesh with more has one cause for many."""
+ELEMENTS_PER_CHECK = 4096
+"""Elements that are checked together: some ten MB of Jacobians and of distances between nodes."""
 
 
 def check_solids(batch: ElementBatch, structure: Structure, formulation: SolidFormulation) -> None:
-    """Refuse what no solid can be made of.
+    """Refuse solids without a valid shape.
 
     Raises
     ------
-    FemtuneError : ``element.solid-shape`` (two grid points at one place, no volume, corners in the wrong order or
+    FemtuneError : ``element.solid-shape`` (coincident grid points, no volume, corners in the wrong order or
         inverted); several are shown together
     """
     collector, shown = ErrorCollector(), 0
-    for start in range(0, len(batch), PART):
-        part = slice(start, start + PART)
+    for start in range(0, len(batch), ELEMENTS_PER_CHECK):
+        part = slice(start, start + ELEMENTS_PER_CHECK)
         xyz = grid_points(batch, structure, part)
         sines = corner_volumes(formulation.jacobians(xyz))
         gaps = nearest_pairs(xyz)
-        for i in np.flatnonzero((sines <= FLAT).any(axis=1) | (gaps[0] <= COLLAPSED)):
-            if shown == SHOWN:
+        for i in np.flatnonzero((sines <= LEAST_CORNER_VOLUME).any(axis=1) | (gaps[0] <= COINCIDENT_NODES)):
+            if shown == MOST_SHOWN:
                 break
             shown += 1
             with collector.catch():
@@ -49,14 +50,14 @@ def check_solids(batch: ElementBatch, structure: Structure, formulation: SolidFo
 
 
 def corner_volumes(jacobians: Reals) -> Reals:
-    """(m, k) volume of the box that three sides (m, k, 3, 3) span over the product of their lengths."""
+    """(m, k) volume spanned by three sides (m, k, 3, 3), divided by the product of their lengths."""
     size = np.prod(np.linalg.norm(jacobians, axis=2), axis=2)
     volume = np.linalg.det(jacobians)
     return np.asarray(np.divide(volume, size, out=np.zeros_like(size), where=size > 0.0))
 
 
 def nearest_pairs(xyz: Reals) -> tuple[Reals, NDArray[np.int64]]:
-    """(m,) smallest distance of two nodes (m, n, 3) over the element's size, and (m, 2) which they are."""
+    """(m,) smallest distance of two nodes (m, n, 3) divided by the element's size, and (m, 2) the nodes."""
     one, two = np.triu_indices(xyz.shape[1], 1)
     size = (np.nanmax(xyz, axis=1) - np.nanmin(xyz, axis=1)).max(axis=1)
     distance = np.linalg.norm(xyz[:, one] - xyz[:, two], axis=2)
@@ -69,20 +70,20 @@ def nearest_pairs(xyz: Reals) -> tuple[Reals, NDArray[np.int64]]:
 def _fault(
     ids: NDArray[np.int64], sines: Reals, gap: float, pair: NDArray[np.int64], formulation: SolidFormulation
 ) -> tuple[str, dict[str, Any]]:
-    """What is wrong with an element: its code and facts."""
+    """The fault of an element: error code and facts."""
     order = formulation.order
-    if gap <= COLLAPSED:
+    if gap <= COINCIDENT_NODES:
         a, b = pair
         return "element.solid-shape/coincident", {
             "grids": (int(ids[a]), int(ids[b])),
             "places": (int(a) + 1, int(b) + 1),
         }
-    if (sines < -FLAT).all():
+    if (sines < -LEAST_CORNER_VOLUME).all():
         return "element.solid-shape/negative-volume", {"order": order}
-    if (np.abs(sines) <= FLAT).all():
+    if (np.abs(sines) <= LEAST_CORNER_VOLUME).all():
         return "element.solid-shape/no-volume", {}
     k = int(sines.argmin())
-    state = "flat" if abs(sines[k]) <= FLAT else "inverted"
+    state = "flat" if abs(sines[k]) <= LEAST_CORNER_VOLUME else "inverted"
     if k < (formulation.corners or len(ids)):
         facts = {"state": state, "corner": k + 1, "grid": int(ids[k]), "order": order}
         return "element.solid-shape/corner", facts

@@ -1,6 +1,6 @@
-"""Mean strains of a solid of first order, and what they leave: modes that meet assumed stresses.
+"""Mean strains of a first-order solid, and the remaining modes, which have assumed stresses.
 
-The mean of the strains over the volume passes the patch test on any shape, and gives one constraint of volume an
+The mean of the strains over the volume passes the patch test on any shape, and gives one volume constraint per
 element. Modes are functions h_k(ξ, η, ζ) beyond the linear ones: u = linear + Σ h_k q_k, q_k = γ_kᵀ u, with γ_k
 orthogonal to constant and linear fields on the distorted shape too.
 Sources: Flanagan and Belytschko, Int. J. Numer. Meth. Engng 17 (1981) 679-706 (mean strains, γ); Pian and Tong, Int. J.
@@ -31,9 +31,9 @@ class Reference:
     Parameters
     ----------
     functions : (k, n) at the integration points, `derivatives` (k, 3, n) by ξ, η, ζ there, `weights` (k,)
-    corner_derivatives : (c, 3, n) at the places where the shape is checked
+    corner_derivatives : (c, 3, n) at the points where the shape is checked
     centre : (3, n) derivatives whose values are the axes g1, g2, g3 of the element
-    modes : (h, n) rows that find the factors q of the modes in displacements that have no others but linear ones
+    modes : (h, n) rows that give the factors q of the modes of displacements that are otherwise linear
     """
 
     functions: Reals
@@ -50,7 +50,7 @@ class Reference:
         return np.asarray(0.5 * (out + np.swapaxes(out, 1, 2)))
 
     def checked(self, xyz: Reals) -> Reals:
-        """(m, c, 3, 3) Jacobians at the places where the shape is checked."""
+        """(m, c, 3, 3) Jacobians at the points where the shape is checked."""
         return jacobians(self.corner_derivatives, xyz)
 
 
@@ -62,15 +62,15 @@ def reference(
     centre: Reals,
     modes: Reals,
 ) -> Reference:
-    """A reference shape from its functions (k, 3) -> (k, n), their derivatives -> (k, 3, n) and points to look at."""
+    """A reference shape from its functions (k, 3) -> (k, n), their derivatives -> (k, 3, n) and its points."""
     at, middle = points.places, derivatives(np.atleast_2d(centre))[0]
     return Reference(functions(at), derivatives(at), points.weights, derivatives(checked), middle, modes)
 
 
 def jacobians(derivatives: Reals, xyz: Reals) -> Reals:
-    """(m, k, 3, 3) columns: derivatives of the place by ξ, η, ζ.
+    """(m, k, 3, 3) columns: derivatives of the position by ξ, η, ζ.
 
-    A product an element, as everywhere here: one of all elements would round an element by its place among them.
+    One product per element, as everywhere here: in one of all elements, rounding would depend on an element's index.
     """
     k, _, n = derivatives.shape
     sides = np.swapaxes(xyz, 1, 2) @ derivatives.reshape(3 * k, n).T
@@ -98,8 +98,8 @@ class FirstOrder:
     ----------
     volume : (m,)
     mean_gradient : (m, 3, n) mean derivatives of the shape functions by x, y, z
-    sides : (m, 3, 3) rows g1, g2, g3: derivatives of the place by ξ, η, ζ in the middle
-    gamma : (m, h, n) rows γ_k that find the factors of the modes
+    sides : (m, 3, 3) rows g1, g2, g3: derivatives of the position by ξ, η, ζ in the middle
+    gamma : (m, h, n) rows γ_k that give the factors of the modes
     """
 
     volume: Reals
@@ -108,7 +108,7 @@ class FirstOrder:
     gamma: Reals
 
     def full(self) -> StrainGroup:
-        """Mean strains, times the root of the volume."""
+        """Mean strains, times the square root of the volume."""
         gradient = self.mean_gradient * np.sqrt(self.volume)[:, None, None]
         m, _, n = gradient.shape
         rows = np.zeros((m, 1, 6, n, 3))
@@ -173,7 +173,7 @@ def plane_mode(element: FirstOrder, i: int, j: int, modes: tuple[int, int], weig
 
 
 def uniaxial_mode(element: FirstOrder, i: int, rows: Reals) -> StrainGroup:
-    """Strains along side i, where `rows` (m, r, n) find the derivative of the displacement along it, by its ξ."""
+    """Strains along side i, where `rows` (m, r, n) give the derivative of the displacement along it, by its ξ."""
     along = element.along(i)
     rows = rows / element.size(i)[:, None, None]
     frame = plane_frame(along, np.eye(3)[np.abs(along).argmin(axis=1)])

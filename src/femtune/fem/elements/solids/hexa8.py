@@ -1,9 +1,10 @@
-"""The hexahedron of eight nodes (CHEXA): mean strains, and twelve modes that meet assumed stresses.
+"""The hexahedron of eight nodes (CHEXA): mean strains, and twelve modes with assumed stresses.
 
 On a parallelepiped it is the hybrid element of Pian and Tong with 18 stresses exactly: along each of the three sides,
 stresses in the plane of the two others vary linearly, with the law of plane stress; and along each side there is a
-uniaxial stress that varies with the product of the two other coordinates. One layer of it bends as a plate does, with
-E/(1 − ν²), and nothing in it locks as ν goes to one half. On a distorted shape the axes are those of its middle.
+uniaxial stress that varies with the product of the two other coordinates. One layer of elements bends as a plate, with
+E/(1 − ν²), and the element does not lock as ν approaches one half. On a distorted shape the axes are those of its
+middle.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def derivatives(points: Reals) -> Reals:
 
 
 def _modes() -> Reals:
-    """ηζ, ζξ, ξη and ξηζ at the corners, an eighth of them."""
+    """ηζ, ζξ, ξη and ξηζ at the corners, divided by eight."""
     x, y, z = CORNERS.T
     return np.stack([y * z, z * x, x * y, x * y * z]) / 8.0
 
@@ -57,7 +58,7 @@ MASS = reference(functions, derivatives, hexahedron_points(3), _CHECKED, np.zero
 
 
 def hexa8_strains(places: SolidPlaces) -> list[StrainGroup]:
-    """Mean strains, three pairs of sides in their plane, three sides alone."""
+    """Mean strains, three modes in the planes of two sides, three modes along a side."""
     element = first_order(STRAINS, places.xyz)
     root = np.sqrt(element.volume)
     linear, both = root * MEAN, root * MEAN * MEAN
@@ -82,7 +83,7 @@ def hexa8(batch: ElementBatch, structure: Structure) -> list[Contribution]:
 
 
 def hexa8_differential(batch: ElementBatch, structure: Structure) -> Differential:
-    """That of the mean stresses."""
+    """Differential stiffness of the mean stresses."""
     return first_order_differential(batch, structure, STRAINS)
 
 

@@ -1,9 +1,9 @@
-"""Which strain rows of a solid meet which coefficient.
+"""Strain rows of a solid and their coefficients.
 
-An isotropic solid has at most four: λ with the traces, μ with all the rest, λ' = 2λμ/(λ + 2μ) with the traces of plane
-stress, E with uniaxial stress. All are functions of C12 = λ and C44 = μ, so that elements of one material share them.
-Another law has the 21 entries with the strains along the material's axes; where stresses are assumed in a frame of the
-element's own, the law turned into it with the stresses that are zero eliminated, entry by entry.
+An isotropic solid has at most four: λ for the traces, μ for all the rest, λ' = 2λμ/(λ + 2μ) for the traces of plane
+stress, E for uniaxial stress. All are functions of C12 = λ and C44 = μ, so that elements of one material share them.
+Any other law has 21 entries for the strains along the material's axes. If stresses are assumed in a frame of the
+element, the coefficients are the entries of the law in that frame after elimination of the zero stresses.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ def young(values: Values, facts: Facts) -> Jet:
 def condensed(kept: Sequence[int], a: int, b: int, eliminate: bool) -> Coefficient:
     """Entry (a, b) of the law between the `kept` stresses and strains along the axes of the fact "frame".
 
-    The other stresses are zero where `eliminate` is true, else the other strains. "frame" is (m, 9): the rows of the
+    The other stresses are zero if `eliminate` is true, otherwise the other strains. "frame" is (m, 9): the rows of the
     matrix whose columns are the axes, seen from the material's.
 
-    With z the strains that are free and C t_a in balance with them, zᵀC t_a = 0, the entry is t_aᵀC t_b. As t moves
+    With z the free strains and C t_a in equilibrium with them, zᵀC t_a = 0, the entry is t_aᵀC t_b. As t moves
     along z only, its derivatives are t_aᵀC_p t_b and t_aᵀC_pq t_b − r_apᵀS r_bq − r_aqᵀS r_bp, r_ap = zᵀC_p t_a,
     S = (zᵀC z)⁻¹.
     """
@@ -101,22 +101,25 @@ def turn_strain(axes: Reals) -> Reals:
     return out
 
 
-# smallest principal value of a law, its diagonal scaled to one, below which stresses cannot be eliminated
-SINGULAR = 1e-9
-# and without scaling, by the largest: on axes turned from the material's a soft shear is beside stiff strains, whose
-# rounding hides it
-HIDDEN = 1e-12
-# digits of the direction cosines that enter coefficients: elements alike but for rounding share one
-DIGITS = 12
+LEAST_SCALED_EIGENVALUE = 1e-9
+"""Eigenvalue of a law, its diagonal scaled to one, up to which stresses are not eliminated; seven digits are left."""
+LEAST_EIGENVALUE_RATIO = 1e-12
+"""Ratio of the smallest to the largest eigenvalue of the unscaled law up to which stresses are not eliminated.
+
+On axes rotated from the material's, a soft shear modulus is added to stiff entries, whose rounding errors of 1e-16
+leave it fewer than four digits.
+"""
+COSINE_DIGITS = 12
+"""Digits to which direction cosines in coefficients are rounded, so that elements equal but for rounding share one."""
 
 PAIRS = tuple(combinations_with_replacement(range(6), 2))
 
 
 @dataclass(frozen=True)
 class SolidTerm:
-    """A stiffness of some elements: LᵀL of the rows `left`, or LᵀR + RᵀL where there is a `right`.
+    """A stiffness of some elements: LᵀL of the rows `left`, or LᵀR + RᵀL if there is a `right`.
 
-    `group` is the number of the group of strains whose frame enters the coefficient, None where none does.
+    `group` is the number of the group of strains whose frame enters the coefficient, or None.
     """
 
     label: str
@@ -130,7 +133,7 @@ class SolidTerm:
 
 
 def stiffness_terms(batch: ElementBatch, structure: Structure, laws: Sequence[str]) -> list[SolidTerm]:
-    """All stiffness terms of a batch of solids whose groups of strains meet `laws`; without those no element has."""
+    """All stiffness terms of a batch of solids with the `laws` of their strain groups, if some element has them."""
     terms = [*_isotropic_terms(batch, structure, laws), *_entries(batch, structure, laws)]
     terms += _assumed_stresses(batch, structure, laws)
     return [term for term in terms if len(term.at)]
@@ -149,7 +152,7 @@ def _isotropic_terms(batch: ElementBatch, structure: Structure, laws: Sequence[s
 
 
 def _entries(batch: ElementBatch, structure: Structure, laws: Sequence[str]) -> Iterator[SolidTerm]:
-    """The 21 entries of a law that is not isotropic; those known to be zero are no terms."""
+    """Terms of the 21 entries of a law that is not isotropic, except entries known to be zero."""
     other = ~batch.facts["isotropic"]
     if "full" not in laws or not other.any():
         return
@@ -159,14 +162,14 @@ def _entries(batch: ElementBatch, structure: Structure, laws: Sequence[str]) -> 
 
 
 def _shared_zero(batch: ElementBatch, structure: Structure, role: str) -> Flags:
-    """True where an entry is zero and one value with other entries: the mark of a law that cannot have it."""
-    own = batch.roles[role]
-    shared = sum((batch.roles[other] == own).astype(int) for other in ENTRIES)
+    """True if an entry is zero and shares its value with other entries, as in a law that cannot have this entry."""
+    entry = batch.roles[role]
+    shared = sum((batch.roles[other] == entry).astype(int) for other in ENTRIES)
     return np.asarray((shared > 1) & (nominal(batch, structure, role) == 0.0))
 
 
 def _assumed_stresses(batch: ElementBatch, structure: Structure, laws: Sequence[str]) -> Iterator[SolidTerm]:
-    """The law in the frame of each group; with no strain in the other directions where it cannot be inverted."""
+    """The law in the frame of each group; without strain in the other directions if it cannot be inverted."""
     other = ~batch.facts["isotropic"]
     if not other.any():
         return
@@ -183,18 +186,18 @@ def _assumed_stresses(batch: ElementBatch, structure: Structure, laws: Sequence[
 
 
 def _invertible(batch: ElementBatch, structure: Structure, some: Flags) -> Flags:
-    """(e,) True where the deck's law is positive definite on any axes; only `some` are looked at."""
+    """(e,) True if the deck's law is positive definite on any axes; only `some` elements are tested."""
     out, law = np.zeros(len(batch), bool), nominal_law(batch, structure, some)
     size = np.sqrt(np.einsum("eii->ei", law))
     scale = np.where(size > 0.0, size, 1.0)
     scaled = np.linalg.eigvalsh(law / (scale[:, :, None] * scale[:, None, :]))
     plain = np.linalg.eigvalsh(law)
-    out[some] = (scaled[:, 0] > SINGULAR) & (plain[:, 0] > HIDDEN * plain[:, -1])
+    out[some] = (scaled[:, 0] > LEAST_SCALED_EIGENVALUE) & (plain[:, 0] > LEAST_EIGENVALUE_RATIO * plain[:, -1])
     return out
 
 
 def nominal_law(batch: ElementBatch, structure: Structure, part: slice | Flags) -> Reals:
-    """(m, 6, 6) laws that the deck's values give a part of a batch."""
+    """(m, 6, 6) laws of a part of a batch at the deck's values."""
     first = batch.roles["C11"][part]
     out = np.empty((len(first), 6, 6))
     for role, (i, j) in zip(ENTRIES, PAIRS):
@@ -203,7 +206,7 @@ def nominal_law(batch: ElementBatch, structure: Structure, part: slice | Flags) 
 
 
 def nominal_poisson(batch: ElementBatch, structure: Structure, part: slice) -> Reals:
-    """(m,) Poisson's ratio of the deck's law; of its isotropic mean (Voigt's) where it is not isotropic."""
+    """(m,) Poisson's ratio of the deck's law; of its isotropic mean (Voigt's) if it is not isotropic."""
     law = nominal_law(batch, structure, part)
     bulk = law[:, :3, :3].sum(axis=(1, 2)) / 9.0
     deviatoric = 1.5 * np.einsum("eii->e", law[:, :3, :3]) - 4.5 * bulk
@@ -213,7 +216,7 @@ def nominal_poisson(batch: ElementBatch, structure: Structure, part: slice) -> R
 
 
 def law_rows(laws: Sequence[str], groups: Sequence[StrainGroup], isotropic: Flags, material: Reals) -> Rows:
-    """Rows (m, r, 3n) by name: "trace", "shear", "plane", "uniaxial", and "full-i", "g-i" of laws not isotropic."""
+    """Rows (m, r, 3n) by name: "trace", "shear", "plane", "uniaxial", and "full-i", "g-i" of other laws."""
     out: Rows = {}
     if isotropic.any():
         out |= _isotropic_rows(laws, groups)
@@ -244,9 +247,9 @@ def _flat(rows: Reals) -> Reals:
     return rows.reshape(*rows.shape[:3], -1)
 
 
-def place_frame(term: SolidTerm, groups: Sequence[StrainGroup], own: NDArray, material: Reals, place: slice) -> None:
+def place_frame(term: SolidTerm, groups: Sequence[StrainGroup], some: NDArray, material: Reals, place: slice) -> None:
     """Put the axes of a term's group, as seen from the material's axes, among its facts."""
     frame = None if term.group is None else groups[term.group].frame
     if frame is not None:
-        turned = np.swapaxes(material[own], 1, 2) @ frame[own]
-        term.facts["frame"][place] = np.round(turned, DIGITS).reshape(-1, 9)
+        turned = np.swapaxes(material[some], 1, 2) @ frame[some]
+        term.facts["frame"][place] = np.round(turned, COSINE_DIGITS).reshape(-1, 9)

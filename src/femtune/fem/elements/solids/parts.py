@@ -9,10 +9,10 @@ def _over(faces: tuple[ElementPart, ...], count: int) -> tuple[ElementPart, ...]
     """Parts of a prism from those of its lower face with `count` corners; those of the upper face follow in order."""
 
     def lifted(corners: Corners) -> Corners:
-        return tuple(tuple(c + count for c in own) for own in corners)
+        return tuple(tuple(c + count for c in mean) for mean in corners)
 
     def between(corners: Corners) -> Corners:
-        return tuple((*own, *(c + count for c in own)) for own in corners)
+        return tuple((*mean, *(c + count for c in mean)) for mean in corners)
 
     lower = (ElementPart((*face.corners, *between(face.corners))) for face in faces)
     upper = (ElementPart((*between(face.corners), *lifted(face.corners))) for face in faces)

@@ -1,8 +1,8 @@
-"""The pentahedron of six nodes (CPENTA): mean strains, and six modes that meet assumed stresses.
+"""The pentahedron of six nodes (CPENTA): mean strains, and six modes with assumed stresses.
 
 Across the thickness ζ the three strains in the plane of the triangle vary linearly, with the law of plane stress;
 along the thickness there is a uniaxial stress that varies linearly over the triangle; and one mode is torsion, with
-St Venant's stiffness. As a thin plate it is too stiff, as all plates of three corners whose shear strain is constant.
+St Venant's stiffness. As a thin plate it is too stiff, like all three-cornered plates with constant shear strain.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ CENTRE = np.array([1.0, 1.0, 0.0]) / 3.0
 
 # mean of the products of r and s about the triangle's centre
 _MOMENTS = np.array([[2.0, -1.0], [-1.0, 2.0]]) / 36.0
-# J = A⁴/(45 I_p): exact for St Venant's torsion of an equilateral triangle, within 5 % for a right-angled one
-_TORSION = 1.0 / 45.0
+_TORSION_FACTOR = 1.0 / 45.0
+"""J I_p / A⁴: exact for St Venant's torsion of an equilateral triangle, within 5 % for a right-angled one."""
 
 
 def functions(points: Reals) -> Reals:
@@ -56,7 +56,7 @@ def derivatives(points: Reals) -> Reals:
 
 
 def _modes() -> Reals:
-    """Rows that find the factors of (r − 1/3) ζ and (s − 1/3) ζ."""
+    """Rows that give the factors of (r − 1/3) ζ and (s − 1/3) ζ."""
     return 0.5 * np.array([[1.0, -1.0, 0.0, -1.0, 1.0, 0.0], [1.0, 0.0, -1.0, -1.0, 0.0, 1.0]])
 
 
@@ -75,18 +75,18 @@ def penta6_strains(places: SolidPlaces) -> list[StrainGroup]:
 
 
 def torsion(element: FirstOrder) -> StrainGroup:
-    """Shear strain of a turn of the triangle about its normal that is linear in ζ."""
+    """Shear strain of a rotation of the triangle about its normal that is linear in ζ."""
     one, two = element.sides[:, 0], element.sides[:, 1]
     frame = plane_frame(one, two)
     area = 0.5 * np.linalg.norm(np.cross(one, two), axis=1)
     edges = sum(np.sum(edge * edge, axis=1) for edge in (one, two, two - one))
     polar = area * edges / 36.0
     height = np.sum(element.sides[:, 2] * frame[:, :, 2], axis=1)
-    size = np.sqrt(element.volume * _TORSION * area**3 / polar) / height
+    size = np.sqrt(element.volume * _TORSION_FACTOR * area**3 / polar) / height
     turn = [0.5 * (frame[:, :, :2] @ dual[:, :, None])[:, :, 0] for dual in plane_duals(one, two, frame)]
     around = [np.cross(frame[:, :, 2], dual) for dual in turn]
     rows = sum(element.gamma[:, k, :, None] * around[k][:, None] for k in range(2)) * size[:, None, None]
-    # both shears as of the polar moment of the whole: half of it each
+    # each shear has half of the torsional stiffness of the polar moment
     half = np.zeros((len(rows), 2, 2, *rows.shape[1:]))
     half[:, 0, 0] = half[:, 1, 1] = rows / np.sqrt(2.0)
     return StrainGroup(half, frame)
@@ -107,7 +107,7 @@ def penta6(batch: ElementBatch, structure: Structure) -> list[Contribution]:
 
 
 def penta6_differential(batch: ElementBatch, structure: Structure) -> Differential:
-    """That of the mean stresses."""
+    """Differential stiffness of the mean stresses."""
     return first_order_differential(batch, structure, STRAINS)
 
 

@@ -1,8 +1,8 @@
-"""The pyramid of five nodes (CPYRAM): mean strains, and three modes of its base that meet assumed stresses.
+"""The pyramid of five nodes (CPYRAM): mean strains, and three modes of its base with assumed stresses.
 
-What linear displacements leave is the hourglass q of the base, u = q xy/(1 − z), z from the base to the apex. The
-strain that it causes along a side of the base varies linearly across and meets uniaxial stress, as in a quadrilateral;
-its part normal to the base is a warp, which meets transverse shear. Shape functions of Bedrosian, Int. J. Numer. Meth.
+Beyond linear displacements there is the hourglass q of the base, u = q xy/(1 − z), z from the base to the apex. The
+strain that it causes along a side of the base varies linearly across and has uniaxial stress, as in a quadrilateral;
+its part normal to the base is a warp with transverse shear. Shape functions of Bedrosian, Int. J. Numer. Meth.
 Engng 35 (1992) 95-108: their derivatives depend on x/(1 − z) and y/(1 − z) alone.
 """
 
@@ -90,7 +90,7 @@ def pyram5(batch: ElementBatch, structure: Structure) -> list[Contribution]:
 
 
 def pyram5_differential(batch: ElementBatch, structure: Structure) -> Differential:
-    """That of the mean stresses."""
+    """Differential stiffness of the mean stresses."""
     return first_order_differential(batch, structure, STRAINS)
 
 

@@ -1,4 +1,4 @@
-"""Isoparametric solids with mid-side nodes, their volumetric strain projected so that nothing locks as ν goes to ½.
+"""Isoparametric solids with mid-side nodes, with projected volumetric strain to avoid locking as ν approaches ½.
 
 The strains at the points are ε + ⅓ (v̄ − v) on the three normal ones, v = tr ε and v̄ its projection (Hughes, Int. J.
 Numer. Meth. Engng 15 (1980) 1413-1418), for any law. The projection keeps the mean, so that constant strains pass.
@@ -47,11 +47,11 @@ from femtune.fem.structure import ElementBatch, Structure
 
 @dataclass(frozen=True)
 class Projection:
-    """What becomes of the volumetric strain: its part in a space of functions, and a share of the rest.
+    """Projection of the volumetric strain: its part in a space of functions, and a share of the rest.
 
     Parameters
     ----------
-    basis : gradients -> (m, p, q) functions at the points times the root of the volume there, orthonormal
+    basis : gradients -> (m, p, q) functions at the points times the square root of the volume there, orthonormal
     share : Poisson's ratio of the deck (m,) -> (m,) the share of the rest that is kept
     """
 
@@ -60,7 +60,7 @@ class Projection:
 
 
 def linear_functions(at: Gradients) -> Reals:
-    """The linear functions of the place."""
+    """The linear functions of position."""
     root = np.sqrt(at.volume)[:, :, None]
     functions = np.concatenate([np.ones_like(root), at.places], axis=2)
     return np.asarray(np.linalg.qr(functions * root)[0])
@@ -71,26 +71,30 @@ def constant_function(at: Gradients) -> Reals:
     return np.asarray(np.sqrt(at.volume / at.volume.sum(axis=1, keepdims=True))[:, :, None])
 
 
-INCOMPRESSIBLE = 0.45
-"""Poisson's ratio of the deck above which ``MEAN`` does anything."""
+NEARLY_INCOMPRESSIBLE = 0.45
+"""Poisson's ratio of the deck above which ``MEAN`` changes an element.
+
+λ/μ = 2ν/(1 − 2ν) is 9 there. Metals (ν about 0.3) and hard plastics (up to 0.4) keep the more
+accurate full strain; rubber does not lock.
+"""
 
 
 def kept_share(poisson: Reals) -> Reals:
-    """The share of what varies within the element whose square times λ + ⅔ μ is ⅔ μ; all of it for other materials."""
-    # a ratio that is the limit but for rounding is not above it
-    much = poisson > INCOMPRESSIBLE + 1e-9
+    """The share s of the varying part with s² (λ + ⅔ μ) = ⅔ μ; 1 for other materials."""
+    # a ratio equal to the limit but for rounding is not above it
+    much = poisson > NEARLY_INCOMPRESSIBLE + 1e-9
     return np.where(much, np.sqrt(np.maximum(1.0 - 2.0 * poisson, 0.0) / (1.0 + np.abs(poisson))), 1.0)
 
 
 LINEAR = Projection(linear_functions)
-"""Linear functions, for all materials: shapes with so many displacements that this does not lock."""
+"""Linear functions, for all materials: for shapes with so many displacements that they do not lock."""
 
 MEAN = Projection(constant_function, kept_share)
-"""The mean, near ν = ½ only, as it costs accuracy elsewhere.
+"""The mean, only for ν near ½, as it reduces accuracy elsewhere.
 
 The mean alone would leave the three motions u = (a·x) x − ½ a |x|², whose strains are (a·x) I, without stiffness; with
-``kept_share`` it is, at the deck's ratio, as if λ met the mean and μ the whole strain. Ratio and share are taken from
-the deck once, so that a parameter that moves the ratio does not change the element.
+``kept_share`` the result at the deck's ratio is as if λ applied to the mean and μ to the whole strain. Ratio and share
+are taken from the deck once, so that a parameter that changes the ratio does not change the element.
 """
 
 
@@ -104,7 +108,7 @@ class Quadratic:
     projection: Projection
 
     def formulation(self, order: str) -> SolidFormulation:
-        """What the parts that all solids share need of it."""
+        """The formulation, for the parts common to all solids."""
         return SolidFormulation(
             ("full",), self.strains, self.shares, self.jacobians, order, self.shape.corners, self.squares
         )
@@ -115,15 +119,15 @@ class Quadratic:
         root = np.sqrt(at.volume)[:, :, None, None]
         rows = _strain_rows(at.along * root)
         if (share < 1.0).any():
-            own, basis = rows[:, :, :3].sum(axis=2), self.projection.basis(at)
-            change = _project(basis, own) - own
+            volumetric, basis = rows[:, :, :3].sum(axis=2), self.projection.basis(at)
+            change = _project(basis, volumetric) - volumetric
             rows[:, :, :3] += ((1.0 - share) / 3.0)[:, None, None, None, None] * change[:, :, None]
         return [StrainGroup(rows)]
 
     def squares(self, places: SolidPlaces) -> Rows:
         """Matrices of the traces and of the shears of an isotropic law, from products of gradients alone.
 
-        With h the integral of ∂Nₐ/∂xᵢ ∂N_b/∂xⱼ, and h̄ that of the projected traces: λ goes with h̄, and μ with
+        With h the integral of ∂Nₐ/∂xᵢ ∂N_b/∂xⱼ, and h̄ that of the projected traces: λ multiplies h̄, and μ multiplies
         tr h on the diagonal, plus h with i and j exchanged, plus ⅔ (h̄ − h).
         """
         at, share = gradients(self._table, places.xyz), self.projection.share(places.poisson)
@@ -141,9 +145,9 @@ class Quadratic:
         return mass_shares(self._mass_table, xyz)
 
     def jacobians(self, xyz: Reals) -> Reals:
-        """At the points of both rules, those nearest to each corner first.
+        """Jacobians at the points of both rules, those nearest to each corner first.
 
-        What is right-handed there can be computed with; at a corner a curved side may well touch its neighbour.
+        Right-handed points suffice for the computation; at a corner a curved side may be tangent to its neighbour.
         """
         return np.swapaxes(reference_sides(self._checked, xyz), 2, 3)
 
@@ -193,7 +197,7 @@ def _shears(h: Reals) -> Reals:
 
 
 def _symmetric(matrix: Reals) -> Reals:
-    # exactly: products of floats need not be
+    # exact symmetry, which matrix products do not guarantee
     return np.asarray(0.5 * (matrix + np.swapaxes(matrix, 1, 2)))
 
 

@@ -1,7 +1,7 @@
 """Shape functions of solids with mid-side nodes, in the order of Nastran's cards.
 
-Each shape is a list of nodes and a list of functions r^a s^b t^c / (1 − t)^d as many as nodes; the shape functions are
-the combinations that are one at one node and zero at the others. Hexahedron: [−1, 1]³. Pentahedron: the triangle
+Each shape is a list of nodes and a list of as many functions r^a s^b t^c / (1 − t)^d; the shape functions are the
+combinations that are one at one node and zero at the others. Hexahedron: [−1, 1]³. Pentahedron: the triangle
 r, s ≥ 0, r + s ≤ 1 times t in [−1, 1]. Tetrahedron: r, s, t ≥ 0, r + s + t ≤ 1. Pyramid: base [−1, 1]² at t = 0, apex
 at t = 1, where the functions that are not polynomials are those of Bedrosian (1992): quadratic on every triangle,
 serendipity on the base.
@@ -29,7 +29,7 @@ class SolidShape:
 
     Parameters
     ----------
-    nodes : (n, 3) places of the nodes
+    nodes : (n, 3) positions of the nodes
     functions : n exponents (a, b, c, d) of r^a s^b t^c / (1 − t)^d
     edges : the two corners of each mid-side node, which follow the corners in this order
     """
@@ -45,7 +45,7 @@ class SolidShape:
 
     @cached_property
     def _weights(self) -> Reals:
-        # all weights are eighths, so that rounding them takes away the errors of the inverse
+        # all weights are multiples of an eighth, so that rounding removes the errors of the inverse
         at_nodes = _functions(self.functions, self.nodes)
         return np.asarray(np.round(8.0 * np.linalg.inv(at_nodes)) / 8.0)
 
@@ -64,7 +64,7 @@ def _functions(functions: Iterable[Exponents], points: NDArray) -> NDArray:
 
 
 def _fall(t: NDArray, d: int) -> NDArray:
-    # at the apex every numerator of ours vanishes faster than (1 − t)^d
+    # at the apex every numerator vanishes faster than (1 − t)^d
     below = np.where(t == 1.0, 1.0, 1.0 - t)
     return np.asarray(1.0 / below**d)
 
@@ -99,7 +99,7 @@ _FLAT: list[Exponents] = [(1, 1, 0, 1), (2, 1, 0, 1), (1, 2, 0, 1)]
 
 
 def _serendipity() -> list[Exponents]:
-    # superlinear degree two at most: the sum of the exponents above one
+    # superlinear degree (the sum of the exponents above one) of at most two
     cube = product(range(3), repeat=3)
     return [(a, b, c, 0) for a, b, c in cube if sum(x for x in (a, b, c) if x > 1) <= 2]
 
@@ -136,34 +136,37 @@ PYRAM13_SHAPE = _shape(
 
 
 # ----------------------------------------------------------------------------------------------------
-# Integration points of solids: places (p, 3) in the coordinates of ``solid_shape`` and weights (p,), all positive.
+# Integration points of solids: positions (p, 3) in the coordinates of ``solid_shape`` and weights (p,), all positive.
 
 
 @dataclass(frozen=True, eq=False)
 class SolidPoints:
-    """Places (p, 3) and weights (p,) that sum to the volume of the reference shape."""
+    """Positions (p, 3) and weights (p,), whose sum is the volume of the reference shape."""
 
     places: Reals
     weights: Reals
 
 
 def hexahedron_points(n: int) -> SolidPoints:
-    """n³ points of Gauss: exact for powers up to 2n − 1 in each coordinate."""
+    """n³ Gauss points: exact for powers up to 2n − 1 in each coordinate."""
     x, w = np.polynomial.legendre.leggauss(n)
     r, s, t = np.meshgrid(x, x, x, indexing="ij")
     return _points(r, s, t, w[:, None, None] * w[:, None] * w)
 
 
 def pentahedron_points(n: int) -> SolidPoints:
-    """Six points of the triangle (degree 4) times n points of Gauss along t."""
-    flat, area = _orbits(((0.44594849091596488632, 0.22338158967801146570), (0.09157621350977074346, _SECOND)), 3)
+    """Six points of the triangle (degree 4) times n Gauss points along t."""
+    flat, area = _orbits(
+        (
+            (0.44594849091596488632, 0.22338158967801146570),
+            (0.09157621350977074346, 0.10995174365532186764),
+        ),
+        3,
+    )
     x, w = np.polynomial.legendre.leggauss(n)
     r, t = np.meshgrid(flat[:, 0], x, indexing="ij")
     s = np.broadcast_to(flat[:, 1:], r.shape)
     return _points(r, s, t, 0.5 * area[:, None] * w)
-
-
-_SECOND = 0.10995174365532186764
 
 
 def tetrahedron_points() -> SolidPoints:
@@ -194,9 +197,9 @@ def eight_points() -> SolidPoints:
 
 
 def pyramid_points(n: int) -> SolidPoints:
-    """n² points of Gauss in planes t = const., n planes after Jacobi: exact to degree 2n − 1 for polynomials.
+    """n² Gauss points in each of n Gauss-Jacobi planes t = const.: exact for polynomials to degree 2n − 1.
 
-    Exact too for products of the pyramid's functions, which are polynomials of r/(1 − t), s/(1 − t) and t.
+    Also exact for products of the pyramid's functions, which are polynomials of r/(1 − t), s/(1 − t) and t.
     """
     x, w = np.polynomial.legendre.leggauss(n)
     z, v = gauss_jacobi(n)
@@ -206,10 +209,10 @@ def pyramid_points(n: int) -> SolidPoints:
 
 
 def gauss_jacobi(n: int) -> tuple[Reals, Reals]:
-    """Points and weights of Gauss and Jacobi on [−1, 1] for the weight (1 − z)², exact to degree 2n − 1.
+    """Gauss-Jacobi points and weights on [−1, 1] for the weight (1 − z)², exact to degree 2n − 1.
 
-    Eigenvalues of the three-term recurrence (Golub and Welsch, Math. Comp. 23 (1969) 221-230); ``scipy.special`` has
-    them too, and takes longer to import than all elements.
+    Eigenvalues of the three-term recurrence (Golub and Welsch, Math. Comp. 23 (1969) 221-230); ``scipy.special`` also
+    has them, but takes longer to import than all elements.
     """
     k = np.arange(n, dtype=float)
     # the recurrence of the Jacobi polynomials with α = 2, β = 0, whose weight has the integral 8/3
@@ -237,7 +240,7 @@ def _orbits(orbits: Iterable[tuple[float, float]], k: int) -> tuple[Reals, Reals
 # ----------------------------------------------------------------------------------------------------
 # Derivatives of isoparametric shape functions, and mid-side nodes that are left out.
 #
-# A mid-side node whose place is not a number is left out: the element is linear along that edge, so that half of the
+# A mid-side node whose position is NaN is left out: the element is linear along that edge, so that half of the
 # node's shape function goes to each end of the edge, for the displacements and for the geometry.
 
 
@@ -259,7 +262,7 @@ class Gradients:
     ----------
     along : (m, p, n, 3) derivatives along the basic axes
     volume : (m, p) shares of the volume, weight times determinant
-    places : (m, p, 3) the points themselves, from the mean of the corners
+    places : (m, p, 3) positions of the points from the mean of the corners
     """
 
     along: Reals
@@ -284,7 +287,7 @@ def gradients(table: Tabulated, xyz: Reals) -> Gradients:
 
 
 def reference_sides(table: Tabulated, xyz: Reals) -> Reals:
-    """(m, p, 3, 3) derivatives of the place along r, s, t, a row each."""
+    """(m, p, 3, 3) derivatives of the position along r, s, t, as rows."""
     slopes = kept_functions(table.shape, xyz, table.slopes)
     flat = np.swapaxes(slopes, 2, 3).reshape(len(slopes), -1, xyz.shape[1])
     return np.asarray((flat @ _centred(table.shape, xyz)).reshape(len(xyz), -1, 3, 3))
@@ -299,7 +302,7 @@ def mass_shares(table: Tabulated, xyz: Reals) -> Reals:
 
 
 def _centred(shape: SolidShape, xyz: Reals) -> Reals:
-    """Places of the nodes from the mean of the corners, zero for those left out."""
+    """Positions of the nodes from the mean of the corners, zero for those left out."""
     centre = xyz[:, : shape.corners].mean(axis=1, keepdims=True)
     return np.where(np.isnan(xyz), 0.0, xyz - centre)
 
@@ -307,7 +310,7 @@ def _centred(shape: SolidShape, xyz: Reals) -> Reals:
 def kept_functions(shape: SolidShape, xyz: Reals, functions: Reals) -> Reals:
     """Functions (p, n, …) of the nodes as (m, p, n, …), half of a missing node's to each end of its edge.
 
-    Where no element lacks a node m is 1.
+    m is 1 if no element lacks a node.
     """
     missing = np.isnan(xyz[:, shape.corners :, 0])
     if not missing.any():

@@ -1,7 +1,7 @@
-"""Solids (CHEXA, CPENTA, CTETRA, CPYRAM): the parts that all shapes share, put together from a formulation.
+"""Solids (CHEXA, CPENTA, CTETRA, CPYRAM): the parts common to all shapes, assembled from a formulation.
 
-The stiffness is a list of products of strain rows, each with one coefficient. The rows come in chunks that fit a
-core's cache, and nothing but the refusals looks at the whole batch, so that a part of a batch can be run alone.
+The stiffness is a list of products of strain rows, each with one coefficient. The rows are computed in chunks that fit
+in a core's cache. Only the checks need the whole batch, so that a part of a batch can be computed alone.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution, product
-from femtune.fem.elements.placement import CHUNK
+from femtune.fem.elements.placement import ELEMENTS_PER_CHUNK
 from femtune.fem.elements.solids.checks import check_solids
 from femtune.fem.elements.solids.laws import SolidTerm, law_rows, nominal_poisson, place_frame, stiffness_terms
 from femtune.fem.elements.solids.strains import Rows, SolidFormulation, SolidPlaces, StrainGroup, grid_points
@@ -41,9 +41,9 @@ def mass_matrices(shares: Reals, frames: Reals | None, structure: Structure) -> 
 
 def lumped(shares: Reals) -> Reals:
     """(m, n, n) diagonal shares in proportion to the consistent ones, with the same sum."""
-    own = np.einsum("mii->mi", shares)
-    whole = shares.sum(axis=(1, 2)) / own.sum(axis=1)
-    return np.asarray(np.eye(shares.shape[1]) * (own * whole[:, None])[:, None, :])
+    diagonal = np.einsum("mii->mi", shares)
+    whole = shares.sum(axis=(1, 2)) / diagonal.sum(axis=1)
+    return np.asarray(np.eye(shares.shape[1]) * (diagonal * whole[:, None])[:, None, :])
 
 
 def solid(batch: ElementBatch, structure: Structure, formulation: SolidFormulation) -> list[Contribution]:
@@ -66,8 +66,8 @@ def solid(batch: ElementBatch, structure: Structure, formulation: SolidFormulati
 
 
 def _chunks(count: int, d: int) -> Iterator[slice]:
-    # as many elements as CHUNK of those with 24 displacements fill
-    size = max(CHUNK * 24**2 // d**2, 1)
+    # as much memory as ELEMENTS_PER_CHUNK elements with 24 displacements
+    size = max(ELEMENTS_PER_CHUNK * 24**2 // d**2, 1)
     return (slice(i, min(i + size, count)) for i in range(0, count, size))
 
 
@@ -76,13 +76,13 @@ def _contribution(term: SolidTerm, matrices: Reals) -> Contribution:
 
 
 def _node_frames(batch: ElementBatch, structure: Structure, part: slice) -> Reals | None:
-    """(m, n, 3, 3) displacement frames of the nodes; None where all are the basic one."""
+    """(m, n, 3, 3) displacement frames of the nodes; None if all are the basic one."""
     at = batch.nodes[part]
     return structure.nodes.frames[at] if structure.nodes.rotated[at].any() else None
 
 
 def _on_nodes(group: StrainGroup, frames: Reals | None) -> StrainGroup:
-    """The group on the nodes' own displacements."""
+    """The group on the nodes' displacements in their frames."""
     if frames is None:
         return group
     m, r, c, n, _ = group.rows.shape
@@ -103,9 +103,9 @@ def _fill_stiffness(
     for term, out in zip(terms, matrices):
         lo, hi = np.searchsorted(term.at, [part.start, part.stop])
         if lo < hi:
-            own = term.at[lo:hi] - part.start
-            _put_squares(rows, term, own, out[lo:hi])
-            place_frame(term, groups, own, batch.facts["material_frame"][part], slice(lo, hi))
+            some = term.at[lo:hi] - part.start
+            _put_squares(rows, term, some, out[lo:hi])
+            place_frame(term, groups, some, batch.facts["material_frame"][part], slice(lo, hi))
 
 
 def _fill_squares(terms: list[SolidTerm], matrices: list[Reals], squares: Rows, part: slice) -> None:
@@ -114,12 +114,14 @@ def _fill_squares(terms: list[SolidTerm], matrices: list[Reals], squares: Rows, 
         out[lo:hi] = squares.get(term.left, 0.0)
 
 
-def _put_squares(rows: Rows, term: SolidTerm, own: NDArray[np.int64], out: Reals) -> None:
+def _put_squares(rows: Rows, term: SolidTerm, some: NDArray[np.int64], out: Reals) -> None:
     """Put LᵀL or LᵀR + RᵀL into `out`, exactly symmetric."""
-    left = rows[term.left] if len(own) == len(rows[term.left]) else rows[term.left][own]
-    # LᵀL is half of itself twice, so that both cases are one pass
+    left = rows[term.left] if len(some) == len(rows[term.left]) else rows[term.left][some]
+    # LᵀL is ½ (LᵀL + LᵀL), so that one expression serves both cases
     right = (
-        (rows[term.right] if len(own) == len(rows[term.right]) else rows[term.right][own]) if term.right else 0.5 * left
+        (rows[term.right] if len(some) == len(rows[term.right]) else rows[term.right][some])
+        if term.right
+        else 0.5 * left
     )
     half = np.swapaxes(left, 1, 2) @ right
     np.add(half, np.swapaxes(half, 1, 2), out=out)

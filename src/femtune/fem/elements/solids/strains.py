@@ -1,6 +1,7 @@
-"""What a shape of solid hands to the parts that all solids share: strains as rows, mass shares, Jacobians.
+"""Interface between a shape of solid and the parts common to all solids: strain rows, mass shares, Jacobians.
 
-A formulation gives rows, each multiplied by the root of its integration weight, so that energies are sums of squares.
+A formulation gives rows, each multiplied by the square root of its integration weight, so that energies are sums of
+squares.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from femtune.fem.structure import ElementBatch, Structure
 Rows = dict[str, Reals]
 
 KEPT = {"full": (0, 1, 2, 3, 4, 5), "plane": (0, 1, 3), "transverse": (4, 5), "uniaxial": (0,)}
-"""Strains that a law takes, of xx, yy, zz, xy, yz, zx along a frame; the stresses of the others are zero."""
+"""Strains of a law, of xx, yy, zz, xy, yz, zx along a frame; the other stresses are zero."""
 
 
 def grid_points(batch: ElementBatch, structure: Structure, part: slice) -> Reals:
-    """(m, n, 3) places of the nodes of a part of a batch; NaN for a mid-side node that is left out."""
+    """(m, n, 3) positions of the nodes of a part of a batch; NaN for a mid-side node that is left out."""
     at = batch.nodes[part]
     xyz = structure.nodes.xyz[at]
     return np.where((at < 0)[:, :, None], np.nan, xyz) if (at < 0).any() else xyz
@@ -28,13 +29,13 @@ def grid_points(batch: ElementBatch, structure: Structure, part: slice) -> Reals
 
 @dataclass(frozen=True, eq=False)
 class SolidPlaces:
-    """Where m solids with n nodes sit.
+    """Positions of m solids with n nodes.
 
     Parameters
     ----------
     xyz : (m, n, 3) grid points in the basic frame, in the card's order; NaN for a mid-side node that is left out
-    poisson : (m,) Poisson's ratio that the deck's values have (of the isotropic mean of a law that has none); for
-        choices that are made once, not for coefficients
+    poisson : (m,) Poisson's ratio at the deck's values (of the isotropic mean of an anisotropic law), for choices that
+        are made once, not for coefficients
     """
 
     xyz: Reals
@@ -43,12 +44,12 @@ class SolidPlaces:
 
 @dataclass(frozen=True, eq=False)
 class StrainGroup:
-    """Strains of m solids that meet one law, on the displacements of their n nodes along the basic axes.
+    """Strains of m solids with one law, on the displacements of their n nodes along the basic axes.
 
     Parameters
     ----------
-    rows : (m, r, c, n, 3) strains at r places or of r modes, root of the weight within; the c of them are those of
-        ``KEPT``, shears are engineering ones
+    rows : (m, r, c, n, 3) strains at r points or of r modes, times the square root of the weight; the c strains are
+        those of ``KEPT``, with engineering shears
     frame : (m, 3, 3) columns: the axes x, y, z along which the strains are; None for the basic ones ("full")
     """
 
@@ -58,19 +59,19 @@ class StrainGroup:
 
 @dataclass(frozen=True)
 class SolidFormulation:
-    """What a shape of solid adds to the parts that all solids share.
+    """The parts of a solid that depend on its shape.
 
     Parameters
     ----------
     laws : law of each group of strains, keys of ``KEPT``
     strains : places -> the groups, in the order of `laws`
     shares : grid points (m, n, 3) -> (m, n, n) integrals of products of the shape functions over the volume
-    jacobians : grid points (m, n, 3) -> (m, k, 3, 3), columns the derivatives of the place by ξ, η, ζ: at the corners
-        one after the other, then anywhere else; what is not right-handed there is refused
-    order : how the card wants its corners, for the hint of an error
-    corners : number of nodes that are corners; None where all are
+    jacobians : grid points (m, n, 3) -> (m, k, 3, 3), columns are derivatives of the position by ξ, η, ζ: first at
+        the corners in order, then elsewhere; elements that are not right-handed there are refused
+    order : order of the corners on the card, for the hint of an error
+    corners : number of nodes that are corners; None if all are
     squares : places -> (m, 3n, 3n) of the rows "trace" and "shear" of isotropic solids with displacements along the
-        basic axes, where there is a shorter way to them than the strains
+        basic axes, if there is a shorter way to them than the strains
     """
 
     laws: tuple[str, ...]

@@ -54,7 +54,7 @@ def tetra4(batch: ElementBatch, structure: Structure) -> list[Contribution]:
 
 
 def tetra4_differential(batch: ElementBatch, structure: Structure) -> Differential:
-    """That of the mean stresses."""
+    """Differential stiffness of the mean stresses."""
     return first_order_differential(batch, structure, TETRA)
 
 

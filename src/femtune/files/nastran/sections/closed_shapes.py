@@ -1,6 +1,6 @@
 """Closed sections: BOX, BOX1.
 
-Torsion after Bredt, with the corners' own part; shear factors and shear centres by thin-wall theory.
+Torsion by Bredt's formula, with a contribution of the corners; shear factors and shear centres by thin-wall theory.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _box1(w: Any, h: Any, top: Any, bottom: Any, right: Any, left: Any) -> Prope
 
 
 def _ring(b: Any, c: Any, low: Any, high: Any, left: Any, right: Any) -> tuple[Any, Any]:
-    """Areas that carry a shear along y and along z: middle lines b wide and c high."""
+    """Areas that carry the shear along y and along z, for middle lines b wide and c high."""
     zero = 0.0 * b
     points = {"a": (zero, zero), "b": (zero, b), "c": (c, b), "d": (c, zero)}
     return shear_areas(
@@ -61,8 +61,8 @@ def _ring(b: Any, c: Any, low: Any, high: Any, left: Any, right: Any) -> tuple[A
 def cell_shear_centre(b: Any, c: Any, low: Any, high: Any, left: Any, right: Any) -> tuple[Any, Any]:
     """Shear centre (y, z) of a box seen from the corner of its low and left middle lines, by thin-wall theory.
 
-    Middle lines b wide and c high. A shear V flows as q = −V (S + closing) around the cell, with S = ∫ (bending) t ds
-    and ∮ q/t ds = 0; it acts where its moment about the corner is that of q.
+    The middle lines are b wide and c high. The shear flow is q = −V (S + closing) around the cell, with S = ∫ (bending)
+    t ds and ∮ q/t ds = 0; V acts at the point where its moment about the corner is that of q.
     """
     walls = ((b, low), (c, right), (b, high), (c, left))
     area = total([length * t for length, t in walls])
@@ -116,15 +116,18 @@ BOX_SHAPES: Mapping[str, Shape] = {
 # ----------------------------------------------------------------------------------------------------
 # Solid sections: BAR, HEXA, CROSS, H.
 #
-# A cross and an H resist torsion as arms and their junctions. Shear factors: 5/6 of the part that stands in the
-# direction of the shear; a bar across the shear of a CROSS carries none of it.
+# Torsion of a cross and an H: arms and their junctions. Shear factors: 5/6 of the part in the direction of the shear;
+# the transverse bar of a CROSS carries none.
 
 
-SHEAR = 5 / 6
+RECTANGLE_SHEAR_FACTOR = 5 / 6
+"""Shear factor of a rectangle: parabolic shear stress, ν = 0 (Cowper 1966)."""
 
 
 def _bar(w: Any, h: Any) -> Properties:
-    return symmetric(w * h, w * h**3 / 12, h * w**3 / 12, rectangle_torsion(w, h), SHEAR, SHEAR)
+    return symmetric(
+        w * h, w * h**3 / 12, h * w**3 / 12, rectangle_torsion(w, h), RECTANGLE_SHEAR_FACTOR, RECTANGLE_SHEAR_FACTOR
+    )
 
 
 def _hexagon(wedge: Any, w: Any, h: Any) -> Properties:
@@ -135,7 +138,7 @@ def _hexagon(wedge: Any, w: Any, h: Any) -> Properties:
     away = inner / 2.0 + wedge / 3.0
     I2 = h * inner**3 / 12.0 + h * wedge**3 / 18.0 + h * wedge * away**2
     area = h * (w - wedge)
-    return symmetric(area, I1, I2, area**4 / (40.0 * (I1 + I2)), SHEAR, SHEAR)
+    return symmetric(area, I1, I2, area**4 / (40.0 * (I1 + I2)), RECTANGLE_SHEAR_FACTOR, RECTANGLE_SHEAR_FACTOR)
 
 
 def _cross(arms: Any, upright: Any, h: Any, level: Any) -> Properties:
@@ -146,16 +149,16 @@ def _cross(arms: Any, upright: Any, h: Any, level: Any) -> Properties:
     parts = [Rectangle(zero, zero, h, upright), *sides]
     across = level * (arms + upright)
     torsion = 2.0 * (arm((h - level) / 2.0, upright) + arm(arm_length, level)) + crossing(upright, level)
-    return composite(parts, torsion, SHEAR * h * upright, SHEAR * across)
+    return composite(parts, torsion, RECTANGLE_SHEAR_FACTOR * h * upright, RECTANGLE_SHEAR_FACTOR * across)
 
 
 def _h(inner: Any, sides: Any, h: Any, level: Any) -> Properties:
-    """Two uprights of half of `sides` each, a bar of length `inner` and thickness `level` between them."""
+    """Two uprights with half of `sides` each, and a bar of length `inner` and thickness `level` between them."""
     side = sides / 2.0
     zero, away = 0.0 * h, (inner + side) / 2.0
     parts = [Rectangle(zero, away, h, side), Rectangle(zero, -away, h, side), Rectangle(zero, zero, level, inner)]
     torsion = 4.0 * arm((h - level) / 2.0, side) + wall(inner, level) + 2.0 * tee(level, side)
-    return composite(parts, torsion, SHEAR * h * sides, level * (inner + side))
+    return composite(parts, torsion, RECTANGLE_SHEAR_FACTOR * h * sides, level * (inner + side))
 
 
 SOLID_SHAPES: Mapping[str, Shape] = {
@@ -188,17 +191,20 @@ SOLID_SHAPES: Mapping[str, Shape] = {
 # thin tube (Cowper 1966, at ν = 0).
 
 
-ROD_SHEAR, TUBE_SHEAR = 0.9, 0.5
+ROD_SHEAR_FACTOR = 0.9
+TUBE_SHEAR_FACTOR = 0.5
 
 
 def _rod(r: Any) -> Properties:
     bending = math.pi / 4 * r**4
-    return symmetric(math.pi * r**2, bending, bending, 2.0 * bending, ROD_SHEAR, ROD_SHEAR)
+    return symmetric(math.pi * r**2, bending, bending, 2.0 * bending, ROD_SHEAR_FACTOR, ROD_SHEAR_FACTOR)
 
 
 def _tube(outer: Any, inner: Any) -> Properties:
     bending = math.pi / 4 * (outer**4 - inner**4)
-    return symmetric(math.pi * (outer**2 - inner**2), bending, bending, 2.0 * bending, TUBE_SHEAR, TUBE_SHEAR)
+    return symmetric(
+        math.pi * (outer**2 - inner**2), bending, bending, 2.0 * bending, TUBE_SHEAR_FACTOR, TUBE_SHEAR_FACTOR
+    )
 
 
 ROUND_SHAPES: Mapping[str, Shape] = {

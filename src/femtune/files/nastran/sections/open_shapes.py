@@ -104,7 +104,7 @@ def _hat(h: Any, t: Any, w: Any, brim: Any) -> Properties:
 def _hat_shear_centre(a: Any, c: Any, d: Any, t: Any) -> Any:
     """Height of a hat's shear centre above the middle line of its plate: half width a, depth c, brims d.
 
-    The flow of a shear across is followed from the tip of a brim: its moment about the plate's middle.
+    The flow of a transverse shear starts at the tip of a brim; its moment about the plate's middle gives the height.
     """
     at_web = t * d * (a + d / 2.0)
     on_brim = t * ((a + d) * d**2 / 2.0 - d**3 / 6.0)
@@ -155,8 +155,8 @@ OPEN_SHAPES: Mapping[str, Shape] = {
 # ----------------------------------------------------------------------------------------------------
 # Open sections of two walls: T, T1, T2, L.
 #
-# Torsion by arms and their junction, shear factors by thin-wall theory; the shear centre is where the middle lines
-# meet, since the shear flows of all walls pass through it.
+# Torsion by arms and their junction, shear factors by thin-wall theory; the shear centre is the point where the
+# middle lines meet, since the shear flows of all walls pass through it.
 
 
 def _t(w: Any, h: Any, flange: Any, web: Any, up: float = 1.0) -> Properties:

@@ -1,4 +1,4 @@
-"""A section shape, and the properties of a section that is put together from rectangles.
+"""A section shape, and the properties of a section that consists of rectangles.
 
 Dimensions and properties are numbers, complex numbers or jets: plain arithmetic throughout.
 """
@@ -36,9 +36,9 @@ class Shape:
     Parameters
     ----------
     n : number of dimensions
-    properties : dimensions -> A I1 I2 I12 J K1 K2 and N1 N2, the neutral axis seen from the shear centre
-    valid : dimensions -> whether they make a section
-    rule : what valid asks for, in words
+    properties : dimensions -> A I1 I2 I12 J K1 K2 and N1 N2, the neutral axis relative to the shear centre
+    valid : dimensions -> True if they define a section
+    rule : the condition of `valid` as text
     """
 
     n: int
@@ -53,13 +53,13 @@ class Shape:
 
     @property
     def formulas(self) -> Mapping[str, Formula]:
-        """One function of the dimensions for each property; asked for in a row they share one evaluation."""
+        """One function of the dimensions per property; successive calls with equal dimensions share one evaluation."""
         shared = _Remembering(self.properties)
         return {role: _formula(shared, role) for role in SECTION_ROLES}
 
 
 class _Remembering:
-    """The properties of the dimensions that were asked for last."""
+    """The properties of the last dimensions, cached."""
 
     def __init__(self, properties: Callable[..., Properties]) -> None:
         self.properties = properties
@@ -67,15 +67,15 @@ class _Remembering:
 
     def __call__(self, *dimensions: Any) -> Properties:
         key = tuple(map(_content, dimensions))
-        known, found = self.last
+        known, properties = self.last
         if key != known:
-            found = self.properties(*dimensions)
-            self.last = (key, found)
-        return found
+            properties = self.properties(*dimensions)
+            self.last = (key, properties)
+        return properties
 
 
 def _content(x: Any) -> Any:
-    """What a number or a jet holds, to be compared."""
+    """Content of a number or a jet, for comparison."""
     if not isinstance(x, Jet):
         return x
     return (x.grad.shape, *((part.dtype.char, part.tobytes()) for part in (x.value, x.grad, x.hess)))
@@ -88,8 +88,8 @@ def _formula(shared: _Remembering, role: str) -> Formula:
 def symmetric(area: Any, I1: Any, I2: Any, J: Any, K1: Any, K2: Any) -> Properties:
     """Properties of a section that is symmetric about both axes."""
     zero = 0.0 * area
-    found = {"A": area, "I1": I1, "I2": I2, "I12": zero, "J": J, "K1": K1 + zero, "K2": K2 + zero}
-    return {**found, "N1": zero, "N2": zero}
+    values = {"A": area, "I1": I1, "I2": I2, "I12": zero, "J": J, "K1": K1 + zero, "K2": K2 + zero}
+    return {**values, "N1": zero, "N2": zero}
 
 
 def composite(
@@ -100,9 +100,9 @@ def composite(
     Parameters
     ----------
     parts : the rectangles
-    torsion : torsion constant; not below that of the rectangles alone, nor above that of a rectangle around them
-    upright, level : areas that carry the shear along y and along z; the shear factors are their shares
-    centre : shear centre (y, z) in the drawing; None where it is the centroid
+    torsion : torsion constant; limited to at least that of the rectangles alone and at most that of their bounding box
+    upright, level : areas that carry the shear along y and along z; divided by the area they are the shear factors
+    centre : shear centre (y, z) in the drawing; None if it is the centroid
     """
     areas = [p.height * p.width for p in parts]
     A = total(areas)
@@ -129,7 +129,7 @@ def _extents(parts: Sequence[Rectangle]) -> tuple[Any, Any]:
 
 
 def total(terms: Sequence[Any]) -> Any:
-    """Sum without the integer zero that the builtin starts from."""
+    """Sum without the initial integer zero of the builtin."""
     out = terms[0]
     for term in terms[1:]:
         out = out + term
@@ -157,9 +157,9 @@ def shear_areas(points: Mapping[str, Point], walls: Sequence[Wall], cell: bool =
     Parameters
     ----------
     points : middle lines' corners (y, z)
-    walls : (from, to, length, thickness), each after those that end where it starts; the flow of all that end at a
-        point goes on in the first that starts there
-    cell : True where the walls close to a ring
+    walls : (from, to, length, thickness), each after the walls that end at its start; the flow of all walls that
+        end at a point continues in the first wall that starts there
+    cell : True if the walls form a closed cell
     """
     area = total([length * t for _, _, length, t in walls])
     y, z = (

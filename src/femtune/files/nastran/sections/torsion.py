@@ -1,13 +1,14 @@
 """Torsion constants of sections made of straight walls: rectangles, arms, junctions, one closed cell.
 
 A wall of length b and thickness t between two junctions has b t³/3. A free end takes 0.105 t⁴ from it, and a junction
-adds what its square and the disturbed flow around it have (`corner`, `tee`, `crossing`). A closed cell has
+adds a contribution of its square and of the disturbed flow around it (`corner`, `tee`, `crossing`). A closed cell has
 J = 4 (∫ψ dA + hole)² / ∮∂ψ/∂n ds plus the torsion constant of its walls alone, where ψ is harmonic between 0 on the
-outer contour and 1 on the inner one: Bredt's formula, in which the corners take part with a conductance and an area of
-their own.
+outer contour and 1 on the inner one: Bredt's formula, with a conductance and an area for
+each corner.
 
-A section of disjoint parts has at least the sum of their torsion constants, because their stress functions are one of
-the whole, and at most that of the rectangle around it. These bounds take over where walls are shorter than thick.
+The torsion constant is at least the sum of those of disjoint parts, because their stress functions together are
+admissible for the whole, and at most that of the bounding rectangle. These bounds apply if walls are shorter than
+thick.
 
 The constants of junctions were fitted to finite element solutions of Saint-Venant's torsion, for ratios of the two
 thicknesses from 1/5 to 5, and from 1/10 to 10 for corners: docs/theory/beam-sections.md. Sources: Roark's Formulas for
@@ -42,26 +43,26 @@ def arm(length: Any, t: Any) -> Any:
 
 
 def corner(s: Any, t: Any) -> Any:
-    """Where two walls of thickness s and t end at each other; their lengths are those from the inner corner."""
+    """Corner of two walls of thickness s and t; their lengths are measured from the inner corner."""
     product, square = s * t, (s - t) ** 2
     return 0.4032 * product**2 - 0.0847 * product * square - 0.1065 * square**2
 
 
 def tee(web: Any, t: Any) -> Any:
-    """Where a web ends at a wall of thickness t that goes on to both sides of it."""
+    """Junction of a web with a wall of thickness t that continues on both sides of it."""
     fitted = 0.3343 * web * t - 0.0533 * t**2 + 0.2271 * t**3 / (web + t)
     return web * t**3 / 3.0 - 0.105 * web**4 + web**2 * fitted
 
 
 def crossing(s: Any, t: Any) -> Any:
-    """Where two walls of thickness s and t cross."""
+    """Crossing of two walls of thickness s and t."""
     return 0.3398 * (s * t) ** 2 + 0.3305 * s * t * (s**2 + t**2)
 
 
 def box_torsion(inner_w: Any, inner_h: Any, low: Any, high: Any, left: Any, right: Any) -> Any:
     """Torsion constant of a box from the width and height of its hole and the thicknesses of its walls.
 
-    Bredt's own formula, which is lower, takes over where the walls at a corner differ too much.
+    Bredt's formula without corners, which gives less, is used if the walls at a corner differ too much.
     """
     w, h = inner_w + (left + right) / 2.0, inner_h + (low + high) / 2.0
     bredt = 4.0 * (w * h) ** 2 / (w / low + w / high + h / left + h / right)

@@ -1,0 +1,47 @@
+"""Methods of identification and estimators, by their words in identification files and studies."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+from femtune.kinds import Kind, Kinds
+
+KnownInputMethod = Literal["N4SID", "pLSCF"]
+KNOWN_INPUT: tuple[KnownInputMethod, ...] = get_args(KnownInputMethod)
+"""Methods that identify modes from FRFs."""
+
+OutputOnlyMethod = Literal["SSI-cov", "SSI-data", "ERA", "FDD", "TFIE"]
+OUTPUT_ONLY = Kinds(
+    OutputOnlyMethod,
+    Kind("SSI-cov", function="femtune.identification.operational:by_covariances"),
+    Kind("SSI-data", function="femtune.identification.operational:by_data"),
+    Kind("ERA", function="femtune.identification.operational:by_era"),
+    Kind("FDD", function="femtune.identification.operational:by_decomposition"),
+    Kind("TFIE", function="femtune.identification.operational:by_steady_phases"),
+)
+"""Methods that identify modes from responses to unmeasured forces."""
+
+MethodWord = Literal[KnownInputMethod, OutputOnlyMethod]
+"""Any method of identification."""
+
+FrfEstimator = Literal["H1", "H2", "Hv"]
+FRF_ESTIMATORS = Kinds(
+    FrfEstimator,
+    Kind("H1", function="femtune.identification.estimators:h1"),
+    Kind("H2", function="femtune.identification.estimators:h2"),
+    Kind("Hv", function="femtune.identification.estimators:hv"),
+)
+"""Estimators of FRFs from averaged spectra."""
+
+ChannelRule = Literal["coherence", "noise"]
+"""Channels of measured FRFs are judged by their mean coherence, or by their relative noise."""
+
+Drawing = Literal["lines", "entries", "noise"]
+DRAWINGS = Kinds(
+    Drawing,
+    Kind("lines", "frequency lines drawn with replacement"),
+    Kind("entries", "single FRF values drawn with replacement"),
+    Kind("noise", "noise of the stated standard deviations"),
+)
+"""What a bootstrap draws again: frequency lines, all functions of a line together; single values of the functions; or
+noise of the stated standard deviations about the FRFs of the updated model."""
