@@ -118,3 +118,15 @@ def test_errors_and_notices_give_the_facts_that_their_wording_names() -> None:
             texts = [one["what"]] if "hint" in given else [one["what"], one.get("hint", "")]
             fields = {f for text in texts for _, f, *_ in string.Formatter().parse(text) if f}
             assert {re.split(r"[.\[]", f)[0] for f in fields} <= given - _OF_ERRORS, ast.unparse(node)
+
+
+@pytest.mark.slow
+def test_tests_share_builders_and_use_public_names() -> None:
+    """What two tests need is in a module of its own; a unit that is tested by itself has a public name."""
+    paths = sorted((_ROOT / "tests").rglob("*.py"))
+    imports = [(path, node) for path in paths for node in ast.walk(_tree(path)) if isinstance(node, ast.ImportFrom)]
+    of_tests = [
+        path for path, node in imports if any(part.startswith("test_") for part in (node.module or "").split("."))
+    ]
+    private = [path for path, node in imports if any(name.name.startswith("_") for name in node.names)]
+    assert [str(path) for path in (*of_tests, *private)] == []

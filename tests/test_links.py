@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from tests.loaded import load_module
 
 _SCRIPT = Path(__file__).resolve().parents[1] / ".ci" / "check_links.py"
 
@@ -25,12 +25,7 @@ _WRONG = {
 
 @pytest.fixture
 def script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("check_links", _SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_module(_SCRIPT, "check_links")
 
 
 @pytest.fixture

@@ -157,10 +157,17 @@ _GUIDE = {
 """Page of the guide, with the report that shows its picture, and the beginning of the picture's text."""
 
 
+def _steps() -> tuple[str, list[str]]:
+    """The script of the tutorial, and its commands."""
+    page = (_DOCS / "tutorial.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
+    return code, [c for block in re.findall(r"```\n(femtune.*?)```", page, re.S) for c in block.splitlines()]
+
+
 def made_from() -> str:
-    """Hash of the tutorial and of this module."""
-    text = (_DOCS / "tutorial.md").read_bytes() + Path(__file__).read_bytes()
-    return hashlib.sha256(text).hexdigest()
+    """Hash of the steps of the tutorial and of this module."""
+    code, commands = _steps()
+    return hashlib.sha256("\n".join([code, *commands]).encode() + Path(__file__).read_bytes()).hexdigest()
 
 
 def are_current() -> bool:
@@ -200,9 +207,7 @@ def make() -> None:
     """Run the tutorial in a temporary folder and draw its pictures."""
     mpl.use("Agg")
     mpl.rcParams["svg.hashsalt"] = "femtune"
-    page = (_DOCS / "tutorial.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
-    commands = [c for block in re.findall(r"```\n(femtune.*?)```", page, re.S) for c in block.splitlines()]
+    code, commands = _steps()
     _PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         exec(compile(code, "plate.py", "exec"), {})

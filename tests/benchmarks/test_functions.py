@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from tests.loaded import load_module
 
 _RUN = Path(__file__).resolve().parents[2] / "benchmarks" / "functions" / "run.py"
 
 
 @pytest.fixture(scope="module")
 def run() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("benchmark_of_functions", _RUN)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_module(_RUN, "benchmark_of_functions")
 
 
 def test_errors_are_relative_and_a_missing_mode_is_no_number(run: ModuleType) -> None:

@@ -64,7 +64,9 @@ def test_fault_leaves_its_file_in_the_run_folder(invoke: Invoke, steps: Any, stu
 def test_fault_where_nothing_can_be_written(
     invoke: Invoke, steps: Any, study: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("femtune.cli.guard._wrote", lambda file, text: False)
+    for place in (study.parent / "run", study.parent):
+        (place / CRASH_FILE).mkdir(parents=True)
+    monkeypatch.setattr("tempfile.tempdir", str(study.parent))
     steps.run = _raise(KeyError("x"))
     result = invoke("run", study)
     assert result.exit_code == 70

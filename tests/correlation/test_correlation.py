@@ -88,9 +88,7 @@ def test_an_inverted_sensor_is_named() -> None:
     notices = correlate(ModeSet(test.freq_hz, shapes, test.dofs), model).notices
     assert [n.code for n in notices] == ["correlate.sensor-inverted"]
     # the sensor carries so much of mode 3 that its MAC falls below the gate: three pairs are left
-    assert (
-        notices[0].what == "sensors with opposite sign to the model in all 3 pairs: 5X+; their directions may be wrong"
-    )
+    assert "3 pairs: 5X+;" in notices[0].what
 
 
 def test_a_sensor_on_a_rigid_body_does_not_hinder_orthogonality() -> None:

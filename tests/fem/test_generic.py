@@ -155,7 +155,7 @@ def test_what_is_refused(elements: list[int], names: list[str], code: str):
 
 def test_groups_that_overlap_are_refused():
     structure = with_generic(_beams(), GenericGroup("JOINT", frozenset([1, 2])), ["K1"])
-    with pytest.raises(FemtuneError, match="element 2 is also in GENERIC JOINT") as caught:
+    with pytest.raises(FemtuneError, match=r"element 2 .*JOINT") as caught:
         with_generic(structure, GenericGroup("OTHER", frozenset([2, 3])), ["K1"])
     assert caught.value.code == "generic.overlap"
 

@@ -10,7 +10,7 @@ import pytest
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
 from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.model import Assignment, Configuration, configure, parametric_model
 from femtune.parameters import Parameter, ParameterSet
@@ -39,7 +39,7 @@ CASES = {
 }
 
 
-def built(folder: Path, section: str) -> BuiltModel:
+def built(folder: Path, section: str) -> BuiltDeck:
     path = folder / "plate.bdf"
     path.write_text(f"{HEAD}{section}ENDDATA\n")
     return build_structure(read_deck(path))

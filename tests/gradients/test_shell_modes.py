@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from femtune.fem import FieldRef
-from femtune.files.nastran import BuiltModel, plan_edits, read_deck, write_deck
+from femtune.files.nastran import BuiltDeck, plan_edits, read_deck, write_deck
 from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.model import (
@@ -71,7 +71,7 @@ def stiffened_plate(nu: int, nv: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def plate_model(path: Path, nu: int, nv: int, fields: tuple[str, ...] = FIELDS) -> tuple[ConfiguredModel, BuiltModel]:
+def plate_model(path: Path, nu: int, nv: int, fields: tuple[str, ...] = FIELDS) -> tuple[ConfiguredModel, BuiltDeck]:
     path.write_text(stiffened_plate(nu, nv))
     built = build_structure(read_deck(path))
     refs = [parse_field_ref(text) for text in fields]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -204,7 +205,8 @@ def test_a_driving_point_with_the_wrong_sign_is_named(eight_modes: Any, kind: st
     (notice,) = [n for n in check_frfs(dataclasses.replace(frfs, values=values)) if "driving point" in n.what]
     label = frfs.references[point.reference]
     if kind == "mobility":
-        assert notice.what == f"at the driving point {label} only 0% of the power flows into the structure"
+        assert notice.code == "frf.driving-point"
+        assert f"driving point {label} only 0% " in notice.what
     else:
         assert f"the driving point {label}" in notice.what
         check_shown(f"frf.kind-contradicts, wrong sign of {kind}", notice)
@@ -286,10 +288,8 @@ def test_exchanged_and_inverted_channels_are_named(eight_modes: Any) -> None:
     values[[2, 9]] = values[[9, 2]]
     values[4] *= -1.0
     found = exchanged(dataclasses.replace(one, values=values), other)
-    assert [n.what for n in found if n.code == "frf.exchanged"] == [
-        "the response with the label 3Z+ was measured at 10Z+",
-        "the response with the label 10Z+ was measured at 3Z+",
-    ]
+    told = [re.findall(r"\d+Z\+", n.what) for n in found if n.code == "frf.exchanged"]
+    assert told == [["3Z+", "10Z+"], ["10Z+", "3Z+"]]
     assert [n.what.split()[5] for n in found if n.code == "frf.inverted"] == ["5Z+"]
 
 

@@ -92,7 +92,7 @@ def test_setups_that_cannot_be_merged_say_why():
     still[0, 1] = 0.0
     part = ModeSet(FREQ, SHAPES[:1], references)
     rest = ModeSet(FREQ, still, DOFS)
-    with pytest.raises(FemtuneError, match=r"mode 2 of set-up 2 does not move"):
+    with pytest.raises(FemtuneError, match="mode 2 of set-up 2 "):
         merge_setups([part, rest])
 
 

@@ -9,7 +9,7 @@ from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 
 _POINTS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,2.,0.,0.\nGRID,4,,2.,1.,0.\n"
 
@@ -37,7 +37,7 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.chdir(tmp_path)
 
 
-def _built(text: str) -> BuiltModel:
+def _built(text: str) -> BuiltDeck:
     Path("deck.bdf").write_text(text)
     return build_structure(read_deck("deck.bdf"))
 

@@ -11,7 +11,7 @@ from tests.messages.shown import check_shown
 from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.model import Assignment, parametric_model
 from femtune.model.damping import damping_by_mode, damping_table
 from femtune.parameters import Parameter, ParameterSet
@@ -40,7 +40,7 @@ def _check(error: FemtuneError, code: str) -> None:
     check_shown(code, error)
 
 
-def _built(text: str) -> BuiltModel:
+def _built(text: str) -> BuiltDeck:
     Path("deck.bdf").write_text(text)
     return build_structure(read_deck("deck.bdf"))
 

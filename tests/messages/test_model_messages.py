@@ -33,6 +33,8 @@ from femtune.residuals.aligned import align
 from structures.frames import make_structure, scalars
 from structures.springs import factor_model, simulated_case, spring_structure
 
+from .patched import patched
+
 CHAIN = [(i - 1, i, 1e3) for i in range(5)]
 
 
@@ -54,16 +56,6 @@ def _modes(links: list[tuple[int, int, float]], weights: list[float], **wanted: 
         return solve_modes(configure(model, Configuration("BC")).at(np.zeros(0)), **wanted)  # type: ignore[arg-type]
 
     return act
-
-
-def _patched(act: Callable[[], object], *patches: tuple[object, str, object]) -> Callable[[], object]:
-    def patched() -> object:
-        with pytest.MonkeyPatch.context() as monkeypatch:
-            for target, name, value in patches:
-                monkeypatch.setattr(target, name, value)
-            return act()
-
-    return patched
 
 
 def _assigned(*assignments: Assignment) -> Callable[[], object]:
@@ -145,21 +137,21 @@ CASES: dict[str, Callable[[], object]] = {
     "eigen.no-dofs": _held,
     "eigen.no-mass": _modes([(-1, 0, 1.0)], [0.0]),
     "eigen.negative": _modes([(-1, 0, -20.0), (0, 1, 10.0)], [1.0, 1.0]),
-    "eigen.inaccurate": _patched(_modes(CHAIN, [1.0] * 5), (eigenpairs, "dense", _rough)),
-    "eigen.missed-modes": _patched(_modes(CHAIN, [1.0] * 5, count=2), (eigen, "count_below", _counts(7))),
-    "eigen.uncounted": _patched(_modes(CHAIN, [1.0] * 5, max_hz=80.0), (eigen, "count_below", _counts(None))),
-    "eigen.no-convergence": _patched(
+    "eigen.inaccurate": patched(_modes(CHAIN, [1.0] * 5), (eigenpairs, "dense", _rough)),
+    "eigen.missed-modes": patched(_modes(CHAIN, [1.0] * 5, count=2), (eigen, "count_below", _counts(7))),
+    "eigen.uncounted": patched(_modes(CHAIN, [1.0] * 5, max_hz=80.0), (eigen, "count_below", _counts(None))),
+    "eigen.no-convergence": patched(
         _modes([(i - 1, i, 1e3) for i in range(500)], [1.0] * 500),
         (iteration, "_most", lambda operator, count, block: count + 2 * block),
         (iteration, "_MOST_RESTARTS", 1),
     ),
     "eigen.other-start": _other_start,
-    "derivative.not-converged": _patched(_derivative, (derivatives, "_MAX_STEPS", 1)),
+    "derivative.not-converged": patched(_derivative, (derivatives, "_MAX_STEPS", 1)),
     "residual.no-scatter": _no_scatter,
     "residual.no-damping": _no_damping,
     "residual.no-complex-mode": _overdamped,
     "residual.unseen-mode": _unseen,
-    "solver.unavailable": _patched(
+    "solver.unavailable": patched(
         lambda: factorise.factorise(sp.eye_array(3, format="csr"), "PARDISO"),
         (factorise, "available_solvers", lambda: ("SuperLU",)),
     ),
@@ -180,6 +172,6 @@ def test_message_is_the_example_of_its_page(code: str):
 
 
 def test_notice_of_uncounted_modes_is_the_example_of_its_page():
-    act = _patched(_modes(CHAIN, [1.0] * 5), (eigen, "count_below", _counts(None)))
+    act = patched(_modes(CHAIN, [1.0] * 5), (eigen, "count_below", _counts(None)))
     (notice,) = act().notices  # type: ignore[attr-defined]
     check_shown("eigen.not-counted", notice)

@@ -10,7 +10,7 @@ from tests.messages.shown import check_shown
 from femtune.errors import FemtuneError, Where
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.write import plan_edits
 
@@ -94,7 +94,7 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.chdir(tmp_path)
 
 
-def _built(text: str, allow_missing: bool = False) -> BuiltModel:
+def _built(text: str, allow_missing: bool = False) -> BuiltDeck:
     Path("deck.bdf").write_text(text)
     return build_structure(read_deck("deck.bdf"), allow_missing, preloaded=not allow_missing)
 

@@ -10,7 +10,7 @@ from tests.messages.shown import check_shown
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
 from femtune.fem.offsets import with_offsets
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.model import Configuration, configure, parametric_model
 from femtune.model.over_frequency import frequency_table
@@ -39,7 +39,7 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.chdir(tmp_path)
 
 
-def _built(cards: str) -> BuiltModel:
+def _built(cards: str) -> BuiltDeck:
     Path("deck.bdf").write_text(CASE + BARS + cards + "ENDDATA\n")
     return build_structure(read_deck("deck.bdf"))
 

@@ -37,6 +37,8 @@ from femtune.model.response.dynamic_stiffness import NoSolutionError
 from femtune.parameters import Parameter, ParameterSet
 from structures.frames import make_structure, scalars
 
+from .patched import patched
+
 
 def _model(n: int, springs: Sequence[tuple[int, int, float]], dashpot: float = 0.0) -> ConfiguredModel:
     """Unit masses along X with springs, and a dashpot from the first to ground; held but along X."""
@@ -67,16 +69,6 @@ def _solved(model: ConfiguredModel) -> EigenSolution:
 def _frf(model: ConfiguredModel, freq_hz: Sequence[float] = (1.0, 2.0), **more: object) -> object:
     ports = make_ports(model, ["1X+"], ["2X+"] if model.n_free > 1 else ["1X+"])
     return frf(_solved(model), ports, freq_hz, **more)  # type: ignore[arg-type]
-
-
-def _patched(act: Callable[[], object], *patches: tuple[object, str, object]) -> Callable[[], object]:
-    def patched() -> object:
-        with pytest.MonkeyPatch.context() as monkeypatch:
-            for target, name, value in patches:
-                monkeypatch.setattr(target, name, value)
-            return act()
-
-    return patched
 
 
 def _fails(*arguments: object, **more: object) -> None:
@@ -122,14 +114,14 @@ CASES: dict[str, Callable[[], object]] = {
     "response.resonance": lambda: _frf(UNIT, (0.5, 1.0)),
     "response.defective": lambda: complex_modes(solve_modes(CRITICAL.at(np.zeros(1)), 1)),
     "response.static-free": lambda: _static(_free()),
-    "response.static-inaccurate": _patched(lambda: _static(_held()), (static, "sparse_solver", _no_solution)),
-    "complex.no-convergence": _patched(
+    "response.static-inaccurate": patched(lambda: _static(_held()), (static, "sparse_solver", _no_solution)),
+    "complex.no-convergence": patched(
         lambda: complex_modes(_solved(_held(40)), 2),
         (complex_eigen, "DENSE_UP_TO", 5),
         (complex_eigen.spla, "eigs", _fails),
     ),
     "derivative.close-poles": lambda: _derivative(_free(), 0),
-    "derivative.pole-inaccurate": _patched(
+    "derivative.pole-inaccurate": patched(
         lambda: _derivative(_held(2, 1.0), 0), (complex_derivatives, "_residuals", _large)
     ),
 }

@@ -10,7 +10,7 @@ import numpy as np
 from tests.model.decks import card
 
 from femtune.files.nastran import build_structure, read_deck
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltDeck
 from femtune.model import Configuration, configure, parametric_model, solve_modes
 from femtune.model.configured import ConfiguredModel
 from femtune.parameters import ParameterSet
@@ -18,7 +18,7 @@ from femtune.parameters import ParameterSet
 NONE = ParameterSet(())
 
 
-def built(cards: Sequence[str], loads: Sequence[str], spc: tuple[int, int] = (1, 1), more: str = "") -> BuiltModel:
+def built(cards: Sequence[str], loads: Sequence[str], spc: tuple[int, int] = (1, 1), more: str = "") -> BuiltDeck:
     """A deck whose modes are those under the loads of set 3."""
     case = ["SUBCASE 1", f"SPC={spc[0]}", "LOAD=3", "SUBCASE 2", f"SPC={spc[1]}", "METHOD=5", "STATSUB(PRELOAD)=1"]
     text = ["SOL 103", "CEND", *case, "BEGIN BULK", *cards, *loads, "EIGRL,5,,,9", *more.splitlines(), "ENDDATA", ""]

@@ -20,7 +20,7 @@ from femtune.fem.elements.solids.shape import (
     tabulated,
     tetrahedron_points,
 )
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltDeck
 from femtune.model import Configuration, configure, parametric_model, solve_modes
 from femtune.model.configured import ConfiguredModel
 from femtune.model.parametric import Assignment
@@ -345,7 +345,7 @@ def _shares(place: np.ndarray, kind: str) -> np.ndarray:
 # Derivatives: exact, beside complex steps.
 
 
-def frame() -> BuiltModel:
+def frame() -> BuiltDeck:
     """A frame of bars with a plate in it, loaded by a force, a moment, pressure and its weight."""
     cards = [
         card("GRID", 1, 0, 0.0, 0.0, 0.0), card("GRID", 2, 0, 1.0, 0.1, 0.0), card("GRID", 3, 0, 1.1, 1.0, 0.05),

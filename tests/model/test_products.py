@@ -7,27 +7,17 @@ import pytest
 import scipy.sparse as sp
 
 from femtune.errors import FemtuneError
-from femtune.fem import FieldRef
-from femtune.model import Assignment, Configuration, ModelPoint, configure, parametric_model, products
+from femtune.model import ModelPoint, products
 from femtune.model.linear import memory
 from femtune.model.linear.symmetric import symmetric
 from femtune.model.products import derivative_energies, derivative_product, derivative_projections, projections
-from femtune.parameters import Parameter, ParameterSet
-from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
+
+from .plates import two_halves
 
 
 @pytest.fixture(scope="module")
 def point() -> ModelPoint:
-    mesh = shell_mesh(rectangle(1.0, 0.7), 5, 4, distort=0.2)
-    halves = [mesh.cells[:10], mesh.cells[10:]]
-    steel = Isotropic(2.1e11, 0.3, 7850.0)
-    parts = [ShellPart(cells, Section(steel, t)) for cells, t in zip(halves, (0.01, 0.02))]
-    structure = shell_structure(mesh.xyz, parts, consistent_mass=True)
-    names = ("t1", "t2", "E")
-    fields = [FieldRef("PSHELL", 1, "T"), FieldRef("PSHELL", 2, "T"), FieldRef("MAT1", 1, "E")]
-    assignments = [Assignment(n, f) for n, f in zip(names, fields)]
-    model = parametric_model(structure, ParameterSet(tuple(map(Parameter, names))), assignments)
-    return configure(model, Configuration()).at(np.array([0.1, -0.2, 0.05]))
+    return two_halves(5, 4).at(np.array([0.1, -0.2, 0.05]))
 
 
 def _vectors(point: ModelPoint, count: int, seed: int) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -255,6 +256,6 @@ def test_the_list_tells_why_a_solver_is_not_at_hand(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(solver_list, "available_solvers", lambda: ("SuperLU",))
     text = solver_list.solver_table(solver_list.solver_list())
     assert "PARDISO: not available" in text
-    assert "CHOLMOD: not available: scikit-sparse is installed but cannot be loaded: no libcholmod.so" in text
-    assert "SLEPc: not available: no Python with slepc4py was found" in text
+    assert re.search("CHOLMOD: not available: .*no libcholmod.so", text)
+    assert re.search("SLEPc: not available: .*slepc4py", text)
     assert 'pip install "femtune[fast]"' in text

@@ -2,36 +2,24 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 import scipy.linalg as la
 from tests.deck_models import model_of
+from tests.loaded import load_module
 
 from femtune.model import Configuration, solve_modes
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "01_building"
 
 
-def _load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, EXAMPLE / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-published = _load("published")
-make_inputs = _load("make_inputs")
+published = load_module(EXAMPLE / "published.py")
+make_inputs = load_module(EXAMPLE / "make_inputs.py")
 
 
 def _frame(lower: float, upper: float, beam_1: float, beam_2: float, length: float) -> np.ndarray:

@@ -29,7 +29,7 @@ class Size:
     lines: int
 
 
-_SIZES = {"card": Size(3, 40), "residual": Size(2, 60), "reader": Size(2, 60)}
+_SIZES = {"card": Size(3, 40), "residual": Size(3, 60), "reader": Size(2, 60), "key": Size(2, 10)}
 
 
 def _followed(name: str, package: Path) -> tuple[set[str], int]:
@@ -55,7 +55,7 @@ def _followed(name: str, package: Path) -> tuple[set[str], int]:
 
 def _paragraph(name: str) -> str:
     """The recipe in CONTRIBUTING."""
-    found = re.search(rf"^- \*A {name}\.\*.*?(?=^- |^$)", (_ROOT / "CONTRIBUTING.md").read_text(), re.M | re.S)
+    found = re.search(rf"^- \*A {name}\b.*?(?=^- |^$)", (_ROOT / "CONTRIBUTING.md").read_text(), re.M | re.S)
     assert found is not None
     return found[0]
 

@@ -99,7 +99,7 @@ def test_a_shallow_minimum_between_two_poles_is_none() -> None:
     value = 1.0 / (s**2 + 0.5 * s + (2 * np.pi * 2) ** 2) - 1.0 / (s**2 + 0.5 * s + (2 * np.pi * 5) ** 2)
     one = DofSet.parse(["1X+"])
     frfs = FrfSet(lines, value[None, None], one, DofSet.parse(["2X+"]), "receptance")
-    with pytest.raises(FemtuneError, match=r"have no antiresonance from 0.5 to 9 Hz") as error:
+    with pytest.raises(FemtuneError, match=r"from 0\.5 to 9 Hz") as error:
         measured_antiresonances(frfs)
     assert error.value.code == "residual.no-antiresonances"
 
@@ -133,7 +133,7 @@ def test_unpaired_ones_are_left_out_with_their_reason() -> None:
     assert all(n.code == "residual.antiresonance-unpaired" for n in notices)
     assert "; the gate is 2 %" in notices[0].what
     _, notices = antiresonance_residual(modes, frfs, zeros, gates=ZeroGates(0.5, 0.9999))
-    assert "the MAC of the deflection shapes is" in notices[0].what
+    assert "MAC" in notices[0].what
     with pytest.raises(FemtuneError, match="no antiresonance of the test could be paired"):
         antiresonance_residual(modes, frfs, zeros, gates=ZeroGates(1e-9))
 

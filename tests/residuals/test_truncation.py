@@ -70,7 +70,7 @@ def test_without_a_number_the_modes_reach_twice_the_highest_line() -> None:
     # and residual vectors that the study leaves out are named
     for way in (residual.way, few.way):
         without = replace(residual, way=replace(way, residual_vectors=False))
-        assert truncation(without, state).lacks.endswith("and residual vectors (residual_vectors = false)")
+        assert truncation(without, state).lacks.endswith("(residual_vectors = false)")
 
 
 @pytest.mark.slow

@@ -227,7 +227,7 @@ def test_a_parameter_whose_value_is_zero_has_a_distance():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"mean": np.array([0.0, 1.0]), "covariance": np.diag([0.0, 1.0])}, "mean and variance of output 1 are zero"),
+        ({"mean": np.array([0.0, 1.0]), "covariance": np.diag([0.0, 1.0])}, "output 1"),
         ({"mean": np.array([np.nan, 1.0])}, "a value that is not finite"),
         ({"covariance": np.array([[1.0, np.nan], [np.nan, 1.0]])}, "a value that is not finite"),
         ({"jacobian": np.array([[1.0, np.inf], [0.0, 1.0]])}, "a value that is not finite"),

@@ -39,19 +39,14 @@ CONM2   9       5               2.0
 SPC1    1       123456  1
 ENDDATA
 """
-EI = """
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
 
-[[parameter]]
-name = "tip"
-fields = ["PBAR 2 I1"]
-lower = 0.5
-upper = 2.0
-"""
+
+def bounded(name: str, field: str, more: str = "") -> str:
+    """The table of a parameter between half and twice the value of the deck."""
+    return f'[[parameter]]\nname = "{name}"\nfields = ["{field}"]\n{more}lower = 0.5\nupper = 2.0\n'
+
+
+EI = f"\n{bounded('root', 'PBAR 1 I1')}\n{bounded('tip', 'PBAR 2 I1')}"
 LABELS = tuple(f"{node}{direction}+" for node in (2, 3, 4, 5) for direction in ("Y", "Z"))
 
 

@@ -6,19 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from tests.deck_models import frame_at, structure_of
 
 from femtune.dofs import DofSet
 from femtune.fem.fields import FieldRef
-from femtune.files.nastran import build_structure, read_deck
 from femtune.files.uff import write_uff_frfs, write_uff_modes
 from femtune.modal import ModeSet
 from femtune.model import AddedMass, Assignment, Configuration, configure, parametric_model, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testdata import ModalTest, WireFrame
+from femtune.testdata import ModalTest
 from femtune.units import SI
 
-from .cantilever import CANTILEVER, LABELS
+from .cantilever import CANTILEVER, LABELS, bounded
 from .damped_cantilever import DAMPED
 
 TRUTH = {"A": 0.9, "B": 1.0, "C": 1.15}
@@ -31,12 +31,11 @@ _COUNT = 5
 def write_tests(folder: Path, seed: int | None = 1, states: tuple[str, ...] = ("free",), tip: float = TIP) -> None:
     """Deck and tests; frequencies with relative noise of `SD`, without a seed exact. Specimen C has `tip` too."""
     (folder / "beam.bdf").write_text(CANTILEVER)
-    structure = build_structure(read_deck(folder / "beam.bdf")).structure
+    structure = structure_of(folder / "beam.bdf")
     rng = None if seed is None else np.random.default_rng(seed)
     dofs = DofSet.parse(LABELS)
     rows = [structure.nodes.dof(d.node, d.component) for d in dofs]
-    nodes = sorted({d.node for d in dofs})
-    frame = WireFrame(np.array(nodes), np.array([structure.nodes.xyz[structure.nodes.position(n)] for n in nodes]))
+    frame = frame_at(structure, (d.node for d in dofs))
     for name, root in TRUTH.items():
         own = ParameterSet((Parameter("root", root), Parameter("tip", tip if name == "C" else TIP)))
         fields = [Assignment("root", FieldRef("PBAR", 1, "I1")), Assignment("tip", FieldRef("PBAR", 2, "I1"))]
@@ -55,9 +54,9 @@ def write_tests(folder: Path, seed: int | None = 1, states: tuple[str, ...] = ("
 def write_frfs(folder: Path, noise: float = 0.01) -> None:
     """Deck and tests of FRFs without modes: two outputs, one input, with noise relative to each value."""
     (folder / "beam.bdf").write_text(DAMPED)
-    structure = build_structure(read_deck(folder / "beam.bdf")).structure
+    structure = structure_of(folder / "beam.bdf")
     rng, lines = np.random.default_rng(3), np.arange(8.0, 260.0, 1.0)
-    frame = WireFrame(np.array([3, 5]), np.array([structure.nodes.xyz[structure.nodes.position(n)] for n in (3, 5)]))
+    frame = frame_at(structure, (3, 5))
     for name, root in TRUTH.items():
         own = ParameterSet((Parameter("root", root), Parameter("tip", TIP)))
         fields = [Assignment("root", FieldRef("PBAR", 1, "I1")), Assignment("tip", FieldRef("PBAR", 2, "I1"))]
@@ -77,8 +76,7 @@ def study_text(states: tuple[str, ...] = ("free",), more: str = "", individual: 
         for state in states
     )
     parameters = "".join(
-        f'[[parameter]]\nname = "{name}"\nfields = ["PBAR {i} I1"]\nlower = 0.5\nupper = 2.0\n'
-        + ("individual = true\n" if name in individual else "")
+        bounded(name, f"PBAR {i} I1") + ("individual = true\n" if name in individual else "")
         for i, name in enumerate(("root", "tip"), 1)
     )
     return (

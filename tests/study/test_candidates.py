@@ -15,12 +15,12 @@ from femtune.assembly.study import read_study
 from femtune.errors import FemtuneError
 from femtune.model import Configuration
 from femtune.results.step_results import CandidatesResult
-from femtune.study.candidates import CANDIDATES_FILE, _Population
+from femtune.study.candidates import CANDIDATES_FILE, Population
 from femtune.updating.sensitivity_method import moving_parameters
 
-from .cantilever import EI, LABELS, TRUE, Bench, measured
+from .cantilever import EI, LABELS, TRUE, Bench, bounded, measured
 
-THREE = EI + '\n[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\nlower = 0.5\nupper = 2.0\n'
+THREE = f"{EI}\n{bounded('mass', 'CONM2 9 M')}"
 CASES = """
 [[configuration]]
 name = "empty"
@@ -194,7 +194,7 @@ def test_several_starts_and_processes_give_the_same(two: Bench) -> None:
 def test_combinations_that_the_data_leave_open(two: Bench) -> None:
     """Modulus and density of the bare beam have the same effect; of one configuration none is left out."""
     fields = {"E": "MAT1 1 E", "rho": "MAT1 1 RHO"}
-    free = [f'[[parameter]]\nname = "{n}"\nfields = ["{f}"]\nlower = 0.5\nupper = 2.0\n' for n, f in fields.items()]
+    free = [bounded(name, field) for name, field in fields.items()]
     candidate = '[[candidate]]\nname = "E and rho"\nparameters = ["E", "rho"]\n'
     bare = CASES.partition('\n[[configuration]]\nname = "loaded"')[0]
     found = steps.candidates(two.study("\n".join([bare, *free, candidate]), test=None))
@@ -311,7 +311,7 @@ def test_a_population_is_judged_by_the_residuals_of_the_update(two: Bench) -> No
     loaded = read_study(study(two, LISTED))
     problem = loaded.problem()
     moving = moving_parameters(problem, ("root", "tip"))
-    population = _Population(problem, problem.start(np.zeros(3)), moving)
+    population = Population(problem, problem.start(np.zeros(3)), moving)
     points = np.array([[0.1, -0.2], [0.0, 0.3], [-2.0, 0.0]])
     chi2 = population(points)
     for point, value in zip(points[:2], chi2):

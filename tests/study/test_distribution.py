@@ -141,7 +141,7 @@ def test_functions_without_a_value_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("bounds", "said"),
     [
-        ((-0.3, 0.3, -0.6, 0.5, -0.3, 0.3), "it is positive with lower of thin2 above"),
+        ((-0.3, 0.3, -0.6, 0.5, -0.3, 0.3), "lower of thin2 above"),
         ((-0.9, 0.3, -0.9, 0.9, -0.9, 0.9), "are multiplied by less than"),
         ((-0.3, 1e300, -0.3, 0.3, -0.3, 0.3), "at most 10000 times is allowed"),
         ((-1e300, 1e300, -1e300, 1e300, -1e300, 1e300), "are multiplied by less than"),
@@ -177,5 +177,5 @@ def test_the_bound_that_makes_a_thickness_positive_does(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(text.replace("lower = -0.5", f"lower = {limit + 1e-3}"))
     assert steps.modes(tmp_path / "study.toml").freq_hz[0] > 0.0
     (tmp_path / "study.toml").write_text(text.replace("lower = -0.5", f"lower = {limit - 1e-3}"))
-    with pytest.raises(FemtuneError, match="times its value in the deck"):
+    with pytest.raises(FemtuneError, match="in the deck"):
         steps.modes(tmp_path / "study.toml")

@@ -49,4 +49,4 @@ def test_an_update_without_pairs_states_the_rotation(bench: Bench) -> None:
     with pytest.raises(FemtuneError) as error:
         steps.update(bench.study(f"{BY_ID}[correlate]\nfrequency_gate = 0.2\n{EI}"))
     assert error.value.code == "correlate.no-pairs"
-    assert "write rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]" in str(error.value.hint)
+    assert "rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]" in str(error.value.hint)

@@ -122,9 +122,7 @@ def test_a_channel_that_does_not_couple_is_named_in_the_alerts(bench: Bench, tru
     bench.functions(functions(true_deck, 1e-4, ("5Y+",)))
     run = steps.run(study_of(bench, 'kind = "frf"\ncount = 20'))
     (alert,) = [a for a in run.results.alerts if a.code == "residual.silent-frf"]
-    assert (
-        "1 of 3 FRFs are zero in the model except for rounding errors and are not compared: 5Z+ / 5Y+" in alert.sentence
-    )
+    assert alert.sentence.endswith(": 5Z+ / 5Y+")
 
 
 REFUSED = {

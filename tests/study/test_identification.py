@@ -112,7 +112,7 @@ def test_a_choice_by_hand_need_not_be_met_by_every_method_and_fragment(record, t
 @pytest.mark.parametrize("method", ["SSI-cov", "FDD"])
 def test_a_choice_that_the_first_method_cannot_make_is_refused(record, tmp_path, method):
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "take_hz": (2.0,), "methods": (method,), "largest_order": 20}
-    with pytest.raises(FemtuneError, match="no cluster of stable poles lies near 2 Hz") as caught:
+    with pytest.raises(FemtuneError, match="near 2 Hz") as caught:
         identify(record, output=tmp_path / "out", **asked)
     assert "take_hz" in str(caught.value.where)
 
@@ -197,7 +197,7 @@ def test_a_resolution_that_the_record_has_not_is_refused(tmp_path):
 def test_a_period_between_samples_is_refused(tmp_path):
     clock = Clock(60.0, 50.0, 0.0)
     force = white_noise(np.random.default_rng(1), 1, clock.fine_samples)[0]
-    with pytest.raises(FemtuneError, match="not a whole number of samples") as caught:
+    with pytest.raises(FemtuneError, match="whole number") as caught:
         identify(forced(tmp_path, force, clock, "period_s = 13.33"))
     assert caught.value.where.line
 
@@ -269,7 +269,7 @@ def test_the_command_says_the_same(record, tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('frfs = "a.unv"', "must have exactly one of record"),
+        ('frfs = "a.unv"', "exactly one of record"),
         ("band = [1.0, 2.0]", "band_hz"),
         ("band_hz = [9.0, 2.0]", "the frequency band is empty"),
         ('methods = ["SSI"]', "should be one of"),
@@ -284,7 +284,7 @@ def test_a_file_that_cannot_be_meant_is_refused(record, tmp_path, text, says):
 
 
 def test_what_is_lacking_is_asked_for(record, tmp_path):
-    with pytest.raises(FemtuneError, match="neither a sampling rate nor times"):
+    with pytest.raises(FemtuneError, match="sampling rate"):
         identify(described(record, tmp_path, "band_hz = [1.0, 12.0]"))
     with pytest.raises(FemtuneError, match="needs a frequency band"):
         identify(described(record, tmp_path, "sampling_hz = 50.0"))
@@ -321,7 +321,7 @@ def test_a_record_of_velocities_and_accelerations_gives_the_shapes_of_accelerati
     assert "identify.quadrature" not in {n.code for n in made.found.notices}
     assert np.diag(mac(made.modes.shapes, PLANT.truth.shapes)).min() > 0.999
     path.write_text(said.replace('dof = "2X+"', 'dof = "2X+"\nquantity = "strain"'), encoding="utf-8")
-    with pytest.raises(FemtuneError, match="strain cannot be converted to a motion"):
+    with pytest.raises(FemtuneError, match="strain"):
         identify(path)
 
 

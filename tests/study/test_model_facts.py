@@ -63,7 +63,7 @@ def test_stiffness_to_the_ground_that_no_element_has_is_a_fault(tmp_path: Path) 
     check = _facts(tmp_path, "SPC = 7\nK2GG = KK\n", more).rigid_body_check
     assert (check.verdict, check.grounded, check.grounding_elements) == ("fail", True, ())
     assert check.sentence.startswith("without supports, rigid-body motion X")
-    assert check.sentence.endswith("strains the model; it is constrained to ground")
+    assert check.sentence.endswith(" constrained to ground")
     assert check.worst_dofs[0].dof == "3X+"
 
 

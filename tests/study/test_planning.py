@@ -142,7 +142,7 @@ def test_points_of_a_named_set_of_the_deck(tmp_path: Path) -> None:
     path.write_text(plate_deck(False, "ASET1,3,1,9,12,20,33,41,55,", ",63"))
     found = steps.plan(path, dof_set="ASET", modes=[7, 8, 9], uniaxial=4)
     assert found.record.candidate_points == 8
-    with pytest.raises(FemtuneError, match="no set of degrees of freedom named CSET; it has ASET"):
+    with pytest.raises(FemtuneError, match=r"CSET; .*ASET"):
         steps.plan(path, dof_set="CSET")
 
 

@@ -121,15 +121,14 @@ def test_what_a_region_cannot_be(tmp_path: Path, region: str, words: str) -> Non
 def test_a_list_that_is_too_short(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError, match=r"'box' has too few entries\n.*study.toml:11"):
         study(tmp_path, "box = [[0, 0, 0]]")
-    with pytest.raises(FemtuneError, match=r"entry 2 of entry 1 of 'box' is not a finite number"):
+    with pytest.raises(FemtuneError, match="entry 2 of entry 1 of 'box'"):
         study(tmp_path, "box = [[0, nan, 0], [1, 1, 1]]")
 
 
-def test_field_that_no_card_of_the_region_has(tmp_path: Path) -> None:
-    with pytest.raises(FemtuneError, match=r"no MAT1 card that is used in the region has a separate value NU"):
-        study(tmp_path, "elements = [9]", '["MAT1 NU"]')
-
-
-def test_card_that_cannot_be_updated(tmp_path: Path) -> None:
-    with pytest.raises(FemtuneError, match=r"GRID.* is not a card with fields that can be updated"):
-        study(tmp_path, "elements = [1]", '["GRID X1"]')
+@pytest.mark.parametrize(
+    ("elements", "field", "says"),
+    [("[9]", "MAT1 NU", "no MAT1 card .* NU"), ("[1]", "GRID X1", "GRID.* is not a card with fields")],
+)
+def test_fields_that_a_region_does_not_have(tmp_path: Path, elements: str, field: str, says: str) -> None:
+    with pytest.raises(FemtuneError, match=says):
+        study(tmp_path, f"elements = {elements}", f'["{field}"]')

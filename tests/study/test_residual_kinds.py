@@ -248,9 +248,8 @@ def test_modes_that_nothing_compares_are_named(beam: Bench):
     assert not [a for a in found.results.alerts if a.code == "residual.modes-unused"]
     table = f'[[residual]]\nkind = "static-force"\nname = "b"\n{LOAD}\n{measured_table(beam.truth())}\nsd = 1.0\n'
     silent = run(beam, table)
-    assert [a.sentence for a in silent.results.alerts if a.code == "residual.modes-unused"] == [
-        "as the deck: the test has modes, but no residual of the study compares them"
-    ]
+    (told,) = [a.sentence for a in silent.results.alerts if a.code == "residual.modes-unused"]
+    assert told.startswith("as the deck: ")
     # they are still compared with the updated model
     last = next(c for c in silent.results.correlations if c.stage == "after")
     assert max(abs(p.freq_error_percent) for p in last.pairs) < 1e-3

@@ -15,21 +15,9 @@ from femtune.reporting.single_steps import selection_document, subject_of
 from femtune.results.selection import SelectionMeasures
 from femtune.results.solved import solved_cases
 
-from .cantilever import EI, Bench
+from .cantilever import EI, Bench, bounded
 
-TWICE = """
-[[parameter]]
-name = "all"
-fields = ["MAT1 1 E"]
-lower = 0.5
-upper = 2.0
-
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
-"""
+TWICE = f"\n{bounded('all', 'MAT1 1 E')}\n{bounded('root', 'PBAR 1 I1')}"
 
 
 def _measures(study) -> SelectionMeasures:
@@ -50,7 +38,7 @@ def test_every_parameter_has_its_order_and_information(beam: Bench):
 
 def test_the_parameters_that_are_wrong_explain_the_residual(beam: Bench):
     """Root 1.3, tip .85; the mass at the tip is right."""
-    mass = '[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\nlower = 0.5\nupper = 2.0\n'
+    mass = bounded("mass", "CONM2 9 M")
     found = _measures(beam.study(EI + mass))
     assert "root" in [s.parameter for s in found.subset if s.chosen][:1]
 

@@ -7,10 +7,10 @@ import pytest
 from femtune import steps
 from femtune.files.nastran.lines import parse_real
 
-from .cantilever import Bench
+from .cantilever import Bench, bounded
 
 MATERIAL, GIVEN = "MAT1    1       2.1+11          0.3     7850.", "MAT1    1       2.1+11  8.08+10 0.3     7850."
-E = '[[parameter]]\nname = "E"\nfields = ["MAT1 1 E"]\nlower = 0.5\nupper = 2.0\n'
+E = bounded("E", "MAT1 1 E")
 
 
 def _numbers(line: str) -> list[float]:

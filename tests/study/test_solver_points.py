@@ -89,7 +89,7 @@ def test_runs_of_a_screening_that_fail_are_named(study: Path) -> None:
     found = ft.screen(study)
     points = found.arrays["screen_runs"][:, 0]
     assert [f.run for f in found.record.failed] == (np.flatnonzero(points > 1400.0) + 1).tolist()
-    assert {f.reason for f in found.record.failed} == {"exit code: the solver ended with exit code 2"}
+    assert {f.reason.partition(":")[0] for f in found.record.failed} == {"exit code"}
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune import steps
-from femtune.assembly.stages import _covariance, bottom_up, used_in_stage
+from femtune.assembly.stages import bottom_up, covariance_of_stages, used_in_stage
 from femtune.assembly.study import read_study
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.study_file import study_from_text
@@ -157,7 +157,7 @@ def test_a_value_set_by_hand_last_is_not_called_unmoved() -> None:
     found = Belief(parameters, np.zeros(3), np.diag([0.01, 0.02, 0.03]), np.array([True, True, False]))
     later = set_by_hand(found, [SetByHand("b", value=1.1)])
     block = ResidualBlock("frequency", "x", "1", np.zeros(4), np.zeros((4, 3)), 0.01)
-    covariance = _covariance(later, Evaluation(np.zeros(3), (), (block,)))
+    covariance = covariance_of_stages(later, Evaluation(np.zeros(3), (), (block,)))
     assert covariance.reasons == {
         1: "set by hand and not updated after that, σ not given", 2: "not updated in any stage, σ not given"
     }  # fmt: skip

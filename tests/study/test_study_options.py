@@ -79,10 +79,9 @@ def test_several_configurations_with_overlays(states: Bench) -> None:
     assert masses == pytest.approx({"light": 7.85, "loaded": 11.35, "propped": 9.85, "loose": 9.85})
     light = run.results.model.configurations[0]
     assert (light.weighed_mass, light.mass_difference_percent) == (7.5, pytest.approx(100 * 0.35 / 7.5))
-    assert [a.sentence for a in run.results.alerts if a.code == "model.mass-differs"] == [
-        "light: the mass of the model differs by +4.7 % from the measured mass, more than 2 %: an update would absorb "
-        "this error into the parameters"
-    ]
+    (told,) = [a.sentence for a in run.results.alerts if a.code == "model.mass-differs"]
+    assert told.startswith("light: ")
+    assert "+4.7 %" in told
     written = run.folder / "updated.bdf"
     last = [m for m in run.results.modes if m.stage == "after as written"]
     assert last[2].freq_hz == pytest.approx(
@@ -308,11 +307,14 @@ def test_the_minimum_itself_can_be_asked_for(beam: Bench) -> None:
     assert run.results.update.smallest_change is None
 
 
-@pytest.mark.parametrize("value", ["-0.1", "1e4", '"no"'])
-def test_a_wrong_allowance_is_an_error(beam: Bench, value: str) -> None:
-    with pytest.raises(FemtuneError) as caught:
-        steps.update(beam.study(beam.parameters + f"\n[update]\nsmallest_change = {value}\n"))
-    assert "smallest_change" in str(caught.value)
+@pytest.mark.parametrize(
+    ("table", "key", "value"),
+    [*(("update", "smallest_change", value) for value in ("-0.1", "1e4", '"no"')),
+     *(("residuals", "common_frequency_sd", value) for value in ("-0.1", "1.5", '"test"'))],
+)  # fmt: skip
+def test_a_value_that_cannot_be_is_an_error_of_its_key(beam: Bench, table: str, key: str, value: str) -> None:
+    with pytest.raises(FemtuneError, match=key):
+        steps.update(beam.study(beam.parameters + f"\n[{table}]\n{key} = {value}\n"))
 
 
 SQUARE = """SOL 103
@@ -441,10 +443,3 @@ def test_an_error_that_all_frequencies_share_widens_the_intervals(beam: Bench) -
         assert b.value == pytest.approx(a.value, rel=1e-3)
     # the modes in the other plane, whose stiffness is known, tell the common error in part
     assert all(b.sd > a.sd for a, b in zip(plain.parameters, wide.parameters) if a.sd and b.sd)
-
-
-@pytest.mark.parametrize("value", ["-0.1", "1.5", '"test"'])
-def test_a_wrong_common_deviation_is_an_error(beam: Bench, value: str) -> None:
-    with pytest.raises(FemtuneError) as caught:
-        steps.update(beam.study(beam.parameters + f"[residuals]\ncommon_frequency_sd = {value}\n"))
-    assert "common_frequency_sd" in str(caught.value)

@@ -166,11 +166,11 @@ _PARAMETERS = "".join(
         ('regularisation = "identical"\nweight = 1.0\nidentical = [["a", "c"]]', "update.unknown-parameter", "'c'"),
         ('regularisation = "prior"', "prior.outside-bounds", "lies outside its bounds"),
         ("adapt = true", "study.regularisation", "determined by a rule"),
-        ('weight_on = "each-step"', "study.regularisation", 'is used by regularisation = "minimum-change"'),
+        ('weight_on = "each-step"', "study.regularisation", '"minimum-change"'),
         (
             'regularisation = "identical"\nweight = 1.0\nidentical = [["a", "b"]]\nweight_on = "each-step"',
             "study.regularisation",
-            'is used by regularisation = "minimum-change"',
+            '"minimum-change"',
         ),
         (
             'regularisation = "link"\nweight = 1.0\nweight_on = "each-step"\nstarts = 3',
@@ -183,10 +183,10 @@ _PARAMETERS = "".join(
             "[reduction]",
         ),
         ('regularisation = "link"\nweight = 1.0\nweight_on = "steps"', "study", "weight_on"),
-        ("hops = 2", "study.starts", "applies to an update with several starts"),
+        ("hops = 2", "study.starts", "several starts"),
         ('starts = 4\nfirst = "equation-error"', "study.starts", "requires reduced models"),
         ("starts = 4\nsamples = 3", "study.starts", "the best 4 starts cannot be chosen from 3 samples"),
-        ("samples = 30", "study.starts", "applies to an update with several starts"),
+        ("samples = 30", "study.starts", "several starts"),
     ],
 )
 def test_contradictions_are_told_before_anything_is_solved(tmp_path: Path, update: str, code: str, word: str) -> None:

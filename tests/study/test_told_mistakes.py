@@ -94,10 +94,10 @@ def test_a_page_is_not_written_through_a_link(tmp_path: Path) -> None:
 
 
 def test_recalled_modes_must_be_modes(tmp_path: Path) -> None:
-    from femtune.journal.solver import _check_pairs  # noqa: PLC0415
+    from femtune.journal.solver import check_pairs  # noqa: PLC0415
 
     solved = solution_of(tmp_path)
-    _check_pairs(solved.point, solved.eigenvalues, solved.shapes)
+    check_pairs(solved.point, solved.eigenvalues, solved.shapes)
     for values, shapes in (
         (solved.eigenvalues * np.where(np.arange(len(solved.eigenvalues)) == 1, 1.001, 1.0), solved.shapes),
         (solved.eigenvalues, 1.001 * solved.shapes),
@@ -106,7 +106,7 @@ def test_recalled_modes_must_be_modes(tmp_path: Path) -> None:
         (solved.eigenvalues, solved.shapes + 1e-2 * np.abs(solved.shapes).max()),
     ):
         with pytest.raises(ValueError, match="do not satisfy"):
-            _check_pairs(solved.point, values, shapes)
+            check_pairs(solved.point, values, shapes)
 
 
 def solution_of(folder: Path) -> EigenSolution:

@@ -11,15 +11,9 @@ from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.results.step_results import RunResult
 
-from .cantilever import Bench
+from .cantilever import Bench, bounded
 
-HALF = """
-[[parameter]]
-name = "root"
-fields = ["PBAR 1 I1"]
-lower = 0.5
-upper = 2.0
-"""
+HALF = "\n" + bounded("root", "PBAR 1 I1")
 
 
 def _validation(run: RunResult) -> Any:
@@ -179,7 +173,7 @@ def test_data_that_leave_nothing_over_are_an_alert(bench: Bench) -> None:
     found = _goodness(run)
     assert (found.values, found.rank, found.finding) == (2, 2, "NOT_TESTED")
     alerts = {a.code: a.sentence for a in run.results.alerts}
-    assert alerts["update.few-data"].startswith("the data hold 2 independent values, and the parameters reproduce all")
+    assert "2 independent values" in alerts["update.few-data"]
     spare = steps.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.1"))
     assert "update.few-data" not in {a.code for a in spare.results.alerts}
 
@@ -220,9 +214,7 @@ def test_an_unmodelled_spring_is_no_noise(bench: Bench) -> None:
     found = _goodness(run)
     assert found.verdict == "fail"
     assert found.p_value < 1e-6
-    assert found.sentence.startswith("the residuals are larger than noise of the stated size: chi-square")
-    assert [a.sentence.startswith("the residuals are larger than noise") for a in run.results.alerts
-            if a.code == "update.misfit"] == [True]  # fmt: skip
+    assert [found.sentence in a.sentence for a in run.results.alerts if a.code == "update.misfit"] == [True]
 
 
 @pytest.mark.slow

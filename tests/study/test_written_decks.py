@@ -19,16 +19,9 @@ from femtune.results.alerts import alerts_of
 from femtune.results.step_results import RunResult
 from femtune.results.update import parameter_facts
 
-from .cantilever import Bench
+from .cantilever import Bench, bounded
 
-SHARED = """
-[[parameter]]
-name = "clamp"
-fields = ["PBAR 1 I1"]
-elements = [1]
-lower = 0.5
-upper = 2.0
-"""
+SHARED = "\n" + bounded("clamp", "PBAR 1 I1", "elements = [1]\n")
 STIFF_CLAMP = (
     ("CBAR    1       1  ", "CBAR    1       3  "),
     ("PBAR    2 ", "PBAR    3       1       1.0-3   2.8-7   5.0-7   4.0-7\nPBAR    2 "),
@@ -87,7 +80,7 @@ def test_two_regions_of_one_card_are_both_not_written_without_split(clamp: Bench
     assert (run.folder / "updated.bdf").read_bytes() == (clamp.folder / "beam.bdf").read_bytes()
     told = [a.sentence for a in run.results.alerts if a.code == "write.without-field"]
     assert any(s.startswith("clamp: ") for s in told)
-    assert any("rest: PBAR 1 I1 is shared with elements that another parameter changes" in s for s in told)
+    assert any(s.startswith("rest: PBAR 1 I1 is shared") for s in told)
 
 
 @pytest.mark.slow
@@ -198,7 +191,7 @@ def test_two_parameters_on_one_card_each_with_a_region(clamp: Bench, side: str) 
 
 @pytest.mark.slow
 def test_a_region_and_all_others_of_one_card(clamp: Bench) -> None:
-    rest = '[[parameter]]\nname = "rest"\nfields = ["PBAR 1 I2"]\nlower = 0.5\nupper = 2.0\n'
+    rest = bounded("rest", "PBAR 1 I2")
     run = steps.update(clamp.study(SHARED + rest + "[write]\nsplit = true\nwide = true\n"))
     assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "after"), rel=1e-7)
 
@@ -305,10 +298,9 @@ tie = "common"
     run = steps.update(beam.study(tail))
     assert values(run) == pytest.approx({"common": 0.85, "root": 1.3, "tip": 0.85}, rel=1e-4)
     alert = next(a for a in run.results.alerts if a.code == "write.without-field")
-    assert (alert.level, alert.sentence) == (
-        "info",
-        "common has no field in the deck: it acts through root, tip",
-    )
+    assert alert.level == "info"
+    assert alert.sentence.startswith("common ")
+    assert alert.sentence.endswith(" root, tip")
     assert role(run.folder / "updated.bdf", 1, "I1") == pytest.approx(2.6e-7, rel=1e-4)
     assert run.results.update is not None
     spread = {p.name: p.sd for p in run.results.update.parameters}
@@ -358,7 +350,7 @@ def test_start_value_other_than_the_decks(beam: Bench) -> None:
 
 
 def test_modulus_takes_the_derived_shear_modulus_along(beam: Bench) -> None:
-    run = steps.update(beam.study('[[parameter]]\nname = "E"\nfields = ["MAT1 1 E"]\nlower = 0.5\nupper = 2.0\n'))
+    run = steps.update(beam.study(bounded("E", "MAT1 1 E")))
     deck = run.folder / "updated.bdf"
     assert role(deck, 1, "G") == pytest.approx(role(deck, 1, "E") / 2.6)
     assert role(deck, 1, "E") == pytest.approx(2.1e11 * values(run)["E"], rel=1e-3)

@@ -21,7 +21,7 @@ from femtune.surrogates import (
     fit_surrogate,
     term_counts,
 )
-from femtune.surrogates.chaos import _folds, _Product, _products
+from femtune.surrogates.chaos import LegendreProducts, folds, products_up_to
 
 _RNG = np.random.default_rng(4)
 _X = _RNG.random((40, 3))
@@ -57,7 +57,7 @@ def test_the_polynomials_are_orthonormal() -> None:
     nodes, weights = np.polynomial.legendre.leggauss(8)
     grid = np.stack([a.ravel() for a in np.meshgrid(*[0.5 * (nodes + 1.0)] * 2)], axis=1)
     weight = np.outer(weights, weights).ravel() / 4.0
-    values = _Product(_products(2, 5)).value(grid)
+    values = LegendreProducts(products_up_to(2, 5)).value(grid)
     np.testing.assert_allclose(values.T @ (weight[:, None] * values), np.eye(21), atol=1e-12)
 
 
@@ -76,7 +76,7 @@ def test_the_coefficients_are_those_of_least_squares() -> None:
     surrogate = _fitted()
     y = (surrogate.y - surrogate.centre) / surrogate.scale
     for fit, column in zip(surrogate.fits, y.T, strict=True):
-        values = _Product(fit.degrees).value(_X)
+        values = LegendreProducts(fit.degrees).value(_X)
         np.testing.assert_allclose(fit.coefficients, np.linalg.lstsq(values, column, rcond=None)[0], atol=1e-9)
 
 
@@ -84,7 +84,7 @@ def test_runs_that_are_left_out_are_predicted_by_a_fit_without_them() -> None:
     """Which chooses its terms again, so that they differ."""
     surrogate = _fitted()
     counts = []
-    for left_out in _folds(40)[:2]:
+    for left_out in folds(40)[:2]:
         kept = np.setdiff1d(np.arange(40), left_out)
         without = fit_surrogate(_X[kept], surrogate.y[kept], _RULES, _UNIT)
         counts.append(term_counts(without))

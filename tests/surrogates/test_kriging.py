@@ -12,7 +12,7 @@ from tests.messages.shown import check_shown
 from femtune.errors import FemtuneError
 from femtune.surrogates import KrigingRules, Surrogate, fit_surrogate
 from femtune.surrogates.kinds import CORRELATIONS, TRENDS
-from femtune.surrogates.kriging import _Likelihood
+from femtune.surrogates.kriging import RestrictedLikelihood
 from femtune.surrogates.trend import term_slopes, terms
 from structures import rack_tables
 
@@ -40,7 +40,9 @@ def _refitted(surrogate: Surrogate, kept: np.ndarray) -> Surrogate:
 @pytest.mark.parametrize("trend", TRENDS)
 def test_the_gradient_of_the_likelihood(correlation: str, trend: str) -> None:
     y = _function(_X)[:, 0]
-    likelihood = _Likelihood.of(_X, (y - y.mean()) / y.std(), KrigingRules(trend=trend, correlation=correlation))
+    likelihood = RestrictedLikelihood.of(
+        _X, (y - y.mean()) / y.std(), KrigingRules(trend=trend, correlation=correlation)
+    )
     log = np.array([0.3, -0.2, 0.6, -5.0])
     _, slope = likelihood.negative(log)
     step = 1e-5
@@ -53,7 +55,7 @@ def test_the_restricted_likelihood_is_that_of_contrasts() -> None:
     """Its value differs from the density of any set of contrasts by a constant (Harville 1974)."""
     y = _function(_X)[:, 0]
     rules = KrigingRules(trend="linear")
-    likelihood = _Likelihood.of(_X, y, rules)
+    likelihood = RestrictedLikelihood.of(_X, y, rules)
     F = terms(_X, "linear")
     contrasts = np.linalg.svd(F)[0][:, F.shape[1] :].T
     constants = []

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from femtune.fem import Structure
 from femtune.fem.assemble import assemble
-from femtune.files.nastran import BuiltModel, build_structure, read_deck
+from femtune.files.nastran import BuiltDeck, build_structure, read_deck
 from structures.meshed import MeshedStructure
 from structures.shells import model_at_nominal, natural_frequencies
 from structures.subframe import (
@@ -37,7 +37,7 @@ def smallest() -> Subframe:
 
 
 @pytest.fixture(scope="module")
-def built(smallest: Subframe, tmp_path_factory: pytest.TempPathFactory) -> BuiltModel:
+def built(smallest: Subframe, tmp_path_factory: pytest.TempPathFactory) -> BuiltDeck:
     return build_structure(read_deck(write_subframe(smallest, tmp_path_factory.mktemp("deck") / "subframe.bdf")))
 
 
@@ -109,7 +109,7 @@ def test_the_masses_of_members_follow_from_their_sections(smallest: Subframe) ->
     assert masses[19] == pytest.approx(4 * octagon * (0.013**2 - 0.007**2) * height * 7850.0, rel=1e-3)
 
 
-def test_the_deck_reads_back_as_what_was_made(smallest: Subframe, built: BuiltModel) -> None:
+def test_the_deck_reads_back_as_what_was_made(smallest: Subframe, built: BuiltDeck) -> None:
     assert [notice.code for notice in built.notices if notice.level == "warning"] == []
     structure = built.structure
     order = np.argsort(smallest.node_ids)
@@ -121,7 +121,7 @@ def test_the_deck_reads_back_as_what_was_made(smallest: Subframe, built: BuiltMo
 
 
 @pytest.mark.slow
-def test_six_rigid_modes_and_no_mechanism(smallest: Subframe, built: BuiltModel) -> None:
+def test_six_rigid_modes_and_no_mechanism(smallest: Subframe, built: BuiltDeck) -> None:
     assert model_at_nominal(built.structure).stiffness.shape[0] == smallest.n_dofs
     freq_hz = natural_frequencies(built.structure, 12)
     assert np.all(freq_hz[:6] < 0.1)

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binom, norm, rankdata, theilslopes
 
 from femtune.uncertainty import check_repeats, order_dependence
-from femtune.uncertainty.order_tests import _drift, _jumps, _normal_scores, _serial
+from femtune.uncertainty.order_tests import drift_statistic, jump_statistics, normal_scores, serial_statistic
 
 MIX = np.array([[1.0, 0.0, 0.0], [0.8, 0.5, 0.0], [-0.3, 0.9, 0.2]])
 SD = np.linalg.norm(MIX, axis=1)
@@ -22,7 +22,7 @@ def test_scores_are_normal_quantiles_of_mean_ranks():
     known = np.isfinite(column)
     scores = norm.ppf((rankdata(column[known]) - 0.375) / 5.25)
     scores -= scores.mean()
-    found = _normal_scores(column[:, None])[:, 0]
+    found = normal_scores(column[:, None])[:, 0]
     np.testing.assert_allclose(found[known], scores / scores.std(), rtol=1e-12)
     assert found[2] == 0.0
 
@@ -34,14 +34,14 @@ def test_statistics_are_those_of_least_squares():
     order = np.arange(12)[None]
     t = np.arange(12.0)
     line = np.vander(t, 2) @ np.linalg.lstsq(np.vander(t, 2), y, rcond=None)[0]
-    assert _drift(y, order)[0] == pytest.approx((line**2).sum())
-    found = _jumps(y, order)[0]
+    assert drift_statistic(y, order)[0] == pytest.approx((line**2).sum())
+    found = jump_statistics(y, order)[0]
     for k, value in zip(range(3, 10), found, strict=True):
         means = np.vstack([np.tile(y[:k].mean(axis=0), (k, 1)), np.tile(y[k:].mean(axis=0), (12 - k, 1))])
         assert value == pytest.approx((means**2).sum())
-    assert _serial(y, order)[0] == pytest.approx((np.diff(y, axis=0) ** 2).sum() / (y**2).sum())
+    assert serial_statistic(y, order)[0] == pytest.approx((np.diff(y, axis=0) ** 2).sum() / (y**2).sum())
     shuffled = np.random.default_rng(1).permutation(12)[None]
-    assert _drift(y, shuffled)[0] == pytest.approx(_drift(y[shuffled[0]], order)[0])
+    assert drift_statistic(y, shuffled)[0] == pytest.approx(drift_statistic(y[shuffled[0]], order)[0])
 
 
 @pytest.mark.long

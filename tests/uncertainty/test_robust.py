@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import binom, f
 
 from femtune.uncertainty import RobustMoments, check_repeats, robust_moments
-from femtune.uncertainty.robust import LEVEL, _calibration, _raw_distances, subset_size
+from femtune.uncertainty.robust import LEVEL, calibration, raw_distances, subset_size
 
 MIX = np.array([[1.0, 0.0, 0.0], [0.8, 0.5, 0.0], [-0.3, 0.9, 0.2]])
 
@@ -30,7 +30,7 @@ def test_the_subset_has_the_smallest_determinant_of_all(seed):
     best = list(min(combinations(range(11), h), key=size))
     gap = table - table[best].mean(axis=0)
     d2 = np.einsum("ij,jk,ik->i", gap, np.linalg.inv(np.cov(table[best].T, ddof=0)), gap)
-    np.testing.assert_allclose(_raw_distances(table[None])[0][0], d2, rtol=1e-8)
+    np.testing.assert_allclose(raw_distances(table[None])[0][0], d2, rtol=1e-8)
 
 
 def test_units_and_origin_do_not_matter():
@@ -47,8 +47,8 @@ def test_the_covariance_is_that_of_the_repeats_within_the_ellipsoid():
     table = _table(30, 5)
     table[2] += 20.0
     found = robust_moments(table)
-    raw = _raw_distances(((table - np.median(table, axis=0)) / table.std(axis=0))[None])[0][0]
-    usual = _calibration(30, 3)
+    raw = raw_distances(((table - np.median(table, axis=0)) / table.std(axis=0))[None])[0][0]
+    usual = calibration(30, 3)
     kept = table[raw <= usual.cut]
     np.testing.assert_allclose(found.mean, kept.mean(axis=0), rtol=1e-8)
     np.testing.assert_allclose(found.covariance, usual.factor * np.cov(kept.T), rtol=1e-8)

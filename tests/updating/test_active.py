@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
-from femtune.residuals import FrequencyResidual, ShapeResidual, UpdateProblem
+from femtune.residuals import UpdateProblem
 from femtune.status import Status
 from femtune.updating import (
     GaussNewton,
@@ -22,17 +22,13 @@ from femtune.updating import (
     update,
 )
 from femtune.updating.regularisation import LinearModel, choose_weight
-from structures.springs import factor_model, simulated_case, spring_structure
 
-CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
-TRUTH = (0.25, -0.3, 0.15)
+from .four_masses import TRUTH, chain_problem
 
 
 @pytest.fixture(scope="module")
 def problem() -> UpdateProblem:
-    model = factor_model(spring_structure(CHAIN, [1.0, 2.0, 1.5, 1.0]), {"a": [1], "b": [2], "c": [3]})
-    case = simulated_case(model, TRUTH, range(4), 4)  # type: ignore[arg-type]
-    return UpdateProblem((case,), model.model.parameters, (FrequencyResidual(0.01), ShapeResidual(0.1)))
+    return chain_problem()
 
 
 def test_only_the_named_parameters_move(problem: UpdateProblem):

@@ -6,13 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.model.plates import three_thirds
 
-from femtune.fem import FieldRef
-from femtune.model import Assignment, Configuration, ConfiguredModel, EigenSolution, configure, parametric_model
-from femtune.parameters import Parameter, ParameterSet
+from femtune.model import ConfiguredModel, EigenSolution
 from femtune.residuals import ComparedCase, FrequencyResidual, ShapeResidual, UpdateProblem
 from femtune.updating import Iteration, ReducedUpdate, ReductionRules, SensitivityMethod, update, update_reduced
-from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 from structures.springs import simulated_case
 
 TRUTH = (0.15, -0.12, 0.08)
@@ -21,14 +19,7 @@ ROWS = tuple(range(2, 300, 15))
 
 @pytest.fixture(scope="module")
 def plate() -> ConfiguredModel:
-    mesh = shell_mesh(rectangle(1.0, 0.7), 8, 6, distort=0.1)
-    steel = Isotropic(2.1e11, 0.3, 7850.0)
-    parts = [ShellPart(c, Section(steel, 0.01 + 0.002 * i)) for i, c in enumerate(np.array_split(mesh.cells, 3))]
-    structure = shell_structure(mesh.xyz, parts, consistent_mass=True)
-    names = ("t1", "t2", "t3")
-    parameters = ParameterSet(tuple(Parameter(n, lower=0.75, upper=1.25) for n in names))
-    assignments = [Assignment(n, FieldRef("PSHELL", i + 1, "T")) for i, n in enumerate(names)]
-    return configure(parametric_model(structure, parameters, assignments), Configuration())
+    return three_thirds()
 
 
 def _problem(case: ComparedCase) -> UpdateProblem:

@@ -158,7 +158,7 @@ def test_estimated_scatter_is_linear_regression(rng: np.random.Generator):
 def test_without_spare_residuals_no_scatter_is_estimated():
     found = parameter_covariance(np.zeros(3), np.eye(3), F20[:3], NONE, FREE, np.ones(3), scatter="estimated")
     assert np.isnan(found.sd).all()
-    assert found.reasons[0] == "no degrees of freedom left to estimate the residual variance, σ not given"
+    assert "degrees of freedom" in found.reasons[0]
 
 
 def test_what_is_lost_by_scaling_is_no_freedom(rng: np.random.Generator):

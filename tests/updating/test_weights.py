@@ -13,8 +13,8 @@ from femtune.updating.regularisation import (
     LinearModel,
     SideConstraint,
     WeightStatus,
-    _corner,
     choose_weight,
+    corner_of,
     curvature,
     regularisation_path,
 )
@@ -117,4 +117,4 @@ def test_a_curve_that_only_bends_at_its_end():
     at = ill_posed()
     path = regularisation_path(side(at), at)
     rising = replace(path, curvature=np.linspace(0.0, 5.0, len(path.weights)))
-    assert _corner(rising, 17)[0] is WeightStatus.MONOTONE
+    assert corner_of(rising, 17)[0] is WeightStatus.MONOTONE

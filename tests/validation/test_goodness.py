@@ -44,7 +44,7 @@ def test_the_number_is_the_textbooks() -> None:
     assert found.degrees_of_freedom == 11
     assert found.p_value == pytest.approx(chi2.sf(r @ r, 11))
     assert found.outcome is Outcome.PASS
-    assert found.sentence.startswith("the residuals may be noise of the stated size: chi-square ")
+    assert "may be noise" in found.sentence
 
 
 def test_an_unmodelled_part_is_found_and_named() -> None:
@@ -55,7 +55,7 @@ def test_an_unmodelled_part_is_found_and_named() -> None:
     assert found.p_value is not None
     assert found.p_value < 1e-4
     assert found.largest_label == "free mode 7 frequency"
-    assert found.sentence.startswith("the residuals are larger than noise of the stated size: chi-square ")
+    assert "larger than noise" in found.sentence
 
 
 def test_signs_that_come_in_runs_are_no_noise() -> None:

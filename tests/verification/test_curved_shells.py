@@ -27,22 +27,10 @@ from structures.shells import (
     uniform_load,
 )
 
+from .plate_supports import clamped, simply_supported
+
 E, NU, RHO, SHEAR = 2.0e11, 0.3, 8000.0, 5.0 / 6.0
 CELLS = ("quad8", "union6")
-
-
-def bending_only(mesh: ShellMesh) -> set[int]:
-    return dofs_of(np.arange(len(mesh.xyz)), "126")
-
-
-def simply_supported(mesh: ShellMesh) -> set[int]:
-    along_x = np.concatenate([mesh.edge("v0"), mesh.edge("v1")])
-    along_y = np.concatenate([mesh.edge("u0"), mesh.edge("u1")])
-    return bending_only(mesh) | dofs_of(along_x, "35") | dofs_of(along_y, "34")
-
-
-def clamped(mesh: ShellMesh) -> set[int]:
-    return bending_only(mesh) | dofs_of(mesh.rim, "345")
 
 
 @lru_cache

@@ -9,7 +9,7 @@ import pytest
 
 from femtune.fem.assemble import assemble
 from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from structures.shells import natural_frequencies
 
 TAPE = {"E1": 25.0, "E2": 1.0, "NU": 0.25, "G12": 0.5, "G1": 0.5, "G2": 0.2, "RHO": 2.0}
@@ -26,7 +26,7 @@ def pcomp(plies: Plies, head: str = "PCOMP,1") -> str:
     return head + "\n" + "".join(f",{mid},{t!r},{angle!r}\n" for mid, t, angle in plies)
 
 
-def built(folder: Path, text: str) -> BuiltModel:
+def built(folder: Path, text: str) -> BuiltDeck:
     path = folder / "plate.bdf"
     materials = "".join(card(number, m) for number, m in MATERIALS.items())
     path.write_text(f"SOL 103\nCEND\nBEGIN BULK\nPARAM,COUPMASS,-1\n{materials}{text}ENDDATA\n")

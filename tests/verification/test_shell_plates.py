@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.loaded import load_module
 
 from structures.shells import (
     Isotropic,
@@ -23,29 +22,12 @@ from structures.shells import (
     shell_structure,
 )
 
+from .plate_supports import bending_only, clamped, simply_supported
+
 _FILE = Path(__file__).resolve().parents[2] / "examples" / "09_element_matrices" / "commercial.py"
-_SPEC = importlib.util.spec_from_file_location("commercial", _FILE)
-assert _SPEC is not None
-assert _SPEC.loader is not None
-commercial = sys.modules["commercial"] = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(commercial)
+commercial = load_module(_FILE)
 
 E, NU, RHO, SHEAR = 2.0e11, 0.3, 8000.0, 5.0 / 6.0
-
-
-def bending_only(mesh: ShellMesh) -> set[int]:
-    return dofs_of(np.arange(len(mesh.xyz)), "126")
-
-
-def simply_supported(mesh: ShellMesh) -> set[int]:
-    """Edges that cannot move out of the plane nor turn about the edge's normal."""
-    along_x = np.concatenate([mesh.edge("v0"), mesh.edge("v1")])
-    along_y = np.concatenate([mesh.edge("u0"), mesh.edge("u1")])
-    return bending_only(mesh) | dofs_of(along_x, "35") | dofs_of(along_y, "34")
-
-
-def clamped(mesh: ShellMesh) -> set[int]:
-    return bending_only(mesh) | dofs_of(mesh.rim, "345")
 
 
 def cantilever(mesh: ShellMesh) -> set[int]:

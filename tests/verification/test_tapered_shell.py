@@ -2,35 +2,23 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import shutil
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.loaded import load_module
 
 from femtune import steps
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "10_tapered_shell"
 
 
-def _load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, EXAMPLE / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-shell8 = _load("shell8")
+shell8 = load_module(EXAMPLE / "shell8.py")
 
 
 @pytest.fixture(scope="module")

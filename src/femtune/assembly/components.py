@@ -11,7 +11,7 @@ from femtune.model import Configuration, configure
 from femtune.model.reduce import Alone, Components, alone
 
 if TYPE_CHECKING:
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.files.study_file import ConfigurationEntry, StudyFile
     from femtune.model import ConfiguredModel, ParametricModel
 

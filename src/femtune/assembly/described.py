@@ -21,7 +21,7 @@ from femtune.units import UnitSystem, unit_system
 if TYPE_CHECKING:
     from femtune.errors import Notice
     from femtune.fem import Structure
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.files.study_file import StudyFile
     from femtune.files.study_file.objects import Configuration, Parameter
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.errors import FemtuneError, FemtuneErrors, Where
 
 if TYPE_CHECKING:
-    from femtune.files.nastran.deck import Deck
+    from femtune.files.built_model import BuiltModel
     from femtune.files.study_file import ConfigurationEntry, StudyFile
 
 _KEYS = {
@@ -84,17 +83,11 @@ def errors_at_configuration(file: StudyFile, entry: ConfigurationEntry, *otherwi
 
 
 @contextmanager
-def errors_at_deck(deck: Deck) -> Iterator[None]:
-    """Errors of the eigen-solution point to the deck: to the grid point that moves where one is named."""
+def errors_at_grid(built: BuiltModel) -> Iterator[None]:
+    """Errors of the eigen-solution point to the grid point that moves where one is named, else to the main file."""
     try:
         yield
     except FemtuneError as error:
         if error.code.startswith("eigen.") and not str(error.where or ""):
-            error.where = _grid_point(deck, error.facts.get("grid"))
+            error.where = built.place_of_grid(error.facts.get("grid"))
         raise
-
-
-def _grid_point(deck: Deck, grid: int | None) -> Where:
-    cards = (card for card in deck.by_name("GRID") if card.is_integer(0) and card.integer(0) == grid)
-    card = next(cards, None)
-    return Where(str(Path(deck.files[0].file))) if card is None else card.where()

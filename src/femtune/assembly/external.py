@@ -45,7 +45,8 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.assembly.progress import Progress
     from femtune.executor import Executor
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
+    from femtune.files.nastran.build import BuiltDeck
     from femtune.files.study_file import StudyFile
     from femtune.files.study_file.solver import SolverTable
     from femtune.model import ConfiguredModel, ParametricModel
@@ -69,7 +70,7 @@ class DeckFiles:
     name : of the deck in the folder of a run
     """
 
-    built: BuiltModel
+    built: BuiltDeck
     model: ParametricModel
     folder: Path
     name: str

@@ -15,14 +15,13 @@ from femtune.assembly.drawn_mesh import mesh_beside
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.model_source import model_source
 from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.files.built_model import BuiltModel
 from femtune.files.matrices.calculix import read_dof_list
 from femtune.files.matrices.listed_modes import read_listed_modes
 from femtune.files.matrices.placement import INPUT_SUFFIXES, place_matrices, read_points
 from femtune.files.matrices.read import read_matrix
-from femtune.files.nastran.build import BuiltModel, build_structure
-from femtune.files.nastran.case_control import CaseControl
-from femtune.files.nastran.deck import Deck, Executive, read_deck
-from femtune.files.nastran.source import DeckSource, SourceFile
+from femtune.files.nastran.build import build_structure
+from femtune.files.nastran.deck import read_deck
 from femtune.model import configure, parametric_model, solve_modes
 from femtune.model.imported.model import ImportedMatrix, imported_structure
 from femtune.model.imported.modes import check_modes
@@ -63,7 +62,7 @@ def build_imported(file: StudyFile) -> BuiltModel:
         )  # fmt: skip
         _check_diagonals(found.structure)
     notices = (*_facts(file, matrices), *placed.notices, *found.notices)
-    return BuiltModel(_files(file), found.structure, notices, (), {}, {}, None, None)
+    return BuiltModel(tuple(map(str, model_source(file).files)), found.structure, notices)
 
 
 def _read_all(file: StudyFile) -> list[ReadMatrix]:
@@ -125,12 +124,6 @@ def _negative(structure: Structure, kind: str, total: NDArray[np.float64], bad: 
         values={"DOF": str(structure.nodes.describe(worst))[:-1], "value": total[worst], "such DOFs": bad.size},
         kind=kind,
     )
-
-
-def _files(file: StudyFile) -> Deck:
-    """A deck without cards, which names the files that were read."""
-    files = tuple(SourceFile(str(path), "", ()) for path in model_source(file).files)
-    return Deck(Path(files[0].file), DeckSource(files, (), (), False), Executive(), CaseControl(), (), {}, ())
 
 
 def mesh_of_grid(file: StudyFile, nodes: NodeTable) -> DrawnMesh | None:

@@ -48,7 +48,7 @@ def inputs_of_study(study: Study) -> tuple[Input, ...]:
     """All input files of a study, each once: with INCLUDEs, files beside matrices, and those of described tests."""
     named = named_inputs(study.file)
     deck = study.file.where("study", "deck")
-    found = {os.path.abspath(f.file): Input(Path(f.file), deck, "deck") for f in study.built.deck.files}
+    found = {os.path.abspath(name): Input(Path(name), deck, "deck") for name in study.built.files}
     for one in named:
         found.setdefault(os.path.abspath(one.path), one)
     for one in named:

@@ -6,10 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
+from femtune.assembly.cases import ModesOfDeck
 from femtune.errors import FemtuneError, Notice
-from femtune.files.nastran.build import build_allowing
+from femtune.files.built_model import BuiltModel
+from femtune.files.nastran.build import BuiltDeck, build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.inventory import MISSING
 from femtune.files.nastran.left_out import preloads
@@ -23,12 +25,14 @@ if TYPE_CHECKING:
     from femtune.assembly.drawn_mesh import DrawnMesh
     from femtune.assembly.progress import Progress
     from femtune.fem import NodeTable
-    from femtune.files.nastran.build import BuiltModel
     from femtune.files.study_file import ConfigurationEntry, StudyFile
 
 
+Built = TypeVar("Built", bound="BuiltModel")
+
+
 @dataclass(frozen=True, eq=False)
-class ModelSource(ABC):
+class ModelSource(ABC, Generic[Built]):
     """What the model of a study is made of.
 
     Each variant says what its models can do. Nothing else asks which variant a study has.
@@ -70,7 +74,7 @@ class ModelSource(ABC):
         return self.file
 
     @abstractmethod
-    def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
+    def built(self, progress: Progress, fresh: bool, around: bool) -> Built:
         """The model, unless the study was given it.
 
         Parameters
@@ -79,11 +83,11 @@ class ModelSource(ABC):
         around : False for the model at the initial values alone, where the step runs other points
         """
 
-    def completed(self, built: BuiltModel) -> StudyFile:
+    def completed(self, built: Built) -> StudyFile:
         """The study with what the model itself tells."""
         return self.file
 
-    def doubts(self, built: BuiltModel) -> tuple[Notice, ...]:
+    def doubts(self, built: Built) -> tuple[Notice, ...]:
         """Warnings where what was read contradicts itself: often the cause of what fails later."""
         return ()
 
@@ -94,7 +98,7 @@ class ModelSource(ABC):
         return mesh_of_grid(self.file, nodes)
 
 
-def model_source(file: StudyFile) -> ModelSource:
+def model_source(file: StudyFile) -> ModelSource[Any]:
     """What the model of a study is made of."""
     return SOURCES[type(file.source)](file)
 
@@ -103,7 +107,7 @@ LARGE_DEVIATION = 0.2
 """Relative standard deviation of a frequency from which it is asked whether per cent are meant."""
 
 
-class FromDeck(ModelSource):
+class FromDeck(ModelSource[BuiltDeck]):
     """The deck of [study]."""
 
     title = "Deck"
@@ -115,16 +119,17 @@ class FromDeck(ModelSource):
         assert self.file.study.deck is not None
         return self.file.study.deck
 
-    def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
+    def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltDeck:
         from femtune.assembly.named_fields import with_named_fields  # noqa: PLC0415  of elements
 
         progress.step("reading the deck", 0, None)
         allowed = self.file.study.allow_ignored
         built = self.file.given.model or build_allowing(read_deck(self.file.path_of(self.name)), allowed)
+        assert isinstance(built, BuiltDeck)
         self._check_allowed(built)
         return with_named_fields(self.file, built)
 
-    def _check_allowed(self, built: BuiltModel) -> None:
+    def _check_allowed(self, built: BuiltDeck) -> None:
         """Cards that the model lacks must be among those that the study allows to be ignored."""
         allowed = {name.upper() for name in self.file.study.allow_ignored}
         if allowed and (loaded := [error for name, error in preloads(built.deck).items() if name not in allowed]):
@@ -134,7 +139,18 @@ class FromDeck(ModelSource):
             names = ", ".join(f"{c.name} ({c.count})" for c in missing)
             raise FemtuneError("deck.unsupported-element/not-allowed", where=missing[0].where, names=names)
 
-    def doubts(self, built: BuiltModel) -> tuple[Notice, ...]:
+    def completed(self, built: BuiltDeck) -> StudyFile:
+        """With the number of modes of the deck's METHOD, where the study does not say how many."""
+        asked, method = self.file.modes, built.eigen_method
+        if asked.count is not None or asked.max_hz is not None or method is None:
+            return self.file
+        if method.wanted:
+            return self.file.model_copy(update={"modes": ModesOfDeck(count=method.wanted)})
+        if method.upper_hz and method.upper_hz > 0.0:
+            return self.file.model_copy(update={"modes": ModesOfDeck(max_hz=method.upper_hz)})
+        return self.file
+
+    def doubts(self, built: BuiltDeck) -> tuple[Notice, ...]:
         """Where units and dimensions contradict each other."""
         from femtune.assembly.plausible_sections import section_notices  # noqa: PLC0415
         from femtune.assembly.plausible_units import unit_notices  # noqa: PLC0415
@@ -158,7 +174,7 @@ _WITH_DOF_LIST = (".sti", ".mas")
 """Suffixes of the matrices of CalculiX, which writes the DOFs to a file beside them."""
 
 
-class FromMatrices(ModelSource):
+class FromMatrices(ModelSource[BuiltModel]):
     """Matrices of another solver, [[matrix]]."""
 
     no_write_back = "write.no-deck/run"
@@ -187,7 +203,7 @@ class FromMatrices(ModelSource):
         return replace(built, notices=(*built.notices, compare_listed(self.file, built.structure)))
 
 
-class FromRuns(ModelSource):
+class FromRuns(ModelSource[BuiltModel]):
     """A table of runs of another solver, [runs]."""
 
     no_write_back = "write.no-deck/runs"
@@ -267,7 +283,7 @@ class FromSolver(FromRuns):
         return self.file.given.model or build_of_solver(self.file, progress, fresh, around)
 
 
-SOURCES: dict[type[Any], type[ModelSource]] = {
+SOURCES: dict[type[Any], type[ModelSource[Any]]] = {
     StudyTable: FromDeck,
     MatrixEntry: FromMatrices,
     RunsModelTable: FromRuns,

@@ -28,13 +28,13 @@ from femtune.parameters import parse_expression
 if TYPE_CHECKING:
     from femtune.errors import Where
     from femtune.fem.generic import GenericModes
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.nastran.build import BuiltDeck
     from femtune.files.study_file import DistributionEntry, GenericEntry, StudyFile
 
 _MOST_SHOWN = 12
 
 
-def with_named_fields(file: StudyFile, built: BuiltModel) -> BuiltModel:
+def with_named_fields(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
     """The model with all values that the parameters of a study move.
 
     Raises
@@ -51,7 +51,7 @@ def with_named_fields(file: StudyFile, built: BuiltModel) -> BuiltModel:
     return replace(built, fields={**built.fields, **dict(_places(built, offset))})
 
 
-def _offset_elements(file: StudyFile, built: BuiltModel) -> Iterator[int]:
+def _offset_elements(file: StudyFile, built: BuiltDeck) -> Iterator[int]:
     """Bars and beams whose offsets a parameter names, by number or by its region."""
     for i, entry in enumerate(file.parameter):
         for ref in entry.targets:
@@ -63,7 +63,7 @@ def _offset_elements(file: StudyFile, built: BuiltModel) -> Iterator[int]:
                 yield from (n for n, kind in kinds.items() if kind == ref.card and (chosen is None or n in chosen))
 
 
-def _places(built: BuiltModel, elements: set[int]) -> Iterator[tuple[FieldRef, FieldPlace]]:
+def _places(built: BuiltDeck, elements: set[int]) -> Iterator[tuple[FieldRef, FieldPlace]]:
     """Where filled offset fields stand."""
     for number in sorted(elements):
         card = built.deck.cards[built.element_cards[number]]
@@ -74,7 +74,7 @@ def _places(built: BuiltModel, elements: set[int]) -> Iterator[tuple[FieldRef, F
                 yield FieldRef(card.name, number, name), FieldPlace(card.position, (at,))
 
 
-def _with_groups(file: StudyFile, built: BuiltModel, named: list[FieldRef]) -> BuiltModel:
+def _with_groups(file: StudyFile, built: BuiltDeck, named: list[FieldRef]) -> BuiltDeck:
     """The generic elements, with a notice of each; several problems are shown together."""
     errors, structure, notices = ErrorCollector(), built.structure, list(built.notices)
     words = [ref.name.split() for ref in named if ref.card == "GENERIC"]
@@ -88,7 +88,7 @@ def _with_groups(file: StudyFile, built: BuiltModel, named: list[FieldRef]) -> B
     return replace(built, structure=structure, notices=tuple(notices))
 
 
-def _with_distributions(file: StudyFile, built: BuiltModel) -> BuiltModel:
+def _with_distributions(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
     """The fields that vary over regions; several problems are shown together."""
     errors, structure = ErrorCollector(), built.structure
     for i, entry in enumerate(file.distribution):
@@ -163,7 +163,7 @@ def _positive_from(names: list[str], j: int, side: str, limit: float, total: flo
 
 
 def _distribution(
-    entry: DistributionEntry, fields: tuple[FieldRef, ...], chosen: frozenset[int] | None, built: BuiltModel
+    entry: DistributionEntry, fields: tuple[FieldRef, ...], chosen: frozenset[int] | None, built: BuiltDeck
 ) -> Distribution:
     """The functions at the middle of the elements that use a field, and are in the region."""
     structure = built.structure
@@ -204,7 +204,7 @@ def _eigenvalues(name: str, modes: GenericModes, where: Where) -> Notice:
     )
 
 
-def _group(entry: GenericEntry, built: BuiltModel) -> GenericGroup:
+def _group(entry: GenericEntry, built: BuiltDeck) -> GenericGroup:
     known, wanted = built.structure.element_kinds, element_list(entry.elements)
     missing = sorted(set(wanted.singles) - set(known))
     if missing:

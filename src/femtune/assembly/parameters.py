@@ -14,10 +14,7 @@ from femtune.assembly.model_source import model_source
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import ALL_MODES, MODAL, with_mode_ratios
 from femtune.fem.fields import FACTORS
-from femtune.fem.joined import Increase
 from femtune.files.damping_catalogue import look_up
-from femtune.files.nastran.card import CardEntry
-from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.field_refs import BARS, WITHOUT_CARD, follows, parse_field_ref, resolve
 from femtune.files.nastran.field_units import field_nature
 from femtune.files.study_file import RegionTable, element_list
@@ -30,7 +27,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.errors import Where
     from femtune.fem.fields import FieldRef
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.files.nastran.lists import IntegerList
     from femtune.files.study_file import (
         ComponentEntry,
@@ -296,21 +293,9 @@ def _conditions(asked: _Asked, table: RegionTable) -> Iterable[Numbers]:
 
 
 def _with_property(asked: _Asked, wanted: IntegerList) -> Numbers:
-    owners = property_of_elements(asked.built)
+    owners = asked.built.property_of_elements
     _known(asked, wanted, set(owners.values()), "property")
     return frozenset(n for n, pid in owners.items() if pid in wanted)
-
-
-def property_of_elements(built: BuiltModel) -> dict[int, int]:
-    """Number of the property card by element number; a blank one is the element's own number."""
-    found = {}
-    for number, at in built.element_cards.items():
-        card = built.deck.cards[at]
-        names = CATALOGUE[card.name].fields
-        if "PID" in names:
-            more = built.increases.get(card.superelement, Increase())
-            found[number] = int(CardEntry(card, names).integer("PID", number - more.elements)) + more.cards
-    return found
 
 
 def _with_material(asked: _Asked, wanted: IntegerList) -> Numbers:
@@ -330,7 +315,7 @@ def _known(asked: _Asked, wanted: IntegerList, known: set[int], what: str) -> No
 
 
 def _in_set(asked: _Asked, number: int) -> Numbers:
-    sets = asked.built.deck.case_control.sets
+    sets = asked.built.sets
     if number not in sets:
         known = ", ".join(map(str, sorted(sets)[:10])) or "none"
         raise asked.error("parameter.region/unknown-set", number=number, known=known)

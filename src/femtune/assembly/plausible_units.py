@@ -18,7 +18,7 @@ from femtune.units import UnitSystem, unit_system
 
 if TYPE_CHECKING:
     from femtune.fem.structure import Structure
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.files.study_file import StudyFile
 
 POSSIBLE_MODULUS, POSSIBLE_DENSITY, POSSIBLE_SPEED = (1e5, 5e12), (1.0, 23e3), (8.0, 25e3)

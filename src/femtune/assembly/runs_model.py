@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +13,8 @@ from femtune.assembly.model_source import FromRuns, model_source
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice, did_you_mean
 from femtune.fem import NodeTable
+from femtune.files.built_model import BuiltModel
 from femtune.files.matrices.placement import read_points
-from femtune.files.nastran.build import BuiltModel
-from femtune.files.nastran.case_control import CaseControl
-from femtune.files.nastran.control import EigenMethod
-from femtune.files.nastran.deck import Deck, Executive
-from femtune.files.nastran.source import DeckSource, SourceFile
 from femtune.files.runs_table import RunsTable, read_runs_table
 from femtune.files.study_file import MEASURED, ModesTable
 from femtune.modal import ModeSet
@@ -74,8 +69,8 @@ def built_of_tables(
     fitted = fit_configurations(parts, nodes, order, asked.crossed, centre, _rules(asked))
     notices = [n for used, f in zip(found, fitted) for n in _notices(file, used, f)]
     count = min(runs.freq_hz.shape[1] for runs in parts)
-    method = EigenMethod(0, "runs", None, None, count)
-    return BuiltModel(_files(file), fitted[0].structure, tuple(notices), (), {}, {}, method, None)
+    files = tuple(map(str, model_source(file).files))
+    return BuiltModel(files, fitted[0].structure, tuple(notices), mode_count=count)
 
 
 def _rules(table: RunsModelTable) -> SurrogateRules | None:
@@ -181,12 +176,6 @@ def _nodes(file: StudyFile, table: RunsTable) -> tuple[NodeTable, np.ndarray | N
     return nodes, dofs
 
 
-def _files(file: StudyFile) -> Deck:
-    """A deck without cards, which names the files that were read."""
-    files = tuple(SourceFile(str(path), "", ()) for path in model_source(file).files)
-    return Deck(Path(files[0].file), DeckSource(files, (), (), False), Executive(), CaseControl(), (), {}, ())
-
-
 def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
     asked, where, usable = FromRuns(file).table, file.where("runs"), table.usable
     found = []
@@ -223,9 +212,8 @@ def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
 
 def with_modes_of_runs(file: StudyFile, built: BuiltModel) -> StudyFile:
     """The study with the modes that the runs have, and its measured frequencies as a test."""
-    assert built.eigen_method is not None
     given, nodes = file.given, built.structure.nodes
-    count = built.eigen_method.wanted or len(nodes.scalar_points)
+    count = built.mode_count or len(nodes.scalar_points)
     changed: dict[str, object] = {"modes": ModesTable(count=count)}
     if file.test is not None and file.test.freq_hz:
         given = replace(given, tests={**given.tests, MEASURED: _measured(file, nodes, count)})

@@ -158,7 +158,7 @@ def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> Up
     none, history = SideConstraint("none", np.zeros((0, len(belief.x)))), _history(stages)
     return UpdateResult(
         study.parameters, failed[0] if failed else best, belief.x, at, after, history,
-        _covariance(belief, after), cited, active, none, len(history) - 1,
+        covariance_of_stages(belief, after), cited, active, none, len(history) - 1,
     )  # fmt: skip
 
 
@@ -168,7 +168,8 @@ def _history(stages: tuple[StageResult, ...]) -> tuple[Iteration, ...]:
     return tuple(replace(iteration, number=i) for i, iteration in enumerate(found))
 
 
-def _covariance(belief: Belief, after: Evaluation) -> ParameterCovariance:
+def covariance_of_stages(belief: Belief, after: Evaluation) -> ParameterCovariance:
+    """The covariance after all stages, with the reason for each parameter that has no standard deviation."""
     matrix = np.where(np.outer(belief.found, belief.found), belief.covariance, np.nan)
     by_hand = np.zeros(len(belief.x), bool) if belief.given is None else belief.given & ~belief.found
     reasons = {int(i): "not updated in any stage, σ not given" for i in np.flatnonzero(~belief.found)}

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.cases import ModesOfDeck, States, on_model
+from femtune.assembly.cases import States, on_model
 from femtune.assembly.model_source import model_source
 from femtune.assembly.parameters import assignments, parameter_set, targets, with_parameters_of_modes
 from femtune.assembly.progress import silent
 from femtune.assembly.specimens import specimens_of_study
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, with_notices
+from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.error_places import errors_at_cards
 from femtune.files.study_file import Given, StudyFile, is_deck, read_study_file, test_files, with_modes
 from femtune.files.study_file.source import StudyLines
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from femtune.assembly.model_source import ModelSource
     from femtune.assembly.progress import Progress
     from femtune.assembly.specimens import Specimens
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.files.study_file import ConfigurationEntry
     from femtune.files.uff import UffFile
     from femtune.model import ConfiguredModel, FrequencyTable, ParametricModel
@@ -64,6 +65,12 @@ class Study:
     def source(self) -> ModelSource:
         """What the model is made of, and what can be done with it."""
         return model_source(self.file)
+
+    @property
+    def built_deck(self) -> BuiltDeck:
+        """The model with its deck, for what is written back."""
+        assert isinstance(self.built, BuiltDeck)
+        return self.built
 
     @property
     def parameters(self) -> ParameterSet:
@@ -157,22 +164,10 @@ def load_study(
     file = made_of.completed(built)
     doubts = made_of.doubts(built)
     with errors_at_cards(built), with_notices(doubts):
-        study = _assembled(_with_modes_of_deck(file, built), built, progress)
+        study = _assembled(file, built, progress)
     mesh = made_of.mesh(built.structure.nodes)
     cases = study.cases if mesh is None else tuple(replace(case, mesh=mesh) for case in study.cases)
     return replace(study, cases=cases, notices=(*doubts, *study.notices), units_known=file.given.units_known)
-
-
-def _with_modes_of_deck(file: StudyFile, built: BuiltModel) -> StudyFile:
-    """Where the study does not say how many modes, the deck's own METHOD does."""
-    asked, method = file.modes, built.eigen_method
-    if asked.count is not None or asked.max_hz is not None or method is None:
-        return file
-    if method.wanted:
-        return file.model_copy(update={"modes": ModesOfDeck(count=method.wanted)})
-    if method.upper_hz and method.upper_hz > 0.0:
-        return file.model_copy(update={"modes": ModesOfDeck(max_hz=method.upper_hz)})
-    return file
 
 
 def _study_of_deck(path: Path) -> StudyFile:

@@ -97,7 +97,7 @@ def _modes(point: ModelPoint, entry: Entry) -> EigenSolution:
     shift = _number(entry, "shift")
     if (np.diff(values) < 0.0).any() or not shift < values[0]:
         raise ValueError("its eigenvalues are not in their order")
-    _check_pairs(point, values, shapes)
+    check_pairs(point, values, shapes)
     notices = tuple(_notice(*n) for n in entry.facts["notices"])
     cut, method = _number(entry, "sturm_shift"), entry.facts.get("method", "")
     if not isinstance(method, str):
@@ -108,7 +108,7 @@ def _modes(point: ModelPoint, entry: Entry) -> EigenSolution:
 _ALIKE, _ROUNDING = 1e-5, 1e-12
 
 
-def _check_pairs(point: ModelPoint, values: NDArray[np.float64], shapes: NDArray[np.float64]) -> None:
+def check_pairs(point: ModelPoint, values: NDArray[np.float64], shapes: NDArray[np.float64]) -> None:
     """The recalled pairs are modes of these matrices: ΦᵀKΦ = Λ, ΦᵀMΦ = 1, and Kφ = λMφ.
 
     The first two show values and scales that are wrong, the last one shapes; each is compared with rounding.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.assembly.error_places import errors_at_deck
+from femtune.assembly.error_places import errors_at_grid
 from femtune.assembly.progress import silent
 from femtune.assembly.response import response_request, solved_frfs
 from femtune.errors import FemtuneError
@@ -193,7 +193,7 @@ def _unused(study: Study, case: StudyCase, x: Reals) -> UnusedFrfs:
 
     @cache
     def modes() -> EigenSolution:
-        with errors_at_deck(study.built.deck):
+        with errors_at_grid(study.built):
             return study.solver.modes(point, *request.modes)
 
     for residual, test in () if case.used is None else identified_residuals(case.used.residuals):

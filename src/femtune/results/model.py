@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         RigidMotionCheck,
     )
     from femtune.fem.element_shapes import ShapeFound
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.modal.beside import ModesBeside
     from femtune.model import Configuration, EigenSolution
     from femtune.results.base import Level
@@ -507,7 +507,7 @@ def _field(structure: Structure, name: _Group, mine: NDArray[np.bool_]) -> Dampi
 
 
 def _modal(built: BuiltModel) -> str:
-    damping, number = built.modal_damping, built.deck.case_control.damping
+    damping, number = built.modal_damping, built.damping_number
     if damping is None or damping.freq_hz is None:
         return ""
     ratios = damping.ratio(damping.freq_hz)
@@ -576,7 +576,7 @@ def shapes_remark(built: BuiltModel) -> tuple[Notice, ...]:
 
 
 def _element_shapes(built: BuiltModel) -> ElementShapes:
-    asked = geometry_checks(built.deck.executive.lines)
+    asked = geometry_checks(built.executive_lines)
     if asked.off:
         return ElementShapes(elements=0, tests=(), ignored=asked.unknown, sentence="not tested: GEOMCHECK NONE")
     tests = tuple(map(_shape_test, element_shapes(built.structure, asked.limits)))
@@ -613,7 +613,7 @@ def alert_of(notice: Notice) -> Alert:
 
 
 def _deck_parameters(study: Study) -> Iterable[DeckParameterRecord]:
-    for name, given in study.built.deck.params.items():
+    for name, given in study.built.params.items():
         known = name in UNDERSTOOD_PARAMS
         remark = "" if known else "not needed for normal modes, or not supported"
         yield DeckParameterRecord(name=name, value=given.value, understood=known, remark=remark)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.assembly.axes import named_axis, same_motion
-from femtune.assembly.error_places import errors_at, errors_at_deck
+from femtune.assembly.error_places import errors_at, errors_at_grid
 from femtune.assembly.progress import silent
 from femtune.assembly.response import (
     response_request,
@@ -397,7 +397,7 @@ def _with_frfs(
     @cache
     def modes() -> EigenSolution:
         doing("modes")
-        with errors_at_deck(study.built.deck):
+        with errors_at_grid(study.built):
             return study.solver.modes(point, *request.modes)
 
     with errors_at(study.file.where("response", *_about_damping(request.table))):
@@ -457,7 +457,7 @@ def damping_words(study: Study, request: ResponseRequest, point: ModelPoint) -> 
         span = f"{given[0]:g}" if min(given) == max(given) else f"{min(given):g} to {max(given):g}"
         words += [f"modal damping ratio {span}"] if any(given) else []
     elif request.damping is not None:
-        words.append(f"modal damping of the deck (SDAMPING {study.built.deck.case_control.damping})")
+        words.append(f"modal damping of the deck (SDAMPING {study.built.damping_number})")
     words += [_words_of_modes(point)] if point.mode_ratios else []
     return ", ".join(words)
 

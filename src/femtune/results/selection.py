@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.assembly.parameters import property_of_elements
 from femtune.errors import FemtuneError
 from femtune.results.base import Record
 from femtune.selection import (
@@ -227,7 +226,7 @@ def _groups(study: Study) -> Groups:
         return {}
     if asked == "parameters":
         return {p.name: _elements(study, p.name) for p in study.parameters.parameters if _elements(study, p.name)}
-    owners = property_of_elements(study.built) if asked == "properties" else {}
+    owners = study.built.property_of_elements if asked == "properties" else {}
     found: dict[str, list[int]] = {}
     for number in sorted(study.built.structure.element_kinds):
         name = f"property {owners[number]}" if number in owners else f"element {number}"

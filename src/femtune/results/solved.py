@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.assembly.error_places import errors_at_deck
+from femtune.assembly.error_places import errors_at_grid
 from femtune.errors import FemtuneError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def nominal(study: Study) -> NDArray[np.float64]:
 
 def solve(study: Study, case: StudyCase, x: NDArray) -> EigenSolution:
     """Modes of one configuration."""
-    with errors_at_deck(study.built.deck):
+    with errors_at_grid(study.built):
         if case.compared is not None:
             return case.compared.solver.modes(case.compared.configured.at(x), case.compared.count, case.compared.max_hz)
         return study.solver.modes(case.configured.at(x), study.file.modes.count, study.file.modes.max_hz)

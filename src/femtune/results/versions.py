@@ -14,7 +14,7 @@ from femtune.assembly.cases import StudyCase
 from femtune.assembly.error_places import (
     errors_at,
     errors_at_configuration,
-    errors_at_deck,
+    errors_at_grid,
     errors_at_residuals,
     place_of,
 )
@@ -158,5 +158,5 @@ def as_written(study: Study, after: Evaluation) -> Evaluation:
     if not same:
         return start(study, silent)
     states = tuple(CaseState(c, s.point, s.groups, s.solved) for c, s in zip(problem.cases, after.states))
-    with errors_at_deck(study.built.deck):
+    with errors_at_grid(study.built):
         return problem.follow(np.zeros(0), Evaluation(np.zeros(0), states, ()))

@@ -33,7 +33,7 @@ def edits(study: Study, plan: WritePlan, values: Values, owners: Owners) -> Iter
 def _edit(
     study: Study, change: FieldChange, ref: FieldRef | None, values: Values, plan: WritePlan, owners: Owners
 ) -> EditedField:
-    card = study.built.deck.cards[change.position]
+    card = study.built_deck.deck.cards[change.position]
     value = float(values[ref]) if ref is not None else parse_real(change.after)
     return EditedField(
         card=f"{ref.card} {ref.id}" if ref is not None and ref.id else card.record,
@@ -50,7 +50,7 @@ def _edit(
 
 def _reference(study: Study, change: FieldChange) -> str:
     """PID or MID where the field is the reference of an element; else \"\"."""
-    kind = CATALOGUE.get(study.built.deck.cards[change.position].name)
+    kind = CATALOGUE.get(study.built_deck.deck.cards[change.position].name)
     if kind is None or kind.role != ELEMENT or change.index >= len(kind.fields):
         return ""
     name = kind.fields[change.index]
@@ -63,7 +63,7 @@ def repointed(study: Study, plan: WritePlan) -> Iterable[RepointedElements]:
     for change in plan.edited.changes:
         name = _reference(study, change)
         if name and (change.position, change.index) not in plan.places:
-            card = study.built.deck.cards[change.position]
+            card = study.built_deck.deck.cards[change.position]
             after = _card_of(name, change.after.strip(), plan)
             found.setdefault((card.name, name, change.before.strip(), after), []).append(card.integer(0))
     for (kind, name, before, after), numbers in found.items():
@@ -91,7 +91,7 @@ def new_cards(study: Study, plan: WritePlan, values: Values, owners: Owners) -> 
 
 def _new_value(study: Study, ref: FieldRef, held: float, values: Values, owners: Owners) -> NewCardValue:
     place = study.built.fields[replace(ref, region="")]
-    fields, at = study.built.deck.cards[place.card].fields, place.fields[0]
+    fields, at = study.built_deck.deck.cards[place.card].fields, place.fields[0]
     return NewCardValue(
         field=ref.name,
         old_text=fields[at].strip() if at < len(fields) else "",

@@ -169,9 +169,9 @@ class ExternalSolver:
         Of an argument that is a file, such as the script that an interpreter runs, the content counts.
         """
         digest = sha256(b"femtune run 1")
-        scripts = tuple(_file_digest(a) for a in self.command[1:] if os.path.isabs(a) and os.path.isfile(a))
+        scripts = tuple(file_digest(a) for a in self.command[1:] if os.path.isabs(a) and os.path.isfile(a))
         settings = (
-            *self.command, *scripts, self.version, _file_digest(self._program), self.result.name, self.result.format,
+            *self.command, *scripts, self.version, file_digest(self._program), self.result.name, self.result.format,
         )  # fmt: skip
         environment = tuple(f"{name}={value}" for name, value in self.environment)
         for text in (*settings, *environment, self.inputs.version):
@@ -267,7 +267,7 @@ class ExternalSolver:
 
 
 @lru_cache(maxsize=16)
-def _file_digest(path: str) -> str:
+def file_digest(path: str) -> str:
     """Of the program, or of a script that it runs, so that a new version has new results."""
     digest = sha256()
     try:

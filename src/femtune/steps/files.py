@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from femtune.arguments import checked
 from femtune.assembly.described import Model, model_of_deck, model_of_matrices, units_word
 from femtune.errors import FemtuneError
+from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.write import plan_edits
 from femtune.files.nastran.write import write_deck as write_files
@@ -143,14 +144,15 @@ def write_deck(model: Model | Path | str, values: Mapping[str, float], path: Pat
     array([38.29, 44.7 ])
     """
     read = model if isinstance(model, Model) else read_deck(model)
-    if read.tables.get("matrix"):
+    built = read.built
+    if not isinstance(built, BuiltDeck):
         raise FemtuneError("write.no-deck")
     refs = {parse_field_ref(field): float(value) for field, value in values.items()}
     for ref in refs:
-        resolve(read.built, ref)
-    refs |= read.built.structure.values.with_own(refs).following(refs, read.built.fields)
+        resolve(built, ref)
+    refs |= built.structure.values.with_own(refs).following(refs, built.fields)
     path = Path(path)
-    return write_files(plan_edits(read.built, refs, wide=wide).edited, path.parent, path.name).main
+    return write_files(plan_edits(built, refs, wide=wide).edited, path.parent, path.name).main
 
 
 @checked

@@ -149,7 +149,7 @@ class _Fitting:
         """The start of a number: the initial values, a drawn point, or the best that a random population reaches."""
         x = np.zeros(len(moving))
         if self.search is not None:
-            population = _Population(problem, problem.start(x), moving)
+            population = Population(problem, problem.start(x), moving)
             lower, upper = (edge[moving] for edge in problem.parameters.bounds)
             found = global_minimum(population, lower, upper, replace(self.search, seed=self.rules.seed + number))
             return problem.follow(population.whole(found.x[None])[0], population.before)
@@ -237,7 +237,7 @@ class _SolverFitting(_Fitting):
 
 
 @dataclass(frozen=True, eq=False)
-class _Population:
+class Population:
     """χ² at points (n, moving) of a generation, with the pairing of the initial values; infinite where it fails."""
 
     problem: UpdateProblem

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.correlation import SensorMap
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.files.runs_table import RunsTable
     from femtune.residuals import Evaluation, UpdateProblem
     from femtune.results.base import Alert

@@ -240,7 +240,7 @@ class _Search:
             where = self.study.file.where("search", "runs")
             raise FemtuneError("search.too-few/asked", where=where, runs=wanted, needed=least, parameters=len(lower))
         x, r = self._good(*self._designed(wanted), least)
-        responses = _Responses.of(r)
+        responses = SearchResponses.of(r)
         surrogate = self._fit(x, responses.of_residuals(r))
         checked, fresh_rms = 0, None
         if table.fresh_runs:
@@ -285,7 +285,7 @@ class _Search:
         chi2 = 2.0 * found.values + responses.rest
         return _Ended(found.searches, found.ends, chi2, facts, responses.rest, front, shares)
 
-    def _further(self, surrogate: Surrogate, responses: _Responses, made: int) -> Reals:
+    def _further(self, surrogate: Surrogate, responses: SearchResponses, made: int) -> Reals:
         """(n, k) points of the next further runs, after those that were made; none at the end.
 
         Runs by improvement are one set. Runs by error end where the stated error is small enough.
@@ -467,7 +467,7 @@ class _Search:
 
 
 @dataclass(frozen=True, eq=False)
-class _Responses:
+class SearchResponses:
     """What the surrogate is fitted to: residuals r, or c of r = middle + basis·c + (what is left out).
 
     Parameters
@@ -480,7 +480,7 @@ class _Responses:
     basis: Reals | None
 
     @classmethod
-    def of(cls, r: Reals) -> _Responses:
+    def of(cls, r: Reals) -> SearchResponses:
         """By the runs (n, m)."""
         middle = r.mean(axis=0)
         if r.shape[1] <= _MOST_RESPONSES:
@@ -513,7 +513,7 @@ class _Responses:
         return float(left @ left)
 
 
-def _left_out_rms(surrogate: Surrogate, responses: _Responses) -> float:
+def _left_out_rms(surrogate: Surrogate, responses: SearchResponses) -> float:
     """Root mean square error of predicting each run from the others, in standard deviations of the data."""
     error = responses.residuals(surrogate.left_out) - responses.residuals(surrogate.y)
     return float(np.sqrt(np.mean(error**2)))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.assembly.study import Study
     from femtune.fem import FieldRef
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.files.nastran.write import WritePlan, WrittenDeck
     from femtune.parameters import Parameter
     from femtune.updating import UpdateResult
@@ -108,7 +108,7 @@ def _planned(
     of_cards = {ref: value for ref, value in values.items() if ref.card not in _OF_NO_CARD}
     blocked = {} if study.file.write.split else _shared_fields(of_cards)
     updates = {ref: value for ref, value in of_cards.items() if ref not in blocked}
-    return plan_edits(study.built, updates, _regions(study), wide), values, blocked
+    return plan_edits(study.built_deck, updates, _regions(study), wide), values, blocked
 
 
 def _shared_fields(values: Mapping[FieldRef, float]) -> dict[FieldRef, float]:

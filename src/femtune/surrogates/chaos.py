@@ -65,8 +65,8 @@ class ChaosRules:
         """Of the responses (N, m) over scaled parameters (N, n)."""
         n = u.shape[1]
         highest = max(d for d in range(1, self.degree + 1) if d == 1 or comb(n + d, d) <= _MOST_CANDIDATES)
-        every = _products(n, highest)
-        values = _Product(every).value(u)
+        every = products_up_to(n, highest)
+        values = LegendreProducts(every).value(u)
         return tuple(_fitted(column, every, values) for column in y.T)
 
 
@@ -97,17 +97,17 @@ class ChaosResponse:
 
     def value(self, u: Reals) -> Reals:
         """(k,) at points (k, n)."""
-        return np.asarray(_Product(self.degrees).value(u) @ self.coefficients)
+        return np.asarray(LegendreProducts(self.degrees).value(u) @ self.coefficients)
 
     def slopes(self, u: Reals) -> Reals:
         """(k, n) first derivatives."""
-        product, n = _Product(self.degrees), u.shape[1]
+        product, n = LegendreProducts(self.degrees), u.shape[1]
         each = [product.value(u, tuple(np.eye(n, dtype=int)[i])) @ self.coefficients for i in range(n)]
         return np.stack(each, axis=1)
 
     def curvatures(self, u: Reals) -> Reals:
         """(k, n, n) second derivatives."""
-        product, n = _Product(self.degrees), u.shape[1]
+        product, n = LegendreProducts(self.degrees), u.shape[1]
         found = np.empty((len(u), n, n), dtype=u.dtype)
         for i, j in combinations_with_replacement(range(n), 2):
             orders = tuple(np.eye(n, dtype=int)[i] + np.eye(n, dtype=int)[j])
@@ -116,11 +116,11 @@ class ChaosResponse:
 
     def spread(self, u: Reals) -> Reals:
         """(k,) standard deviation of a run: what the terms do not explain, and that of the coefficients."""
-        return np.asarray(np.sqrt(self.variance * (1.0 + _added(self.factor, _Product(self.degrees).value(u)))))
+        return np.asarray(np.sqrt(self.variance * (1.0 + _added(self.factor, LegendreProducts(self.degrees).value(u)))))
 
     def again(self, u: Reals, y: Reals) -> ChaosResponse:
         """Of other runs (N, n), (N,), with unchanged terms and variance; errors are those of leaving out one run."""
-        values = _Product(self.degrees).value(u)
+        values = LegendreProducts(self.degrees).value(u)
         coefficients, factor = _least_squares(y, values)
         kept = np.maximum(1.0 - _added(factor, values), _LEAST)
         errors = (y - values @ coefficients) / kept
@@ -179,7 +179,7 @@ def _shares(fit: ChaosResponse) -> tuple[Reals, Reals]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Product:
+class LegendreProducts:
     """Products of Legendre polynomials with unit mean square over the unit cube; degrees (t, n)."""
 
     degrees: Integers
@@ -203,7 +203,7 @@ def _polynomials(x: Reals, highest: int, order: int) -> Reals:
     return np.asarray(legendre.legvander(2.0 * x - 1.0, len(series) - 1) @ series)
 
 
-def _products(parameters: int, degree: int) -> Integers:
+def products_up_to(parameters: int, degree: int) -> Integers:
     """(t, n) degrees of all products up to a total degree, the constant first."""
     rows = []
     for d in range(degree + 1):
@@ -216,7 +216,7 @@ def _fitted(y: Reals, degrees: Integers, values: Reals) -> ChaosResponse:
     """The chosen terms, and errors by cross-validation, in which the terms are chosen again without each fold."""
     totals = degrees.sum(axis=1)
     errors, added = np.empty(len(y)), np.empty(len(y))
-    for left_out in _folds(len(y)):
+    for left_out in folds(len(y)):
         kept = np.setdiff1d(np.arange(len(y)), left_out)
         terms = _chosen(y[kept], totals, values[kept])
         coefficients, factor = _least_squares(y[kept], values[kept][:, terms])
@@ -229,7 +229,7 @@ def _fitted(y: Reals, degrees: Integers, values: Reals) -> ChaosResponse:
     return ChaosResponse(degrees[terms], coefficients, factor, variance, errors, np.sqrt(variance * (1.0 + added)))
 
 
-def _folds(runs: int) -> list[Integers]:
+def folds(runs: int) -> list[Integers]:
     """Numbers of the runs that are left out together; at random, as the order of the runs may be that of a grid."""
     return np.array_split(np.random.default_rng(0).permutation(runs), min(_FOLDS, runs))
 

@@ -146,7 +146,7 @@ class KrigedResponse:
 
     def again(self, u: Reals, y: Reals) -> KrigedResponse:
         """Of other runs (N, n), (N,), with unchanged lengths and noise."""
-        likelihood = _Likelihood.of(u, y, self.rules)
+        likelihood = RestrictedLikelihood.of(u, y, self.rules)
         log = np.log(self.lengths) if likelihood.noise is not None else np.log([*self.lengths, self.noise])
         return likelihood.solved(log)[0]
 
@@ -156,7 +156,7 @@ class KrigedResponse:
 
 
 @dataclass(frozen=True, eq=False)
-class _Likelihood:
+class RestrictedLikelihood:
     """The restricted likelihood of a response over the logarithms of the lengths and of g."""
 
     rules: KrigingRules
@@ -167,7 +167,7 @@ class _Likelihood:
     noise: float | None
 
     @classmethod
-    def of(cls, u: Reals, y: Reals, rules: KrigingRules) -> _Likelihood:
+    def of(cls, u: Reals, y: Reals, rules: KrigingRules) -> RestrictedLikelihood:
         """By the rules."""
         kind = CORRELATIONS[rules.correlation].load()
         return cls(rules, u, y, terms(u, rules.trend), kind, None if rules.noise == "estimate" else _JITTER)
@@ -235,7 +235,7 @@ def _fitted(u: Reals, y: Reals, rules: KrigingRules) -> KrigedResponse:
     """The response at the largest likelihood of several starts."""
     from scipy.stats import qmc  # noqa: PLC0415  slow to import, and every step reads the rules
 
-    likelihood = _Likelihood.of(u, y, rules)
+    likelihood = RestrictedLikelihood.of(u, y, rules)
     noise = likelihood.noise
     if likelihood.kind is None or np.ptp(y) == 0.0:
         return likelihood.solved(np.zeros(u.shape[1] + (noise is None)))[0]

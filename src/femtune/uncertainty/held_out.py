@@ -123,7 +123,7 @@ def check_held_out(held: Reals, fit: Fit, seed: int = 0) -> HeldOutCheck | None:
     used = asked & (sd > _STILL * np.nan_to_num(spread)) & (sd > 0.0)
     if not used.any():
         return None
-    measured = _differences(held[:, used], fit.mean[used], fit.covariance[np.ix_(used, used)], fit.repeats)
+    measured = differences(held[:, used], fit.mean[used], fit.covariance[np.ix_(used, used)], fit.repeats)
     rng, root = np.random.default_rng(seed), factor(fit.covariance)
     by_chance = [_repeated(fit, root, used, len(held), rng) for _ in range(_BOOTSTRAP)]
     parts: tuple[Part, ...] = ("means", "covariance")
@@ -138,17 +138,17 @@ def _repeated(fit: Fit, root: Reals, used: Flags, count: int, rng: np.random.Gen
     own, held = drawn[: fit.repeats], drawn[fit.repeats :]
     mean = fit.mean + fit.projection @ (own.mean(axis=0) - fit.mean)
     covariance = fit.projection @ (np.atleast_2d(np.cov(own.T)) - fit.noise) @ fit.projection.T + fit.noise
-    return _differences(held[:, used], mean[used], covariance[np.ix_(used, used)], fit.repeats)
+    return differences(held[:, used], mean[used], covariance[np.ix_(used, used)], fit.repeats)
 
 
-def _differences(held: Reals, mean: Reals, covariance: Reals, repeats: int) -> tuple[float, float]:
+def differences(held: Reals, mean: Reals, covariance: Reals, repeats: int) -> tuple[float, float]:
     """Lengths of the differences of means and of covariances, in the metric of the prediction."""
-    white = _whitening(covariance, repeats)
+    white = whitening(covariance, repeats)
     gap = np.atleast_2d(np.cov(held.T)) - covariance
     return float(np.linalg.norm((held.mean(axis=0) - mean) @ white)), float(np.linalg.norm(white.T @ gap @ white))
 
 
-def _whitening(covariance: Reals, repeats: int) -> Reals:
+def whitening(covariance: Reals, repeats: int) -> Reals:
     """(m, m) W with Wᵀ C W = 1, the correlations shrunk to zero by outputs/repeats."""
     sd = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     share = min(1.0, len(sd) / repeats)

@@ -76,12 +76,12 @@ def order_dependence(table: Reals) -> OrderDependence | None:
     n = len(table)
     if n < FEWEST:
         return None
-    scores = _normal_scores(table)
+    scores = normal_scores(table)
     rng = np.random.default_rng(_SEED)
     orders = np.vstack([np.arange(n), *(rng.permutation(n) for _ in range(_PERMUTATIONS))])
     white, single = _Explained(_decorrelated(scores), orders), [_Explained(c[:, None], orders) for c in scores.T]
     together = _Explained.largest(single)
-    tests = (white.drift, together.drift, white.jump, together.jump, -_serial(white.scores, orders))
+    tests = (white.drift, together.drift, white.jump, together.jump, -serial_statistic(white.scores, orders))
     p = corrected(np.stack(tests))
     by_kind: dict[Kind, float] = {"drift": min(p[:2]), "jump": min(p[2:4]), "serial correlation": p[4]}
     seen = white if min(p[0], p[2]) <= min(p[1], p[3]) else together
@@ -109,12 +109,12 @@ class _Explained:
     @cached_property
     def drift(self) -> Reals:
         """(orders,)."""
-        return _drift(self.scores, self.orders)
+        return drift_statistic(self.scores, self.orders)
 
     @cached_property
     def jumps(self) -> Reals:
         """(orders, places)."""
-        return _jumps(self.scores, self.orders)
+        return jump_statistics(self.scores, self.orders)
 
     @cached_property
     def jump(self) -> Reals:
@@ -145,7 +145,7 @@ def _kind(p: dict[Kind, float], seen: _Explained) -> Kind | None:
     return "drift" if drift >= jump else "jump"
 
 
-def _normal_scores(table: Reals) -> Reals:
+def normal_scores(table: Reals) -> Reals:
     """(n, m) normal scores of the ranks of each column, of zero mean and unit mean square; 0 for missing values."""
     scores = np.zeros_like(table)
     for j, column in enumerate(table.T):
@@ -171,14 +171,14 @@ def _times(n: int) -> Reals:
     return np.asarray(t / np.linalg.norm(t))
 
 
-def _drift(white: Reals, orders: Integers) -> Reals:
+def drift_statistic(white: Reals, orders: Integers) -> Reals:
     """(orders,) sum of squares explained by a straight line."""
     along = np.zeros((len(orders), len(white)))
     np.put_along_axis(along, orders, np.broadcast_to(_times(len(white)), orders.shape), axis=1)
     return np.asarray(((along @ white) ** 2).sum(axis=1))
 
 
-def _jumps(white: Reals, orders: Integers) -> Reals:
+def jump_statistics(white: Reals, orders: Integers) -> Reals:
     """(orders, places) sums of squares explained by two means, with at least three repeats on each side."""
     n = len(white)
     before = np.arange(_EDGE, n - _EDGE + 1)
@@ -189,7 +189,7 @@ def _jumps(white: Reals, orders: Integers) -> Reals:
     return found
 
 
-def _serial(white: Reals, orders: Integers) -> Reals:
+def serial_statistic(white: Reals, orders: Integers) -> Reals:
     """(orders,) von Neumann ratios."""
     found = np.zeros(len(orders))
     for column in white.T:

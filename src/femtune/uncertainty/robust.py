@@ -92,10 +92,10 @@ def robust_moments(table: Reals) -> RobustMoments | WhyNot:
     except np.linalg.LinAlgError:
         return "flat"
     white = np.linalg.solve(root, ((table - centre) / sd).T).T[None]
-    raw, flat = _raw_distances(white)
+    raw, flat = raw_distances(white)
     if flat[0]:
         return "flat"
-    usual, back = _calibration(n, m), root.T * sd
+    usual, back = calibration(n, m), root.T * sd
     mean, covariance, d2 = (a[0] for a in _reweighted(white, raw, usual.cut))
     distance = np.sqrt(d2 / usual.factor)
     plain = np.linalg.norm(white[0] - white[0].mean(axis=0), axis=1)
@@ -137,11 +137,11 @@ class _Calibration:
 
 
 @lru_cache(maxsize=32)
-def _calibration(n: int, m: int) -> _Calibration:
+def calibration(n: int, m: int) -> _Calibration:
     tables = np.random.default_rng(0).standard_normal((_TABLES, n, m))
     at_once = max(1, int(_FLOATS / (_STARTS * n * m)))
     parts = np.split(tables, range(at_once, _TABLES, at_once))
-    raw = [_raw_distances(part)[0] for part in parts]
+    raw = [raw_distances(part)[0] for part in parts]
     cut = float(np.quantile(np.concatenate(raw), _WITHIN))
     found = [_reweighted(part, d2, cut) for part, d2 in zip(parts, raw)]
     covariance, d2 = (np.concatenate([f[i] for f in found]) for i in (1, 2))
@@ -164,7 +164,7 @@ def _reweighted(tables: Reals, raw: Reals, cut: float) -> tuple[Reals, Reals, Re
     return mean[:, 0], covariance[:, 0], _distances(tables, mean, covariance)[:, 0]
 
 
-def _raw_distances(tables: Reals) -> tuple[Reals, Flags]:
+def raw_distances(tables: Reals) -> tuple[Reals, Flags]:
     """Squared distances (b, n) from the subset with the smallest determinant, by concentration steps."""
     b, n, m = tables.shape
     h = subset_size(n, m)

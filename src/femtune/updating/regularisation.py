@@ -270,11 +270,12 @@ def reweighed(side: SideConstraint, at: LinearModel) -> SideConstraint:
 def choose_weight(side: SideConstraint, rule: WeightRule, at: LinearModel) -> WeightChoice:
     """The weight by a rule, on the linear model at a point."""
     path = regularisation_path(side, at)
-    status, position = (_corner if rule == "l-curve" else _least)(path, len(at.residuals) - int(at.moving.sum()))
+    status, position = (corner_of if rule == "l-curve" else _least)(path, len(at.residuals) - int(at.moving.sum()))
     return WeightChoice(rule, status, position if status.found else None, path)
 
 
-def _corner(path: RegularisationPath, spare: int) -> tuple[WeightStatus, int]:
+def corner_of(path: RegularisationPath, spare: int) -> tuple[WeightStatus, int]:
+    """Whether the L-curve has a corner, and the position of its largest curvature."""
     known = np.flatnonzero(np.isfinite(path.curvature))
     if len(known) < 5:
         return WeightStatus.STANDS_STILL, 0

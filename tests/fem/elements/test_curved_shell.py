@@ -27,6 +27,8 @@ from structures.shells import (
     shell_structure,
 )
 
+from .constant_states import AREA, PATCHES, D, G
+
 ISO = Isotropic(200.0, 0.3, 2.0, 0.02)
 LAW = {"11": 200.0, "12": 41.0, "13": 13.0, "22": 103.0, "23": -7.0, "33": 50.0}
 ANISO = Anisotropic(LAW, {"11": 40.0, "12": 5.0, "22": 30.0}, 2.0)
@@ -121,25 +123,11 @@ def test_displacement_frames_only_rename(cells):
             np.testing.assert_allclose(assemble(other, kind).toarray(), there, atol=1e-12 * np.abs(there).max())
 
 
-G, D, AREA = 200.0 / 2.6, 200.0 / 0.91, 3.0 * 2.0 * np.cos(0.3)
-FIELDS = {
-    "membrane": (
-        lambda x, y: (0.3 * x + 0.1 * y, 0.5 * x - 0.2 * y, 0, 0, 0, 0.2),
-        0.2 * (D * (0.3**2 + 0.2**2 - 2 * 0.3 * 0.3 * 0.2) + G * 0.6**2),
-    ),
-    "bending": (
-        lambda x, y: (0, 0, 0.2 * x**2 - 0.1 * y**2 + 0.15 * x * y, -0.2 * y + 0.15 * x, -0.4 * x - 0.15 * y, 0),
-        0.2**3 / 12 * (D * (0.4**2 + 0.2**2 - 2 * 0.3 * 0.4 * 0.2) + G * 0.3**2),
-    ),
-    "shear": (lambda x, y: (0, 0, 0.3 * x - 0.2 * y, 0, 0, 0), 5.0 / 6.0 * G * 0.2 * (0.3**2 + 0.2**2)),
-}
-
-
 def patch(cells: str, name: str) -> tuple:
     """A distorted flat patch with straight sides in space, its stiffness, and a field on it."""
     mesh = shell_mesh(rectangle(3.0, 2.0, 0.3), 4, 3, cells, distort=0.3, seed=3)
     x, y = mesh.xyz[:, 0], mesh.xyz[:, 1]
-    local = np.stack([np.broadcast_to(c, x.shape) for c in FIELDS[name][0](x, y)], axis=1)
+    local = np.stack([np.broadcast_to(c, x.shape) for c in PATCHES[name][0](x, y)], axis=1)
     Q = turned(1)[0]
     Q = Q * np.sign(np.linalg.det(Q))
     # drilling acts on nothing here, and a soft one would cost digits of the solution
@@ -149,10 +137,10 @@ def patch(cells: str, name: str) -> tuple:
 
 
 @pytest.mark.parametrize("cells", ["quad8", "union6"])
-@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("name", PATCHES)
 def test_constant_states_have_their_energy_on_distorted_meshes(cells: str, name: str):
     _, K, u = patch(cells, name)
-    assert u @ (K @ u) == pytest.approx(FIELDS[name][1] * AREA, rel=1e-10)
+    assert u @ (K @ u) == pytest.approx(PATCHES[name][1] * AREA, rel=1e-10)
 
 
 @pytest.mark.parametrize("cells", ["quad8", "union6"])

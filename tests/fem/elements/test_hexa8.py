@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from tests.fem.solid_parts import ANISO, LAW, dense, one, translations_of
+from tests.fem.solid_parts import ANISO, LAW, dense, one, sliding_box, translations_of
 
 from femtune.fem.elements import KINDS
 from femtune.fem.elements.solids.first_order import jacobians
@@ -226,26 +226,6 @@ def test_a_nearly_incompressible_strip_bends():
     force[6 * tip + 1] = 1.0 / len(tip)
     theory = length**3 / 3 / (height**3 / 12 / (1 - nu**2))
     assert static_displacements(structure, force)[6 * tip + 1].mean() / theory == pytest.approx(1.0, abs=0.02)
-
-
-def sliding_box(kind: str, n: int, squeeze: float = 0.06) -> float:
-    """Relative error of the lowest eigenvalue of a box that slides on its six faces, on a curved mesh.
-
-    Its mode is a shear wave, (sin πx/a cos πy/b, …, 0): λ = (G/ρ) π² (1/a² + 1/b²).
-    """
-    a, b, c = 1.0, 0.9, 0.8
-
-    def place(u, v, w):
-        x = u + squeeze * np.sin(np.pi * u) * np.sin(2 * np.pi * v + 0.5) * np.cos(np.pi * w)
-        y = v + squeeze * np.sin(np.pi * v) * np.sin(2 * np.pi * w)
-        return a * x, b * y, c * (w + squeeze * np.sin(np.pi * w) * np.sin(2 * np.pi * u))
-
-    mesh = solid_mesh(place, (n, n, n), kind)
-    faces = {axis: np.concatenate([mesh.face(f"{axis}0"), mesh.face(f"{axis}1")]) for axis in "uvw"}
-    held = set().union(*(dofs_of(nodes, str(i + 1)) for i, nodes in enumerate(faces.values())))
-    structure = solid_model(mesh, Isotropic(1.0, 0.3, 1.0), held=held, consistent_mass=True)
-    exact = np.sqrt((1.0 / 2.6) * (1 / a**2 + 1 / b**2)) / 2.0
-    return float((natural_frequencies(structure, 1)[0] / exact) ** 2 - 1.0)
 
 
 @pytest.mark.slow

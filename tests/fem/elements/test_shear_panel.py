@@ -10,7 +10,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties, rigid_body_modes
 from femtune.fem.elements import contributions
-from femtune.fem.elements.shear_panel import _homogeneous, flow, web_field
+from femtune.fem.elements.shear_panel import field_functions, flow, web_field
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch, NodeTable, Structure
 from femtune.fem.values import ValueTableBuilder
@@ -76,7 +76,7 @@ def test_a_web_between_rods_bends_as_the_closed_form() -> None:
 
 def test_the_field_of_any_quadrilateral_loads_its_edges_along_them_only() -> None:
     flat = GENERAL[None, :, :2]
-    lines = _homogeneous(flat)
+    lines = field_functions(flat)
     for i, j in ((0, 1), (1, 2), (2, 3), (3, 0)):
         along = flat[0, j] - flat[0, i]
         n = np.array([along[1], -along[0]]) / np.linalg.norm(along)
@@ -89,7 +89,7 @@ def test_the_field_of_any_quadrilateral_loads_its_edges_along_them_only() -> Non
 
 def test_the_field_is_in_equilibrium() -> None:
     flat, h = GENERAL[None, :, :2], 1e-5
-    lines, at = _homogeneous(flat), np.array([[1.1, 0.8]])
+    lines, at = field_functions(flat), np.array([[1.1, 0.8]])
 
     def slope(component: int, axis: int) -> float:
         step = h * np.eye(2)[axis]

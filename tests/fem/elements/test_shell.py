@@ -16,6 +16,8 @@ from femtune.testing import check_contribution
 from structures.shells import Anisotropic, Isotropic, Section, ShellPart, cylinder, rectangle, shell_mesh
 from structures.shells import shell_structure as structure_of
 
+from .constant_states import AREA, PATCHES, D, G
+
 WARPED = np.array([[0, 0, 0], [1.2, 0.1, 0.1], [1.0, 0.9, -0.05], [-0.1, 1.1, 0.2]])
 ISO = Isotropic(200.0, 0.3, 2.0, 0.02)
 LAW = {"11": 200.0, "12": 41.0, "13": 13.0, "22": 103.0, "23": -7.0, "33": 50.0}
@@ -67,28 +69,12 @@ def patch(field, section: Section) -> tuple:
     return mesh, assemble(structure, "stiffness").tocsr(), u
 
 
-G = 200.0 / 2.6
-D = 200.0 / 0.91
-A = 3.0 * 2.0 * np.cos(0.3)
-PATCHES = {
-    "membrane": (
-        lambda x, y: (0.3 * x + 0.1 * y, 0.5 * x - 0.2 * y, 0, 0, 0, 0.2),
-        0.2 * (D * (0.3**2 + 0.2**2 - 2 * 0.3 * 0.3 * 0.2) + G * 0.6**2),
-    ),
-    "bending": (
-        lambda x, y: (0, 0, 0.2 * x**2 - 0.1 * y**2 + 0.15 * x * y, -0.2 * y + 0.15 * x, -0.4 * x - 0.15 * y, 0),
-        0.2**3 / 12 * (D * (0.4**2 + 0.2**2 - 2 * 0.3 * 0.4 * 0.2) + G * 0.3**2),
-    ),
-    "shear": (lambda x, y: (0, 0, 0.3 * x - 0.2 * y, 0, 0, 0), 5.0 / 6.0 * G * 0.2 * (0.3**2 + 0.2**2)),
-}
-
-
 @pytest.mark.parametrize("name", PATCHES)
 def test_constant_states_have_their_energy_on_distorted_meshes(name: str):
     field, density = PATCHES[name]
     # rigid in bending, a shell has no residual bending flexibility
     _, K, u = patch(field, Section(ISO, 0.2, RI=1e15 if name == "shear" else 1.0))
-    assert u @ (K @ u) == pytest.approx(density * A, rel=1e-10)
+    assert u @ (K @ u) == pytest.approx(density * AREA, rel=1e-10)
 
 
 @pytest.mark.parametrize("name", ["membrane", "bending"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.fem.quadratic_parts import SHAPES, curved, one
-from tests.fem.solid_parts import dense
+from tests.fem.solid_parts import dense, sliding_box
 
 from femtune.fem.elements.solids.quadratic import HEXA20 as HEXA
 from femtune.fem.elements.solids.quadratic import PENTA15 as PENTA
@@ -13,7 +13,7 @@ from femtune.fem.elements.solids.quadratic import TETRA10 as TETRA
 from femtune.fem.elements.solids.shape import HEXA20_SHAPE as HEXA20
 from femtune.fem.elements.solids.shape import eight_points, hexahedron_points, pentahedron_points
 from femtune.fem.elements.solids.strains import SolidPlaces
-from structures.shells import Isotropic, dofs_of, natural_frequencies, static_displacements
+from structures.shells import Isotropic, dofs_of, static_displacements
 from structures.solids import solid_mesh, solid_model
 
 
@@ -85,24 +85,6 @@ def test_a_thick_cylinder_of_nearly_incompressible_material(nu: float) -> None:
 def test_nearly_incompressible_waves(kind: str, n: int) -> None:
     """A box that slides on its faces: its lowest modes are shear waves, whatever ν, λ = (G/ρ) π² (1/a² + 1/b²)."""
     assert abs(sliding_box(kind, n, 0.4999, 0.03)) < 0.022
-
-
-def sliding_box(kind: str, n: int, nu: float, squeeze: float = 0.06) -> float:
-    """Relative error of the lowest eigenvalue of a box that slides on its six faces, on a curved mesh."""
-    a, b, c = 1.0, 0.9, 0.8
-
-    def place(u, v, w):
-        x = u + squeeze * np.sin(np.pi * u) * np.sin(2 * np.pi * v + 0.5) * np.cos(np.pi * w)
-        y = v + squeeze * np.sin(np.pi * v) * np.sin(2 * np.pi * w)
-        return a * x, b * y, c * (w + squeeze * np.sin(np.pi * w) * np.sin(2 * np.pi * u))
-
-    mesh = solid_mesh(place, (n, n, n), kind)
-    held = set().union(
-        *(dofs_of(np.concatenate([mesh.face(f"{k}0"), mesh.face(f"{k}1")]), str(i + 1)) for i, k in enumerate("uvw"))
-    )
-    structure = solid_model(mesh, Isotropic(1.0, nu, 1.0), held=held, consistent_mass=True)
-    exact = np.sqrt((1.0 / (2 + 2 * nu)) * (1 / a**2 + 1 / b**2)) / 2.0
-    return float((natural_frequencies(structure, 1)[0] / exact) ** 2 - 1.0)
 
 
 @pytest.mark.slow

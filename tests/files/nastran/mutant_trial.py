@@ -17,7 +17,7 @@ import numpy as np
 
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.nastran import (  # fmt: skip
-    BuiltModel,
+    BuiltDeck,
     Deck,
     build_structure,
     edit_fields,
@@ -127,7 +127,7 @@ def _check_bytes(deck: Deck, path: Path) -> None:
         assert written.main.read_bytes() == path.read_bytes()
 
 
-def _check_one_value(built: BuiltModel, chance: random.Random, folder: Path) -> None:
+def _check_one_value(built: BuiltDeck, chance: random.Random, folder: Path) -> None:
     """A value that is written changes the texts of its fields, and of no other field of any card."""
     if not built.fields:
         return

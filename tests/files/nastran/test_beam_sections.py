@@ -12,7 +12,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran import Deck, read_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.write import plan_edits, write_deck
 
@@ -36,12 +36,12 @@ TAPER = (
 )
 
 
-def built(deck: Deck) -> tuple[BuiltModel, ElementBatch]:
+def built(deck: Deck) -> tuple[BuiltDeck, ElementBatch]:
     model = build_structure(deck)
     return model, model.structure.batches[0]
 
 
-def value(model: BuiltModel, batch: ElementBatch, role: str) -> float:
+def value(model: BuiltDeck, batch: ElementBatch, role: str) -> float:
     return float(model.structure.values.values[batch.roles[role][0]])
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran import Deck, assembly, build_structure, columns, read_deck
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.columns import columns_of
 from femtune.files.nastran.grids import plain_grids
 
@@ -41,27 +41,27 @@ ODD = (
 )
 
 
-def outcome(path: Path) -> BuiltModel | str:
+def outcome(path: Path) -> BuiltDeck | str:
     try:
         return build_structure(read_deck(path))
     except FemtuneError as error:
         return str(error)
 
 
-def by_columns(path: Path, monkeypatch: pytest.MonkeyPatch) -> BuiltModel | str:
+def by_columns(path: Path, monkeypatch: pytest.MonkeyPatch) -> BuiltDeck | str:
     with monkeypatch.context() as patch:
         patch.setattr(columns, "_FEWEST_CARDS", 1)
         return outcome(path)
 
 
-def one_by_one(path: Path, monkeypatch: pytest.MonkeyPatch) -> BuiltModel | str:
+def one_by_one(path: Path, monkeypatch: pytest.MonkeyPatch) -> BuiltDeck | str:
     with monkeypatch.context() as patch:
         patch.setattr(columns, "_FEWEST_CARDS", 10**9)
         patch.setattr(assembly, "_plain_name", lambda head: "")
         return outcome(path)
 
 
-def check_same(one: BuiltModel | str, other: BuiltModel | str) -> None:
+def check_same(one: BuiltDeck | str, other: BuiltDeck | str) -> None:
     if isinstance(one, str) or isinstance(other, str):
         assert one == other
         return
@@ -97,7 +97,7 @@ def write(folder: Path, files: dict[str, bytes]) -> Path:
 def test_whole_decks(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path, {n: text.encode("latin-1") for n, text in DECKS[name].items()})
     fast = by_columns(path, monkeypatch)
-    assert isinstance(fast, BuiltModel)
+    assert isinstance(fast, BuiltDeck)
     check_same(fast, one_by_one(path, monkeypatch))
 
 

@@ -9,13 +9,13 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran import Deck, build_structure
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltDeck
 
 DeckOf = Callable[..., Deck]
 POINTS = "".join(f"GRID,{n},,{n}.,0.,0.\n" for n in (1, 2, 3, 5, 8)) + "SPOINT,101,102\n"
 
 
-def held(model: BuiltModel, number: int) -> set[str]:
+def held(model: BuiltDeck, number: int) -> set[str]:
     table = model.structure.nodes
     return {str(table.describe(int(d))) for d in model.structure.support_sets[number]}
 

@@ -11,7 +11,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties
 from femtune.files.nastran import Deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 
 DeckOf = Callable[..., Deck]
 POINTS = "".join(
@@ -24,11 +24,11 @@ PLATE = "PSHELL,9,1,.1,1,,1\n"
 QUAD = "CQUAD8,20,9,1,2,3,4,5,6\n,7,8"
 
 
-def built(deck_of: DeckOf, text: str) -> BuiltModel:
+def built(deck_of: DeckOf, text: str) -> BuiltDeck:
     return build_structure(deck_of(POINTS + STEEL + text))
 
 
-def value(model: BuiltModel, role: str, i: int = 0) -> float:
+def value(model: BuiltDeck, role: str, i: int = 0) -> float:
     (batch,) = model.structure.batches
     return float(model.structure.values.values[batch.roles[role][i]])
 

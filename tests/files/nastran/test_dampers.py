@@ -10,19 +10,19 @@ import pytest
 from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
 from femtune.files.nastran import Deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 
 DeckOf = Callable[..., Deck]
 CYLINDER = "CORD2C,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"
 POINTS = CYLINDER + "GRID,1,,0.,0.,0.\nGRID,2,,0.,2.,0.,5\nGRID,3,,3.,0.,4.,5\n"
 
 
-def value(model: BuiltModel, i: int, role: str, element: int = 0) -> float:
+def value(model: BuiltDeck, i: int, role: str, element: int = 0) -> float:
     batch = model.structure.batches[i]
     return float(model.structure.values.values[batch.roles[role][element]])
 
 
-def dense(model: BuiltModel, matrix: str) -> np.ndarray:
+def dense(model: BuiltDeck, matrix: str) -> np.ndarray:
     return assemble(model.structure, matrix).toarray()  # type: ignore[arg-type]
 
 

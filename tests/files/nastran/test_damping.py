@@ -11,7 +11,7 @@ import pytest
 from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, read_deck, write_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.write import plan_edits
 
@@ -80,7 +80,7 @@ def test_params_that_cannot_be(deck_of: DeckOf, card: str) -> None:
 TABLE = "TABDMP1,7,CRIT\n,1.,.01,2.,SKIP,3.,.03,4.,.05\n,5.,.05,ENDT\n"
 
 
-def built_with(deck_of: DeckOf, case: str, bulk: str = TABLE) -> BuiltModel:
+def built_with(deck_of: DeckOf, case: str, bulk: str = TABLE) -> BuiltDeck:
     return build_structure(deck_of(with_case(case, bulk)))
 
 

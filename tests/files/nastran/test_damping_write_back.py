@@ -9,7 +9,7 @@ import pytest
 
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, read_deck, write_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.write import WritePlan, plan_edits
 
@@ -54,15 +54,15 @@ FIELDS = {
 
 
 @pytest.fixture
-def built(deck_of: DeckOf) -> BuiltModel:
+def built(deck_of: DeckOf) -> BuiltDeck:
     return build_structure(deck_of(TEXT))
 
 
-def again(plan: WritePlan, folder: Path) -> BuiltModel:
+def again(plan: WritePlan, folder: Path) -> BuiltDeck:
     return build_structure(read_deck(write_deck(plan.edited, folder).main))
 
 
-def value(model: BuiltModel, ref: FieldRef) -> float:
+def value(model: BuiltDeck, ref: FieldRef) -> float:
     return float(model.structure.values.values[resolve(model, ref)])
 
 
@@ -72,7 +72,7 @@ def lines(path: Path) -> list[str]:
 
 @pytest.mark.quick(6)
 @pytest.mark.parametrize("text", FIELDS)
-def test_every_value_in_its_field(built: BuiltModel, text: str, tmp_path: Path) -> None:
+def test_every_value_in_its_field(built: BuiltDeck, text: str, tmp_path: Path) -> None:
     ref = parse_field_ref(text)
     assert value(built, ref) == FIELDS[text]
     plan = plan_edits(built, {ref: 0.125})
@@ -91,7 +91,7 @@ def test_every_value_in_its_field(built: BuiltModel, text: str, tmp_path: Path) 
         assert ("keep" in old) == ("keep" in new)
 
 
-def test_two_lines_that_a_bush_lacks(built: BuiltModel, tmp_path: Path) -> None:
+def test_two_lines_that_a_bush_lacks(built: BuiltDeck, tmp_path: Path) -> None:
     updates = {FieldRef("PBUSH", 2, "GE1"): 0.05, FieldRef("PBUSH", 2, "B1"): 0.5}
     model = again(plan_edits(built, updates), tmp_path / "new")
     assert [value(model, ref) for ref in updates] == [0.05, 0.5]
@@ -103,7 +103,7 @@ def test_two_lines_that_a_bush_lacks(built: BuiltModel, tmp_path: Path) -> None:
     [("PDAMP 2 B", 22), ("PELAS 6 GE", 12), ("PBUSH 1 GE2", 51), ("PBUSH 1 B4", 52), ("MAT1 1 GE", 7)],
 )
 def test_a_part_of_the_elements_gets_a_copy_of_the_card(
-    built: BuiltModel, text: str, element: int, tmp_path: Path
+    built: BuiltDeck, text: str, element: int, tmp_path: Path
 ) -> None:
     ref = parse_field_ref(text)
     there = FieldRef(ref.card, ref.id, ref.name, "part")
@@ -117,7 +117,7 @@ def test_a_part_of_the_elements_gets_a_copy_of_the_card(
     assert model.structure.values.values[batch.roles[role][i]] == 0.125
 
 
-def test_a_copy_of_a_bush_without_the_line_has_its_flag(built: BuiltModel, tmp_path: Path) -> None:
+def test_a_copy_of_a_bush_without_the_line_has_its_flag(built: BuiltDeck, tmp_path: Path) -> None:
     ref = FieldRef("PBUSH", 2, "GE1", "part")
     model = again(plan_edits(built, {ref: 0.125}, {"part": [53]}), tmp_path / "new")
     batch = next(b for b in model.structure.batches if 53 in b.ids)
@@ -153,7 +153,7 @@ def test_new_lines_in_every_format(deck_of: DeckOf, card: str, names: tuple[str,
     assert all(flags)
 
 
-def test_the_report_of_writing_knows_each_field(built: BuiltModel) -> None:
+def test_the_report_of_writing_knows_each_field(built: BuiltDeck) -> None:
     refs = {FieldRef("PBUSH", 2, "B1"): 0.5, FieldRef("PBUSH", 2, "GE1"): 0.05}
     plan = plan_edits(built, refs)
     named = {plan.places[c.position, c.index] for c in plan.edited.changes if (c.position, c.index) in plan.places}

@@ -11,7 +11,7 @@ import pytest
 from femtune.errors import FemtuneError, Where
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, edit_fields, read_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.parameters import jet
 
@@ -49,12 +49,12 @@ UPDATABLE = {
 
 
 @pytest.fixture
-def built(deck_of: DeckOf) -> BuiltModel:
+def built(deck_of: DeckOf) -> BuiltDeck:
     return build_structure(deck_of(TEXT))
 
 
 @pytest.mark.parametrize("text", UPDATABLE)
-def test_value_and_its_place_in_the_deck(built: BuiltModel, text: str, tmp_path: Path) -> None:
+def test_value_and_its_place_in_the_deck(built: BuiltDeck, text: str, tmp_path: Path) -> None:
     ref = parse_field_ref(text)
     assert str(ref) == text
     index = resolve(built, ref)
@@ -69,7 +69,7 @@ def test_value_and_its_place_in_the_deck(built: BuiltModel, text: str, tmp_path:
     np.testing.assert_allclose(again.values, expected.value, rtol=1e-12)
 
 
-def test_elements_that_use_a_value(built: BuiltModel) -> None:
+def test_elements_that_use_a_value(built: BuiltDeck) -> None:
     users = {t: built.structure.users(resolve(built, parse_field_ref(t))).tolist() for t in UPDATABLE}
     assert users["PBAR 3 I1"] == [1]
     assert users["MAT1 1 E"] == [1, 3, 7, 8]
@@ -98,7 +98,7 @@ def test_elements_that_use_a_value(built: BuiltModel) -> None:
         ("PBARL 1 DIM2", "study.unknown-field", "has no DIM2"),
     ],
 )
-def test_errors(built: BuiltModel, text: str, code: str, message: str) -> None:
+def test_errors(built: BuiltDeck, text: str, code: str, message: str) -> None:
     where = Where("study.toml", 12, "parameter")
     with pytest.raises(FemtuneError) as error:
         resolve(built, parse_field_ref(text, where), where)

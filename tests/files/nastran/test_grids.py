@@ -9,17 +9,17 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran import Deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 
 DeckOf = Callable[..., Deck]
 POINTS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,2.,0.,0.\n"
 
 
-def built(deck: Deck) -> BuiltModel:
+def built(deck: Deck) -> BuiltDeck:
     return build_structure(deck)
 
 
-def names(model: BuiltModel, dofs: np.ndarray) -> list[str]:
+def names(model: BuiltDeck, dofs: np.ndarray) -> list[str]:
     return [str(model.structure.nodes.describe(int(d))).rstrip("+") for d in dofs]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import femtune as ft
 from femtune.fem.fields import FieldRef
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.field_refs import resolve
 from femtune.model import Assignment, parametric_model
@@ -31,11 +31,11 @@ HEAD = "SOL 103\nCEND\nSPC=1\nMETHOD=1\nBEGIN BULK\nEIGRL,1,,,3\n"
 E, G, NU = (FieldRef("MAT1", 1, name) for name in ("E", "G", "NU"))
 
 
-def _built(deck_of: DeckOf, material: str) -> BuiltModel:
+def _built(deck_of: DeckOf, material: str) -> BuiltDeck:
     return build_structure(deck_of(FRAME + material))
 
 
-def _values(built: BuiltModel, changes: dict[FieldRef, float]) -> dict[str, float]:
+def _values(built: BuiltDeck, changes: dict[FieldRef, float]) -> dict[str, float]:
     """E, G and NU after parameters have multiplied some of them."""
     parameters = ParameterSet(tuple(Parameter(ref.name, 1.0, 0.1, 9.0) for ref in changes))
     model = parametric_model(built.structure, parameters, [Assignment(ref.name, ref, True) for ref in changes])
@@ -115,4 +115,4 @@ def test_a_ratio_above_one_half_that_e_and_g_imply_is_told_for_shells(deck_of: D
     built = build_structure(deck_of(material + shell))
     found = [n for n in built.notices if n.code == "deck.inconsistent-shear"]
     assert [n.level for n in found] == ["warning"] * told
-    assert all("imply a Poisson's ratio of 0.522" in n.what for n in found)
+    assert all("0.522" in n.what for n in found)

@@ -12,7 +12,7 @@ from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, build_structure
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.parameters import jet
 
@@ -49,11 +49,11 @@ PSHELL,6,1,.1,1,,1
 OWN = 1.5 + 0.25 + 12.0
 
 
-def built(deck_of: DeckOf, cards: str, case: str = "NSM = 1") -> BuiltModel:
+def built(deck_of: DeckOf, cards: str, case: str = "NSM = 1") -> BuiltDeck:
     return build_structure(deck_of(f"SOL 103\nCEND\n{case}\nBEGIN BULK\n{MODEL}{cards}ENDDATA\n"))
 
 
-def mass(model: BuiltModel) -> float:
+def mass(model: BuiltDeck) -> float:
     return float(mass_properties(model.structure.nodes, assemble(model.structure, "mass")).mass)
 
 
@@ -125,11 +125,13 @@ def test_what_has_no_effect_is_told(deck_of: DeckOf) -> None:
     def told(cards: str, case: str = "NSM=1") -> list[str]:
         return [n.what for n in built(deck_of, cards, case).notices if n.code == "deck.nonstructural-unused"]
 
-    assert told("NSM1,1,ELEMENT,2.,11,77\n") == ["no element takes the mass that NSM1 gives to ELEMENT 77"]
-    assert told("NSM,1,PBAR,2,1.\n") == ["no element takes the mass that NSM gives to PBAR 2"]
-    assert told("NSML1,1,ELEMENT,2.,70,THRU,90\n") == [
-        "no element takes the mass that NSML1 gives to ELEMENT that it lists"
-    ]
+    for cards, subject in (
+        ("NSM1,1,ELEMENT,2.,11,77", "NSM1 gives to ELEMENT 77"),
+        ("NSM,1,PBAR,2,1.", "NSM gives to PBAR 2"),
+        ("NSML1,1,ELEMENT,2.,70,THRU,90", "NSML1 gives to ELEMENT that it lists"),
+    ):
+        (unused,) = told(f"{cards}\n")
+        assert unused.endswith(subject)
     empty = build_structure(deck_of("SOL 103\nCEND\nNSM=1\nBEGIN BULK\nGRID,1\nNSM1,1,PBAR,1.,ALL\nENDDATA\n"))
     assert "deck.nonstructural-unused" in [n.code for n in empty.notices]
     (unselected,) = told("NSM1,1,ELEMENT,2.,11\n", "ECHO = NONE")

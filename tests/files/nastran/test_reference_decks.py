@@ -13,7 +13,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import rigid_body_modes
 from femtune.files.nastran import read_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 
 from .solving import frequencies, lowest, reduced
 
@@ -33,7 +33,7 @@ LISTED = {
 RIGID = {"actuator_tf_modeling.bdf": 1}
 
 
-def built(decks: Path, name: str) -> BuiltModel:
+def built(decks: Path, name: str) -> BuiltDeck:
     return build_structure(read_deck(decks / name))
 
 

@@ -9,14 +9,14 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran import Deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 
 DeckOf = Callable[..., Deck]
 POINTS = "GRID,1,,0.,0.,0.\nGRID,2,,2.,0.,0.\nGRID,3,,2.,1.,0.\nGRID,4,,0.,1.,0.\nMAT1,1,2.,,.25,3.,,,.01\n"
 PANEL = "PSHEAR,9,1,.1,.5,.9,30.\nCSHEAR,20,9,1,2,3,4\n"
 
 
-def built(deck_of: DeckOf, text: str) -> BuiltModel:
+def built(deck_of: DeckOf, text: str) -> BuiltDeck:
     return build_structure(deck_of(POINTS + text))
 
 

@@ -13,7 +13,7 @@ from femtune.fem.elements.shells.normals import shared_normals
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran import Deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.parameters import jet
 
 from .solving import frequencies
@@ -26,17 +26,17 @@ PLATE = "PSHELL,9,1,.1,1,,1\n"
 QUAD = "CQUAD4,20,9,1,2,3,4"
 
 
-def built(deck_of: DeckOf, text: str) -> BuiltModel:
+def built(deck_of: DeckOf, text: str) -> BuiltDeck:
     return build_structure(deck_of(POINTS + text))
 
 
-def batch(deck_of: DeckOf, text: str) -> tuple[BuiltModel, ElementBatch]:
+def batch(deck_of: DeckOf, text: str) -> tuple[BuiltDeck, ElementBatch]:
     model = built(deck_of, text)
     (one,) = model.structure.batches
     return model, one
 
 
-def values(model: BuiltModel, one: ElementBatch, i: int = 0) -> dict[str, float]:
+def values(model: BuiltDeck, one: ElementBatch, i: int = 0) -> dict[str, float]:
     return {role: float(model.structure.values.values[at[i]]) for role, at in one.roles.items()}
 
 
@@ -228,7 +228,7 @@ def test_thickness_only_at_the_corners(deck_of: DeckOf) -> None:
     model, one = batch(deck_of, STEEL + "PSHELL,9,1,,1,,1\nCTRIA3,20,9,1,2,3\n,,,.1,.2,.3\n")
     assert values(model, one)["t"] == pytest.approx(0.2)
     (notice,) = [n for n in model.notices if n.code == "deck.uneven-thickness"]
-    assert "the thicknesses T1 to T3 of 1 CTRIA3 element differ" in notice.what
+    assert "T1 to T3 of 1 CTRIA3 " in notice.what
 
 
 def test_derivative_of_a_mean_thickness(deck_of: DeckOf) -> None:
@@ -301,14 +301,14 @@ _SHELL = "PSHELL,9,{}\n" + QUAD + "\n"
         (PLATE + "CQUAD4,20,9,1,2,3,3\n", "deck.shell-corners", "with a CTRIA3"),
         (PLATE + "CQUAD4,20,9,1,1,3,3\n", "deck.shell-corners", "remove the element"),
         (PLATE + "CQUAD4,20,9,1,2,3\n", "deck.shell-corners", "G4 is blank"),
-        (PLATE + "CTRIA3,20,9,1,2,1\n", "deck.shell-corners", "two corners of the element are grid point 1"),
+        (PLATE + "CTRIA3,20,9,1,2,1\n", "deck.shell-corners", "grid point 1"),
         (PLATE + "CTRIA3,20,9,1,2,99\n", "deck.unknown-grid", "grid point 99"),
         (PLATE + "CTRIA3,20,8,1,2,3\n", "deck.unknown-property", "known: 9"),
         ("PROD,9,1,.1\n" + QUAD + "\n", "deck.property-type", "is a PROD, but CQUAD4 needs a PSHELL, PCOMP or PCOMPG"),
         (PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.unknown-coordinate-system", "coordinate system 6"),
         ("CORD2R,6,,0.,0.,0.,1.,0.,0.\n,0.,0.,1.\n" + PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.orientation", "normal"),
         ("MAT8,1,2.,2.,.3,1.\n" + PLATE, "deck.duplicate-id", "material 1 is defined twice"),
-        ("MAT8,2,2.,2.,.3,1.\nPROD,3,2,1.\nCROD,1,3,1,2\n", "deck.material-type", "is a MAT8, but PROD needs a MAT1"),
+        ("MAT8,2,2.,2.,.3,1.\nPROD,3,2,1.\nCROD,1,3,1,2\n", "deck.material-type", "PROD needs a MAT1"),
         ("MAT8,2,2.,2.,.3\n" + _SHELL.format("2,.1"), "deck.material", "G12"),
         ("MAT8,2,2.,9.,.5,1.\n" + _SHELL.format("2,.1"), "deck.material", "NU12"),
         ("MAT8,2,2.,9.,.1,1.,-1.\n" + _SHELL.format("2,.1,2,,2"), "deck.material", "G1Z"),

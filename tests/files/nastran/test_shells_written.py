@@ -11,7 +11,7 @@ import pytest
 from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, read_deck, write_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.write import WritePlan, plan_edits
 from femtune.parameters import jet
@@ -91,11 +91,11 @@ UPDATABLE = {
 }  # fmt: skip
 
 
-def again(plan: WritePlan, folder: Path) -> BuiltModel:
+def again(plan: WritePlan, folder: Path) -> BuiltDeck:
     return build_structure(read_deck(write_deck(plan.edited, folder).main))
 
 
-def value_of(model: BuiltModel, element: int, role: str) -> float:
+def value_of(model: BuiltDeck, element: int, role: str) -> float:
     batch = next(b for b in model.structure.batches if element in b.ids)
     return float(model.structure.values.values[batch.roles[role][batch.ids.tolist().index(element)]])
 
@@ -141,7 +141,7 @@ def _differing_fields(before: str, after: str) -> int:
 
 
 @pytest.fixture
-def panels(deck_of: DeckOf) -> BuiltModel:
+def panels(deck_of: DeckOf) -> BuiltDeck:
     """Two shells of one property whose membrane and bending are of one material, and a bar of that material."""
     text = MESH + (
         "MAT1,1,2.+11,,.25,7800.\nMAT1,2,7.+10,,.33,2700.\nMAT8,3,140.,10.,.3,5.,4.,3.,2.\n"
@@ -151,14 +151,14 @@ def panels(deck_of: DeckOf) -> BuiltModel:
     return build_structure(deck_of(text))
 
 
-def test_property_split(panels: BuiltModel, tmp_path: Path) -> None:
+def test_property_split(panels: BuiltDeck, tmp_path: Path) -> None:
     plan = plan_edits(panels, {FieldRef("PSHELL", 11, "T", "half"): 0.15}, {"half": [22]})
     assert [(s.source, s.copy, s.elements) for s in plan.splits] == [("PSHELL 11", "PSHELL 13", (22,))]
     new = again(plan, tmp_path / "run")
     assert [value_of(new, e, "t") for e in (21, 22, 23, 24)] == [0.1, 0.15, 0.1, 0.2]
 
 
-def test_material_split_repoints_every_field_that_names_it(panels: BuiltModel, tmp_path: Path) -> None:
+def test_material_split_repoints_every_field_that_names_it(panels: BuiltDeck, tmp_path: Path) -> None:
     plan = plan_edits(panels, {FieldRef("MAT1", 1, "E", "r"): 1.9e11}, {"r": [21, 23, 25]})
     assert {(s.source, s.copy, s.elements) for s in plan.splits} == {
         ("MAT1 1", "MAT1 4", (21, 23, 25)), ("PSHELL 11", "PSHELL 13", (21, 23)),
@@ -173,7 +173,7 @@ def test_material_split_repoints_every_field_that_names_it(panels: BuiltModel, t
     assert value_of(new, 21, "S11") == value_of(panels, 21, "S11")
 
 
-def test_two_materials_of_a_shell_split_at_once(panels: BuiltModel, tmp_path: Path) -> None:
+def test_two_materials_of_a_shell_split_at_once(panels: BuiltDeck, tmp_path: Path) -> None:
     refs = {FieldRef("MAT1", 1, "RHO", "a"): 8000.0, FieldRef("MAT1", 2, "E", "b"): 7.5e10}
     new = again(plan_edits(panels, refs, {"a": [21, 22], "b": [22, 23]}), tmp_path / "run")
     assert [value_of(new, e, "rho") for e in (21, 22, 23)] == [8000.0, 8000.0, 7800.0]
@@ -181,14 +181,14 @@ def test_two_materials_of_a_shell_split_at_once(panels: BuiltModel, tmp_path: Pa
     np.testing.assert_allclose(shear, [7e10, 7.5e10, 7.5e10], rtol=1e-14)
 
 
-def test_orthotropic_material_split(panels: BuiltModel, tmp_path: Path) -> None:
+def test_orthotropic_material_split(panels: BuiltDeck, tmp_path: Path) -> None:
     plan = plan_edits(panels, {FieldRef("MAT8", 3, "E2", "r"): 12.0}, {"r": [24]})
     new = again(plan, tmp_path / "run")
     ratio = 1.0 - 0.09 * 12.0 / 140.0
     np.testing.assert_allclose([value_of(new, 24, n) for n in ("M22", "B22")], [12.0 / ratio] * 2, rtol=1e-14)
 
 
-def test_split_deck_is_the_split_structure(panels: BuiltModel, tmp_path: Path) -> None:
+def test_split_deck_is_the_split_structure(panels: BuiltDeck, tmp_path: Path) -> None:
     table = panels.structure.values
     index = table.index(FieldRef("MAT1", 1, "NU"))
     assert index is not None
@@ -216,7 +216,7 @@ def test_split_deck_is_the_split_structure(panels: BuiltModel, tmp_path: Path) -
         ("PSHELL 11 Z1", "study.unknown-field", "known: NSM, RI, T, TS"),
     ],
 )
-def test_names_of_fields(panels: BuiltModel, text: str, code: str, message: str) -> None:
+def test_names_of_fields(panels: BuiltDeck, text: str, code: str, message: str) -> None:
     if not code:
         assert resolve(panels, parse_field_ref(text)) >= 0
         return

@@ -12,7 +12,7 @@ from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties, rigid_body_modes
 from femtune.fem.structure import ConstraintRows, ElementBatch
 from femtune.files.nastran import Deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 
 from .solving import frequencies
 
@@ -21,12 +21,12 @@ CYLINDER = "CORD2C,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"
 POINTS = CYLINDER + "GRID,1,,0.,0.,0.\nGRID,2,,0.,2.,0.,5\nGRID,3,,3.,0.,4.,5\n"
 
 
-def batches(deck: Deck) -> tuple[BuiltModel, tuple[ElementBatch, ...]]:
+def batches(deck: Deck) -> tuple[BuiltDeck, tuple[ElementBatch, ...]]:
     model = build_structure(deck)
     return model, model.structure.batches
 
 
-def values(model: BuiltModel, one: ElementBatch, i: int = 0) -> dict[str, float]:
+def values(model: BuiltDeck, one: ElementBatch, i: int = 0) -> dict[str, float]:
     return {role: float(model.structure.values.values[at[i]]) for role, at in one.roles.items()}
 
 

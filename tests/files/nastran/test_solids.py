@@ -12,7 +12,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran import Deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.solids import element_axes
 from femtune.parameters import jet
 
@@ -31,17 +31,17 @@ LUMP = "PSOLID,9,1\n"
 CHEXA = "CHEXA,20,9,1,2,3,4,5,6\n,7,8"
 
 
-def built(deck_of: DeckOf, text: str) -> BuiltModel:
+def built(deck_of: DeckOf, text: str) -> BuiltDeck:
     return build_structure(deck_of(POINTS + text))
 
 
-def batch(deck_of: DeckOf, text: str) -> tuple[BuiltModel, ElementBatch]:
+def batch(deck_of: DeckOf, text: str) -> tuple[BuiltDeck, ElementBatch]:
     model = built(deck_of, text)
     (one,) = model.structure.batches
     return model, one
 
 
-def law(model: BuiltModel, one: ElementBatch, i: int = 0) -> NDArray[np.float64]:
+def law(model: BuiltDeck, one: ElementBatch, i: int = 0) -> NDArray[np.float64]:
     out = np.zeros((6, 6))
     for a in range(6):
         for b in range(a, 6):
@@ -49,7 +49,7 @@ def law(model: BuiltModel, one: ElementBatch, i: int = 0) -> NDArray[np.float64]
     return out
 
 
-def value(model: BuiltModel, one: ElementBatch, role: str) -> float:
+def value(model: BuiltDeck, one: ElementBatch, role: str) -> float:
     return float(model.structure.values.values[one.roles[role][0]])
 
 
@@ -104,7 +104,7 @@ def test_elements_with_and_without_middles_are_two_batches(deck_of: DeckOf) -> N
     model = built(deck_of, STEEL + LUMP + text)
     assert [(b.kind, b.ids.tolist()) for b in model.structure.batches] == [("tetra4", [20, 22]), ("tetra10", [21])]
     (notice,) = [n for n in model.notices if n.code == "deck.stiff-tetrahedra"]
-    assert notice.what.startswith("the deck has 2 CTETRA cards with 4 grid points")
+    assert "2 CTETRA cards" in notice.what
     assert notice.where is not None
     assert notice.where.record == "CTETRA 20"
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import build_structure, read_deck
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.deck import Deck
 
 from .solving import frequencies, reduced
@@ -48,12 +48,12 @@ def strip(cells: range, points: int = 0, others: int = 0, thickness: float = 0.0
     return "\n".join([*grids, *shells, *bars, *cards, ""])
 
 
-def solved(deck: Deck) -> tuple[BuiltModel, np.ndarray]:
+def solved(deck: Deck) -> tuple[BuiltDeck, np.ndarray]:
     built = build_structure(deck)
     return built, frequencies(built.structure)
 
 
-def notices(built: BuiltModel) -> list[str]:
+def notices(built: BuiltDeck) -> list[str]:
     """Which of the notices of superelements there are, by a word of each."""
     words = {"statically": "static", "increased": "numbers", "not reduced": "parts"}
     texts = [n.what for n in built.notices if n.code == "deck.superelement"]

@@ -35,7 +35,8 @@ def test_fields_that_a_card_does_not_have_are_warned_of(deck_of: DeckOf, text: s
     line, card, fields = SURPLUS[text]
     (notice,) = surplus_fields(deck_of(text))
     assert (notice.code, notice.level) == ("deck.surplus-field", "warning")
-    assert notice.what == f"{card} has values in fields that this card does not have, which are not read: {fields}"
+    assert notice.what.startswith(f"{card} has values ")
+    assert notice.what.endswith(f": {fields}")
     assert notice.where is not None
     assert notice.where.line == line
 
@@ -57,7 +58,7 @@ def test_complete_cards_are_not_warned_of(deck_of: DeckOf, text: str) -> None:
 def test_many_such_cards_are_counted(deck_of: DeckOf) -> None:
     notices = surplus_fields(deck_of("".join(f"CROD,{i},1,1,2,5\n" for i in range(1, 13))))
     assert len(notices) == 6
-    assert notices[-1].what == "7 more CROD cards have values in fields that this card does not have"
+    assert notices[-1].what.startswith("7 more CROD cards ")
 
 
 BAR = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nPBAR,1,1,.01,1.-6,1.-6,1.-6\nMAT1,1,2.1+11,,.3,7850.\n"
@@ -65,22 +66,23 @@ BAR = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nPBAR,1,1,.01,1.-6,1.-6,1.-6\nMAT1,1,2
 
 @pytest.mark.parametrize(
     ("card", "what"),
-    [("CBAR,-3,1,1,2,0.,1.,0.\n", "the number of an element must be positive"),
-     ("CBAR,0,1,1,2,0.,1.,0.\n", "the number of an element must be positive"),
-     ("RBE2,0,1,123,2\n", "the number of an element must be positive"),
-     ("CONM2,-1,1,,2.\n", "the number of an element must be positive"),
-     ("MAT1,-2,2.1+11,,.3\n", "the number of a card (material) must be positive"),
-     ("PBAR,0,1,.01\n", "the number of a card (property) must be positive"),
-     ("CORD2R,0,0,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n", "the number of a card (coordinate system) must be positive")],
+    [("CBAR,-3,1,1,2,0.,1.,0.\n", "an element"),
+     ("CBAR,0,1,1,2,0.,1.,0.\n", "an element"),
+     ("RBE2,0,1,123,2\n", "an element"),
+     ("CONM2,-1,1,,2.\n", "an element"),
+     ("MAT1,-2,2.1+11,,.3\n", "(material)"),
+     ("PBAR,0,1,.01\n", "(property)"),
+     ("CORD2R,0,0,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n", "(coordinate system)")],
 )  # fmt: skip
 def test_numbers_that_are_not_positive(deck_of: DeckOf, card: str, what: str) -> None:
     with pytest.raises(Exception) as caught:
         build_structure(deck_of(BAR + card))
-    errors = caught.value.errors if isinstance(caught.value, FemtuneErrors) else [caught.value]
-    assert [(e.code, e.what) for e in errors] == [("deck.field-value", what)]
+    (error,) = caught.value.errors if isinstance(caught.value, FemtuneErrors) else [caught.value]
+    assert error.code == "deck.field-value"
+    assert f"{what} must be positive" in error.what
 
 
 def test_many_elements_with_one_of_number_zero(deck_of: DeckOf) -> None:
     text = BAR + "".join(f"CBAR    {i:8d}       1       1       2      0.      1.      0.\n" for i in range(150))
-    with pytest.raises(Exception, match="the number of an element must be positive"):
+    with pytest.raises(Exception, match="an element must be positive"):
         build_structure(deck_of(text))

@@ -19,7 +19,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
 from femtune.fem.fields import FieldRef, MatrixKind
 from femtune.fem.structure import Structure
-from femtune.files.nastran import BuiltModel, WritePlan, build_structure, parse_real, plan_edits, read_deck, write_deck
+from femtune.files.nastran import BuiltDeck, WritePlan, build_structure, parse_real, plan_edits, read_deck, write_deck
 from femtune.files.nastran.catalogue import CATALOGUE, PLY_CARDS
 from femtune.files.nastran.sections import SHAPES
 from femtune.parameters import jet
@@ -34,7 +34,7 @@ ENDS_MOVE = ("CBAR", "CBEAM")
 KINDS: tuple[MatrixKind, ...] = ("stiffness", "mass", "viscous", "hysteretic")
 
 
-def built_of(deck: WrittenDeck) -> BuiltModel:
+def built_of(deck: WrittenDeck) -> BuiltDeck:
     return build_structure(read_deck(deck.main))
 
 
@@ -91,7 +91,7 @@ def sensible(old: float) -> float:
     return old * 31 / 30 if old else 1e-7 / 3
 
 
-def check_value(deck: WrittenDeck, built: BuiltModel, ref: FieldRef, value: float, indices: Sequence[int]) -> WritePlan:
+def check_value(deck: WrittenDeck, built: BuiltDeck, ref: FieldRef, value: float, indices: Sequence[int]) -> WritePlan:
     plan = plan_edits(built, {ref: value})
     written = plan.values[ref]
     assert written == pytest.approx(value, rel=6e-3 if abs(value) > 1e100 else 1e-4)
@@ -103,7 +103,7 @@ def check_value(deck: WrittenDeck, built: BuiltModel, ref: FieldRef, value: floa
     return plan
 
 
-def check_written(deck: WrittenDeck, built: BuiltModel, ref: FieldRef, folder: Path) -> None:
+def check_written(deck: WrittenDeck, built: BuiltDeck, ref: FieldRef, folder: Path) -> None:
     """A value that the card may have: the deck that was written is the model at the value that the plan states."""
     index = built.structure.values.index(ref)
     assert index is not None
@@ -124,7 +124,7 @@ def check_files(deck: WrittenDeck, main: Path) -> None:
             assert blank[0] == blank[1]
 
 
-def places(built: BuiltModel, ref: FieldRef) -> tuple[int, ...]:
+def places(built: BuiltDeck, ref: FieldRef) -> tuple[int, ...]:
     return built.fields[ref].fields
 
 
@@ -264,7 +264,7 @@ def test_matrices_at_each_value(sample: Sample, tmp_path: Path) -> None:
     assert len(updates) == len(sample.values)
 
 
-def buildable(deck: WrittenDeck, ref: FieldRef) -> BuiltModel | None:
+def buildable(deck: WrittenDeck, ref: FieldRef) -> BuiltDeck | None:
     try:
         built = built_of(deck)
     except FemtuneError:

@@ -11,7 +11,7 @@ import pytest
 from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, read_deck, write_deck
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.build import BuiltDeck, build_structure
 from femtune.files.nastran.write import WritePlan, plan_edits
 
 DeckOf = Callable[..., Deck]
@@ -37,21 +37,21 @@ CONM2   11      1               5.
 
 
 @pytest.fixture
-def built(deck_of: DeckOf) -> BuiltModel:
+def built(deck_of: DeckOf) -> BuiltDeck:
     return build_structure(deck_of(TEXT))
 
 
-def again(plan: WritePlan, folder: Path) -> BuiltModel:
+def again(plan: WritePlan, folder: Path) -> BuiltDeck:
     return build_structure(read_deck(write_deck(plan.edited, folder).main))
 
 
-def value_of(model: BuiltModel, element: int, role: str) -> float:
+def value_of(model: BuiltDeck, element: int, role: str) -> float:
     batch = next(b for b in model.structure.batches if element in b.ids)
     i = batch.ids.tolist().index(element)
     return float(model.structure.values.values[batch.roles[role][i]])
 
 
-def test_values_in_place(built: BuiltModel, tmp_path: Path) -> None:
+def test_values_in_place(built: BuiltDeck, tmp_path: Path) -> None:
     updates = {
         FieldRef("PBAR", 3, "I1"): 2.123456789e-6,
         FieldRef("CONM2", 11, "M"): 5.5,
@@ -72,14 +72,14 @@ def test_values_in_place(built: BuiltModel, tmp_path: Path) -> None:
     assert changed[0][1].endswith("$ legs")
 
 
-def test_a_wide_card_holds_the_value_exactly(built: BuiltModel, tmp_path: Path) -> None:
+def test_a_wide_card_holds_the_value_exactly(built: BuiltDeck, tmp_path: Path) -> None:
     ref = FieldRef("PBAR", 3, "I1")
     plan = plan_edits(built, {ref: 2.123456789e-6}, wide=True)
     assert plan.values[ref] == 2.123456789e-6
     assert value_of(again(plan, tmp_path / "run"), 1, "I1") == 2.123456789e-6
 
 
-def test_property_split_for_some_elements(built: BuiltModel, tmp_path: Path) -> None:
+def test_property_split_for_some_elements(built: BuiltDeck, tmp_path: Path) -> None:
     ref = FieldRef("PBAR", 3, "I1", "top")
     plan = plan_edits(built, {ref: 7.5e-6, FieldRef("PBAR", 3, "I1"): 1.5e-6}, {"top": [2, 3]})
     assert [(s.source, s.copy, s.region, s.elements) for s in plan.splits] == [("PBAR 3", "PBAR 7", "top", (2, 3))]
@@ -89,7 +89,7 @@ def test_property_split_for_some_elements(built: BuiltModel, tmp_path: Path) -> 
     assert plan.values == {ref: 7.5e-6, FieldRef("PBAR", 3, "I1"): 1.5e-6}
 
 
-def test_material_split_copies_the_properties_too(built: BuiltModel, tmp_path: Path) -> None:
+def test_material_split_copies_the_properties_too(built: BuiltDeck, tmp_path: Path) -> None:
     refs = {FieldRef("MAT1", 1, "E", "r"): 1.9e11, FieldRef("PBAR", 3, "A", "r"): 2e-3}
     plan = plan_edits(built, refs, {"r": [2, 4, 7]})
     assert {(s.source, s.elements) for s in plan.splits} == {
@@ -101,7 +101,7 @@ def test_material_split_copies_the_properties_too(built: BuiltModel, tmp_path: P
     assert [value_of(new, e, "A") for e in (1, 2, 3, 4, 7)] == [1e-3, 2e-3, 1e-3, 1.0, 0.5]
 
 
-def test_split_deck_is_the_split_structure(built: BuiltModel, tmp_path: Path) -> None:
+def test_split_deck_is_the_split_structure(built: BuiltDeck, tmp_path: Path) -> None:
     ref = FieldRef("MAT1", 1, "E")
     index = built.structure.values.index(ref)
     assert index is not None
@@ -117,13 +117,13 @@ def test_split_deck_is_the_split_structure(built: BuiltModel, tmp_path: Path) ->
             )  # fmt: skip
 
 
-def test_one_of_two_properties_on_a_card(built: BuiltModel, tmp_path: Path) -> None:
+def test_one_of_two_properties_on_a_card(built: BuiltDeck, tmp_path: Path) -> None:
     plan = plan_edits(built, {FieldRef("PELAS", 6, "K", "r"): 25.0}, {"r": [6]})
     new = again(plan, tmp_path / "run")
     assert [value_of(new, e, "K") for e in (5, 6)] == [20.0, 25.0]
 
 
-def test_overlapping_regions_and_a_change_of_the_whole_card(built: BuiltModel, tmp_path: Path) -> None:
+def test_overlapping_regions_and_a_change_of_the_whole_card(built: BuiltDeck, tmp_path: Path) -> None:
     refs = {
         FieldRef("PBAR", 3, "J"): 9e-6,
         FieldRef("PBAR", 3, "I1", "a"): 7e-6,
@@ -139,7 +139,7 @@ def test_overlapping_regions_and_a_change_of_the_whole_card(built: BuiltModel, t
     assert plan.values == refs
 
 
-def test_an_element_of_its_own_needs_no_copy(built: BuiltModel, tmp_path: Path) -> None:
+def test_an_element_of_its_own_needs_no_copy(built: BuiltDeck, tmp_path: Path) -> None:
     plan = plan_edits(built, {FieldRef("CONROD", 7, "A", "r"): 0.75}, {"r": [7]})
     assert plan.splits == ()
     assert value_of(again(plan, tmp_path / "run"), 7, "A") == 0.75
@@ -155,7 +155,7 @@ def test_an_element_of_its_own_needs_no_copy(built: BuiltModel, tmp_path: Path) 
         (FieldRef("PBAR", 3, "A", "r"), {"r": [4]}, "write.unknown-region"),
     ],
 )
-def test_errors(built: BuiltModel, ref: FieldRef, regions: dict[str, list[int]], code: str) -> None:
+def test_errors(built: BuiltDeck, ref: FieldRef, regions: dict[str, list[int]], code: str) -> None:
     with pytest.raises(FemtuneError) as error:
         plan_edits(built, {ref: 1.0}, regions)
     assert error.value.code == code

@@ -139,7 +139,7 @@ def test_hdf5_with_groups_and_matlab_order(tmp_path):
     [
         ({"H": H.real, "f": LINES}, {"axes": NAMES}, "real, but FRFs are complex"),
         ({"H": H, "f": LINES[:5]}, {"axes": NAMES}, "'frequency' has the length 7, but 5"),
-        ({"H": H[:2], "f": LINES}, {"axes": NAMES}, "'response' has the length 2, but 3"),
+        ({"H": H[:2], "f": LINES}, {"axes": NAMES}, "'response' has the length 2"),
         ({"H": H, "f": LINES[::-1]}, {"axes": NAMES}, "do not increase"),
         ({"H": H, "f": LINES}, {"axes": (*NAMES, "part")}, "must have the length 2"),
         ({"H": H, "G": H, "f": LINES}, {"axes": NAMES, "variable": None}, "2 arrays that could be"),
@@ -207,7 +207,7 @@ def test_lines_given_by_their_step_tell_the_axes_as_well(tmp_path):
     np.save(tmp_path / "frf.npy", H.transpose(2, 0, 1))
     check(read_frfs(tmp_path / "frf.npy", layout(start_hz=1.0, step_hz=1.0)))
     np.save(tmp_path / "frf.npy", H[:, 0])
-    with pytest.raises(FemtuneError, match="cannot be divided into the stated DOFs"):
+    with pytest.raises(FemtuneError, match="cannot be divided"):
         read_frfs(tmp_path / "frf.npy", layout(step_hz=1.0))
 
 

@@ -107,7 +107,7 @@ def test_matlab_files(tmp_path):
     assert found.values == pytest.approx(SIGNALS)
     assert found.sampling_hz == 100.0
     savemat(tmp_path / "b.mat", {"acc": SIGNALS.T, "force": SIGNALS})
-    with pytest.raises(FemtuneError, match="2 arrays that could be the record"):
+    with pytest.raises(FemtuneError, match="2 arrays"):
         read_record(tmp_path / "b.mat", sampling_hz=1.0)
     assert read_record(tmp_path / "b.mat", sampling_hz=1.0, variable="force").samples == 50
     with pytest.raises(FemtuneError, match="no variable 'forse'"):
@@ -151,19 +151,19 @@ def test_a_rate_that_contradicts_the_file_is_refused(tmp_path):
     wavfile.write(tmp_path / "a.wav", 100, SIGNALS.T.astype(np.float32))
     with pytest.raises(FemtuneError, match="contradicts that of the file"):
         read_record(tmp_path / "a.wav", sampling_hz=200.0)
-    with pytest.raises(FemtuneError, match="contradicts the times of the samples"):
+    with pytest.raises(FemtuneError, match="contradicts"):
         read_record(written(tmp_path, "time,a,b,c\n" + rows(",", time=True)), sampling_hz=200.0)
 
 
 def test_what_is_not_said_is_asked_for(tmp_path):
     path = written(tmp_path, rows(","))
-    with pytest.raises(FemtuneError, match="neither a sampling rate nor times"):
+    with pytest.raises(FemtuneError, match="sampling rate"):
         read_record(path)
     with pytest.raises(FemtuneError, match="column 4 does not exist"):
         read_record(path, [ChannelColumn(4, Dof(1, "X"))], 100.0)
     with pytest.raises(FemtuneError, match="the file has no column 'a'"):
         read_record(path, [ChannelColumn("a", Dof(1, "X"))], 100.0)
-    with pytest.raises(FemtuneError, match="the record file does not exist"):
+    with pytest.raises(FemtuneError, match="does not exist"):
         read_record(tmp_path / "none.csv")
     with pytest.raises(FemtuneError, match="extension"):
         read_record(written(tmp_path, "1", "a.rec"))

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.identification_file import IdentifyFile
 from femtune.files.study_file import frozen, study_from_data
-from femtune.files.study_file.problems import _model_in, problems
+from femtune.files.study_file.problems import model_in, problems
 from femtune.files.study_file.residual import TABLES
 from femtune.files.study_file.source import StudyLines
 from femtune.files.study_file.study import StudyFile
@@ -29,7 +29,7 @@ def _keys(model: type[BaseModel], before: tuple[Any, ...] = ()) -> Iterator[tupl
     for name, field in model.model_fields.items():
         place = (*before, field.alias or name)
         yield place
-        inner, listed = _model_in(field.annotation), "..." in str(field.annotation)
+        inner, listed = model_in(field.annotation), "..." in str(field.annotation)
         if inner is not None and name != "residual" and len(before) < 3:
             yield from _keys(inner, (*place, 0) if listed else place)
 

@@ -153,12 +153,12 @@ def test_components_with_all_modes_joined_are_the_whole() -> None:
 
 def test_reductions_refuse_what_they_cannot_do() -> None:
     k, m = chain(loose=True)
-    with pytest.raises(FemtuneError, match="not a set of degrees of freedom"):
+    with pytest.raises(FemtuneError, match="not a set"):
         guyan(k, m, [1, 1])
-    with pytest.raises(FemtuneError, match="not a set of degrees of freedom"):
+    with pytest.raises(FemtuneError, match="not a set"):
         guyan(k, m, [12])
     two = la.block_diag(k, k)
-    with pytest.raises(FemtuneError, match="slave DOFs can move without stiffness"):
+    with pytest.raises(FemtuneError, match="slave DOFs"):
         guyan(two, la.block_diag(m, m), [0])
     shapes = la.eigh(k, m)[1]
     with pytest.raises(FemtuneError, match="cannot be distinguished"):

@@ -10,14 +10,10 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from tests.model.plates import three_thirds
 
-from femtune.fem import FieldRef
 from femtune.model import (
-    Assignment,
-    Configuration,
     ConfiguredModel,
-    configure,
-    parametric_model,
     solve_modes,
 )
 from femtune.model.damping import ModalDamping, constant_damping
@@ -25,8 +21,6 @@ from femtune.model.reduce import ReducedPoint, Trained, Trainer, TrainingRules, 
 from femtune.model.reduce.function_estimate import FunctionsWanted, log_difference, missed_responses
 from femtune.model.reduce.functions_in_basis import BasisPorts, FunctionsInBasis, reduced_functions
 from femtune.model.response import Ports, frf, frf_gradient, make_ports
-from femtune.parameters import Parameter, ParameterSet
-from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 from structures.springs import factor_model, spring_structure
 
 # a ring of six masses: two pairs of repeated modes, which the parameters split
@@ -178,14 +172,7 @@ SOME = [f"{n}Z+" for n in (1, 7, 23, 40, 58)]
 
 @pytest.fixture(scope="module")
 def plate() -> ConfiguredModel:
-    mesh = shell_mesh(rectangle(1.0, 0.7), 8, 6, distort=0.1)
-    steel = Isotropic(2.1e11, 0.3, 7850.0)
-    parts = [ShellPart(c, Section(steel, 0.01 + 0.002 * i)) for i, c in enumerate(np.array_split(mesh.cells, 3))]
-    structure = shell_structure(mesh.xyz, parts, consistent_mass=True)
-    names = ("t1", "t2", "t3")
-    parameters = ParameterSet(tuple(Parameter(n, lower=0.75, upper=1.25) for n in names))
-    assignments = [Assignment(n, FieldRef("PSHELL", i + 1, "T")) for i, n in enumerate(names)]
-    return configure(parametric_model(structure, parameters, assignments), Configuration())
+    return three_thirds()
 
 
 @pytest.fixture(scope="module")

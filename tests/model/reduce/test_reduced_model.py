@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from tests.model.decks import deck, structure_of
+from tests.model.plates import two_halves
 
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
@@ -22,23 +23,13 @@ from femtune.model.reduce import reduce_model, reduced_derivative, reduced_model
 from femtune.model.reduce.condensation import guyan, irs
 from femtune.model.reduce.reduced_model import enlarge
 from femtune.parameters import Parameter, ParameterSet
-from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 X = np.array([0.11, -0.2, 0.05])
 
 
 @pytest.fixture(scope="module")
 def plate() -> ConfiguredModel:
-    mesh = shell_mesh(rectangle(1.0, 0.7), 4, 3, distort=0.2)
-    halves = [mesh.cells[:6], mesh.cells[6:]]
-    steel = Isotropic(2.1e11, 0.3, 7850.0)
-    parts = [ShellPart(cells, Section(steel, t)) for cells, t in zip(halves, (0.01, 0.02))]
-    structure = shell_structure(mesh.xyz, parts, consistent_mass=True)
-    names = ("t1", "t2", "E")
-    fields = [FieldRef("PSHELL", 1, "T"), FieldRef("PSHELL", 2, "T"), FieldRef("MAT1", 1, "E")]
-    assignments = [Assignment(n, f) for n, f in zip(names, fields)]
-    model = parametric_model(structure, ParameterSet(tuple(map(Parameter, names))), assignments)
-    return configure(model, Configuration())
+    return two_halves(4, 3)
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +134,7 @@ def test_terms_that_would_be_larger_than_the_model_are_refused(
     plate: ConfiguredModel, basis: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reduced_model, "MOST_BYTES", 1000)
-    with pytest.raises(FemtuneError, match="functions of the parameters needs a dense matrix of order 14") as error:
+    with pytest.raises(FemtuneError, match="order 14") as error:
         reduce_model(plate, basis[:, :14])
     assert error.value.code == "reduce.too-many-terms"
 
@@ -176,7 +167,7 @@ def test_a_free_structure_has_exact_orthogonality_at_the_sensors_by_serep(plate:
 
 def test_models_at_sensors_refuse_what_cannot_be_told(plate: ConfiguredModel) -> None:
     point, rows = plate.at(X), np.eye(plate.n_free)
-    with pytest.raises(FemtuneError, match="linear combination of that of other sensors"):
+    with pytest.raises(FemtuneError, match="linear combination"):
         sensor_model(point, np.vstack([rows[:8], rows[:1] + rows[1:2]]))
     with pytest.raises(FemtuneError, match="when all sensors are fixed"):
         sensor_model(point, rows[:2])

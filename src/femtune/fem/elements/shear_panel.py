@@ -120,7 +120,7 @@ def _with_normal(loads: Reals, corners: Reals, heights: Reals) -> Reals:
 
 def web_field(corners: Reals) -> Web:
     """Edge loads and complementary energy of a unit flow in quadrilaterals with corners (m, 4, 2)."""
-    lines = _homogeneous(corners)
+    lines = field_functions(corners)
     direct, shear = np.zeros((2, len(corners)))
     for xi, a in zip(_GAUSS_POINTS, _GAUSS_WEIGHTS):
         for eta, b in zip(_GAUSS_POINTS, _GAUSS_WEIGHTS):
@@ -131,7 +131,7 @@ def web_field(corners: Reals) -> Web:
     return Web(_edge_loads(lines, corners), direct, shear)
 
 
-def _homogeneous(corners: Reals) -> Reals:
+def field_functions(corners: Reals) -> Reals:
     """(m, 3, 3) coefficients of u, v and s in 1, x, y, with s one at the centre."""
     sides = np.stack([_line(corners[:, i], corners[:, j]) for i, j in _EDGES], axis=1)
     # s is the sum of the functions of either pair of opposite sides; its values at the corners fix their factors

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from femtune.files.nastran.build import BuiltModel, build_structure
+    from femtune.files.nastran.build import BuiltDeck, build_structure
     from femtune.files.nastran.card import Card
     from femtune.files.nastran.case_control import CaseCommand, CaseControl
     from femtune.files.nastran.deck import Deck, DeckParameter, Executive, read_deck
@@ -18,7 +18,7 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
-    "BuiltModel",
+    "BuiltDeck",
     "Card",
     "CaseCommand",
     "CaseControl",

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
-from femtune.fem.fields import FieldRef
 from femtune.fem.joined import Increase, StructurePart, join
 from femtune.fem.structure import ElementBatch, Structure
+from femtune.files.built_model import BuiltModel
 from femtune.files.nastran.bars import read_bars
 from femtune.files.nastran.bends import read_bends
-from femtune.files.nastran.building import Building, FieldPlace, duplicate
+from femtune.files.nastran.building import Building, duplicate
 from femtune.files.nastran.bushes import read_bushes, read_gaps
+from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT, NAMESPACES
 from femtune.files.nastran.columns import plain_numbers
 from femtune.files.nastran.connectors import read_connectors
@@ -31,7 +33,7 @@ from femtune.files.nastran.control import (
     selected_equations,
 )
 from femtune.files.nastran.damping import damping_notices, damping_tables, modal_damping, overall_damping
-from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.deck import Deck, DeckParameter
 from femtune.files.nastran.general import read_general_elements
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
 from femtune.files.nastran.inventory import (
@@ -43,6 +45,7 @@ from femtune.files.nastran.inventory import (
     take_inventory,
 )
 from femtune.files.nastran.left_out import left_out, preloads
+from femtune.files.nastran.lists import IntegerList
 from femtune.files.nastran.loads import read_preload
 from femtune.files.nastran.masses import add_nonstructural_mass, read_masses
 from femtune.files.nastran.materials import read_materials
@@ -52,6 +55,7 @@ from femtune.files.nastran.scalar_elements import read_dampers, read_rods, read_
 from femtune.files.nastran.shear_panels import read_shear_panels
 from femtune.files.nastran.shells import read_shells
 from femtune.files.nastran.solids import read_solids
+from femtune.files.nastran.source import SourceLine
 from femtune.files.nastran.superelements import (
     BulkSection,
     boundary_pairs,
@@ -61,48 +65,69 @@ from femtune.files.nastran.superelements import (
     superelement_notices,
 )
 from femtune.files.nastran.surplus import surplus_fields
-from femtune.modal.beside import ModesBeside
-from femtune.model.damping import ModalDamping
 
 _MOST_SHOWN = 20
 """Number of errors that are reported together; more fill the screen and often have one cause."""
 
 
-@dataclass(frozen=True)
-class BuiltModel:
+@dataclass(frozen=True, kw_only=True)
+class BuiltDeck(BuiltModel):
     """A structure, and its relation to the deck.
 
     Parameters
     ----------
     deck : the deck
-    structure : the model
-    notices : notices for the user, those of the deck first
-    cards : every card name with its count, the place of the first card, and its use
-    fields : place in the deck of each value
-    element_cards : index in `Deck.cards` of each element's card, by element number
     eigen_method : modes that the selected EIGR or EIGRL card requests, None if none is selected
     mass_reference : grid point of PARAM GRDPNT (0 for the origin of the basic frame), or None
-    modal_damping : the table that SDAMPING selects, or None
-    damping_tables : all tables of modal damping (TABDMP1) by number
-    beside : comparison of the modes of a study's external solver with those of its deck, by input
     increases : increases of the numbers of superelements in parts, by the number of the superelement
     """
 
     deck: Deck
-    structure: Structure
-    notices: tuple[Notice, ...]
-    cards: tuple[CardUse, ...]
-    fields: Mapping[FieldRef, FieldPlace]
-    element_cards: Mapping[int, int]
     eigen_method: EigenMethod | None
     mass_reference: int | None
-    modal_damping: ModalDamping | None = None
-    damping_tables: Mapping[int, ModalDamping] = field(default_factory=dict)
-    beside: tuple[ModesBeside, ...] = ()
     increases: Mapping[int, Increase] = field(default_factory=dict)
 
+    @property
+    def params(self) -> Mapping[str, DeckParameter]:
+        return self.deck.params
 
-def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = True) -> BuiltModel:
+    @property
+    def sets(self) -> Mapping[int, IntegerList]:
+        return self.deck.case_control.sets
+
+    @property
+    def executive_lines(self) -> Sequence[SourceLine]:
+        return self.deck.executive.lines
+
+    @property
+    def damping_number(self) -> int | None:
+        return self.deck.case_control.damping
+
+    @property
+    def property_of_elements(self) -> Mapping[int, int]:
+        found = {}
+        for number, at in self.element_cards.items():
+            card = self.deck.cards[at]
+            names = CATALOGUE[card.name].fields
+            if "PID" in names:
+                more = self.increases.get(card.superelement, Increase())
+                found[number] = int(CardEntry(card, names).integer("PID", number - more.elements)) + more.cards
+        return found
+
+    def cards_named(self, name: str) -> Sequence[Card]:
+        return self.deck.by_name(name)
+
+    def place_of_grid(self, grid: int | None) -> Where:
+        cards = (card for card in self.deck.by_name("GRID") if card.is_integer(0) and card.integer(0) == grid)
+        card = next(cards, None)
+        return Where(str(Path(self.files[0]))) if card is None else card.where()
+
+    def place_of_element(self, element: int) -> Where | None:
+        at = self.element_cards.get(element)
+        return None if at is None else self.deck.cards[at].where()
+
+
+def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = True) -> BuiltDeck:
     """The structure that a deck describes.
 
     Parameters
@@ -136,13 +161,14 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
         where = Where(str(deck.files[0].file))
         raise FemtuneError("deck.no-points", where=where, values={"cards": len(deck.cards)})
     notices = (*deck.notices, *building.notices)
-    return BuiltModel(
-        deck, structure, notices, cards, building.places, element_cards, method, reference, damping, tables,
-        increases=increases,
+    return BuiltDeck(
+        files=tuple(file.file for file in deck.files), structure=structure, notices=notices, modal_damping=damping,
+        damping_tables=tables, cards=cards, fields=building.places, element_cards=element_cards,
+        deck=deck, eigen_method=method, mass_reference=reference, increases=increases,
     )  # fmt: skip
 
 
-def build_allowing(deck: Deck, names: Collection[str]) -> BuiltModel:
+def build_allowing(deck: Deck, names: Collection[str]) -> BuiltDeck:
     """The structure of a deck whose cards and commands a study may permit to be ignored; errors as above."""
     return build_structure(deck, bool(names), "STATSUB" not in {name.upper() for name in names})
 

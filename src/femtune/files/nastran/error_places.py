@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from femtune.errors import FemtuneError, FemtuneErrors
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.built_model import BuiltModel
 
 
 @contextmanager
@@ -21,7 +21,5 @@ def errors_at_cards(built: BuiltModel) -> Iterator[None]:
 
 
 def _placed(error: FemtuneError, built: BuiltModel) -> FemtuneError:
-    at = built.element_cards.get(error.facts.get("element", -1))
-    if at is None or (error.where is not None and error.where.file):
-        return error
-    return error.at(built.deck.cards[at].where())
+    place = built.place_of_element(error.facts.get("element", -1))
+    return error if place is None or (error.where is not None and error.where.file) else error.at(place)

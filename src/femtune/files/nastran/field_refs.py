@@ -5,7 +5,7 @@ from __future__ import annotations
 from femtune.errors import FemtuneError, Where, did_you_mean
 from femtune.fem.fields import AMPLITUDE, FACTORS, FieldRef
 from femtune.fem.structure import MODAL, mode_ratio_field
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.built_model import BuiltModel
 from femtune.files.nastran.card import records_of
 from femtune.files.nastran.catalogue import CATALOGUE, PLY_CARDS
 from femtune.files.nastran.lines import parse_integer
@@ -118,7 +118,7 @@ def _sources(built: BuiltModel, index: int) -> str:
 
 
 def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> FemtuneError:
-    cards = built.deck.by_name(ref.card)
+    cards = built.cards_named(ref.card)
     numbers = [record.card.text(record.start) for card in cards for record in records_of(card)]
     known = any((r.card, r.id) == (ref.card, ref.id) for r in built.fields)
     if str(ref.id) not in numbers and not known:

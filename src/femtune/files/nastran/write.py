@@ -14,7 +14,7 @@ from pathlib import Path
 
 from femtune.errors import FemtuneError, Where
 from femtune.fem.fields import FieldRef
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.card import CardEntry, records_of
 from femtune.files.nastran.catalogue import CATALOGUE, MATERIAL, PROPERTY
 from femtune.files.nastran.deck import Deck
@@ -58,7 +58,7 @@ def write_deck(
     FemtuneError : ``run.unwritable``, ``write.overwrites-input``
     """
     folder, deck = Path(folder), edited.deck
-    check_overwrites(deck, folder, name)
+    check_overwrites((file.file for file in deck.files), folder, name)
     names = _new_names(edited, name, folder, reserved)
     includes = _rewritten_includes(deck, names, folder)
     replacements = {**edited.replacements, **_include_lines(deck, includes)}
@@ -91,14 +91,14 @@ def _free_name(name: str, used: set[str], folder: Path, read: set[str]) -> str:
     return next(one for one in candidates if one.lower() not in taken and os.path.realpath(folder / one) not in read)
 
 
-def check_overwrites(deck: Deck, folder: Path, name: str) -> None:
-    """Refuse a folder in which the updated deck would overwrite the deck that was read, or one of its INCLUDEs.
+def check_overwrites(read: Iterable[str], folder: Path, name: str) -> None:
+    """Refuse a folder in which the updated deck would overwrite a file that was read, such as an INCLUDE.
 
     Raises
     ------
     FemtuneError : ``write.overwrites-input``
     """
-    if os.path.realpath(folder / name) in {os.path.realpath(file.file) for file in deck.files}:
+    if os.path.realpath(folder / name) in set(map(os.path.realpath, read)):
         raise FemtuneError("write.overwrites-input", where=Where(str(folder / name)))
 
 
@@ -208,7 +208,7 @@ class WritePlan:
 
 
 def plan_edits(
-    built: BuiltModel,
+    built: BuiltDeck,
     updates: Mapping[FieldRef, float],
     regions: Mapping[str, Iterable[int]] | None = None,
     wide: bool = False,
@@ -236,7 +236,7 @@ def plan_edits(
     return planning.result()
 
 
-def _elements(built: BuiltModel, region: str, regions: Mapping[str, Iterable[int]]) -> set[int]:
+def _elements(built: BuiltDeck, region: str, regions: Mapping[str, Iterable[int]]) -> set[int]:
     chosen = set(regions.get(region, ()))
     unknown = sorted(chosen - set(built.element_cards))
     if unknown or not chosen:
@@ -252,7 +252,7 @@ def _elements(built: BuiltModel, region: str, regions: Mapping[str, Iterable[int
 class _Planning:
     """Edits and new cards, gathered step by step."""
 
-    built: BuiltModel
+    built: BuiltDeck
     wide: bool
     edits: dict[tuple[int, int], float | int | str] = field(default_factory=dict)
     new_cards: list[NewCard] = field(default_factory=list)
@@ -431,7 +431,7 @@ def _material_fields(record: CardEntry) -> list[int]:
     return [i for i in named if record.card.is_integer(record.start + i)]
 
 
-def _owners(built: BuiltModel, elements: set[int]) -> dict[int, tuple[Owner | None, tuple[Owner, ...]]]:
+def _owners(built: BuiltDeck, elements: set[int]) -> dict[int, tuple[Owner | None, tuple[Owner, ...]]]:
     """For each element, the property card and the material cards of its values."""
     refs = built.structure.values.refs
     owners: dict[int, tuple[Owner | None, tuple[Owner, ...]]] = {}
@@ -449,7 +449,7 @@ def _of_role(refs: Iterable[FieldRef], role: str) -> tuple[Owner, ...]:
     return tuple(sorted({(r.card, r.id) for r in known if CATALOGUE[r.card].role == role}))
 
 
-def _record(built: BuiltModel, owner: Owner) -> CardEntry:
+def _record(built: BuiltDeck, owner: Owner) -> CardEntry:
     records = (r for card in built.deck.by_name(owner[0]) for r in records_of(card))
     return next(r for r in records if r.card.integer(r.start) == owner[1])
 
@@ -460,7 +460,7 @@ def _own_fields(record: CardEntry) -> tuple[str, ...]:
     return record.card.fields[record.start : record.start + len(record.names)] if many else record.card.fields
 
 
-def _numbers(built: BuiltModel, prefix: str) -> set[int]:
+def _numbers(built: BuiltDeck, prefix: str) -> set[int]:
     """Numbers of the property or material cards of a deck, read or not."""
     cards = (c for name, cs in built.deck.names.items() if name[0] == prefix and name != "PARAM" for c in cs)
     return {c.integer(at) for c in cards for at in range(len(c.fields)) if at in _starts(c.name) and c.is_integer(at)}

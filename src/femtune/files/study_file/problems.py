@@ -215,7 +215,7 @@ def _keys(place: Place, finding: ErrorDetails, top: type[BaseModel]) -> tuple[st
     for part in place:
         if model is not None and isinstance(part, str):
             field = _fields(model).get(part)
-            model = _model_in(field.annotation) if field else None
+            model = model_in(field.annotation) if field else None
     return tuple(_fields(model)) if model else ()
 
 
@@ -224,7 +224,8 @@ def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
-def _model_in(annotation: object) -> type[BaseModel] | None:
+def model_in(annotation: object) -> type[BaseModel] | None:
+    """The table that a key holds, by itself or as entries of a list."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next((model for model in map(_model_in, get_args(annotation)) if model), None)
+    return next((model for model in map(model_in, get_args(annotation)) if model), None)

@@ -47,7 +47,7 @@ from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, Valid
 from femtune.files.study_file.vibration import VibrationEntry
 
 if TYPE_CHECKING:
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.testdata import ModalTest
 
 

@@ -26,7 +26,7 @@ from femtune.selection.information import KNOWN
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
-    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.built_model import BuiltModel
     from femtune.model import EigenSolution
     from femtune.parameters import ParameterSet
     from femtune.residuals import ComparedCase

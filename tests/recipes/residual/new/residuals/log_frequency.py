@@ -8,6 +8,7 @@ import numpy as np
 
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import PairedMode
+from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.pair import PairResidual
 from femtune.residuals.weights import ResidualBlock
 
@@ -18,7 +19,7 @@ class LogFrequencyResidual(PairResidual):
 
     sd: float
     key = "log-frequency"
-    label = "frequency ratio"
+    label = RESIDUALS[key].label
 
     @classmethod
     def of_study(cls, asked: Asked) -> LogFrequencyResidual:
