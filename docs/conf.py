@@ -12,6 +12,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
 import pictures
+from card_table import write_card_table
 from error_pages import write_error_pages
 from format_tables import write_format_tables
 from sphinx.util import logging
@@ -87,5 +88,6 @@ write_error_pages(
     _DOCS.parent / "tests" / "messages" / "shown",
 )
 write_format_tables(_DOCS)
+write_card_table(_DOCS)
 if not pictures.are_current():
     logging.getLogger(__name__).warning("docs/_static/pictures were made from another tutorial: run make pictures")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.cli import main
 
 _PAGE = (Path(__file__).resolve().parents[1] / "docs" / "guide" / "simulate-a-test.md").read_text(encoding="utf-8")
@@ -59,7 +59,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_true_value_is_found(folder: Path) -> None:
-    update = steps.update(folder / "study.toml").results.update
+    update = ft.update(folder / "study.toml").results.update
     assert update is not None
     found = update.parameters[0]
     # frequencies of 5 modes with 0.2 % each determine E to about 2 · 0.2 % / √5
@@ -84,7 +84,7 @@ def test_the_true_value_is_found_with_the_test_of_the_command(folder: Path) -> N
     command = re.findall(r"```\nfemtune (.*?)```", _PAGE, re.S)[0]
     with pytest.raises(SystemExit):
         main(shlex.split(command.replace("\\\n", " ")))
-    update = steps.update(folder / "study.toml").results.update
+    update = ft.update(folder / "study.toml").results.update
     assert update is not None
     assert update.parameters[0].value == pytest.approx(1.1, rel=0.01)
 

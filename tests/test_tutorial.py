@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.cli import main
 
 _PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tutorial.md").read_text(encoding="utf-8")
@@ -43,13 +43,13 @@ def test_the_tutorial_as_written(
 
     # the last advice of step 4
     study = tmp_path / "study.toml"
-    first = steps.read_results(tmp_path / "run").parameters
+    first = ft.read_results(tmp_path / "run").parameters
     text = study.read_text(encoding="utf-8")
     study.write_text(
         text.replace("frequency_sd = 0.01 ", "frequency_sd = 0.002 ").replace("shape_sd = 0.1 ", "shape_sd = 0.01 ")
     )
     _run("run study.toml", capsys)
-    second = steps.read_results(tmp_path / "run").parameters
+    second = ft.read_results(tmp_path / "run").parameters
     true = {"T_PSHELL_1": 4.9 / 5.0, "T_PSHELL_2": 7.2 / 8.0}
     for wide, narrow in zip(first, second, strict=True):
         assert wide["sd"] == pytest.approx(6.8 * narrow["sd"], rel=0.1)

@@ -39,7 +39,7 @@ from femtune.files.nastran import build_structure, read_deck
 from femtune.files.records import read_frfs, read_record
 from femtune.files.repeats_table import read_repeats_table
 from femtune.files.uff import read_uff, write_uff_modes
-from femtune.results.folder import read_results
+from femtune.steps.run_folder import read_results
 from femtune.testing import example_deck, example_test
 from femtune.units import SI
 

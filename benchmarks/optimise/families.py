@@ -20,7 +20,6 @@ from objective import BestPairing
 from simulated import Simulation, simulated
 
 from femtune.arrays import Reals
-from femtune.assembly.study import read_study
 from femtune.fem import FieldRef, Structure
 from femtune.modal import ModeSet
 from femtune.model import (
@@ -37,6 +36,7 @@ from femtune.model.imported.polynomial import MatrixSet
 from femtune.parameters import Parameter, ParameterSet
 from femtune.residuals import ComparedCase, FrequencyResidual, ShapeResidual
 from femtune.residuals.kinds import ShapeScaling
+from femtune.study.study import read_study
 from structures.frames import bars, make_structure, scalars
 from structures.shells import Isotropic, Section, ShellPart, dofs_of, rectangle, shell_mesh, shell_structure
 from structures.springs import factor_model, spring_structure

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune import steps
-from femtune.assembly.drawn_mesh import DrawnMesh, thinned
-from femtune.reporting.build import build_page
+import femtune as ft
 from femtune.reporting.html import write_html
-from femtune.results.results import Results
+from femtune.steps.report.build import build_page
+from femtune.steps.results import Results
+from femtune.study.drawn_mesh import DrawnMesh, thinned
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZES = (5_000, 20_000, 50_000, 200_000, 500_000)
@@ -142,7 +142,7 @@ def main() -> None:
         folder = Path(temporary)
         deck = folder / "plate.bdf"
         deck.write_text(deck_text(), encoding="ascii")
-        results = steps.modes(deck, count=MODES).whole()[0]
+        results = ft.modes(deck, count=MODES).whole()[0]
         found = [measured(size, results, folder, chosen.seconds) for size in (SIZES[:2] if chosen.quick else SIZES)]
     text = page(found)
     print(text)

@@ -22,13 +22,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))  # whe
 import numpy as np
 from make_inputs import write_inputs
 
-from femtune import steps
+import femtune as ft
 from femtune.arrays import Reals
-from femtune.assembly.study import read_study
-from femtune.assembly.update_method import method_of
 from femtune.journal.runs import open_run_journal
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
+from femtune.study.study import read_study
+from femtune.study.update_method import method_of
 from femtune.updating import StartRules, starting_points, update
 from structures import two_solvers
 from structures.two_solvers import DeckErrors
@@ -103,9 +103,7 @@ def surrogate(path: Path, tables: tuple[int, ...], least: float) -> list[tuple[i
     rows = []
     for runs in tables:
         found = [
-            steps.search(
-                path, runs=runs, infill=10, method="genetic", population=60, generations=60, seeds=1, seed=seed
-            )
+            ft.search(path, runs=runs, infill=10, method="genetic", population=60, generations=60, seeds=1, seed=seed)
             for seed in SEEDS
         ]
         ends = [f.record.chi2_model for f in found]
@@ -119,7 +117,7 @@ def genetic(path: Path, least: float) -> list[float]:
     out = []
     for seed in SEEDS:
         options = {"method": "genetic", "population": POPULATION, "generations": GENERATIONS, "seeds": 1, "seed": seed}
-        history = steps.search(path, on="model", **options).history
+        history = ft.search(path, on="model", **options).history
         good = np.flatnonzero(history[:, 2] <= (1.0 + NEAR) * least)
         out.append(float(history[good[0], 1]) if len(good) else np.inf)
     return out
@@ -142,7 +140,7 @@ def on_solver(folder: Path, program: str, deck: DeckErrors | None) -> OnSolver:
         (folder / "frame.bdf").write_text(two_solvers.deck(deck))
     path = folder / "study.toml"
     path.write_text(two_solvers.study(program, deck is not None))
-    result = steps.run(path)
+    result = ft.run(path)
     assert result.results.update is not None
     assert result.results.update.ok, result.results.update.status
     journal = open_run_journal(folder / "run")

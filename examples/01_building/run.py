@@ -19,9 +19,10 @@ import numpy as np
 import published as p
 from make_inputs import candidates, populations, write_inputs
 
-from femtune import steps
-from femtune.results.candidates import CandidateResults
-from femtune.results.step_results import CandidatesResult, RunResult
+import femtune as ft
+from femtune.steps.candidates.record import CandidateResults
+from femtune.steps.candidates.result import CandidatesResult
+from femtune.steps.run.result import RunResult
 
 OBJECTIVE_TOLERANCE, PARAMETER_TOLERANCE, DISTANCE_TOLERANCE = 0.12, 0.03, 2.0
 SAME_PERCENT = 1e-4
@@ -37,14 +38,14 @@ def compare(folder: Path, ratios: Sequence[float]) -> CandidatesResult:
     """All candidates from one study, updated from the initial values."""
     path = write_inputs(folder).with_name("candidates.toml")
     path.write_text(candidates(ratios))
-    return steps.candidates(path)
+    return ft.candidates(path)
 
 
 def search(folder: Path, models: Sequence[str], starts: int) -> CandidatesResult:
     """Models of Table 4 from random populations."""
     path = write_inputs(folder).with_name("populations.toml")
     path.write_text(populations(models, starts))
-    return steps.candidates(path)
+    return ft.candidates(path)
 
 
 def record(found: CandidatesResult, model: str) -> CandidateResults:
@@ -228,7 +229,7 @@ def main() -> None:
         ratios = (0.5, 2.0) if arguments.quick else tuple(p.RATIOS)
         found = compare(work / "all", ratios)
         searched = search(work / "populations", *((["M3"], 2) if arguments.quick else (SEARCHED, 20)))
-        best = steps.update(write_inputs(work / "M8"))
+        best = ft.update(write_inputs(work / "M8"))
     check(found, ratios)
     check_populations(searched, found)
     text = _page(found, searched, best, ratios)

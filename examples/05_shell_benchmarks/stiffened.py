@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from page import numbers, section, table
 
-from femtune import steps
+import femtune as ft
 from femtune.fem.structure import Structure
 from structures.frames import bars
 from structures.shells import (
@@ -133,7 +133,7 @@ def offset_difference(triangles: bool) -> float:
         for moved in (False, True):
             path = Path(folder) / "plate.bdf"
             path.write_text(offset_deck(skewed(), 0.05, moved, triangles))
-            (modes,) = steps.modes(path)
+            (modes,) = ft.modes(path)
             found.append(np.array(modes.freq_hz[6:16]))
     return float(np.abs(found[0] / found[1] - 1.0).max())
 

@@ -24,7 +24,7 @@ from meshes import Mesh, box_beam, bracket, stiffened_panel
 from nastran import deck_text
 from numpy.typing import NDArray
 
-from femtune import steps
+import femtune as ft
 
 MODES = 10
 FINEST_PERCENT, COARSE_PERCENT = 0.75, 2.0
@@ -53,7 +53,7 @@ def both(program: str, mesh: Mesh, clamped: list[int], folder: Path) -> tuple[ND
     """Natural frequencies of the two programs, Hz."""
     deck = folder / "structure.bdf"
     deck.write_text(deck_text(mesh, clamped, MODES))
-    (ours,) = steps.modes(deck)
+    (ours,) = ft.modes(deck)
     return np.array(ours.freq_hz[:MODES]), calculix.solve(program, mesh, clamped, MODES, folder, "structure")
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from femtune import steps
+import femtune as ft
 from femtune.files.uff import read_uff, write_uff_modes
 from femtune.identification import IdentifiedModes, InputKnown, Rule, identify_frfs
-from femtune.results.correlation import CorrelationResults
+from femtune.steps.correlate.record.correlation import CorrelationResults
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 from structures.aeroplane_mesh import read_mesh
@@ -58,7 +58,7 @@ def compared(folder: Path, deck: Path) -> CorrelationResults:
     """The identified modes beside those of the deck."""
     study = folder / "measured.toml"
     study.write_text(STUDY.format(deck=deck.name), encoding="utf-8")
-    (found,) = steps.correlate(study)
+    (found,) = ft.correlate(study)
     assert [p.test_label for p in found.pairs] == [str(i + 1) for i in range(ELASTIC)], found.pairs
     macs = [p.mac for p in found.pairs]
     assert min(macs) > 0.65, macs

@@ -19,8 +19,8 @@ from deck import deck_text
 from measured import compared, expansion_table, identified
 from measured import table as compared_table
 
-from femtune import steps
-from femtune.results.model import ModelFacts
+import femtune as ft
+from femtune.steps.info.record.model import ModelFacts
 from structures.aeroplane_mesh import read_mesh
 
 HERE = Path(__file__).resolve().parent
@@ -51,7 +51,7 @@ def aeroplane(folder: Path, mesh_file: Path, clamped: bool) -> Aeroplane:
     deck = folder / f"garteur_{name}.bdf"
     deck.write_text(deck_text(read_mesh(mesh_file), clamped))
     page = deck.with_suffix(".html")
-    found = steps.modes(deck, report=page).results
+    found = ft.modes(deck, report=page).results
     assert found.model is not None
     return Aeroplane(name, deck, page, found.model, found.modes[0].freq_hz)
 

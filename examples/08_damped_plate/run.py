@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune import steps
+import femtune as ft
 
 _SIDE, _THICKNESS = 0.4, 0.003
 _WAYS = ("real modes", "complex modes", "direct")
@@ -67,7 +67,7 @@ def functions(path: Path, n: int, **options: object) -> NDArray[np.complex128]:
     """Accelerance (outputs, inputs, lines) of the plate's free corners and of a point inside."""
     corner, other, inside = (f"{m}Z+" for m in (node(n, n), node(n, 0), node(n // 2, n // 2)))
     asked = {"inputs": (corner, inside), "outputs": (corner, other, inside), **_LINES, **options}
-    return np.asarray(steps.respond(path, **asked).frfs.values)
+    return np.asarray(ft.respond(path, **asked).frfs.values)
 
 
 def distance(a: NDArray, b: NDArray) -> float:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shell8 import Shell8, calculix_text, listed_frequencies, nastran_text, read_shell8, refined
 
-from femtune import steps
+import femtune as ft
 
 Reals = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ def ours(shell: Shell8, folder: Path, card: str = "CQUAD4") -> Reals:
     """Natural frequencies in Hz of a deck of CQUAD4 on the corners or of CQUAD8 on all nodes."""
     deck = folder / "shell.bdf"
     deck.write_text(nastran_text(shell, MODES, card))
-    (found,) = steps.modes(deck)
+    (found,) = ft.modes(deck)
     return np.array(found.freq_hz[:MODES])
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from femtune import steps
+import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.files.nastran import build_structure, read_deck
@@ -109,7 +109,7 @@ def simulate(folder: Path, n: int) -> None:
         "half_left": node(0, n // 2, n), "half_right": node(n, n // 2, n),
     }  # fmt: skip
     sensors = DofSet.parse([text.format(**names) for text in _SENSORS])
-    modes = steps.modes(folder / "true.bdf").mode_sets["as the deck"].select_dofs(sensors).select_modes(range(_MODES))
+    modes = ft.modes(folder / "true.bdf").mode_sets["as the deck"].select_dofs(sensors).select_modes(range(_MODES))
     points = build_structure(read_deck(folder / "true.bdf")).structure.nodes
     at = [points.position(number) for number in sorted(set(map(int, sensors.nodes)))]
     frame = WireFrame(points.ids[at], points.xyz[at], points.frames[at])
@@ -177,7 +177,7 @@ def matrix_study(folder: Path, n: int, listed: tuple[float, ...], mass_factor: f
 
 def updated(study: Path) -> tuple[dict[str, float], tuple[float, ...]]:
     """Values of the parameters, and frequencies after the update."""
-    found = steps.run(study).results
+    found = ft.run(study).results
     assert found.update is not None
     assert found.update.ok
     after = next(m for m in reversed(found.modes) if m.stage == "after")
@@ -187,7 +187,7 @@ def updated(study: Path) -> tuple[dict[str, float], tuple[float, ...]]:
 def refused(study: Path) -> str:
     """The message for matrices whose masses are in other units."""
     try:
-        steps.info(study)
+        ft.info(study)
     except FemtuneError as error:
         return str(error)
     raise AssertionError("masses in grams were not noticed")
@@ -198,7 +198,7 @@ def evidence(folder: Path, n: int) -> str:
     (folder / "portal.bdf").write_text(deck(n, _NOMINAL))
     write_matrices(folder, n)
     simulate(folder, n)
-    listed = steps.modes(folder / "portal.bdf")[0].freq_hz[:6]
+    listed = ft.modes(folder / "portal.bdf")[0].freq_hz[:6]
     by_deck, hz_deck = updated(deck_study(folder))
     by_matrices, hz_matrices = updated(matrix_study(folder, n, listed))
     true = {name: _TRUE[name] / (_NOMINAL[name] if name != "panel" else 1.0) for name in _TRUE}

@@ -16,9 +16,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where structures
 
 import numpy as np
 
+from femtune.document.figures.effects import main_effects_svg, search_svg
 from femtune.experiments import Effects, main_effects
 from femtune.global_search import SearchRules, SurrogateMinimum, surrogate_minimum
-from femtune.reporting.figures.effects import main_effects_svg, search_svg
 from femtune.surrogates import KrigingRules, SumOfSquares, Surrogate, fit_surrogate
 from structures import rack_tables as rack
 

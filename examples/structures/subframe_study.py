@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femtune.modal import FrfSet
-from femtune.results.frf_deviation import ChannelDeviation, DataSet
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
+from femtune.steps.validate.record.frf_deviation import ChannelDeviation, DataSet
 from structures.subframe_campaign import SETS, Laboratory, Measured, State, deviation_sd, half_width
 
 EQUALISED, WEIGHT, FLOOR = 0.01, 0.05, 0.01

@@ -12,7 +12,6 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune import plot, testing
-    from femtune.assembly.described import Model, Study
     from femtune.dofs import Dof, DofSet
     from femtune.errors import FemtuneError
     from femtune.files.study_file.objects import (
@@ -36,32 +35,44 @@ if TYPE_CHECKING:
     )
     from femtune.labelled import to_xarray
     from femtune.modal import FrfSet, ModeSet, TimeSeries, mac
-    from femtune.results.step_results import (
-        CandidatesResult,
-        CorrelateResult,
-        InfoResult,
-        ModesResult,
-        PlanResult,
-        QuantifyResult,
-        RespondResult,
-        RunResult,
-        ScreenResult,
-        SearchResult,
-        SelectResult,
-    )
     from femtune.status import Status
+    from femtune.steps.bootstrap.function import bootstrap
+    from femtune.steps.candidates.function import candidates
+    from femtune.steps.candidates.result import CandidatesResult
+    from femtune.steps.check.function import check
+    from femtune.steps.check.run import CheckResult
+    from femtune.steps.compare.function import compare
+    from femtune.steps.correlate.function import correlate
+    from femtune.steps.correlate.result import CorrelateResult
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
-    from femtune.steps.of_experiments import screen, search
-    from femtune.steps.of_model import info, modes, plan, respond, simulate
-    from femtune.steps.of_record import identify
-    from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
-    from femtune.steps.of_start import check, init
-    from femtune.steps.of_study import compare, correlate, quantify, select
-    from femtune.steps.of_view import view
-    from femtune.steps.pages import report
-    from femtune.study.first_study.check import CheckResult
-    from femtune.study.first_study.make import InitResult
-    from femtune.study.identification.run import IdentifyResult
+    from femtune.steps.identify.function import identify
+    from femtune.steps.identify.run import IdentifyResult
+    from femtune.steps.info.function import info
+    from femtune.steps.info.result import InfoResult
+    from femtune.steps.init.function import init
+    from femtune.steps.init.run import InitResult
+    from femtune.steps.modes.function import modes
+    from femtune.steps.modes.result import ModesResult
+    from femtune.steps.modes.simulate import simulate
+    from femtune.steps.plan.function import plan
+    from femtune.steps.plan.result import PlanResult
+    from femtune.steps.quantify.function import quantify
+    from femtune.steps.quantify.result import QuantifyResult
+    from femtune.steps.report.function import report
+    from femtune.steps.respond.function import respond
+    from femtune.steps.respond.result import RespondResult
+    from femtune.steps.run.function import read_results, run
+    from femtune.steps.run.result import RunResult
+    from femtune.steps.screen.function import screen
+    from femtune.steps.screen.result import ScreenResult
+    from femtune.steps.search.function import search
+    from femtune.steps.search.result import SearchResult
+    from femtune.steps.select.function import select
+    from femtune.steps.select.result import SelectResult
+    from femtune.steps.update.function import update
+    from femtune.steps.validate.function import validate
+    from femtune.steps.view.function import view
+    from femtune.study.described import Model, Study
     from femtune.testdata import ModalTest
 else:
     __getattr__, __dir__ = lazy_names(__name__)

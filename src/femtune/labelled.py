@@ -11,19 +11,17 @@ from femtune._optional import require
 from femtune.arguments import checked
 from femtune.errors import FemtuneError
 from femtune.modal import FrfSet, ModeSet
-from femtune.results.correlation import CorrelationResults
-from femtune.results.step_results import (
-    Arrays,
-    CorrelateResult,
-    ModesResult,
-    QuantifyResult,
-    RespondResult,
-    RunResult,
-    SelectResult,
-)
+from femtune.steps.correlate.record.correlation import CorrelationResults
+from femtune.steps.correlate.result import CorrelateResult
+from femtune.steps.modes.result import ModesResult
+from femtune.steps.quantify.result import QuantifyResult
+from femtune.steps.respond.result import RespondResult
+from femtune.steps.result import Arrays
+from femtune.steps.run.result import RunResult
+from femtune.steps.select.result import SelectResult
 
 if TYPE_CHECKING:
-    from femtune.study.identification import IdentifyResult
+    from femtune.steps.identify.run import IdentifyResult
 
 Variables = dict[str, tuple[tuple[str, ...], Any, dict[str, str]]]
 """Dimensions, values and attributes by name."""

@@ -14,22 +14,25 @@ from numpy.typing import NDArray
 
 from femtune._optional import require
 from femtune.arguments import checked
+from femtune.document.figures.shapes import COLOURS, closed, direction, far_to_near, mean_over_corners
+from femtune.document.figures.svg import BLUE, INK, LINE, ORANGE, PALE, PALE_ORANGE, SOFT
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.modal import FrfSet
-from femtune.reporting.figures.shapes import COLOURS, closed, direction, far_to_near, mean_over_corners
-from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE, PALE, PALE_ORANGE, SOFT
-from femtune.results.response import frf_unit
-from femtune.results.shapes import ModeShapes
-from femtune.results.step_results import CorrelateResult, ModesResult, RespondResult, RunResult
-from femtune.results.update import ParameterResult, UpdateResults
+from femtune.steps.correlate.result import CorrelateResult
+from femtune.steps.modes.record import ModeShapes
+from femtune.steps.modes.result import ModesResult
+from femtune.steps.respond.facts import frf_unit
+from femtune.steps.respond.result import RespondResult
+from femtune.steps.run.result import RunResult
+from femtune.steps.update.record.update import ParameterResult, UpdateResults
 from femtune.units import unit_system
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from femtune.results.correlation import CorrelationResults
-    from femtune.study.identification import IdentifyResult
+    from femtune.steps.correlate.record.correlation import CorrelationResults
+    from femtune.steps.identify.run import IdentifyResult
 
 __all__ = ["convergence", "frf", "mac", "modes", "parameters", "stabilisation"]
 

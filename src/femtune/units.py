@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from femtune.errors import FemtuneError, did_you_mean
 
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
-_POUND_FORCE = 4.4482216152605
+POUND_FORCE = 4.4482216152605
 """lbf in newtons, exact by definition: 0.45359237 kg times the standard gravity of 9.80665 m/s²."""
 _MASSES = {
     "kg": 1.0,
     "g": 1e-3,
     "t": 1e3,
     "lbm": 0.45359237,
-    "slug": _POUND_FORCE / 0.3048,
-    "slinch": _POUND_FORCE / 0.0254,
+    "slug": POUND_FORCE / 0.3048,
+    "slinch": POUND_FORCE / 0.0254,
 }
 
 
-_FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": _POUND_FORCE, "kip": 1e3 * _POUND_FORCE}
+_FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": POUND_FORCE, "kip": 1e3 * POUND_FORCE}
 _OF_FORCE = re.compile(rf"(?P<force>{'|'.join(_FORCES)})[-*·.]?s(?:2|\^2|²)/(?P<length>{'|'.join(_LENGTHS)})")
 """A unit of mass that is written as force·s²/length, such as lbf-s2/in."""
 

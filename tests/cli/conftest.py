@@ -13,8 +13,8 @@ from click.testing import CliRunner, Result
 
 from femtune.cli import main, output, running
 from femtune.files.study_file import read_study_file
-from femtune.results.folder import check_writable
-from femtune.results.model import UsedCard
+from femtune.steps.info.record.model import UsedCard
+from femtune.steps.run_folder import check_writable
 
 STUDY = '[study]\ntitle = "Frame"\ndeck = "frame.bdf"\nunits = "m-kg-s"\n'
 

@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from femtune.assembly.progress import Progress, silent
 from femtune.cli import display
 from femtune.cli.display import Display
+from femtune.study.progress import Progress, silent
 
 
 class _Clock:

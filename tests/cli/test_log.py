@@ -14,8 +14,8 @@ import pytest
 from click.testing import Result
 from tests.cli.conftest import Outcome
 
-from femtune.assembly.progress import silent
 from femtune.errors import FemtuneError, Notice
+from femtune.study.progress import silent
 
 Invoke = Callable[..., Result]
 _TIME = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ "

@@ -27,7 +27,7 @@ from femtune.files.points_table import read_points
 from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs, read_record
 from femtune.files.study_file.reading import read_study_file
 from femtune.files.uff import read_uff
-from femtune.results.folder import read_results
+from femtune.steps.run_folder import read_results
 from femtune.testing import example_test
 from femtune.units import SI
 

@@ -83,8 +83,8 @@ _WITH_EXAMPLES = [
     *((name, getattr(ft, name)) for name in ft.__all__ if name not in _MODULES),
     *_public(ft.plot),
     *_public(ft.testing),
-    ("Rows", importlib.import_module("femtune.results.tables").Rows),
-    ("Row", importlib.import_module("femtune.results.tables").Row),
+    ("Rows", importlib.import_module("femtune.study.rows").Rows),
+    ("Row", importlib.import_module("femtune.study.rows").Row),
 ]
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.files.nastran.card_samples import decks_of_samples, names_in
 
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
@@ -44,7 +45,8 @@ NOWHERE = {f"DIM{i}{end}" for i in range(MOST_DIMENSIONS + 1, 11) for end in (""
 def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, BuiltDeck]:
     folder = tmp_path_factory.mktemp("decks")
     out = {}
-    for name, text in DECKS.items():
+    held = names_in("".join(DECKS.values())) | (set(CATALOGUE) - set(CARDS))
+    for name, text in {**DECKS, **decks_of_samples(held)}.items():
         path = folder / f"{name}.bdf"
         path.write_text(text)
         out[name] = build_structure(read_deck(path))

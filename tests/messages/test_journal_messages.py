@@ -12,7 +12,7 @@ from tests.messages.shown import check_shown
 from femtune.errors import FemtuneError
 from femtune.journal.entry import Entry
 from femtune.journal.journal import open_journal
-from femtune.study.run_lock import LOCK_FILE, locked
+from femtune.steps.run_lock import LOCK_FILE, locked
 
 ENTRY = Entry({"shapes": np.zeros(1000)}, {})
 

@@ -10,7 +10,7 @@ import pytest
 from tests.messages.shown import check_shown
 from tests.study.plate import plate_deck
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
 
 _DECK = """SOL 103
@@ -41,7 +41,7 @@ def _study(folder: Path, text: str, deck: str = _DECK) -> Path:
 
 def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
     with pytest.raises(FemtuneError) as caught:
-        steps.plan(_study(folder, text), **options)
+        ft.plan(_study(folder, text), **options)
     return caught.value
 
 
@@ -79,7 +79,7 @@ def test_what_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
     (tmp_path / "beam.bdf").write_text(_DECK)
     Path("study.toml").write_text(_HEAD + text)
     with pytest.raises(FemtuneError) as caught:
-        steps.plan(Path("study.toml"))
+        ft.plan(Path("study.toml"))
     check_shown(name, caught.value)
     assert caught.value.hint
 
@@ -87,7 +87,7 @@ def test_what_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 def test_rigid_body_modes_alone(tmp_path: Path) -> None:
     study = _study(tmp_path, "", _DECK.replace("SPC1,1,123456,1", "SPC1,1,4,1,2,3,4"))
     with pytest.raises(FemtuneError, match="rigid-body modes") as caught:
-        steps.plan(study, modes=[1, 2])
+        ft.plan(study, modes=[1, 2])
     assert caught.value.code == "plan.target-modes"
 
 
@@ -132,14 +132,14 @@ def test_a_universal_file_needs_units_and_overwrites_no_input(tmp_path: Path) ->
         ({"csv": tmp_path / "x.html", "report": tmp_path / "x.html"}, "write.overwrites-input"),
     ):
         with pytest.raises(FemtuneError) as caught:
-            steps.plan(deck, uniaxial=12, **options)
+            ft.plan(deck, uniaxial=12, **options)
         assert caught.value.code == code
     assert deck.read_text() == _DECK
 
 
 def test_alerts(tmp_path: Path) -> None:
     study = _study(tmp_path, "[plan]\nmodes = [1, 2]\nuniaxial = 6\nuniaxial_threshold = 0.9\n")
-    found = steps.plan(study)
+    found = ft.plan(study)
     for one in found.record.alerts:
         check_shown(f"{one.code}", f"[{one.code}] {one.sentence}")
     assert {a.code for a in found.record.alerts} >= {"plan.rejected", "plan.still"}
@@ -147,7 +147,7 @@ def test_alerts(tmp_path: Path) -> None:
 
 def test_alerts_of_the_setup(tmp_path: Path) -> None:
     (tmp_path / "plate.bdf").write_text(plate_deck())
-    found = steps.plan(
+    found = ft.plan(
         tmp_path / "plate.bdf", modes=[7, 8, 9], uniaxial=5, uniaxial_mass=0.1, exciters_placed=["32Z+"],
         suspension=[{"nodes": [1, 9, 55, 63], "stiffness": (0.0, 0.0, 1e4)}],
     )  # fmt: skip
@@ -162,14 +162,14 @@ def test_alerts_of_the_setup(tmp_path: Path) -> None:
 def test_parameters_that_the_test_tells_nothing_of(tmp_path: Path) -> None:
     parameter = '[[parameter]]\nname = "nu"\nfields = ["PBAR 1 J"]\nlower = 0.99\nupper = 1.01\n'
     text = parameter + "[plan]\nmodes = [1, 2]\nuniaxial = 3\n"
-    found = steps.plan(_study(tmp_path, text))
+    found = ft.plan(_study(tmp_path, text))
     (alert,) = [a for a in found.record.alerts if a.code == "plan.uninformed"]
     check_shown(alert.code, f"[{alert.code}] {alert.sentence}")
 
 
 def test_modes_that_look_alike_at_the_sensors(tmp_path: Path) -> None:
     (tmp_path / "plate.bdf").write_text(plate_deck())
-    found = steps.plan(tmp_path / "plate.bdf", modes=[7, 8], placed=["1Z+", "2Z+"])
+    found = ft.plan(tmp_path / "plate.bdf", modes=[7, 8], placed=["1Z+", "2Z+"])
     (alert,) = found.record.alerts
     assert alert.code == "plan.alike"
     assert alert.level == "warning"

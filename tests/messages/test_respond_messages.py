@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
 
 _DECK = """SOL 111
@@ -36,7 +36,7 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
     (folder / "beam.bdf").write_text(_DECK)
     (folder / "study.toml").write_text(_HEAD + text)
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(folder / "study.toml", **options)
+        ft.respond(folder / "study.toml", **options)
     return caught.value
 
 
@@ -82,7 +82,7 @@ def test_too_many_values(tmp_path: Path) -> None:
     study = tmp_path / "free.toml"
     study.write_text(_HEAD.partition("[[configuration]]")[0] + asked)
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(study)
+        ft.respond(study)
     assert caught.value.code == "response.too-many-values"
 
 
@@ -91,7 +91,7 @@ def test_zero_hertz_of_a_free_structure(tmp_path: Path) -> None:
     (tmp_path / "beam.bdf").write_text(_DECK.replace("ENDDATA", "SPC1,1,4,1\nENDDATA").replace("CEND", "CEND\nSPC = 1"))
     options = {"inputs": ("2Z+",), "from_hz": 0.0, "to_hz": 2.0, "lines": 3, "ratio": 0.01}
     with pytest.raises(FemtuneError, match="the response at 0 Hz is infinite") as caught:
-        steps.respond(tmp_path / "beam.bdf", **options)
+        ft.respond(tmp_path / "beam.bdf", **options)
     assert caught.value.code == "response.free-at-zero"
 
 
@@ -101,7 +101,7 @@ def test_zero_hertz_of_free_masses_with_modal_damping(tmp_path: Path, method: st
     (tmp_path / "free.bdf").write_text(deck + "CMASS2,2,2.,2,1\nCMASS2,5,6.,1,1\nCDAMP2,3,4.,1,1,2,1\nENDDATA\n")
     options = {"inputs": ("2X+",), "from_hz": 0.0, "to_hz": 2.0, "lines": 3, "ratio": 0.02, "method": method}
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(tmp_path / "free.bdf", **options)
+        ft.respond(tmp_path / "free.bdf", **options)
     assert caught.value.code == "response.free-at-zero"
 
 
@@ -110,7 +110,7 @@ def test_two_files_of_one_name(tmp_path: Path) -> None:
     options = {"inputs": ("2Z+",), "from_hz": 1.0, "to_hz": 2.0, "lines": 3}
     one = tmp_path / "a.uff"
     with pytest.raises(FemtuneError, match="another file that is to be written") as caught:
-        steps.respond(tmp_path / "beam.bdf", report=one, **options, uff=one, units="m-kg-s")
+        ft.respond(tmp_path / "beam.bdf", report=one, **options, uff=one, units="m-kg-s")
     assert caught.value.code == "write.overwrites-input"
     assert not one.exists()
 
@@ -130,7 +130,7 @@ def test_negative_damping_is_told(tmp_path: Path) -> None:
     options = {"inputs": ("2X+",), "from_hz": 1.0, "to_hz": 9.0, "lines": 9}
     for sign, told in (("-4.", ["response.unstable"]), ("4.", [])):
         (tmp_path / "one.bdf").write_text(deck.replace("-4.", sign))
-        (found,) = steps.respond(tmp_path / "one.bdf", **options)
+        (found,) = ft.respond(tmp_path / "one.bdf", **options)
         assert [a.code for a in found.alerts] == told
         assert [p.freq_hz for p in found.poles] == ([pytest.approx(20.0 / 6.283185307179586)] if told else [])
 
@@ -139,10 +139,10 @@ def test_a_universal_file_of_a_deck_needs_units(tmp_path: Path) -> None:
     (tmp_path / "beam.bdf").write_text(_DECK)
     options = {"inputs": ("2Z+",), "from_hz": 1.0, "to_hz": 2.0, "lines": 3}
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(tmp_path / "beam.bdf", **options, uff=tmp_path / "a.uff")
+        ft.respond(tmp_path / "beam.bdf", **options, uff=tmp_path / "a.uff")
     assert caught.value.code == "response.units-needed"
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(tmp_path / "beam.bdf", **options, uff=tmp_path / "beam.bdf", units="m-kg-s")
+        ft.respond(tmp_path / "beam.bdf", **options, uff=tmp_path / "beam.bdf", units="m-kg-s")
     assert caught.value.code == "write.overwrites-input"
     error = _refused(tmp_path, f'[response]\ninputs = ["2Z+"]\n{_LINES}', units="mm-t-s")
     assert error.code == "response.units-given"
@@ -162,7 +162,7 @@ def test_an_option_does_not_point_to_the_line_that_it_replaces(tmp_path: Path) -
 def test_too_few_modes(tmp_path: Path) -> None:
     (tmp_path / "beam.bdf").write_text(_DECK)
     (tmp_path / "study.toml").write_text(_HEAD + f'[response]\ninputs = ["2Z+"]\nratio = 0.01\nmodes = 1\n{_LINES}')
-    (found,) = steps.respond(tmp_path / "study.toml", residual_vectors=False)
+    (found,) = ft.respond(tmp_path / "study.toml", residual_vectors=False)
     (alert,) = found.alerts
     assert alert.code == "response.truncated"
     assert "residual_vectors = false of [response] limits them" in alert.sentence

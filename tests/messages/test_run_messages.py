@@ -14,7 +14,7 @@ from tests.messages.shown import check_shown
 from femtune.cli import main
 from femtune.cli.guard import BAD_INPUT
 from femtune.errors import FemtuneError
-from femtune.results.folder import check_writable, read_results
+from femtune.steps.run_folder import check_writable, read_results
 
 
 def _message(folder: Path) -> str:

@@ -14,8 +14,8 @@ from femtune.files.identification_file import IdentifyFile, read_identify_file
 from femtune.files.points_table import read_points
 from femtune.identification.setups import PartlyFound, merge_setups
 from femtune.modal import Channel, ModeSet, TimeSeries
-from femtune.study.identification import several
-from femtune.study.identification.rigid_bodies import with_rigid_bodies
+from femtune.steps.identify import several
+from femtune.steps.identify.rigid_bodies import with_rigid_bodies
 
 FLOOR = '[[rigid_body]]\nnode = 1\nsensors = ["11X+", "12X+", "12Y+", "13Y+"]\n'
 

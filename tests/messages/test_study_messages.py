@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.study.cantilever import EI
 
-from femtune import steps
+import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.uff import write_uff_modes
@@ -246,7 +246,7 @@ def _contents(folder: Path) -> dict[Path, bytes]:
 def _error(files: Files) -> FemtuneError:
     before = _contents(files.folder)
     with pytest.raises(FemtuneError) as caught:
-        steps.run("study.toml")
+        ft.run("study.toml")
     assert _contents(files.folder) == before
     several = caught.value
     return several.errors[0] if isinstance(several, FemtuneErrors) else several
@@ -277,7 +277,7 @@ def test_problems_of_study_deck_and_test_are_shown_together(files: Files) -> Non
     files.study("PBAR 2 I1", "MAT1 1 G")
     files.configuration('leave_out = [{ mode = "9", reason = "x" }]')
     with pytest.raises(FemtuneErrors) as caught:
-        steps.run("study.toml")
+        ft.run("study.toml")
     assert [e.code for e in caught.value.errors] == [
         "study.unknown-field", "parameter.derived-field", "study.unknown-mode",
     ]  # fmt: skip
@@ -287,5 +287,5 @@ def test_a_test_that_several_configurations_share_is_complained_of_once(files: F
     files.study("[[parameter]]", '[[configuration]]\nname = "b"\ntest = "beam.uff"\n\n[[parameter]]')
     (files.folder / "beam.uff").write_text("hello")
     with pytest.raises(FemtuneError) as caught:
-        steps.run("study.toml")
+        ft.run("study.toml")
     assert not isinstance(caught.value, FemtuneErrors)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
+import femtune as ft
 from femtune.fem.assemble import assemble
 from femtune.fem.drilling import drilling_energies
 from femtune.files.nastran import build_structure, read_deck
@@ -89,7 +89,7 @@ def test_the_share_is_how_the_frequency_follows_k6rot(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_modes_tell_what_depends_on_k6rot(tmp_path: Path) -> None:
-    result = steps.modes(sheet_with_bar(tmp_path))
+    result = ft.modes(sheet_with_bar(tmp_path))
     (told,) = result[0].alerts
     check_shown("model.drilling", f"[{told.code}] {told.sentence}")
     assert told.sentence in repr(result)
@@ -98,7 +98,7 @@ def test_modes_tell_what_depends_on_k6rot(tmp_path: Path) -> None:
 
 def test_a_mode_of_drilling_has_no_mesh_error(tmp_path: Path) -> None:
     """A bar that only drilling holds: its frequency falls with every refinement. The other modes have their errors."""
-    result = steps.modes(sheet_with_bar(tmp_path))
+    result = ft.modes(sheet_with_bar(tmp_path))
     assert [row["mode"] for row in result.mesh_errors if row["error_percent"] is None] == [3]
     mesh = result.records[0].mesh
     assert mesh is not None
@@ -111,4 +111,4 @@ def test_bars_along_a_sheet_are_no_matter(tmp_path: Path) -> None:
     path = sheet_with_bar(tmp_path)
     lines = path.read_text().replace("CBAR,90,2,26,90", "CBAR,90,2,26,25").replace("CONM2,91,90", "CONM2,91,26")
     path.write_text(lines.replace("GRID,90,,4.,3.,0.\n", ""))
-    assert steps.modes(path)[0].alerts == ()
+    assert ft.modes(path)[0].alerts == ()

@@ -10,7 +10,7 @@ import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 from tests.messages.shown import check_shown
 
-from femtune import steps
+import femtune as ft
 from femtune.fem.assemble import assemble, offset_mass
 from femtune.files.nastran import build_structure, read_deck
 from femtune.model import Configuration, configure, parametric_model, solve_modes
@@ -99,25 +99,25 @@ def test_the_changes_are_those_of_the_moved_mass(tmp_path: Path, offset: float) 
 def test_modes_and_info_tell(tmp_path: Path) -> None:
     """A warning above 1 %, an info below; both name the modes with their changes."""
     path = beam(tmp_path, "beam")
-    found = steps.modes(path)
+    found = ft.modes(path)
     (told,) = found[0].alerts
     assert (told.code, told.level) == ("model.neutral-axis", "warning")
     check_shown("model.neutral-axis", f"[{told.code}] {told.sentence}")
     assert told.sentence in repr(found)
     assert told in found.results.alerts
-    assert told in steps.info(path).notices
-    (small,) = steps.modes(beam(tmp_path, "small", N2=0.002))[0].alerts
+    assert told in ft.info(path).notices
+    (small,) = ft.modes(beam(tmp_path, "small", N2=0.002))[0].alerts
     assert small.level == "info"
-    none = steps.modes(beam(tmp_path, "none", N2=0.0))
+    none = ft.modes(beam(tmp_path, "none", N2=0.0))
     assert none[0].alerts == ()
     # the stiffness alone is no matter of the mass
-    assert steps.modes(beam(tmp_path, "light", rho=0.0, nsm=1.0))[0].alerts == ()
+    assert ft.modes(beam(tmp_path, "light", rho=0.0, nsm=1.0))[0].alerts == ()
 
 
 def test_info_tells_without_modes(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     deck = beam(tmp_path, "beam")
     study.write_text(f'[study]\ntitle = "beam"\ndeck = "{deck.name}"\nunits = "m-kg-s"\n[checks]\nrefinement = false\n')
-    told = [n for n in steps.info(study).notices if n.code == "model.neutral-axis"]
+    told = [n for n in ft.info(study).notices if n.code == "model.neutral-axis"]
     assert [n.level for n in told] == ["info"]
     check_shown("model.neutral-axis, not computed", f"[{told[0].code}] {told[0].sentence}")

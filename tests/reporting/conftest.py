@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from femtune.reporting import build_report
-from femtune.reporting.document import Document
-from femtune.results.results import Results
+from femtune.document.document import Document
+from femtune.steps.report.build import build_report
+from femtune.steps.results import Results
 
 from .compared_data import all_arrays
 from .whole_data import full_data

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.reporting.page_view import Packed
+from femtune.document.page_view import Packed
 
 
 def unpacked(packed: Packed) -> NDArray[Any]:

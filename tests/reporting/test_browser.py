@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
-from femtune.reporting import build_report, write_html
-from femtune.results.results import Results
+from femtune.reporting.html import write_html
+from femtune.steps.report.build import build_report
+from femtune.steps.results import Results
 
 from .page_scripts import without_own_scripts
 

@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 
-from femtune.reporting.figures.effects import beside_svg, main_effects_svg, search_svg
-from femtune.reporting.figures.histograms import histograms_svg
+from femtune.document.figures.effects import beside_svg, main_effects_svg, search_svg
+from femtune.document.figures.histograms import histograms_svg
 
 
 def test_main_effects_have_a_panel_for_every_parameter_and_a_line_for_every_response() -> None:

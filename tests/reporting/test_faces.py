@@ -13,8 +13,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from femtune.reporting.figures import shapes
-from femtune.reporting.figures.shapes import (
+from femtune.document.figures import shapes
+from femtune.document.figures.shapes import (
     COLOURS,
     STEPS,
     ShapePanel,
@@ -24,8 +24,8 @@ from femtune.reporting.figures.shapes import (
     outline,
     shapes_svg,
 )
-from femtune.reporting.figures.shapes import shades as shades_of
-from femtune.reporting.figures.svg import mixed
+from femtune.document.figures.shapes import shades as shades_of
+from femtune.document.figures.svg import mixed
 
 _SVG = "{http://www.w3.org/2000/svg}"
 _CUBE = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=float)

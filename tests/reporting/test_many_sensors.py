@@ -7,16 +7,17 @@ from typing import Any
 
 import pytest
 
-from femtune.reporting import build_report, html_text
-from femtune.reporting.document import Figure, FigureRow, KeyNumbers, Listing, Paragraph, Table
-from femtune.reporting.sections.compared import compared
-from femtune.reporting.sections.correlation import comac, dropped_sensors, mac
-from femtune.reporting.sections.mode_shapes import mode_shapes
-from femtune.reporting.sections.modes import cluster_paragraphs, modes, sturm
-from femtune.reporting.sections.summary import summary
-from femtune.reporting.sections.validation import criteria
-from femtune.reporting.source import ReportSource
-from femtune.results.results import Results
+from femtune.document.document import Figure, FigureRow, KeyNumbers, Listing, Paragraph, Table
+from femtune.reporting.html import html_text
+from femtune.steps.correlate.page.compared import compared
+from femtune.steps.correlate.page.correlation import comac, dropped_sensors, mac
+from femtune.steps.modes.page.mode_shapes import mode_shapes
+from femtune.steps.modes.page.modes import cluster_paragraphs, modes, sturm
+from femtune.steps.report.build import build_report
+from femtune.steps.report_source import ReportSource
+from femtune.steps.results import Results
+from femtune.steps.run.page.summary import summary
+from femtune.steps.validate.page import criteria
 
 
 def _source(data: dict[str, Any], arrays: dict[str, Any] | None = None) -> ReportSource:

@@ -11,16 +11,16 @@ from xml.etree import ElementTree
 
 import pytest
 
-from femtune import steps
-from femtune.assembly.drawn_mesh import thinned
+import femtune as ft
+from femtune.document.document import Document, Figure, Table
 from femtune.errors import FemtuneError
-from femtune.reporting import build_page, html_text
-from femtune.reporting.document import Document, Figure, Table
-from femtune.reporting.html import section_texts
-from femtune.reporting.sections import mode_shapes
-from femtune.results import shapes as record_shapes
-from femtune.results.results import Results
-from femtune.study import natural_modes
+from femtune.reporting.html import html_text
+from femtune.steps.modes import run as natural_modes
+from femtune.steps.modes import shapes as record_shapes
+from femtune.steps.modes.page import mode_shapes
+from femtune.steps.report.build import build_page, section_texts
+from femtune.steps.results import Results
+from femtune.study.drawn_mesh import thinned
 
 from .page_scripts import without_own_scripts
 
@@ -64,13 +64,13 @@ def _said(document: Document, section: str) -> str:
 
 
 def _page(path: Path) -> Document:
-    found = steps.modes(path)
+    found = ft.modes(path)
     return build_page("modes", found.results, found.arrays)
 
 
 def test_a_deck_alone_gets_a_page_with_every_mode(plate: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
-    found = steps.modes(plate, report=page)
+    found = ft.modes(plate, report=page)
     text = page.read_text("utf-8")
     assert "Natural modes</p>" in text
     assert found[0].rigid_body_modes == 6
@@ -81,7 +81,7 @@ def test_a_deck_alone_gets_a_page_with_every_mode(plate: Path, tmp_path: Path) -
 
 
 def test_the_page_loads_nothing(plate: Path, tmp_path: Path) -> None:
-    steps.modes(plate, report=tmp_path / "page.html")
+    ft.modes(plate, report=tmp_path / "page.html")
     text = without_own_scripts((tmp_path / "page.html").read_text("utf-8"))
     assert not re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', text)
     assert "<script" not in text
@@ -133,7 +133,7 @@ def test_a_study_shows_its_configurations_one_by_one(plate: Path) -> None:
         '[[configuration]]\nname = "whole"\n[[configuration]]\nname = "no_tip"\nelements_off = "2"\n'
         'supports_added = ["5:123456"]\n'
     )
-    found = steps.modes(study)
+    found = ft.modes(study)
     results, arrays = found.results, found.arrays
     assert [m.configuration for m in results.modes] == ["whole", "no_tip"]
     faces = [arrays[m.faces_key] for m in results.mode_shapes if m.faces_key]
@@ -181,7 +181,7 @@ def test_too_many_pictures_are_counted(plate: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_more_modes_than_are_kept_leaves_the_first_ones(plate: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("femtune.results.shapes.MOST_MODES", 2)
+    monkeypatch.setattr("femtune.steps.modes.shapes.MOST_MODES", 2)
     page = _page(plate)
     assert "6 more modes are not drawn" in _said(page, "pictures")
 
@@ -200,7 +200,7 @@ def test_solids_are_drawn_by_their_outside(tmp_path: Path) -> None:
     bricks = [f"CHEXA,{e},1,{e},{e + 1},{e + 4},{e + 3},{e + 6},{e + 7},\n,{e + 10},{e + 9}" for e in (1, 2)]
     rest = ["PSOLID,1,1", "MAT1,1,2.1+11,,.3,7850.", "EIGRL,1,,,8"]
     deck.write_text("\n".join(["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", *grids, *bricks, *rest, "ENDDATA", ""]))
-    found = steps.modes(deck)
+    found = ft.modes(deck)
     results, arrays = found.results, found.arrays
     (kept,) = results.mode_shapes
     faces, points = arrays[str(kept.faces_key)], arrays[str(kept.points_key)]
@@ -228,7 +228,7 @@ def test_a_page_that_cannot_be_written_is_refused_first(
 ) -> None:
     monkeypatch.setattr(natural_modes, "solved_cases", lambda *_, **__: pytest.fail("it was solved"))
     with pytest.raises(FemtuneError, match=words) as caught:
-        steps.modes(plate, report=tmp_path / name)
+        ft.modes(plate, report=tmp_path / name)
     assert caught.value.code == "run.unwritable"
     assert [f.name for f in tmp_path.iterdir()] == ["plate.bdf"]
 
@@ -236,7 +236,7 @@ def test_a_page_that_cannot_be_written_is_refused_first(
 def test_a_failure_leaves_no_empty_page(plate: Path, tmp_path: Path) -> None:
     plate.write_text(plate.read_text().replace("PSHELL  1 ", "PSHELL  7 "))
     with pytest.raises(FemtuneError):
-        steps.modes(plate, report=tmp_path / "page.html")
+        ft.modes(plate, report=tmp_path / "page.html")
     assert not (tmp_path / "page.html").exists()
 
 
@@ -244,8 +244,8 @@ def test_a_failure_leaves_no_empty_page(plate: Path, tmp_path: Path) -> None:
 def test_only_a_page_is_replaced_by_a_page(plate: Path, tmp_path: Path) -> None:
     deck, page = plate.read_bytes(), tmp_path / "page.html"
     with pytest.raises(FemtuneError, match="is not an HTML page") as caught:
-        steps.modes(plate, report=plate)
+        ft.modes(plate, report=plate)
     assert caught.value.code == "run.unwritable"
     assert plate.read_bytes() == deck
     for _ in range(2):
-        assert steps.modes(plate, report=page).report == page
+        assert ft.modes(plate, report=page).report == page

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from femtune.reporting.document import Table
-from femtune.reporting.sections.checks import named_sets
-from femtune.steps import info
+from femtune import info
+from femtune.document.document import Table
+from femtune.steps.info.page import named_sets
 
 _DECK = (
     "SOL 103\nCEND\nSPC=1\nBEGIN BULK\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nCELAS2,9,1.+3,1,1,2,1\nCMASS2,8,2.,2,1\n"

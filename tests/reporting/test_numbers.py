@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from femtune.reporting.numbers import freq
+from femtune.document.numbers import freq
 
 
 @pytest.mark.parametrize(

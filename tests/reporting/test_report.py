@@ -15,16 +15,17 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from femtune.document.document import Document, Figure, Section, Table, row
+from femtune.document.figures.bars import comac_svg
+from femtune.document.figures.matrix import MatrixPicture, matrix_svg
 from femtune.errors import FemtuneError
-from femtune.reporting import build_report, html_text, print_terminal, write_html
-from femtune.reporting.document import Document, Figure, Section, Table, row
-from femtune.reporting.figures.bars import comac_svg
-from femtune.reporting.figures.matrix import MatrixPicture, matrix_svg
-from femtune.reporting.html import section_texts
-from femtune.reporting.short_form import verdict
-from femtune.reporting.source import ReportSource
-from femtune.results.folder import read_results, write_results
-from femtune.results.results import Results
+from femtune.reporting.html import html_text, write_html
+from femtune.reporting.terminal import print_terminal
+from femtune.steps.report.build import build_report, section_texts
+from femtune.steps.report_source import ReportSource
+from femtune.steps.results import Results
+from femtune.steps.run.page.short_form import verdict
+from femtune.steps.run_folder import read_results, write_results
 
 from .page_scripts import bundle, without_own_scripts
 

@@ -7,12 +7,12 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from femtune.reporting.document import Figure, Table
-from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg, thinned
-from femtune.reporting.sections.responses import frequency_responses, load_blocks, ordered_pairs, pole_blocks
-from femtune.reporting.source import ReportSource
-from femtune.reporting.view import view_of
-from femtune.results.response import ComplexPole, Displacement, FrfPair, FrfResults, ResponseResults, StaticResults
+from femtune.document.document import Figure, Table
+from femtune.document.figures.frfs import FrfCurve, FrfPanel, frfs_svg, thinned
+from femtune.steps.report.view import view_of
+from femtune.steps.report_source import ReportSource
+from femtune.steps.respond.page import frequency_responses, load_blocks, ordered_pairs, pole_blocks
+from femtune.steps.respond.record import ComplexPole, Displacement, FrfPair, FrfResults, ResponseResults, StaticResults
 
 from .packed import unpacked
 

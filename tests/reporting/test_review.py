@@ -7,11 +7,12 @@ from typing import Any
 
 import pytest
 
-from femtune.reporting import build_report, html_text
-from femtune.reporting.document import Document, Heading, Paragraph, Table
-from femtune.reporting.sections.review import review
-from femtune.reporting.source import ReportSource
-from femtune.results.results import Results
+from femtune.document.document import Document, Heading, Paragraph, Table
+from femtune.reporting.html import html_text
+from femtune.steps.report.build import build_report
+from femtune.steps.report_source import ReportSource
+from femtune.steps.results import Results
+from femtune.steps.run.page.review import review
 
 from .page_scripts import without_own_scripts
 

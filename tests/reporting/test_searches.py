@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femtune.reporting.document import Block, Figure, Paragraph, Table
-from femtune.reporting.sections.parameters import parameters
-from femtune.reporting.sections.starts import starts, weight_choice
-from femtune.reporting.source import ReportSource
-from femtune.results.results import Results
+from femtune.document.document import Block, Figure, Paragraph, Table
+from femtune.steps.report_source import ReportSource
+from femtune.steps.results import Results
+from femtune.steps.update.page.parameters import parameters
+from femtune.steps.update.page.starts import starts, weight_choice
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from femtune.reporting import build_report
-from femtune.reporting.document import Document, Figure
-from femtune.reporting.figures.shapes import ShapePanel, Wireframe, shapes_svg
-from femtune.results.results import Results
+from femtune.document.document import Document, Figure
+from femtune.document.figures.shapes import ShapePanel, Wireframe, shapes_svg
+from femtune.steps.report.build import build_report
+from femtune.steps.results import Results
 
 _SVG = "{http://www.w3.org/2000/svg}"
 _CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)

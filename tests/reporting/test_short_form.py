@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from femtune.reporting import build_report, print_terminal
-from femtune.reporting.document import Document, Figure, Paragraph, Table
-from femtune.reporting.sections.identifiability import joined_rows
-from femtune.reporting.sections.parameters import interval_remarks
-from femtune.reporting.sections.validation import outcome_sentence
-from femtune.results.results import Results
-from femtune.results.update import ParameterResult
-from femtune.results.validation import ValidationResults
+from femtune.document.document import Document, Figure, Paragraph, Table
+from femtune.reporting.terminal import print_terminal
+from femtune.steps.report.build import build_report
+from femtune.steps.results import Results
+from femtune.steps.select.page import joined_rows
+from femtune.steps.update.page.parameters import interval_remarks
+from femtune.steps.update.record.update import ParameterResult
+from femtune.steps.validate.page import outcome_sentence
+from femtune.steps.validate.record.validation import ValidationResults
 
 
 def _printed(document: Document) -> str:

@@ -8,23 +8,18 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from femtune.reporting import print_terminal
-from femtune.reporting.document import Document, Table, columns, row, without_column
-from femtune.reporting.numbers import sensitivity
-from femtune.reporting.sections.checks import checks
-from femtune.reporting.sections.identifiability import page_table
-from femtune.reporting.single_steps import (
-    Subject,
-    correlation_document,
-    info_document,
-    modes_document,
-    selection_document,
-    subject_of,
-)
-from femtune.reporting.single_steps.model import column_groups
-from femtune.reporting.source import ReportSource
-from femtune.results.results import Results
-from femtune.results.update import SelectionResults
+from femtune.document.document import Document, Table, columns, row, without_column
+from femtune.document.numbers import sensitivity
+from femtune.reporting.terminal import print_terminal
+from femtune.steps.correlate.terminal import correlation_document
+from femtune.steps.info.page import checks
+from femtune.steps.info.terminal import Subject, column_groups, info_document, subject_of
+from femtune.steps.modes.terminal import modes_document
+from femtune.steps.report_source import ReportSource
+from femtune.steps.results import Results
+from femtune.steps.select.page import page_table
+from femtune.steps.select.record.identifiability import SelectionResults
+from femtune.steps.select.terminal import selection_document
 
 SUBJECT = Subject("Frame", "frame.bdf", "m", "kg")
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femtune.reporting import view as views
-from femtune.reporting.document import Document
-from femtune.reporting.page_view import PageView, SceneView
-from femtune.reporting.source import ReportSource
-from femtune.reporting.view import in_phase, quantised, view_of
-from femtune.results.results import Results
+from femtune.document.document import Document
+from femtune.document.page_view import PageView, SceneView
+from femtune.steps.report import view as views
+from femtune.steps.report.view import in_phase, quantised, view_of
+from femtune.steps.report_source import ReportSource
+from femtune.steps.results import Results
 
 from .packed import unpacked
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.arrays import Complexes, Reals
 from femtune.dofs import DofSet
 from femtune.files.uff import write_uff_frfs
@@ -139,7 +139,7 @@ ratio = 0.02
 smoothness = true
 """
     )
-    found = steps.select(tmp_path / "study.toml")
+    found = ft.select(tmp_path / "study.toml")
     by_name = {s.parameter: s for s in found.record.smoothness}
     assert by_name["E"].verdict == "smooth"
     assert by_name["E"].sentence == ""

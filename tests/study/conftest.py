@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from femtune import steps
-from femtune.results.step_results import RunResult
+import femtune as ft
+from femtune.steps.run.result import RunResult
 
 from .cantilever import CANTILEVER, Bench
 
@@ -42,4 +42,4 @@ def finished(tmp_path_factory: pytest.TempPathFactory, true_test: Path) -> tuple
     made = Bench(tmp_path_factory.mktemp("finished"))
     made.write("beam.bdf", CANTILEVER)
     shutil.copy(true_test, made.folder)
-    return made, steps.run(made.study())
+    return made, ft.run(made.study())

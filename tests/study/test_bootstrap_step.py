@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.results.step_results import RunResult
-from femtune.study.bootstrap import BOOTSTRAP_FILE
+from femtune.steps.bootstrap.run import BOOTSTRAP_FILE
+from femtune.steps.run.result import RunResult
 
 from .cantilever import EI, Bench
 from .damped_cantilever import DAMPED, TRULY, functions, study_of
@@ -42,7 +42,7 @@ def check_same(run: RunResult, whole: RunResult) -> None:
 
 @pytest.mark.slow
 def test_a_run_with_a_bootstrap(bench: Bench) -> None:
-    run = steps.run(bootstrapped(bench))
+    run = ft.run(bootstrapped(bench))
     found = run.results.bootstrap
     assert found is not None
     # three of the forty lines are below the noise in all functions
@@ -70,17 +70,17 @@ def test_a_run_with_a_bootstrap(bench: Bench) -> None:
     assert "Correlation of the parameters over the runs" in page
     assert [row.parameter for row in run.bootstrap] == ["root", "tip"]
     # the second time nothing is made again, and processes give the same numbers
-    again = steps.bootstrap(bootstrapped(bench))
+    again = ft.bootstrap(bootstrapped(bench))
     assert again.results.bootstrap is not None
     assert again.results.bootstrap.recalled == 12
     check_same(again, run)
-    apart = steps.bootstrap(bootstrapped(bench, more='[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
+    apart = ft.bootstrap(bootstrapped(bench, more='[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
     assert apart.results.bootstrap is not None
     assert apart.results.bootstrap.recalled == 0
     assert "2 worker processes" in apart.results.bootstrap.executor
     check_same(apart, run)
     # more runs begin with those that are there
-    more = steps.bootstrap(bootstrapped(bench, 15))
+    more = ft.bootstrap(bootstrapped(bench, 15))
     assert more.results.bootstrap is not None
     assert more.results.bootstrap.recalled == 12
     np.testing.assert_array_equal(more.arrays[found.samples_key][:12], run.arrays[found.samples_key])
@@ -88,8 +88,8 @@ def test_a_run_with_a_bootstrap(bench: Bench) -> None:
 
 @pytest.mark.slow
 def test_runs_on_the_reduced_model_are_those_of_the_full_one(bench: Bench) -> None:
-    plain = steps.run(bootstrapped(bench)).results.bootstrap
-    run = steps.run(bootstrapped(bench, more="[reduction]\n"), fresh=True)
+    plain = ft.run(bootstrapped(bench)).results.bootstrap
+    run = ft.run(bootstrapped(bench, more="[reduction]\n"), fresh=True)
     found, update = run.results.bootstrap, run.results.update
     assert plain is not None
     assert found is not None
@@ -108,7 +108,7 @@ def test_runs_on_the_reduced_model_are_those_of_the_full_one(bench: Bench) -> No
 # ends itself without any farewell: before a run is kept, after it, or in the middle of its line
 _KILLED = """
 import os, signal, sys
-from femtune import steps
+import femtune as ft
 from femtune.journal import finished
 study, when, last = sys.argv[1], sys.argv[2], int(sys.argv[3])
 calls = 0
@@ -126,7 +126,7 @@ def dying(self, line):
     if calls == last:
         os.kill(os.getpid(), signal.SIGKILL)
 finished.FinishedRuns.add = dying
-steps.bootstrap(study)
+ft.bootstrap(study)
 """
 
 
@@ -141,14 +141,14 @@ steps.bootstrap(study)
 )
 def test_killed_at_any_moment(bench: Bench, how: str, moments: list[tuple[str, int, int]]) -> None:
     study = bootstrapped(bench, more=f'[parallel]\nhow = "{how}"\nworkers = 2\n')
-    whole = steps.bootstrap(study)
+    whole = ft.bootstrap(study)
     file = bench.folder / "run" / BOOTSTRAP_FILE
     for when, last, kept in moments:
         file.unlink()
         ended = subprocess.run([sys.executable, "-c", _KILLED, str(study), when, str(last)], check=False)
         assert ended.returncode == -signal.SIGKILL
         before = file.read_bytes()
-        again = steps.bootstrap(study)
+        again = ft.bootstrap(study)
         assert again.results.bootstrap is not None
         assert again.results.bootstrap.recalled == kept
         # lines that were whole are still the first ones
@@ -158,8 +158,8 @@ def test_killed_at_any_moment(bench: Bench, how: str, moments: list[tuple[str, i
 
 @pytest.mark.slow
 def test_runs_of_other_data_are_not_used(bench: Bench) -> None:
-    first = steps.bootstrap(bootstrapped(bench))
-    other = steps.bootstrap(bootstrapped(bench, frf=FRF.replace("most = 40", "most = 30")))
+    first = ft.bootstrap(bootstrapped(bench))
+    other = ft.bootstrap(bootstrapped(bench, frf=FRF.replace("most = 40", "most = 30")))
     assert first.results.bootstrap is not None
     assert other.results.bootstrap is not None
     assert other.results.bootstrap.recalled == 0
@@ -169,7 +169,7 @@ def test_runs_of_other_data_are_not_used(bench: Bench) -> None:
     head, *lines = file.read_text().splitlines()
     spoilt = [{**json.loads(line), "x": ["far", 1.0]} if i == 3 else json.loads(line) for i, line in enumerate(lines)]
     file.write_text("\n".join([head, *map(json.dumps, spoilt), ""]))
-    again = steps.bootstrap(bootstrapped(bench, frf=FRF.replace("most = 40", "most = 30")))
+    again = ft.bootstrap(bootstrapped(bench, frf=FRF.replace("most = 40", "most = 30")))
     assert again.results.bootstrap is not None
     assert again.results.bootstrap.recalled == 11
     check_same(again, other)
@@ -178,11 +178,11 @@ def test_runs_of_other_data_are_not_used(bench: Bench) -> None:
 @pytest.mark.slow
 def test_modes_have_no_lines(beam: Bench) -> None:
     with pytest.raises(FemtuneError, match="measured FRFs") as caught:
-        steps.bootstrap(beam.study())
+        ft.bootstrap(beam.study())
     assert caught.value.code == "bootstrap.no-lines"
     # reported before the update
     assert not (beam.folder / "run" / "history.jsonl").exists()
-    noise = steps.bootstrap(beam.study(f'{beam.parameters}[bootstrap]\nmethod = "noise"\nruns = 200\n'))
+    noise = ft.bootstrap(beam.study(f'{beam.parameters}[bootstrap]\nmethod = "noise"\nruns = 200\n'))
     update, found = noise.results.update, noise.results.bootstrap
     assert update is not None
     assert found is not None
@@ -194,7 +194,7 @@ def test_modes_have_no_lines(beam: Bench) -> None:
 
 @pytest.mark.slow
 def test_no_optimum(bench: Bench) -> None:
-    run = steps.bootstrap(bootstrapped(bench, more="[update]\nmax_iterations = 1\n"))
+    run = ft.bootstrap(bootstrapped(bench, more="[update]\nmax_iterations = 1\n"))
     (told,) = [a for a in run.results.alerts if a.code == "bootstrap.not-converged"]
     check_shown("bootstrap.not-converged", f"[{told.code}] {told.sentence.removeprefix('bootstrap: ')}")
 
@@ -204,6 +204,6 @@ def test_stages_have_no_bootstrap(bench: Bench, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.chdir(bench.folder)
     bootstrapped(bench, more=stage)
     with pytest.raises(FemtuneError) as caught:
-        steps.bootstrap(Path("study.toml"))
+        ft.bootstrap(Path("study.toml"))
     check_shown("bootstrap.stages", caught.value)
     assert not (bench.folder / "run" / "history.jsonl").exists()

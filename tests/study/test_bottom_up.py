@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.files.nastran import build_structure, read_deck
 from femtune.files.study_file import study_from_text
-from femtune.reporting import build_report, html_text
-from femtune.results.step_results import RunResult
+from femtune.reporting.html import html_text
+from femtune.steps.report.build import build_report
+from femtune.steps.run.result import RunResult
 from structures.exhaust import reference
 
 from .two_spans import TRUTH, write_spans
@@ -25,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def run(folder: Path) -> RunResult:
-    return steps.update(folder / "study.toml")
+    return ft.update(folder / "study.toml")
 
 
 @pytest.mark.slow
@@ -79,7 +80,7 @@ def test_the_catalogue_holds_the_dampings(run: RunResult, folder: Path):
     (folder / "known.toml").write_text((run.folder / "damping.toml").read_text())
     text = (folder / "study.toml").read_text().replace('name = "eta"\n', 'name = "eta"\nprior = "known.toml"\n', 1)
     (folder / "later.toml").write_text(text)
-    facts = {p.name: p for p in steps.update(folder / "later.toml", output=folder / "later").results.parameters}
+    facts = {p.name: p for p in ft.update(folder / "later.toml", output=folder / "later").results.parameters}
     assert facts["eta"].prior_mean == pytest.approx(entries["eta"]["value"])
     assert facts["eta"].prior_sd == pytest.approx(entries["eta"]["sd"])
 
@@ -99,7 +100,7 @@ def test_a_stage_without_functions_is_refused(folder: Path):
     (folder / "modes.uff").write_text(only_modes)
     (folder / "bad.toml").write_text(text.replace('"whole.uff"', '"modes.uff"'))
     with pytest.raises(FemtuneError) as caught:
-        steps.update(folder / "bad.toml", output=folder / "bad")
+        ft.update(folder / "bad.toml", output=folder / "bad")
     assert caught.value.code == "study.stage"
     assert "its test lacks FRFs" in str(caught.value)
 
@@ -109,7 +110,7 @@ def test_a_stage_without_anything_to_compare_is_refused_at_its_line(folder: Path
     text = (folder / "study.toml").read_text().replace('residuals = ["mass"]', 'residuals = ["shape"]', 1)
     (folder / "silent.toml").write_text(text.replace("shape_sd = 1e-3", ""))
     with pytest.raises(FemtuneError, match="stage left, mass: none of its configurations has data") as caught:
-        steps.update(folder / "silent.toml", output=folder / "silent")
+        ft.update(folder / "silent.toml", output=folder / "silent")
     assert caught.value.code == "study.stage"
     assert caught.value.where is not None
     assert caught.value.where.line == text.splitlines().index('residuals = ["shape"]') + 1
@@ -161,7 +162,7 @@ def test_a_catalogue_that_is_none_is_refused_at_its_line(folder: Path):
     text = (folder / "study.toml").read_text().replace('name = "eta"\n', 'name = "eta"\nprior = "study.toml"\n', 1)
     (folder / "wrong.toml").write_text(text)
     with pytest.raises(FemtuneError) as caught:
-        steps.update(folder / "wrong.toml", output=folder / "wrong")
+        ft.update(folder / "wrong.toml", output=folder / "wrong")
     assert caught.value.code == "catalogue.file"
     assert "it has 'study'" in str(caught.value)
 
@@ -175,7 +176,7 @@ def test_what_the_model_lacks_and_runs_that_differ_are_told(folder: Path):
     head, *stages = text.split("[[stage]]")
     few = stages[2].replace('"resonances"]', '"resonances"]\nmax_iterations = 1')
     (folder / "lacking.toml").write_text("[[stage]]".join([head, few, stages[3]]))
-    found = steps.update(folder / "lacking.toml", output=folder / "lacking").results
+    found = ft.update(folder / "lacking.toml", output=folder / "lacking").results
     alerts = {a.code: a for a in found.alerts}
     assert "joint, stiffness: its shape residuals are" in alerts["update.stage-misfit"].sentence
     assert "left, damping " in alerts["update.stage-unfinished"].sentence

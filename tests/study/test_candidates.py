@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
-from femtune.assembly.study import read_study
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.model import Configuration
-from femtune.results.step_results import CandidatesResult
-from femtune.study.candidates import CANDIDATES_FILE, Population
+from femtune.steps.candidates.result import CandidatesResult
+from femtune.steps.candidates.run import CANDIDATES_FILE, Population
+from femtune.study.study import read_study
 from femtune.updating.sensitivity_method import moving_parameters
 
 from .cantilever import EI, LABELS, TRUE, Bench, bounded, measured
@@ -65,7 +65,7 @@ def study(bench: Bench, more: str, parameters: str = THREE, sd: float = 0.002) -
 
 def refused(bench: Bench, more: str, parameters: str = THREE) -> FemtuneError:
     with pytest.raises(FemtuneError) as caught:
-        steps.candidates(study(bench, more, parameters))
+        ft.candidates(study(bench, more, parameters))
     return caught.value
 
 
@@ -75,12 +75,12 @@ def by_name(found: CandidatesResult) -> dict[str, object]:
 
 @pytest.mark.slow
 def test_listed_candidates(two: Bench) -> None:
-    found = steps.candidates(study(two, LISTED), report=two.folder / "page.html")
+    found = ft.candidates(study(two, LISTED), report=two.folder / "page.html")
     models = by_name(found)
     assert list(models) == ["initial values", "both", "as one"]
     both, one = models["both"], models["as one"]
     # as the update of the same parameters alone
-    alone = steps.update(study(two, "", EI), output=two.folder / "alone")
+    alone = ft.update(study(two, "", EI), output=two.folder / "alone")
     for name in ("root", "tip"):
         assert found.values["both"][name] == pytest.approx(alone.values[name], rel=1e-6)
     assert found.values["both"]["mass"] == 1.0
@@ -100,14 +100,14 @@ def test_listed_candidates(two: Bench) -> None:
 @pytest.mark.slow
 def test_predictions_of_configurations_left_out(two: Bench) -> None:
     """As updates of the other configuration alone, whose model is compared with the one left out."""
-    found = steps.candidates(study(two, LISTED))
+    found = ft.candidates(study(two, LISTED))
     both = by_name(found)["both"]
     assert [e.configuration for e in both.left_out] == ["empty", "loaded"]
     for entry in both.left_out:
         records = f'records = "{entry.configuration}"'
         text = CASES.replace(records, f'{records}\nuse = "validation"')
         path = two.study(f"{text}{EI}\n[residuals]\nfrequency_sd = 0.002\n", test=None)
-        run = steps.update(path, output=two.folder / entry.configuration)
+        run = ft.update(path, output=two.folder / entry.configuration)
         pairs = [
             p
             for c in run.results.correlations
@@ -121,12 +121,12 @@ def test_predictions_of_configurations_left_out(two: Bench) -> None:
 
 @pytest.mark.slow
 def test_all_and_nested_subsets(two: Bench) -> None:
-    every = steps.candidates(study(two, '[candidates]\nsubsets = "all"\nleave_one_out = false\n'))
+    every = ft.candidates(study(two, '[candidates]\nsubsets = "all"\nleave_one_out = false\n'))
     names = [c.name for c in every.record.candidates]
     assert names == ["initial values", "S1", "S2", "S3", "S1.2", "S1.3", "S2.3", "S1.2.3"]
     errors = {c.name: c.chi2 for c in every.record.candidates}
     assert max((c.log_evidence, c.name) for c in every.record.candidates)[1] == "S1.2"
-    grown = steps.candidates(study(two, '[candidates]\nsubsets = "nested"\nleave_one_out = false\n'))
+    grown = ft.candidates(study(two, '[candidates]\nsubsets = "nested"\nleave_one_out = false\n'))
     found = {c.name: c.chi2 for c in grown.record.candidates}
     first = min(("S1", "S2", "S3"), key=lambda name: errors[name])
     seconds = [n for n in found if n.count(".") == 1]
@@ -134,34 +134,34 @@ def test_all_and_nested_subsets(two: Bench) -> None:
     assert all(first[1] in n for n in seconds)
     assert all(found[n] == errors[n] for n in found)
     groups = '[candidates]\nsubsets = "all"\nalways = ["mass"]\ngroups = [["root", "tip"]]\n'
-    kept = steps.candidates(study(two, groups)).record.candidates
+    kept = ft.candidates(study(two, groups)).record.candidates
     assert [c.parameters for c in kept] == [(), ("mass", "root", "tip")]
 
 
 @pytest.mark.slow
 def test_an_interrupted_comparison_makes_no_run_twice(two: Bench) -> None:
     path = study(two, LISTED)
-    whole = steps.candidates(path)
+    whole = ft.candidates(path)
     file = path.parent / "run" / CANDIDATES_FILE
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
     # three whole models, and two configurations left out of each
     assert len(lines) == 1 + 3 + 6
     file.write_text("".join(lines[:5]) + lines[5][:20], encoding="utf-8")
-    again = steps.candidates(path)
+    again = ft.candidates(path)
     assert again.record == whole.record
     assert sorted(file.read_text(encoding="utf-8").splitlines(keepends=True)) == sorted(lines)
     # a candidate more is one run more and its predictions; another test begins anew
     more = LISTED + '\n[[candidate]]\nname = "root alone"\nparameters = ["root"]\n'
-    steps.candidates(study(two, more))
+    ft.candidates(study(two, more))
     assert len(file.read_text(encoding="utf-8").splitlines()) == len(lines) + 3
-    steps.candidates(study(two, LISTED, sd=0.004))
+    ft.candidates(study(two, LISTED, sd=0.004))
     assert len(file.read_text(encoding="utf-8").splitlines()) == len(lines)
 
 
 @pytest.mark.slow
 def test_a_candidate_that_is_interrupted_among_its_starts_keeps_them(two: Bench) -> None:
     path = study(two, LISTED + "\n[candidates]\nstarts = 3\nleave_one_out = false\n")
-    whole = steps.candidates(path)
+    whole = ft.candidates(path)
     file = path.parent / "run" / CANDIDATES_FILE
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
     # the key, the initial values, and three starts of two candidates
@@ -173,7 +173,7 @@ def test_a_candidate_that_is_interrupted_among_its_starts_keeps_them(two: Bench)
         if text == "updates of candidate models":
             made.append(done)
 
-    again = steps.candidates(path, progress=SimpleNamespace(step=tell))
+    again = ft.candidates(path, progress=SimpleNamespace(step=tell))
     assert again.record == whole.record
     # three of seven are known, and each of the others is told of
     assert made == [3, 4, 5, 6, 7]
@@ -183,10 +183,10 @@ def test_a_candidate_that_is_interrupted_among_its_starts_keeps_them(two: Bench)
 @pytest.mark.slow
 def test_several_starts_and_processes_give_the_same(two: Bench) -> None:
     asked = '[candidates]\nsubsets = "all"\nmost = 1\nstarts = 4\nleave_one_out = false\n'
-    one = steps.candidates(study(two, asked))
+    one = ft.candidates(study(two, asked))
     assert all(c.starts == 4 for c in one.record.candidates[1:])
     assert by_name(one)["S1"].starts_at_best == 4
-    many = steps.candidates(study(two, asked + '[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
+    many = ft.candidates(study(two, asked + '[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
     assert many.record == one.record
 
 
@@ -197,7 +197,7 @@ def test_combinations_that_the_data_leave_open(two: Bench) -> None:
     free = [bounded(name, field) for name, field in fields.items()]
     candidate = '[[candidate]]\nname = "E and rho"\nparameters = ["E", "rho"]\n'
     bare = CASES.partition('\n[[configuration]]\nname = "loaded"')[0]
-    found = steps.candidates(two.study("\n".join([bare, *free, candidate]), test=None))
+    found = ft.candidates(two.study("\n".join([bare, *free, candidate]), test=None))
     record = by_name(found)["E and rho"]
     assert (record.rank, len(record.undetermined), record.left_out) == (1, 1, ())
     shares = {s.parameter: s.coefficient for s in record.undetermined[0].shares}
@@ -219,23 +219,23 @@ ONE = '[[candidate]]\nname = "both"\nparameters = ["root", "tip"]\n[candidates]\
 @pytest.mark.slow
 def test_candidates_at_bounds_and_not_converged(two: Bench) -> None:
     narrow = EI.replace("upper = 2.0", "upper = 1.1")
-    found = steps.candidates(study(two, ONE + "[reduction]\n", narrow))
+    found = ft.candidates(study(two, ONE + "[reduction]\n", narrow))
     told(found, "candidates.at-bound")
     told(found, "candidates.full-model")
     assert [v.parameter for v in by_name(found)["both"].values if v.at_bound] == ["root"]
-    told(steps.candidates(study(two, ONE + "[update]\nmax_iterations = 1\n", EI)), "candidates.not-converged")
+    told(ft.candidates(study(two, ONE + "[update]\nmax_iterations = 1\n", EI)), "candidates.not-converged")
 
 
 @pytest.mark.slow
 def test_candidates_that_pair_other_modes_or_none(two: Bench) -> None:
     """Their ties make the model wrong or too soft from the beginning."""
     wrong = '[[candidate]]\nname = "wrong"\nparameters = ["mass"]\nties = { root = "-1*mass" }\n'
-    found = steps.candidates(study(two, ONE + wrong))
+    found = ft.candidates(study(two, ONE + wrong))
     told(found, "candidates.failed")
     assert by_name(found)["wrong"].values == ()
     assert found.distances.shape == (2, 2)
     other = '[[candidate]]\nname = "other"\nparameters = ["mass"]\nties = { root = "0.3*mass" }\n'
-    found = steps.candidates(study(two, ONE + other))
+    found = ft.candidates(study(two, ONE + other))
     told(found, "candidates.other-residuals")
     assert by_name(found)["other"].bic is None
 
@@ -248,7 +248,7 @@ def test_two_equally_good_optima(bench: Bench) -> None:
     bench.uff(measured(truth, LABELS[:6], configuration=held))
     clamped = '[[configuration]]\nname = "clamped"\ntest = "beam.uff"\nsupports_added = ["5:123456"]\n'
     more = "starts = 8\n[correlate]\nmac_gate = 0.2\n[residuals]\nfrequency_sd = 0.002\n"
-    found = steps.candidates(bench.study(f"{clamped}{EI}{ONE}{more}", test=None))
+    found = ft.candidates(bench.study(f"{clamped}{EI}{ONE}{more}", test=None))
     told(found, "candidates.not-unique")
     both = by_name(found)["both"]
     assert (both.starts, both.other_optima) == (8, 1)
@@ -297,8 +297,8 @@ SEARCHED = '[candidates]\nleave_one_out = false\nstarts = 3\nsearch = "genetic"\
 @pytest.mark.slow
 def test_starts_from_random_populations(two: Bench) -> None:
     """Every search ends in the valley of the minimum, which an update of the same parameters finds too."""
-    found = steps.candidates(study(two, LISTED + SEARCHED))
-    alone = steps.update(study(two, "", EI), output=two.folder / "alone")
+    found = ft.candidates(study(two, LISTED + SEARCHED))
+    alone = ft.update(study(two, "", EI), output=two.folder / "alone")
     both, one = (by_name(found)[name] for name in ("both", "as one"))
     assert found.values["both"] == pytest.approx({**alone.values, "mass": 1.0}, rel=1e-6)
     for model in (both, one):
@@ -323,10 +323,10 @@ def test_a_population_is_judged_by_the_residuals_of_the_update(two: Bench) -> No
 def test_another_search_begins_anew(two: Bench) -> None:
     small = SEARCHED.replace("= 10", "= 4").replace("= 5", "= 1").replace("starts = 3", "starts = 1")
     path = study(two, LISTED + small)
-    steps.candidates(path)
+    ft.candidates(path)
     file = path.parent / "run" / CANDIDATES_FILE
     first = file.read_text(encoding="utf-8").splitlines()
-    steps.candidates(study(two, LISTED + small.replace("generations = 1", "generations = 2")))
+    ft.candidates(study(two, LISTED + small.replace("generations = 1", "generations = 2")))
     second = file.read_text(encoding="utf-8").splitlines()
     assert len(first) == len(second)
     assert first[0] != second[0]

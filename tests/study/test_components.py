@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.reporting import build_report, html_text
-from femtune.results.step_results import RunResult
+from femtune.reporting.html import html_text
+from femtune.steps.report.build import build_report
+from femtune.steps.run.result import RunResult
+from femtune.study.study import load_study
 
 from .two_spans import TRUTH, write_spans
 
@@ -56,7 +57,7 @@ def _changed(spans: Path, tmp_path: Path, *pairs: tuple[str, str]) -> Path:
 
 @pytest.fixture(scope="module")
 def run(spans: Path) -> RunResult:
-    return steps.update(spans / "study.toml")
+    return ft.update(spans / "study.toml")
 
 
 @pytest.mark.slow
@@ -122,7 +123,7 @@ def test_an_update_without_stages_uses_the_components_too(spans: Path, tmp_path:
     pairs = [(stages, ""), *((e, "") for e in entries if any(f'name = "{n}"' in e for n in names))]
     mass = text[text.index("[[residual]]") : text.index("[[parameter]]")]
     path = _changed(spans, tmp_path, *pairs, (mass, ""))
-    found = steps.update(path).results.update
+    found = ft.update(path).results.update
     assert found is not None
     assert found.reduction is not None
     assert found.reduction.certified
@@ -182,7 +183,7 @@ def test_an_interface_of_nothing_cannot_be_fixed(spans: Path, tmp_path: Path) ->
 def test_components_without_connection_are_named(spans: Path, tmp_path: Path) -> None:
     path = _changed(spans, tmp_path, ('name = "whole"', 'name = "whole"\nelements_off = [9]'))
     with pytest.raises(FemtuneError) as caught:
-        steps.update(path)
+        ft.update(path)
     assert "component left " in str(caught.value)
     assert "configuration whole" in str(caught.value)
 
@@ -190,7 +191,7 @@ def test_components_without_connection_are_named(spans: Path, tmp_path: Path) ->
 @pytest.mark.slow
 def test_a_stage_that_is_not_certified_is_a_problem(spans: Path, tmp_path: Path) -> None:
     path = _changed(spans, tmp_path, ("tolerance = 1e-5", "tolerance = 1e-16\nfull_solutions = 4"))
-    found = steps.update(path)
+    found = ft.update(path)
     alerts = [a for a in found.results.alerts if a.code == "update.not-certified"]
     assert any(a.sentence.startswith("stage joint, stiffness: ") for a in alerts)
     assert {a.level for a in alerts} == {"problem"}

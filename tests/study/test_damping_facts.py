@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from femtune.assembly.study import load_study
-from femtune.reporting.document import Paragraph, Table
-from femtune.reporting.single_steps.model import damping_blocks
-from femtune.steps import info
+from femtune import info
+from femtune.document.document import Paragraph, Table
+from femtune.steps.info.terminal import damping_blocks
+from femtune.study.study import load_study
 
 DECK = """SOL 111
 CEND

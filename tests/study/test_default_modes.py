@@ -11,7 +11,7 @@ import pytest
 from tests.deck_models import model_of
 from tests.messages.shown import check_shown
 
-from femtune import steps
+import femtune as ft
 from femtune.model import solve_modes
 from femtune.model.eigen import default_count
 from femtune.model.eigen import solution as eigen_solution
@@ -59,9 +59,9 @@ def test_free_rigid_body_motions(tmp_path: Path, name: str) -> None:
 def test_a_deck_alone_has_ten_elastic_modes(tmp_path: Path) -> None:
     path = tmp_path / "free.bdf"
     path.write_text(HEAD.format("") + _chain() + "ENDDATA\n")
-    freq = steps.modes(path).freq_hz
+    freq = ft.modes(path).freq_hz
     assert (len(freq), int((freq > 1.0).sum())) == (16, 10)
-    assert len(steps.modes(path, count=10).freq_hz) == 10
+    assert len(ft.modes(path, count=10).freq_hz) == 10
 
 
 def test_a_number_and_a_frequency(tmp_path: Path) -> None:
@@ -77,7 +77,7 @@ def test_a_number_and_a_frequency(tmp_path: Path) -> None:
 def test_a_frequency_below_the_first_mode_is_told(tmp_path: Path) -> None:
     path = tmp_path / "clamped.bdf"
     path.write_text(HEAD.format("SPC = 1\n") + _chain(more=SUPPORTS["clamped"][0]) + "ENDDATA\n")
-    found = steps.modes(path, max_hz=0.01)[0]
+    found = ft.modes(path, max_hz=0.01)[0]
     (alert,) = [a for a in found.alerts if a.code == "eigen.none-below"]
     assert f"{found.freq_hz[0]:.4g} Hz" in alert.sentence
     check_shown("eigen.none-below", f"[{alert.code}] {alert.sentence}")
@@ -116,4 +116,4 @@ def _free_study(bench: Bench, count: int = 10) -> Path:
 
 @pytest.mark.parametrize("count", [4, 10, 14])
 def test_all_modes_of_a_free_structure_are_paired(bench: Bench, count: int) -> None:
-    assert len(steps.correlate(_free_study(bench, count)).pairs) == count
+    assert len(ft.correlate(_free_study(bench, count)).pairs) == count

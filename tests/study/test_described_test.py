@@ -8,8 +8,8 @@ import pytest
 from scipy.io import savemat
 
 import femtune as ft
-from femtune.assembly.study import load_study
 from femtune.files.uff import read_uff
+from femtune.study.study import load_study
 from femtune.testing import example_deck, example_test
 from femtune.units import SI
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.nastran import build_structure, read_deck
 from femtune.files.study_file import study_from_text
 from femtune.files.uff import write_uff_modes
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
 from structures.pressed_plate import NX, NY, TRUTH, plate
 
 from .cantilever import measured
@@ -69,7 +69,7 @@ def _folder(folder: Path, seed: int | None) -> Path:
 
 def _run(folder: Path, text: str = STUDY) -> RunResult:
     (folder / "study.toml").write_text(text)
-    return steps.run(folder / "study.toml")
+    return ft.run(folder / "study.toml")
 
 
 @pytest.mark.slow
@@ -124,7 +124,7 @@ def test_what_does_not_fit_is_refused(code: str, old: str, new: str, tmp_path: P
     (tmp_path / "plate.bdf").write_text(plate(varied=False))
     (tmp_path / "study.toml").write_text(text)
     with pytest.raises(FemtuneError) as caught:
-        steps.modes(study_from_text(text, tmp_path / "study.toml").path)
+        ft.modes(study_from_text(text, tmp_path / "study.toml").path)
     errors = caught.value.errors if isinstance(caught.value, FemtuneErrors) else (caught.value,)
     found = next(error for error in errors if error.code == code)
     check_shown(code, str(found).replace(str(tmp_path), "."))
@@ -135,7 +135,7 @@ def test_functions_without_a_value_are_refused(tmp_path: Path) -> None:
     text = STUDY.replace('[test]\nfile = "plate.uff"\n', "").replace('"1 - v**2"', '"sqrt(u)"')
     (tmp_path / "study.toml").write_text(text)
     with pytest.raises(FemtuneError, match="function 3 is not finite at element 1"):
-        steps.modes(tmp_path / "study.toml")
+        ft.modes(tmp_path / "study.toml")
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_bounds_within_which_a_thickness_is_negative_or_huge_are_refused(
     )
     (tmp_path / "study.toml").write_text(head + "".join(tables))
     with pytest.raises(FemtuneError) as caught:
-        steps.modes(tmp_path / "study.toml")
+        ft.modes(tmp_path / "study.toml")
     assert caught.value.code.startswith("distribution.range")
     assert said in str(caught.value)
     if bounds[3] == 0.5:
@@ -172,10 +172,10 @@ def test_the_bound_that_makes_a_thickness_positive_does(tmp_path: Path) -> None:
     text = STUDY.replace('[test]\nfile = "plate.uff"\n', "").replace("lower = -0.3", "lower = -0.5", 1)
     (tmp_path / "study.toml").write_text(text)
     with pytest.raises(FemtuneError, match="lower of thin1 above") as caught:
-        steps.modes(tmp_path / "study.toml")
+        ft.modes(tmp_path / "study.toml")
     limit = float(str(caught.value).rsplit("above ", 1)[1].split()[0])
     (tmp_path / "study.toml").write_text(text.replace("lower = -0.5", f"lower = {limit + 1e-3}"))
-    assert steps.modes(tmp_path / "study.toml").freq_hz[0] > 0.0
+    assert ft.modes(tmp_path / "study.toml").freq_hz[0] > 0.0
     (tmp_path / "study.toml").write_text(text.replace("lower = -0.5", f"lower = {limit - 1e-3}"))
     with pytest.raises(FemtuneError, match="in the deck"):
-        steps.modes(tmp_path / "study.toml")
+        ft.modes(tmp_path / "study.toml")

@@ -10,16 +10,17 @@ import pytest
 from tests.deck_models import model_of
 from tests.reporting.packed import unpacked
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError, Notice
 from femtune.model import damping_by_mode, solve_modes
 from femtune.model.response import frf, make_ports
-from femtune.reporting.single_steps import bootstrap_document, subject_of
-from femtune.reporting.source import ReportSource
-from femtune.reporting.view import view_of
 from femtune.residuals import state_at
-from femtune.results.step_results import RunResult
+from femtune.steps.info.terminal import subject_of
+from femtune.steps.report.view import view_of
+from femtune.steps.report_source import ReportSource
+from femtune.steps.run.result import RunResult
+from femtune.steps.validate.terminal import bootstrap_document
+from femtune.study.study import load_study
 
 from ..messages.shown import check_shown
 from .cantilever import CANTILEVER, EI, TRUE, Bench
@@ -53,7 +54,7 @@ EQUALISE = f"[equalise]\ndamping = 0.02\nband_hz = [{BAND[0]}, {BAND[1]}]\nlarge
 @pytest.mark.parametrize("more", ["", "\n[reduction]\n"])
 def test_stiffness_is_found_whatever_the_damping(bench: Bench, more: str) -> None:
     _measured(bench, 0.005)
-    run = steps.run(_study(bench, EQUALISE + more))
+    run = ft.run(_study(bench, EQUALISE + more))
     update = run.results.update
     assert update is not None
     assert update.ok
@@ -138,7 +139,7 @@ def test_magnitudes_are_shifted_against_noise_of_single_lines_only(bench: Bench,
 def test_bands_that_are_left_out_have_no_lines(bench: Bench) -> None:
     _measured(bench, 0.0)
     whole, part = (
-        steps.run(_study(bench, EQUALISE + more)).results.update for more in ("", "leave_out_hz = [[60.0, 240.0]]\n")
+        ft.run(_study(bench, EQUALISE + more)).results.update for more in ("", "leave_out_hz = [[60.0, 240.0]]\n")
     )
     assert whole is not None
     assert part is not None
@@ -151,7 +152,7 @@ def test_bands_that_are_left_out_have_no_lines(bench: Bench) -> None:
 def test_held_out_channels_are_compared_with_the_measured_damping(bench: Bench) -> None:
     _measured(bench, 0.0)
     more = 'leave_out_hz = [[60.0, 150.0]]\n[[hold_out]]\noutputs = ["4Y+"]\n[response]\nmodes = 12\n'
-    run = steps.run(_study(bench, EQUALISE + more))
+    run = ft.run(_study(bench, EQUALISE + more))
     (alert,) = [a for a in run.results.alerts if a.code == "residual.equalised"]
     assert "lines, without 60 to 150 Hz." in alert.sentence
     assert run.results.validation is not None
@@ -181,14 +182,14 @@ def test_held_out_channels_are_compared_with_the_measured_damping(bench: Bench) 
 def test_an_order_that_is_too_small(bench: Bench) -> None:
     _measured(bench, 0.005)
     with pytest.raises(FemtuneError) as caught:
-        steps.run(_study(bench, EQUALISE.replace("largest_order = 20", "largest_order = 4")))
+        ft.run(_study(bench, EQUALISE.replace("largest_order = 20", "largest_order = 4")))
     check_shown("system.equalise, no modes", str(caught.value).replace(str(bench.folder), "folder"))
 
 
 @pytest.mark.slow
 def test_a_poor_identification_is_told(bench: Bench) -> None:
     _measured(bench, 0.4)
-    run = steps.update(_study(bench, EQUALISE))
+    run = ft.update(_study(bench, EQUALISE))
     (alert,) = [a for a in run.results.alerts if a.code == "residual.equalised-poor"]
     assert alert.level == "warning"
     notice = Notice("residual.equalised-poor", configuration="free", misfit=23.4, modes=3, order=12)
@@ -200,12 +201,12 @@ def test_a_bootstrap_of_the_identified_test_has_the_spread_of_repeated_tests(ben
     repeated = []
     for seed in range(10):
         _measured(bench, 0.005, seed)
-        update = steps.update(_study(bench, EQUALISE), fresh=True).results.update
+        update = ft.update(_study(bench, EQUALISE), fresh=True).results.update
         assert update is not None
         repeated.append([p.value for p in update.parameters])
     table = "[bootstrap]\nruns = 100\nchecked = 1\n"
     study = _study(bench, EQUALISE + table)
-    run = steps.bootstrap(study)
+    run = ft.bootstrap(study)
     found = run.results.bootstrap
     assert found is not None
     assert found.identified
@@ -219,12 +220,12 @@ def test_a_bootstrap_of_the_identified_test_has_the_spread_of_repeated_tests(ben
     assert (ratio < 2.7).all(), ratio
     page = bootstrap_document(subject_of(study), run.results)
     assert "Frequency lines of the measured FRFs were drawn" in str(page)
-    again = steps.bootstrap(study)
+    again = ft.bootstrap(study)
     assert again.results.bootstrap is not None
     assert again.results.bootstrap.recalled == 100
     # other noise, other runs
     _measured(bench, 0.005, 11)
-    other = steps.bootstrap(_study(bench, EQUALISE + table))
+    other = ft.bootstrap(_study(bench, EQUALISE + table))
     assert other.results.bootstrap is not None
     assert other.results.bootstrap.recalled == 0
 
@@ -234,7 +235,7 @@ def test_a_bootstrap_of_the_identified_test_has_the_spread_of_repeated_tests(ben
 def test_entries_and_noise_of_the_identified_test(bench: Bench, method: str) -> None:
     _measured(bench, 0.005)
     both = [
-        steps.bootstrap(_study(bench, EQUALISE + f'[bootstrap]\nruns = 100\nchecked = 0\nmethod = "{how}"\n'))
+        ft.bootstrap(_study(bench, EQUALISE + f'[bootstrap]\nruns = 100\nchecked = 0\nmethod = "{how}"\n'))
         for how in (method, "lines")
     ]
     one, other = (run.results.bootstrap for run in both)
@@ -266,7 +267,7 @@ def test_entries_and_noise_of_the_identified_test(bench: Bench, method: str) -> 
 )
 def test_bands_have_a_lower_and_an_upper_end(bench: Bench, key: str, line: str) -> None:
     with pytest.raises(FemtuneError, match="the frequency band is empty") as caught:
-        steps.run(_study(bench, f"[equalise]\ndamping = 0.01\n{key}\n"))
+        ft.run(_study(bench, f"[equalise]\ndamping = 0.01\n{key}\n"))
     assert f"equalise.{line}" in str(caught.value)
 
 
@@ -274,14 +275,14 @@ def test_bands_have_a_lower_and_an_upper_end(bench: Bench, key: str, line: str) 
 def test_keys_that_do_not_go_with_it(bench: Bench) -> None:
     _measured(bench, 0.0)
     with pytest.raises(FemtuneError) as caught:
-        steps.run(_study(bench, EQUALISE, "ratio = 0.01"))
+        ft.run(_study(bench, EQUALISE, "ratio = 0.01"))
     check_shown("residual.equalised-keys", str(caught.value).replace(str(bench.folder), "folder"))
 
 
 @pytest.mark.parametrize("key", ["damping = 0.0", "damping = 0.6", "", "damping = 0.01\nlines = 0.0"])
 def test_keys_are_checked(bench: Bench, key: str) -> None:
     with pytest.raises(FemtuneError):
-        steps.run(_study(bench, f"[equalise]\n{key}\n"))
+        ft.run(_study(bench, f"[equalise]\n{key}\n"))
 
 
 def test_what_the_notice_says() -> None:

@@ -12,7 +12,6 @@ from click.testing import CliRunner
 from tests.messages.shown import check_shown
 
 import femtune as ft
-from femtune import steps
 from femtune.cli import main
 from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff
@@ -33,7 +32,7 @@ def few(bench: Bench) -> Bench:
 @pytest.mark.parametrize("method", ["serep", "dynamic", "mdre"])
 def test_modes_of_the_deck_itself_are_expanded_to_its_grid_points(few: Bench, method: str) -> None:
     study = few.study(f'{EI}[correlate]\nexpand = "{method}"\nexpand_noise = 1e-6\n')
-    found = steps.correlate(study)
+    found = ft.correlate(study)
     record = found[0].expansion
     assert record is not None
     assert record.method == method
@@ -56,7 +55,7 @@ def test_modes_of_the_deck_itself_are_expanded_to_its_grid_points(few: Bench, me
 
 def test_the_file_has_the_shapes_on_the_mesh_of_the_model(few: Bench) -> None:
     uff = few.folder / "expanded.uff"
-    found = steps.correlate(few.study(), expand="serep", uff=uff)
+    found = ft.correlate(few.study(), expand="serep", uff=uff)
     assert found.files == (uff,)
     test = read_uff(uff, units=SI).test
     assert test.modes is not None
@@ -72,7 +71,7 @@ def test_the_file_has_the_shapes_on_the_mesh_of_the_model(few: Bench) -> None:
 @pytest.mark.slow
 def test_a_run_keeps_shapes_of_both_versions_and_writes_the_last(beam: Bench) -> None:
     study = beam.study(f'{EI}[correlate]\nexpand = "dynamic"\n')
-    result = steps.run(study)
+    result = ft.run(study)
     stages = [c.stage for c in result.results.correlations if c.expansion is not None]
     assert stages == ["before", "after as written"]
     before, after = (c.expansion for c in result.results.correlations if c.expansion is not None)
@@ -90,10 +89,10 @@ def test_a_run_keeps_shapes_of_both_versions_and_writes_the_last(beam: Bench) ->
 
 
 def test_serep_takes_the_paired_modes_or_those_that_the_study_wants(beam: Bench) -> None:
-    paired = steps.correlate(beam.study(), expand="serep")[0].expansion
+    paired = ft.correlate(beam.study(), expand="serep")[0].expansion
     assert paired is not None
     assert paired.serep_modes == (1, 2, 3, 4)
-    more = steps.correlate(beam.study(f'{EI}[correlate]\nexpand = "serep"\nexpand_modes = 6\n'))[0].expansion
+    more = ft.correlate(beam.study(f'{EI}[correlate]\nexpand = "serep"\nexpand_modes = 6\n'))[0].expansion
     assert more is not None
     assert more.serep_modes == (1, 2, 3, 4, 5, 6)
     # eight sensors: six modes remain determined without one test node, of two sensors
@@ -102,7 +101,7 @@ def test_serep_takes_the_paired_modes_or_those_that_the_study_wants(beam: Bench)
 
 def test_modes_that_the_study_leaves_out_are_not_expanded(beam: Bench) -> None:
     tail = 'leave_out = [{ mode = "2", reason = "local" }]\n[correlate]\nexpand = "serep"\n'
-    record = steps.correlate(beam.study(f"{tail}{EI}"))[0].expansion
+    record = ft.correlate(beam.study(f"{tail}{EI}"))[0].expansion
     assert record is not None
     assert [m.test_label for m in record.modes] == ["1", "3", "4"]
 
@@ -128,7 +127,7 @@ def test_the_command_prints_the_errors_and_writes_the_file(few: Bench) -> None:
 )
 def test_bad_keys_are_errors_at_their_line(beam: Bench, key: str, code: str) -> None:
     with pytest.raises(FemtuneError) as error:
-        steps.correlate(beam.study(f"{EI}[correlate]\n{key}\n"))
+        ft.correlate(beam.study(f"{EI}[correlate]\n{key}\n"))
     assert error.value.code == code
     assert error.value.where is not None
     assert error.value.where.line is not None
@@ -136,14 +135,14 @@ def test_bad_keys_are_errors_at_their_line(beam: Bench, key: str, code: str) -> 
 
 def test_a_file_without_an_expansion_is_refused_before_anything_is_solved(beam: Bench, tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as error:
-        steps.correlate(beam.study(), uff=tmp_path / "expanded.uff")
+        ft.correlate(beam.study(), uff=tmp_path / "expanded.uff")
     assert error.value.code == "correlate.no-expansion"
     check_shown("correlate.no-expansion", str(error.value).replace(f"{tmp_path}/", ""))
     with pytest.raises(FemtuneError) as error:
-        steps.correlate(beam.study(), expand="guyan")
+        ft.correlate(beam.study(), expand="guyan")
     assert error.value.code == "study.value"
     with pytest.raises(FemtuneError) as error:
-        steps.correlate(beam.study(), expand="serep", uff=beam.folder / "beam.uff")
+        ft.correlate(beam.study(), expand="serep", uff=beam.folder / "beam.uff")
     assert error.value.code == "write.overwrites-input"
 
 
@@ -154,7 +153,7 @@ def test_a_reversed_sensor_is_the_one_that_lowers_the_mac(bench: Bench) -> None:
     shapes[test.modes.dofs.labels().index("3Z+")] *= -1.0
     bench.uff(replace(test, modes=replace(test.modes, shapes=shapes)))
     study = bench.study(EI)
-    found = steps.correlate(study)
+    found = ft.correlate(study)
     rows = {c.dof: c for c in found[0].contributions}
     best = max(rows.values(), key=lambda c: c.mac_change)
     assert best.dof == "3Z+"
@@ -170,9 +169,9 @@ def test_a_reversed_sensor_is_the_one_that_lowers_the_mac(bench: Bench) -> None:
 
 def test_a_file_that_cannot_be_written_is_an_alert_and_not_the_end_of_a_run(beam: Bench) -> None:
     study = beam.study(f'{EI}[correlate]\nexpand = "serep"\n')
-    assert "expanded.uff" in steps.update(study).files
+    assert "expanded.uff" in ft.update(study).files
     (beam.folder / "run" / "expanded.uff").write_text("not a Universal File")
-    result = steps.update(study)
+    result = ft.update(study)
     assert "expanded.uff" not in result.files
     assert [a.code for a in result.results.alerts if a.level == "problem"] == ["uff.cannot-write"]
     assert (result.folder / "expanded.uff").read_text() == "not a Universal File"

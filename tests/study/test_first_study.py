@@ -21,7 +21,7 @@ from femtune.cli import main
 from femtune.errors import FemtuneError, Where
 from femtune.fem.fields import FieldRef
 from femtune.files.study_file.json_schema import file_schema, schema_text
-from femtune.study.first_study.proposed_parameters import candidates
+from femtune.steps.init.proposed_parameters import candidates
 from femtune.testing import example_deck, example_test
 
 _DOCS = Path(__file__).resolve().parents[2] / "docs"

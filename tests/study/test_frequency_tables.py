@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from tests.deck_models import model_of
 from tests.messages.shown import check_shown
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
 from femtune.model import (
@@ -20,7 +20,7 @@ from femtune.model import (
     modes_at_own_frequency,
 )
 from femtune.model.response import complex_modes_at_own_frequency, frf, make_ports
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
 
 from .cantilever import CANTILEVER, LABELS, Bench, bounded
 
@@ -91,7 +91,7 @@ def told_of_first_table(found: RunResult) -> str:
 def test_poles_find_modulus_and_loss_factor(rubber: Bench):
     measured_modes(rubber)
     tail = f'{PARAMETERS}{TABLES}[[residual]]\nkind = "complex-eigenvalue"\nsd = 0.001\nmodes = ["1", "3"]\n'
-    found = steps.run(rubber.study(tail))
+    found = ft.run(rubber.study(tail))
     update = found.results.update
     assert update is not None
     assert update.ok
@@ -112,7 +112,7 @@ def test_direct_frfs_find_modulus_and_loss_factor(rubber: Bench):
     """The updated deck, read back, gives the measured FRFs with the same tables; [response] compares them."""
     measured_frfs(rubber)
     tail = '[[residual]]\nkind = "frf"\nmethod = "direct"\nsd = 0.01\n[response]\nmethod = "direct"\n'
-    found = steps.run(rubber.study(f"{PARAMETERS}{TABLES}{tail}", test="frfs.uff"))
+    found = ft.run(rubber.study(f"{PARAMETERS}{TABLES}{tail}", test="frfs.uff"))
     update = found.results.update
     assert update is not None
     assert update.ok
@@ -126,7 +126,7 @@ def test_direct_frfs_find_modulus_and_loss_factor(rubber: Bench):
 @pytest.mark.slow
 def test_modes_of_a_study_are_those_of_their_own_frequency(rubber: Bench):
     rubber.write("beam.bdf", DECK.replace(RUBBER, TRUE_RUBBER))
-    found = steps.modes(rubber.study(f"{PARAMETERS}{TABLES}", test=None))
+    found = ft.modes(rubber.study(f"{PARAMETERS}{TABLES}", test=None))
     expected = [m.freq_hz for m in modes_at_own_frequency(true_model(rubber).at(np.zeros(0)), 6)]
     assert list(found.freq_hz) == pytest.approx(expected, rel=1e-8)
 
@@ -137,7 +137,7 @@ def test_a_modulus_of_the_whole_beam(bench: Bench):
     deck = bench.folder / "beam.bdf"
     lines, factor = [0.0, 100.0, 1000.0, 5000.0], [0.7, 1.0, 1.4, 2.0]
     table = f'[[frequency_table]]\nfields = ["MAT1 1 E"]\nfreq_hz = {lines}\nfactor = {factor}\n'
-    found = steps.modes(bench.study(table, test=None)).freq_hz
+    found = ft.modes(bench.study(table, test=None)).freq_hz
     expected = [
         brentq(lambda f, plain=plain: f - plain * np.sqrt(np.interp(f, lines, factor)), 0.0, 1e5, xtol=1e-12)
         for plain in bench.modes(deck)
@@ -149,7 +149,7 @@ def test_a_modulus_of_the_whole_beam(bench: Bench):
 def test_a_table_holds_for_all_regions_of_a_field(bench: Bench):
     region = bounded("a", "PBAR 1 I1", 'elements = "1"\n')
     table = '[[frequency_table]]\nfields = ["PBAR 1 I1"]\nfreq_hz = [0.0, 100.0]\nfactor = [1.0, 2.0]\n'
-    found = [steps.modes(bench.study(text, test=None)).freq_hz for text in (table, region + table)]
+    found = [ft.modes(bench.study(text, test=None)).freq_hz for text in (table, region + table)]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-10)
     assert found[0][2] > 1.05 * bench.modes(bench.folder / "beam.bdf")[2]
 
@@ -173,7 +173,7 @@ BAD = {
 def test_bad_input(name: str, rubber: Bench):
     tail, code, word = BAD[name]
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(rubber.study(f"{PARAMETERS}{tail}", test=None))
+        ft.respond(rubber.study(f"{PARAMETERS}{tail}", test=None))
     assert code in str(caught.value)
     assert word in str(caught.value)
 
@@ -195,7 +195,7 @@ def test_shapes_are_expanded_with_the_stiffness_of_their_frequency(rubber: Bench
     rubber.uff(replace(test, modes=modes))
     expand = f'[correlate]\nexpand = "{method}"\nexpand_noise = 1e-6\n'
     tail = f"{PARAMETERS}{TABLES}[residuals]\nfrequency_sd = 0.01\n{expand}"
-    found = steps.run(rubber.study(tail))
+    found = ft.run(rubber.study(tail))
     record = found.results.correlations[0].expansion
     assert record is not None
     at_third = found.arrays[record.shapes_key][2, 1:3]
@@ -204,5 +204,5 @@ def test_shapes_are_expanded_with_the_stiffness_of_their_frequency(rubber: Bench
 
 
 def test_no_sturm_count_is_said_to_be_hidden(rubber: Bench):
-    found = steps.modes(rubber.study(f"{PARAMETERS}{TABLES}", test=None))[0]
+    found = ft.modes(rubber.study(f"{PARAMETERS}{TABLES}", test=None))[0]
     assert found.sturm_sentence == "not tested: the stiffness depends on frequency"

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.files.uff import write_uff_frfs
 from femtune.model import constant_damping
-from femtune.reporting.build import build_report
-from femtune.reporting.source import ReportSource
-from femtune.reporting.view import view_of
 from femtune.residuals import FrfResidual
 from femtune.residuals.frf.model_way import settled
+from femtune.steps.report.build import build_report
+from femtune.steps.report.view import view_of
+from femtune.steps.report_source import ReportSource
+from femtune.study.study import load_study
 
 from .cantilever import CANTILEVER, Bench
 from .damped_cantilever import DAMPED, LABELS, PARAMETERS, TRULY, TRUTH, functions, study_of
@@ -40,7 +40,7 @@ def test_stiffness_loss_factor_and_dashpot_are_found(bench: Bench, true_deck: Pa
         start = start.replace('fields = ["PBAR 1 I1"]\n', 'fields = ["PBAR 1 I1"]\nnominal = 1.29\n').replace(
             'fields = ["PBAR 2 I1"]\n', 'fields = ["PBAR 2 I1"]\nnominal = 0.853\n'
         )
-    run = steps.run(study_of(bench, text, start))
+    run = ft.run(study_of(bench, text, start))
     update = run.results.update
     assert update is not None
     assert update.ok
@@ -55,7 +55,7 @@ def test_stiffness_loss_factor_and_dashpot_are_found(bench: Bench, true_deck: Pa
 @pytest.mark.slow
 def test_noise_and_honest_standard_deviations(bench: Bench, true_deck: Path) -> None:
     bench.functions(functions(true_deck, 0.005))
-    update = steps.run(study_of(bench, 'kind = "frf"\nfloor = 0.005\ncount = 20')).results.update
+    update = ft.run(study_of(bench, 'kind = "frf"\nfloor = 0.005\ncount = 20')).results.update
     assert update is not None
     for parameter, truth in zip(update.parameters, TRUTH):
         assert parameter.sd is not None
@@ -80,7 +80,7 @@ def test_damping_in_the_resonance_regions_with_modes_and_functions_of_one_file(b
     bench.write("both.uff", (bench.folder / "both.uff").read_text() + text)
     residual = 'kind = "frf"\naround = "resonances"\naligned = true\nregion_ratio = 0.02\ncount = 20'
     only_damping = PARAMETERS[PARAMETERS.index('[[parameter]]\nname = "loss"') :]
-    run = steps.run(study_of(bench, residual, only_damping, "both.uff"))
+    run = ft.run(study_of(bench, residual, only_damping, "both.uff"))
     update = run.results.update
     assert update is not None
     assert update.parameters[0].value == pytest.approx(0.03, rel=0.1)
@@ -98,7 +98,7 @@ def test_modal_damping_is_found_and_told_where_the_deck_has_no_card_for_it(bench
     bench.functions(functions(bench.truth((), CANTILEVER), damping=constant_damping(0.02)))
     bench.write("beam.bdf", CANTILEVER)
     zeta = 'name = "zeta"\nfields = ["MODAL ZETA"]\nlower = 0.001\nupper = 0.2\nabsolute = true\nnominal = 0.005\n'
-    run = steps.run(bench.study(f'[[parameter]]\n{zeta}[[residual]]\nkind = "frf"\ncount = 20\n', test="frfs.uff"))
+    run = ft.run(bench.study(f'[[parameter]]\n{zeta}[[residual]]\nkind = "frf"\ncount = 20\n', test="frfs.uff"))
     assert run.results.update is not None
     assert run.results.update.parameters[0].value == pytest.approx(0.02, rel=1e-4)
     assert run.results.write_back is not None
@@ -110,7 +110,7 @@ def test_antiresonances_update_stiffness(bench: Bench, true_deck: Path) -> None:
     seen = ("2Y+", "3Y+", "4Y+", "5Y+")
     bench.functions(functions(true_deck, 0.0, ("3Y+", "5Y+"), seen))
     stiffness = PARAMETERS[: PARAMETERS.index('[[parameter]]\nname = "loss"')]
-    update = steps.run(study_of(bench, 'kind = "antiresonance"\ncount = 20', stiffness)).results.update
+    update = ft.run(study_of(bench, 'kind = "antiresonance"\ncount = 20', stiffness)).results.update
     assert update is not None
     assert update.ok
     assert [p.value for p in update.parameters] == pytest.approx(TRUTH[:2], rel=0.02)
@@ -120,7 +120,7 @@ def test_antiresonances_update_stiffness(bench: Bench, true_deck: Path) -> None:
 @pytest.mark.slow
 def test_a_channel_that_does_not_couple_is_named_in_the_alerts(bench: Bench, true_deck: Path) -> None:
     bench.functions(functions(true_deck, 1e-4, ("5Y+",)))
-    run = steps.run(study_of(bench, 'kind = "frf"\ncount = 20'))
+    run = ft.run(study_of(bench, 'kind = "frf"\ncount = 20'))
     (alert,) = [a for a in run.results.alerts if a.code == "residual.silent-frf"]
     assert alert.sentence.endswith(": 5Z+ / 5Y+")
 
@@ -168,7 +168,7 @@ def test_functions_on_reduced_models(bench: Bench, true_deck: Path) -> None:
     bench.functions(functions(true_deck, 0.002))
     ends = []
     for table in ("", "\n[reduction]\n"):
-        run = steps.run(study_of(bench, f'kind = "frf"\nfloor = 0.002\n{table}'))
+        run = ft.run(study_of(bench, f'kind = "frf"\nfloor = 0.002\n{table}'))
         assert run.results.update is not None
         ends.append((run, run.results.update))
     (_, full), (run, reduced) = ends

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.model.response import TIMES_HIGHEST_LINE
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
 
 from ..messages.shown import check_shown
 from .cantilever import Bench
@@ -19,7 +19,7 @@ from .fine_cantilever import HIGHEST, TRUTH, measure
 def run_with(bench: Bench, residual: str, modes: str = "") -> RunResult:
     path = bench.study(f'{bench.parameters}\n[[residual]]\nkind = "frf"\n{residual}\n', test="frfs.uff")
     text = path.read_text().replace("[modes]\ncount = 6\n", modes)
-    return steps.run(bench.write("study.toml", text))
+    return ft.run(bench.write("study.toml", text))
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.results.step_results import RunResult
-from femtune.results.validation import ValidationVerdict
+from femtune.steps.run.result import RunResult
+from femtune.steps.validate.record.validation import ValidationVerdict
+from femtune.study.study import load_study
 
 from ..messages.shown import check_shown
 from .cantilever import Bench
@@ -63,7 +63,7 @@ def test_deviations_of_both_sets_before_and_after(with_frfs: Bench) -> None:
     """δ of the validation set by the FRFs in the results; sums weighted by the lines."""
     hold = '\n[[hold_out]]\noutputs = ["12Y+"]\n'
     path = with_frfs.study(with_frfs.parameters + RESIDUAL + hold, test="frfs.uff")
-    run = steps.update(path)
+    run = ft.update(path)
     assert run.results.validation is not None
     found = run.results.validation.deviations
     assert found is not None
@@ -95,7 +95,7 @@ def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
     hold = '\n[[hold_out]]\noutputs = ["12Y+"]\n'
     limits = LIMITS.replace("fdac = 0.95\n", "")
     path = with_frfs.study(with_frfs.parameters + RESIDUAL + hold + limits, test="frfs.uff")
-    run = steps.run(path)
+    run = ft.run(path)
     found = run.results.validation
     assert found is not None
     assert run.results.update is not None
@@ -115,7 +115,7 @@ def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
     (alert,) = [a for a in run.results.alerts if a.code == "update.frfs-alone"]
     assert "modal damping" in alert.sentence
     assert "forced response" not in alert.sentence
-    page = Path(steps.report(run.folder)).read_text()
+    page = Path(ft.report(run.folder)).read_text()
     assert "Measured FRFs that the update did not use" in page
     assert "Measured FRFs of as the deck that the update did not use, and those of the updated model" in page
     (curves,) = found.curves
@@ -127,7 +127,7 @@ def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
 
 @pytest.mark.slow
 def test_without_held_out_frfs_nothing_is_tested_and_the_results_say_so(with_frfs: Bench) -> None:
-    run = steps.run(with_frfs.study(with_frfs.parameters + RESIDUAL + LIMITS, test="frfs.uff"))
+    run = ft.run(with_frfs.study(with_frfs.parameters + RESIDUAL + LIMITS, test="frfs.uff"))
     verdicts = by_criterion(run)
     assert {v.verdict for v in verdicts.values()} == {"not tested"}
     assert "the update used all FRFs" in verdicts["FRAC"].remark
@@ -147,7 +147,7 @@ def test_a_modified_structure(with_frfs: Bench, stated: float, outcome: str) -> 
     write_functions(with_frfs, heavy, LINES, "heavy.uff", OUTPUTS)
     tail = CONFIGURED.format(node=12, mass=stated) + with_frfs.parameters
     tail += RESIDUAL + 'configuration = "as built"\n' + LIMITS
-    run = steps.run(with_frfs.study(tail, test=None))
+    run = ft.run(with_frfs.study(tail, test=None))
     verdicts = by_criterion(run, "with mass")
     assert {v.data for v in verdicts.values()} == {"modified structure"}
     assert len(verdicts) == 5
@@ -192,6 +192,6 @@ def test_a_band_without_measured_lines_is_reported_before_the_update(
     monkeypatch.chdir(with_frfs.folder)
     with_frfs.study(f"{with_frfs.parameters}{RESIDUAL}{LIMITS}frf_from_hz = 500.0\n", test="frfs.uff")
     with pytest.raises(FemtuneError) as caught:
-        steps.run(Path("study.toml"), output=tmp_path / "run")
+        ft.run(Path("study.toml"), output=tmp_path / "run")
     check_shown("response.no-lines, validation", caught.value)
     assert not (tmp_path / "run" / "history.jsonl").exists()

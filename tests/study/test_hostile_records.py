@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
 
+from femtune import identify
 from femtune.errors import FemtuneError
-from femtune.steps import identify
 
 NOISE = np.random.default_rng(3).normal(size=(2000, 2))
 ASKED = {"band_hz": (1.0, 10.0), "largest_order": 8, "sampling_hz": 50.0, "methods": ("SSI-cov",)}

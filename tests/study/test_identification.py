@@ -12,6 +12,7 @@ from tests.messages.shown import check_shown
 from tests.reporting.packed import unpacked
 from tests.reporting.page_scripts import without_own_scripts
 
+from femtune import identify
 from femtune.cli import main
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
@@ -20,8 +21,7 @@ from femtune.files.uff import read_uff, write_uff_frfs
 from femtune.identification import operational
 from femtune.modal import StateSpace
 from femtune.modal.shape_criteria import mac
-from femtune.reporting.identification import build_identification_page
-from femtune.steps import identify
+from femtune.steps.identify.page import build_identification_page
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 from structures.laboratory import (

@@ -10,7 +10,7 @@ import pytest
 from femtune.dofs import DofSet
 from femtune.modal import FrfSet, ModeSet
 from femtune.modal.frf_set import KINDS
-from femtune.results.identified_frfs import identified_frfs
+from femtune.steps.respond.identified_frfs import identified_frfs
 
 HZ, ZETA = np.array([12.0, 30.0, 31.0]), np.array([0.01, 0.02, 0.005])
 SHAPES = np.array([[1.0, 0.4, -0.3], [0.7, -0.9, 0.8]])

@@ -9,7 +9,7 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 
-from femtune import steps
+import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.files.nastran import build_structure, read_deck
@@ -24,9 +24,9 @@ from .matrix_chain import LOWER, TESTED, UPPER, chain, hertz, written
 
 def test_modes_and_info(tmp_path: Path) -> None:
     study = written(tmp_path, "")
-    (found,) = steps.modes(study)
+    (found,) = ft.modes(study)
     np.testing.assert_allclose(found.freq_hz, hertz(chain(LOWER + UPPER)), rtol=1e-9)
-    facts = steps.info(study).record
+    facts = ft.info(study).record
     assert {"matrices.compared", "matrices.read"} <= {n.code for n in facts.notices}
     assert facts.configurations[0].rigid_body_check.verdict == "not tested"
     assert facts.configurations[0].free_dofs == 5
@@ -35,7 +35,7 @@ def test_modes_and_info(tmp_path: Path) -> None:
 def test_supports_inside_the_matrices_and_damping_are_told(tmp_path: Path) -> None:
     (tmp_path / "mesh.inp").write_text("*NODE\n" + "".join(f"{10 * (i + 1)}, {i}., 0., 0.\n" for i in range(5)))
     damping = '[[matrix]]\nname = "RUBBER"\nkind = "viscous"\nfile = "lower.mtx"\nfactor = 1e-3\n'
-    facts = steps.info(written(tmp_path, damping, model='grid = "mesh.inp"')).record
+    facts = ft.info(written(tmp_path, damping, model='grid = "mesh.inp"')).record
     check = facts.configurations[0].rigid_body_check
     assert check.verdict == "not tested"
     assert "constrained degrees of freedom were removed" in check.sentence
@@ -45,7 +45,7 @@ def test_supports_inside_the_matrices_and_damping_are_told(tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_update_and_report(tmp_path: Path) -> None:
-    run = steps.run(written(tmp_path))
+    run = ft.run(written(tmp_path))
     update = run.results.update
     assert update is not None
     found = {p.name: p.value for p in update.parameters}
@@ -65,7 +65,7 @@ def test_update_and_report(tmp_path: Path) -> None:
 
 def refusal(study: Path, step: str = "info") -> FemtuneError:
     with pytest.raises(FemtuneError) as error:
-        getattr(steps, step)(study)
+        getattr(ft, step)(study)
     return error.value
 
 
@@ -78,7 +78,7 @@ def test_other_modes_are_refused_on_import(tmp_path: Path) -> None:
 
 
 def test_without_a_list_a_warning_stays(tmp_path: Path) -> None:
-    facts = steps.info(written(tmp_path, "", listed=[])).record
+    facts = ft.info(written(tmp_path, "", listed=[])).record
     assert {n.level for n in facts.notices if n.code == "matrices.not-compared"} == {"warning"}
 
 
@@ -88,7 +88,7 @@ def test_sensors_need_coordinates_or_numbers(tmp_path: Path) -> None:
     assert "by_id = true" in error.hint
     (tmp_path / "mesh.inp").write_text("*NODE\n" + "".join(f"{10 * (i + 1)}, {i}., 0., 0.\n" for i in range(5)))
     study = written(tmp_path, TESTED.replace("by_id = true", ""), model='grid = "mesh.inp"')
-    (found,) = steps.correlate(study)
+    (found,) = ft.correlate(study)
     assert found.pairs
 
 
@@ -147,7 +147,7 @@ HEAVY = "DMIG,HEAVY,0,6,1,0\nDMIG,HEAVY,3,0,,3,0,3."
 
 def frequencies(folder: Path, text: str) -> np.ndarray:
     (folder / "deck.bdf").write_text(text)
-    return np.array(steps.modes(folder / "deck.bdf")[0].freq_hz)
+    return np.array(ft.modes(folder / "deck.bdf")[0].freq_hz)
 
 
 def test_matrices_that_case_control_adds_are_those_of_elements(tmp_path: Path) -> None:
@@ -203,13 +203,13 @@ def test_the_factor_of_a_matrix_of_a_deck_is_updated_and_told(tmp_path: Path) ->
     (tmp_path / "deck.bdf").write_text(GRIDS.format(factor=2.5))
     (tmp_path / "true.bdf").write_text(GRIDS.format(factor=3.0))
     sensors = DofSet.parse(["1X+", "2X+", "3X+"])
-    modes = steps.modes(tmp_path / "true.bdf").mode_sets["as the deck"].select_dofs(sensors)
+    modes = ft.modes(tmp_path / "true.bdf").mode_sets["as the deck"].select_dofs(sensors)
     write_uff_modes(tmp_path / "chain.uff", ModalTest("chain", SI, modes=modes))
     (tmp_path / "study.toml").write_text(
         '[study]\ntitle = "x"\nunits = "m-kg-s"\ndeck = "deck.bdf"\n[modes]\ncount = 3\n'
         '[[parameter]]\nname = "k"\nfields = ["MATRIX STIFF"]\nlower = 0.5\nupper = 2.0\n' + TESTED
     )
-    run = steps.run(tmp_path / "study.toml")
+    run = ft.run(tmp_path / "study.toml")
     assert run.results.update is not None
     assert run.results.update.parameters[0].value == pytest.approx(1.2, rel=1e-6)
     assert run.results.write_back is not None

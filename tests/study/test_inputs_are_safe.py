@@ -15,8 +15,6 @@ from click.testing import CliRunner
 from pydantic import BaseModel
 
 import femtune as ft
-from femtune.assembly.inputs import check_outputs, named_inputs
-from femtune.assembly.study import read_study
 from femtune.cli import main
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.identification_file import IdentifyFile
@@ -26,8 +24,10 @@ from femtune.files.study_file.named_files import FileKey, files_named
 from femtune.files.study_file.reading import study_from_text
 from femtune.journal.owner import owner_of
 from femtune.journal.run_files import OWNER_FILE, RUN_FILES, UPDATES, made_by
-from femtune.results.provenance import inputs_of
-from femtune.study.run_folder import held
+from femtune.steps.held_folder import held
+from femtune.study.inputs import check_outputs, named_inputs
+from femtune.study.provenance import inputs_of
+from femtune.study.study import read_study
 from femtune.testing import example_deck, example_test
 
 HEAD = '[study]\ntitle = "{title}"\ndeck = "d.bdf"\nunits = "m-kg-s"\n'

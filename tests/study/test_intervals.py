@@ -11,13 +11,14 @@ import pytest
 from rich.console import Console
 from tests.messages.shown import check_shown
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.files.deviations import deviations_text
-from femtune.reporting import build_report, print_terminal
 from femtune.reporting.html import html_text
-from femtune.results.alerts import alerts_of
+from femtune.reporting.terminal import print_terminal
+from femtune.steps.report.build import build_report
+from femtune.steps.run.alerts import alerts_of
+from femtune.study.study import load_study
 from femtune.testdata import ModalTest
 
 from .cantilever import Bench
@@ -36,7 +37,7 @@ def test_weak_data_give_positive_intervals_within_the_bounds(beam: Bench) -> Non
     """With frequencies of 30 % the linear interval of a second moment of area would reach below zero."""
     tail = beam.parameters.replace("lower = 0.5", "lower = 0.05").replace("upper = 2.0", "upper = 4.0")
     tail += '[[derived]]\nname = "depth"\nexpression = "root**(1/3)"\n[residuals]\nfrequency_sd = 0.8\n'
-    run = steps.update(beam.study(tail))
+    run = ft.update(beam.study(tail))
     update = run.results.update
     assert update is not None
     for p in update.parameters:
@@ -61,7 +62,7 @@ def test_weak_data_give_positive_intervals_within_the_bounds(beam: Bench) -> Non
 @pytest.mark.slow
 def test_factors_are_shown_with_the_values_of_their_fields(beam: Bench) -> None:
     """Report, terminal, results and rows have initial value, unit, updated value and interval of every field."""
-    run = steps.update(beam.study(beam.parameters + "[residuals]\nfrequency_sd = 0.01\n"))
+    run = ft.update(beam.study(beam.parameters + "[residuals]\nfrequency_sd = 0.01\n"))
     update = run.results.update
     assert update is not None
     root = update.parameters[0]
@@ -83,7 +84,7 @@ def test_factors_are_shown_with_the_values_of_their_fields(beam: Bench) -> None:
 @pytest.mark.slow
 def test_values_that_are_no_factors_are_not_shown_twice(beam: Bench) -> None:
     tail = '[[parameter]]\nname = "I"\nfields = ["PBAR 1 I1"]\nabsolute = true\nlower = 1e-7\nupper = 4e-7\n'
-    run = steps.update(beam.study(tail))
+    run = ft.update(beam.study(tail))
     assert run.results.update is not None
     assert run.results.update.parameters[0].physical == ()
 
@@ -105,7 +106,7 @@ def test_deviations_of_a_file_weigh_frequencies_and_shapes(beam: Bench) -> None:
     with_deviations(beam)
     head = '[test]\nfile = "beam.uff"\ndeviations = "deviations.json"\n'
     tail = head + beam.parameters + '[[residual]]\nkind = "frequency"\nsd = "test"\n' + SHAPES
-    run = steps.update(beam.study(tail, test=None))
+    run = ft.update(beam.study(tail, test=None))
     update = run.results.update
     assert update is not None
     counts = {c.kind: c for c in update.residual_counts}
@@ -116,11 +117,11 @@ def test_deviations_of_a_file_weigh_frequencies_and_shapes(beam: Bench) -> None:
     assert said in html_text(build_report(run.results, run.arrays))
     assert any(f.path == "deviations.json" for f in run.results.provenance.input_files)
     short = head + beam.parameters + '[residuals]\nfrequency_sd = "test"\nshape_sd = "test"\n'
-    again = steps.update(beam.study(short, test=None)).results.update
+    again = ft.update(beam.study(short, test=None)).results.update
     assert again is not None
     assert again.parameters[0].sd == pytest.approx(update.parameters[0].sd, rel=1e-6)
     stated = head + beam.parameters + "[residuals]\nfrequency_sd = 0.001\n"
-    other = steps.update(beam.study(stated, test=None)).results.update
+    other = ft.update(beam.study(stated, test=None)).results.update
     assert other is not None
     assert not any(c.sd_of_test for c in other.residual_counts)
     # the shapes add information
@@ -129,7 +130,7 @@ def test_deviations_of_a_file_weigh_frequencies_and_shapes(beam: Bench) -> None:
 
 def test_shapes_need_deviations_from_somewhere(beam: Bench) -> None:
     with pytest.raises(FemtuneError) as error:
-        steps.update(beam.study(beam.parameters + SHAPES))
+        ft.update(beam.study(beam.parameters + SHAPES))
     assert error.value.code == "residual.no-scatter"
     assert "shapes" in error.value.what
 
@@ -153,7 +154,7 @@ def test_check_names_modes_whose_deviations_the_test_does_not_give(
     """The table gives mode 1 the deviations of its frequency and of two entries, mode 2 that of its frequency only."""
     (beam.folder / "sd.csv").write_text("mode,dof,sigma\n1,frequency,0.01\n2,frequency,0.01\n1,2Z+,0.01\n1,3Z+,0.01\n")
     text = '[test]\nfile = "beam.uff"\ndeviations = "sd.csv"\n'
-    found = steps.check(beam.study(text + residuals + beam.parameters, test=None)).record
+    found = ft.check(beam.study(text + residuals + beam.parameters, test=None)).record
     told = [p.message for p in found.problems if p.code == "residual.no-scatter"]
     assert len(told) == len(modes)
     assert all(some in message for some, message in zip(modes, told))
@@ -170,5 +171,5 @@ def test_check_names_modes_whose_deviations_the_test_does_not_give(
 )
 def test_other_words_are_refused(beam: Bench, text: str, code: str) -> None:
     with pytest.raises(FemtuneError) as error:
-        steps.update(beam.study(beam.parameters + text))
+        ft.update(beam.study(beam.parameters + text))
     assert error.value.code == code

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.journal import entry as journal_entry
 from femtune.journal import journal
 from femtune.residuals import direct
-from femtune.results.folder import read_results
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
+from femtune.steps.run_folder import read_results
 
 from .cantilever import Bench
 
@@ -91,11 +91,11 @@ def replace_in(path: Path, old: str, new: str) -> None:
 
 def test_a_second_run_solves_nothing_and_finds_the_same(beam: Bench, solved: Solved) -> None:
     study = beam.study()
-    first = steps.update(study)
+    first = ft.update(study)
     assert counts(first) == (solved.total, 0)
     assert solved.derivatives > 3
     total = solved.total
-    second = steps.update(study)
+    second = ft.update(study)
     assert solved.total == total
     assert counts(second) == (0, total)
     same(first, second)
@@ -106,9 +106,9 @@ def test_a_second_run_solves_nothing_and_finds_the_same(beam: Bench, solved: Sol
 @pytest.mark.slow
 def test_a_journal_changes_no_result(beam: Bench) -> None:
     study = beam.study()
-    first = steps.update(study)
+    first = ft.update(study)
     replace_in(study, "[modes]", "journal = false\n[modes]")
-    second = steps.update(study, output=beam.folder / "other")
+    second = ft.update(study, output=beam.folder / "other")
     assert second.results.journal is None
     assert not (second.folder / "journal").exists()
     same(first, second)
@@ -117,13 +117,13 @@ def test_a_journal_changes_no_result(beam: Bench) -> None:
 @pytest.mark.slow
 def test_fresh_solves_all_again_and_empties_the_journal(beam: Bench, solved: Solved) -> None:
     study = beam.study()
-    steps.update(study)
+    ft.update(study)
     total = solved.total
     old = beam.folder / "run/journal/modes-of-another-deck.npz"
     old.touch()
     own = beam.folder / "run/journal/notes.txt"
     own.touch()
-    assert counts(steps.update(study, fresh=True)) == (total, 0)
+    assert counts(ft.update(study, fresh=True)) == (total, 0)
     assert solved.total == 2 * total
     assert not old.exists()
     assert own.exists()
@@ -132,28 +132,28 @@ def test_fresh_solves_all_again_and_empties_the_journal(beam: Bench, solved: Sol
 @pytest.mark.slow
 def test_other_weights_share_the_points_of_the_way_that_are_the_same(beam: Bench, solved: Solved) -> None:
     study = beam.study()
-    steps.update(study)
+    ft.update(study)
     solved.points.clear()
     replace_in(
         study, "[modes]", "[residuals]\nfrequency_sd = 0.02\nshape_sd = 0.05\n[correlate]\nmac_gate = 0.6\n[modes]"
     )
-    assert counts(steps.update(study))[1] > 4
+    assert counts(ft.update(study))[1] > 4
     assert (0.0, 0.0) not in solved.points
 
 
 @pytest.mark.slow
 def test_bounds_do_not_matter_to_solutions_and_the_start_does(beam: Bench, solved: Solved) -> None:
     study = beam.study()
-    steps.update(study)
+    ft.update(study)
     solved.points.clear()
     replace_in(study, "upper = 2.0", "upper = 1.2")
-    bounded = steps.update(study).results.update
+    bounded = ft.update(study).results.update
     assert bounded is not None
     assert {p.name: p.value for p in bounded.parameters}["root"] <= 1.2
     assert (0.0, 0.0) not in solved.points
     solved.points.clear()
     replace_in(study, "upper = 1.2", "upper = 2.0\nnominal = 1.1")
-    steps.update(study)
+    ft.update(study)
     assert (0.0, 0.0) in solved.points
 
 
@@ -174,27 +174,27 @@ def test_another_model_is_solved(beam: Bench, solved: Solved, name: str, old: st
     study = beam.study(test=None, tail="")
     tail = f'test = "beam.uff"\n{beam.parameters}'
     study.write_text(study.read_text() + f'[[configuration]]\nname = "B"\n{tail}')
-    steps.update(study)
+    ft.update(study)
     solved.points.clear()
     replace_in(beam.folder / name, old, new)
-    changed = steps.modes(study)
+    changed = ft.modes(study)
     assert len(solved.points) == 1
-    assert steps.modes(study, fresh=True).records == changed.records
+    assert ft.modes(study, fresh=True).records == changed.records
 
 
 @pytest.mark.slow
 def test_another_parameter_shares_the_modes_and_not_their_derivatives(beam: Bench, solved: Solved) -> None:
     study = beam.study()
-    steps.select(study)
-    before = steps.update(study)
+    ft.select(study)
+    before = ft.update(study)
     solved.points.clear()
     solved.derivatives = 0
     replace_in(study, "PBAR 2 I1", "PBAR 2 I2")
-    found = steps.select(study).record
+    found = ft.select(study).record
     assert not solved.points
     assert solved.derivatives > 0
     # another choice of parameters adds the same matrices up in another order: the last bits differ
-    close(found.model_dump(), steps.select(study, fresh=True).record.model_dump())
+    close(found.model_dump(), ft.select(study, fresh=True).record.model_dump())
     assert found != before.results.selection
 
 
@@ -202,7 +202,7 @@ def test_another_parameter_shares_the_modes_and_not_their_derivatives(beam: Benc
 @pytest.mark.parametrize("step", ["modes", "correlate", "select"])
 def test_other_steps_look_up_and_write_nothing(beam: Bench, solved: Solved, step: str) -> None:
     study = beam.study()
-    function = getattr(steps, step)
+    function = getattr(ft, step)
 
     def records(**options: bool) -> Any:
         found = function(study, **options)
@@ -210,7 +210,7 @@ def test_other_steps_look_up_and_write_nothing(beam: Bench, solved: Solved, step
 
     alone = records()
     assert not (beam.folder / "run").exists()
-    folder = steps.update(study).folder / "journal"
+    folder = ft.update(study).folder / "journal"
     kept, total = sorted(folder.iterdir()), solved.total
     remarks = [str(remark) for remark in function(study).remarks]
     assert records() == alone
@@ -226,7 +226,7 @@ def test_other_steps_look_up_and_write_nothing(beam: Bench, solved: Solved, step
 @pytest.mark.slow
 def test_the_disk_is_full(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     study, write = beam.study(), journal_entry.write_whole_by
-    whole = steps.update(study, output=beam.folder / "whole")
+    whole = ft.update(study, output=beam.folder / "whole")
     left = 5
 
     def full(*given: Any) -> None:
@@ -237,7 +237,7 @@ def test_the_disk_is_full(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
         write(*given)
 
     monkeypatch.setattr(journal_entry, "write_whole_by", full)
-    run = steps.update(study)
+    run = ft.update(study)
     assert codes(run) == ["journal.unwritable"]
     assert len(list((run.folder / "journal").iterdir())) == 5
     assert left == -1
@@ -248,11 +248,11 @@ def test_the_disk_is_full(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_journal_stops_at_its_size(beam: Bench) -> None:
     study = beam.study()
     replace_in(study, "[modes]", "journal_gib = 2e-5\n[modes]")
-    run = steps.update(study)
+    run = ft.update(study)
     assert codes(run) == ["journal.full"]
     size = sum(p.stat().st_size for p in (run.folder / "journal").iterdir())
     assert 0 < size <= 2e-5 * 2**30
-    again = steps.update(study)
+    again = ft.update(study)
     assert codes(again) == ["journal.full"]
     assert 0 < counts(again)[1] < sum(counts(again))
     same(run, again)
@@ -263,7 +263,7 @@ def test_a_journal_that_leads_elsewhere_is_not_written(beam: Bench) -> None:
     (beam.folder / "elsewhere").mkdir()
     (beam.folder / "run").mkdir()
     (beam.folder / "run/journal").symlink_to(beam.folder / "elsewhere", target_is_directory=True)
-    assert codes(steps.update(beam.study())) == ["journal.unwritable"]
+    assert codes(ft.update(beam.study())) == ["journal.unwritable"]
     assert not list((beam.folder / "elsewhere").iterdir())
 
 
@@ -275,14 +275,14 @@ def test_what_is_half_written_is_swept_away(beam: Bench, fresh: bool) -> None:
     half = folder / ".modes-0123.npz.abcd"
     half.write_bytes(b"PK")
     (folder / "a-folder.npz").mkdir()
-    assert not codes(steps.update(beam.study(), fresh=fresh))
+    assert not codes(ft.update(beam.study(), fresh=fresh))
     assert not half.exists()
 
 
 @pytest.mark.slow
 def test_a_damaged_entry_is_solved_again_and_replaced(beam: Bench, solved: Solved) -> None:
     study = beam.study()
-    first = steps.update(study)
+    first = ft.update(study)
     total = solved.total
     entries = sorted((first.folder / "journal").glob("modes-*.npz"))
     contents = [p.read_bytes() for p in entries]
@@ -290,13 +290,13 @@ def test_a_damaged_entry_is_solved_again_and_replaced(beam: Bench, solved: Solve
     entries[1].write_bytes(contents[2])
     entries[2].unlink()
     entries[2].symlink_to(entries[3])
-    second = steps.update(study)
+    second = ft.update(study)
     assert solved.total == total + 3
     assert codes(second) == ["journal.damaged"]
     same(first, second)
     assert [p.read_bytes() for p in entries] == contents
     assert not entries[2].is_symlink()
-    third = steps.update(study)
+    third = ft.update(study)
     assert counts(third) == (0, total)
     assert not codes(third)
 
@@ -304,13 +304,13 @@ def test_a_damaged_entry_is_solved_again_and_replaced(beam: Bench, solved: Solve
 @pytest.mark.slow
 def test_wrong_arrays_in_a_sound_file_are_noticed(beam: Bench) -> None:
     study = beam.study()
-    first = steps.update(study)
+    first = ft.update(study)
     for path in sorted((first.folder / "journal").iterdir()):
         entry = journal_entry.read_entry(path, 1 << 30)
         assert entry is not None
         cut = {name: array[..., :-1] if name == "shapes" else array for name, array in entry.arrays.items()}
         journal_entry.write_entry(path, journal_entry.Entry(cut, entry.facts))
-    second = steps.update(study)
+    second = ft.update(study)
     assert counts(second)[1] == 0
     assert codes(second) == ["journal.damaged"]
     same(first, second)
@@ -322,7 +322,7 @@ def test_another_version_finds_nothing(beam: Bench, monkeypatch: pytest.MonkeyPa
     from femtune.journal import solver as journaled  # noqa: PLC0415
 
     study = beam.study()
-    steps.update(study)
+    ft.update(study)
     name, value = ("__version__", "999") if schema == "version" else ("SCHEMA", journal.SCHEMA + 1)
     monkeypatch.setattr(journaled, name, value)
-    assert counts(steps.update(study))[1] == 0
+    assert counts(ft.update(study))[1] == 0

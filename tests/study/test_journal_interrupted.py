@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.residuals import direct
-from femtune.results.folder import read_results
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
+from femtune.steps.run_folder import read_results
 
 from .cantilever import Bench
 
 # the run of a study that ends itself without any farewell: before or after a solution, or amid the writing of one
 _KILLED = """
 import os, signal, sys
-from femtune import steps
+import femtune as ft
 from femtune.residuals import direct
 from femtune.journal import entry as journal_entry
 study, when, last = sys.argv[1], sys.argv[2], int(sys.argv[3])
@@ -47,7 +47,7 @@ if when == "writing":
 else:
     type(direct).modes = staticmethod(dying(direct.modes))
     type(direct).derivative = staticmethod(dying(direct.derivative))
-steps.update(study)
+ft.update(study)
 """
 
 
@@ -88,7 +88,7 @@ def test_killed(beam: Bench, whole: RunResult, when: str, last: int) -> None:
     folder = beam.folder / "run"
     kept = identities(folder)
     assert len(kept) == last - 1
-    run = steps.update(study)
+    run = ft.update(study)
     found, total = run.results.journal, whole.results.journal
     assert found is not None
     assert total is not None
@@ -116,7 +116,7 @@ def test_stopped_at_every_solution_in_turn(beam: Bench, whole: RunResult, monkey
     for _ in range(200):
         budget = 1
         try:
-            run = steps.update(study)
+            run = ft.update(study)
             break
         except KeyboardInterrupt:
             assert not (beam.folder / "run/running.lock").exists()
@@ -142,10 +142,10 @@ def test_the_history_of_a_resumed_run_is_whole(beam: Bench, whole: RunResult) ->
 
     study = beam.study()
     with pytest.raises(KeyboardInterrupt):
-        steps.update(study, progress=Stop())
+        ft.update(study, progress=Stop())
     lines = (beam.folder / "run/history.jsonl").read_text().splitlines()
     assert [json.loads(line)["iteration"] for line in lines] == [0, 1, 2]
-    run = steps.update(study)
+    run = ft.update(study)
     after = (run.folder / "history.jsonl").read_text().splitlines()
     assert after[:3] == lines
     assert len(after) > 3
@@ -154,7 +154,7 @@ def test_the_history_of_a_resumed_run_is_whole(beam: Bench, whole: RunResult) ->
 @pytest.mark.slow
 def test_a_journal_may_be_moved_to_another_folder(beam: Bench, whole: RunResult) -> None:
     shutil.copytree(whole.folder / "journal", beam.folder / "moved/journal")
-    run = steps.update(beam.study(), output=beam.folder / "moved")
+    run = ft.update(beam.study(), output=beam.folder / "moved")
     assert run.results.journal is not None
     assert run.results.journal.solved == 0
     check_same(run, whole)

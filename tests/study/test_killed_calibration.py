@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
-from femtune.results.folder import read_results
+import femtune as ft
+from femtune.steps.run_folder import read_results
 
 from .cantilever import Bench
 from .damped_cantilever import DAMPED, PARAMETERS, TRULY, functions, study_of
 
-_RUN = "import sys; from femtune import steps; steps.run(sys.argv[1])"
+_RUN = "import sys; from femtune import steps; ft.run(sys.argv[1])"
 _LIMITED = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -108,7 +108,7 @@ def test_killed_at_random_moments(bench: Bench, tables: str, seed: int) -> None:
             # no finished run is lost, nor written in another way
             assert after[name][: len(kept[name])] == kept[name]
         kept = after
-    steps.run(study)
+    ft.run(study)
     assert all(_lines(folder)[name][: len(kept[name])] == kept[name] for name in _FILES)
     _same(folder, whole)
 
@@ -131,8 +131,8 @@ def test_a_full_disk_is_told_and_the_run_goes_on_later(bench: Bench, limit: int)
     kept = _lines(folder)
     for line in (text for lines in kept.values() for text in lines):
         assert isinstance(json.loads(line), dict)
-    steps.run(study)
+    ft.run(study)
     assert all(_lines(folder)[name][: len(kept[name])] == kept[name] for name in _FILES)
     folder.rename(bench.folder / "resumed")
-    steps.run(study)
+    ft.run(study)
     _same(bench.folder / "resumed", folder)

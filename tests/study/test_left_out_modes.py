@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from tests.deck_models import model_of
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError, Notice
 from femtune.model import ConfiguredModel, constant_damping, solve_modes
 from femtune.model.response import frf_gradient, make_ports
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
 
 from ..messages.shown import check_shown
 from .cantilever import CANTILEVER, EI, TRUE, Bench
@@ -64,7 +64,7 @@ def _values(run: RunResult) -> dict[str, float]:
 def test_the_truth_is_found_without_the_mode_that_the_test_lacks(bench: Bench, after: str) -> None:
     _measured(bench)
     number, hertz = _missing(bench)
-    run = steps.run(_study(bench, f"leave_out_modes_hz = [{1.01 * hertz}]", after))
+    run = ft.run(_study(bench, f"leave_out_modes_hz = [{1.01 * hertz}]", after))
     update = run.results.update
     assert update is not None
     assert update.ok
@@ -79,7 +79,7 @@ def test_the_truth_is_found_without_the_mode_that_the_test_lacks(bench: Bench, a
     page = run.report.read_text(encoding="utf-8") if run.report else ""
     assert "Modes that are left out of the FRFs of the model" in page
     # with the mode, the model cannot be right
-    other = steps.run(_study(bench, "", after))
+    other = ft.run(_study(bench, "", after))
     assert max(abs(_values(other)[n] / v - 1.0) for n, v in (("root", 1.3), ("tip", 0.85))) > 0.02
 
 
@@ -87,7 +87,7 @@ def test_a_frequency_far_from_all_modes(bench: Bench) -> None:
     _measured(bench)
     number, hertz = _missing(bench)
     with pytest.raises(FemtuneError) as caught:
-        steps.run(_study(bench, f"leave_out_modes_hz = [{1.05 * hertz:.5g}]"))
+        ft.run(_study(bench, f"leave_out_modes_hz = [{1.05 * hertz:.5g}]"))
     check_shown("residual.left-out-mode", str(caught.value).replace(str(bench.folder), "folder"))
     assert number
 
@@ -96,14 +96,14 @@ def test_one_mode_is_named_once(bench: Bench) -> None:
     _measured(bench)
     _, hertz = _missing(bench)
     with pytest.raises(FemtuneError) as caught:
-        steps.run(_study(bench, f"leave_out_modes_hz = [{hertz}, {1.001 * hertz}]"))
+        ft.run(_study(bench, f"leave_out_modes_hz = [{hertz}, {1.001 * hertz}]"))
     assert caught.value.code == "residual.left-out-mode"
 
 
 def test_other_methods_have_no_terms_of_real_modes(bench: Bench) -> None:
     _measured(bench)
     with pytest.raises(FemtuneError) as caught:
-        steps.run(_study(bench, 'leave_out_modes_hz = [50.0]\nmethod = "direct"'))
+        ft.run(_study(bench, 'leave_out_modes_hz = [50.0]\nmethod = "direct"'))
     check_shown("study.left-out-modes", str(caught.value).replace(str(bench.folder), "folder"))
 
 

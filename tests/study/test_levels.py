@@ -11,13 +11,13 @@ import pytest
 from click.testing import CliRunner
 from tests.messages.shown import check_shown
 
+from femtune import identify
 from femtune.cli import main
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.files.uff import write_uff_frfs
 from femtune.identification.linearity import ForceLevel, LinearityLimits, check_linearity
 from femtune.modal import FrfSet, ModeSet
-from femtune.steps import identify
 from femtune.testdata import ModalTest
 from femtune.units import SI
 from structures.laboratory import (

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError, FemtuneErrors, Notice
 from femtune.files.masses_table import read_masses_table
 from femtune.model import AddedMass, Configuration
+from femtune.study.study import load_study
 
 from .cantilever import Bench, modes_of_deck
 
@@ -27,7 +27,7 @@ def _study(bench: Bench, table: str = TABLE) -> Path:
 
 def test_masses_enter_the_model_in_the_units_of_the_study(bench: Bench) -> None:
     path = _study(bench)
-    found = steps.modes(path).records[0]
+    found = ft.modes(path).records[0]
     masses = (AddedMass(3, 0.04, (0.0, 0.0, 0.01)), AddedMass(5, 0.025), AddedMass(3, 0.005))
     exact, _ = modes_of_deck(bench.folder / "beam.bdf", 6, Configuration(masses=masses))
     assert found.freq_hz == pytest.approx(exact, rel=1e-10)
@@ -38,7 +38,7 @@ def test_masses_enter_the_model_in_the_units_of_the_study(bench: Bench) -> None:
 
 
 def test_their_effect_is_that_of_a_solution_without_them(bench: Bench) -> None:
-    found = steps.modes(_study(bench)).records[0]
+    found = ft.modes(_study(bench)).records[0]
     assert found.test_masses is not None
     bare, _ = modes_of_deck(bench.folder / "beam.bdf", 6)
     shifts = np.array([m.shift_percent for m in found.test_masses.modes])
@@ -55,7 +55,7 @@ def test_an_exchange_of_modes_is_told(bench: Bench) -> None:
     text = bench.text.replace("2.0-7   5.0-7", "2.0-7   2.02-7").replace("CONM2   9       5               2.0\n", "")
     bench.write("beam.bdf", text)
     bench.write("sensors.csv", "node,mass,z,label\n5,0.02,0.3,block\n")
-    record = steps.modes(bench.study(OWN, test=None)).records[0]
+    record = ft.modes(bench.study(OWN, test=None)).records[0]
     assert record.test_masses is not None
     bare, _ = modes_of_deck(bench.folder / "beam.bdf", 6)
     without = [hz / (1.0 + m.shift_percent / 100.0) for hz, m in zip(record.freq_hz, record.test_masses.modes)]
@@ -70,15 +70,15 @@ def test_an_exchange_of_modes_is_told(bench: Bench) -> None:
 
 def test_masses_in_another_unit_than_the_study_are_told(bench: Bench) -> None:
     """40 g in a column of the study's unit: 1000 times too heavy."""
-    record = steps.modes(_study(bench, "node,mass\n3,40\n5,25\n")).records[0]
+    record = ft.modes(_study(bench, "node,mass\n3,40\n5,25\n")).records[0]
     assert record.test_masses is not None
-    structure = steps.modes(bench.study(OWN.replace('masses_file = "sensors.csv"\n', ""), test=None)).records[0]
+    structure = ft.modes(bench.study(OWN.replace('masses_file = "sensors.csv"\n', ""), test=None)).records[0]
     own = max(structure.effective_masses.total[:3])
     assert record.test_masses.ratio == pytest.approx(65.0 / own)
     said = "times the mass of the structure"
     (told,) = (a for a in record.alerts if said in a.sentence)
     assert (told.code, told.level) == ("model.test-masses", "warning")
-    light = steps.modes(_study(bench, "node,mass_g\n3,40\n5,25\n")).records[0]
+    light = ft.modes(_study(bench, "node,mass_g\n3,40\n5,25\n")).records[0]
     assert not any(said in a.sentence for a in light.alerts)
     assert light.test_masses is not None
     assert light.test_masses.ratio == pytest.approx(0.065 / own)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError
+from femtune.study.study import load_study
 
 from .cantilever import Bench
 
@@ -67,7 +67,7 @@ def study_of(bench: Bench, method: str = "direct", ratios: str = "ratios = [0.02
 @pytest.mark.parametrize("method", ["real modes", "complex modes", "direct"])
 def test_responses_at_the_start_have_the_ratios_of_the_parameters(bench: Bench, method: str) -> None:
     """A factor starts at the ratio of [response], an absolute one at its own nominal value."""
-    result = steps.respond(study_of(bench, method))
+    result = ft.respond(study_of(bench, method))
     (found,), arrays = result, result.arrays
     assert found.frfs is not None
     K, M = np.array([[1800.0, -800.0], [-800.0, 800.0]]), np.diag([2.5, 2.0])

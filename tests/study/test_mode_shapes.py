@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from tests.deck_models import model_of
 
-from femtune import steps
-from femtune.assembly.drawn_mesh import ELEMENT, RIGID, DrawnMesh, active_faces, active_lines, mesh_beside, thinned
+import femtune as ft
 from femtune.fem import NodeTable
 from femtune.model import Configuration, ConfiguredModel, solve_modes
-from femtune.results import shapes as record_shapes
-from femtune.results.shapes import grid_translations
-from femtune.results.step_results import RunResult
 from femtune.selection import energy_map
+from femtune.steps.modes import shapes as record_shapes
+from femtune.steps.modes.shapes import grid_translations
+from femtune.steps.run.result import RunResult
+from femtune.study.drawn_mesh import ELEMENT, RIGID, DrawnMesh, active_faces, active_lines, mesh_beside, thinned
 from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 # a portal: two columns, a rigid floor from grid 5 to their tops, a spring of no length, a mass without lines
@@ -117,7 +117,7 @@ def test_the_model_at_the_sensors_is_the_motion_of_their_points(finished: tuple[
 @pytest.mark.slow
 def test_of_very_large_models_a_coarser_mesh_is_kept(beam: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record_shapes, "thinned", partial(thinned, most_lines=3))
-    run = steps.run(beam.study())
+    run = ft.run(beam.study())
     assert {m.reason for m in run.results.mode_shapes} == {""}
     (sentence,) = {m.simplified for m in run.results.mode_shapes}
     assert re.fullmatch("the mesh is simplified in the drawing: [123] lines instead of 4", sentence)

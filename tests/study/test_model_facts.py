@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from femtune import steps
-from femtune.reporting.sections.summary import model_summary
-from femtune.reporting.source import ReportSource
-from femtune.results.model import ModelConfiguration
+import femtune as ft
+from femtune.steps.info.record.model import ModelConfiguration
+from femtune.steps.report_source import ReportSource
+from femtune.steps.run.page.summary import model_summary
 from structures import subframe
 
 _HEAD = "SOL 103\nCEND\n{case}BEGIN BULK\n"
@@ -32,7 +32,7 @@ EIGRL,1,,,2
 def _facts(folder: Path, case: str = "SPC = 7\n", more: str = "") -> ModelConfiguration:
     path = folder / "beam.bdf"
     path.write_text(_HEAD.format(case=case) + _BEAM + more + "ENDDATA\n")
-    return steps.info(path).record.configurations[0]
+    return ft.info(path).record.configurations[0]
 
 
 def test_each_dof_is_counted_where_it_is_held(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_overlays_change_the_counts(tmp_path: Path) -> None:
         '[[configuration]]\nname = "a"\nsupports_added = ["3:12"]\nsupports_removed = ["3:6", "2:4"]\n'
         "elements_off = [9]\n"
     )
-    (found,) = steps.info(study).record.configurations
+    (found,) = ft.info(study).record.configurations
     # 4 of grid 2 was held twice, and is free now
     assert found.supports == ("grid points themselves (PS): 6 DOFs", "SPC set 7: 2 DOFs", "configuration: 2 DOFs")
     assert found.constraints == ()
@@ -76,7 +76,7 @@ def deck(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_a_free_structure_of_shells_and_solids_is_called_free(deck: Path) -> None:
-    found = steps.modes(deck, count=7)
+    found = ft.modes(deck, count=7)
     results, arrays = found.results, found.arrays
     assert results.model is not None
     (found,) = results.model.configurations

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.model import Configuration, solve_modes
+from femtune.study.study import load_study
 
 from .cantilever import CANTILEVER, Bench
 
@@ -29,7 +29,7 @@ def _parameter(name: str, fields: str, rest: str = "lower = 0.5\nupper = 2.0\n")
 def _updated(bench: Bench, tail: str, truth: tuple[tuple[str, str], ...], text: str):
     bench.write("beam.bdf", text)
     bench.uff(bench.measure(bench.truth(truth, text)))
-    return steps.run(bench.study(tail))
+    return ft.run(bench.study(tail))
 
 
 @pytest.mark.slow
@@ -100,7 +100,7 @@ def test_an_eigenvalue_of_a_group_is_found(bench: Bench) -> None:
     shapes = case.configured.transformation @ solution.shapes[:, :6]
     rows = [study.model.structure.nodes.dof(d.node, d.component) for d in modes.dofs]
     bench.uff(replace(test, modes=replace(modes, freq_hz=wanted[:4], shapes=shapes[rows][:, :4])))
-    run = steps.run(bench.study(tail))
+    run = ft.run(bench.study(tail))
     assert run.results.update is not None
     assert run.results.update.parameters[0].value == pytest.approx(1.4, abs=1e-5)
     assert run.results.write_back is not None
@@ -202,6 +202,6 @@ def test_what_the_guide_calls_redundant(bench: Bench, first: str, second: str, r
     bench.write("beam.bdf", PLATE if "PBARL" in first else CANTILEVER)
     held = Configuration(supports_added=tuple((n, "345") for n in range(1, 6)))
     bench.uff(bench.measure(bench.folder / "beam.bdf", *(f"{n}Y+" for n in range(2, 6)), configuration=held, count=3))
-    found = steps.select(bench.study(IN_PLANE + _parameter("p", first) + _parameter("q", second), test=None)).record
+    found = ft.select(bench.study(IN_PLANE + _parameter("p", first) + _parameter("q", second), test=None)).record
     assert (found.singular_values[1] < 1e-9 * found.singular_values[0]) == redundant
     assert bool(found.undetermined) >= redundant

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.results.folder import read_results, unwritable
-from femtune.study import run
+from femtune.steps.run import run
+from femtune.steps.run_folder import read_results, unwritable
 
 from .cantilever import Bench
 
@@ -39,7 +39,7 @@ def history(folder: Path) -> list[dict[str, Any]]:
 @pytest.mark.parametrize("last", [0, 2])
 def test_interrupted_update_leaves_its_history(beam: Bench, last: int) -> None:
     with pytest.raises(KeyboardInterrupt):
-        steps.run(beam.study(), progress=Told(lambda text, done: text.startswith("update") and done == last))
+        ft.run(beam.study(), progress=Told(lambda text, done: text.startswith("update") and done == last))
     lines = history(beam.folder / "run")
     assert [line["iteration"] for line in lines] == list(range(last + 1))
     assert set(lines[-1]["parameters"]) == {"root", "tip"}
@@ -48,10 +48,10 @@ def test_interrupted_update_leaves_its_history(beam: Bench, last: int) -> None:
 @pytest.mark.slow
 def test_a_run_that_is_interrupted_keeps_the_results_of_an_earlier_one(beam: Bench) -> None:
     study = beam.study()
-    first = steps.update(study)
+    first = ft.update(study)
     deck = (first.folder / "updated.bdf").read_bytes()
     with pytest.raises(KeyboardInterrupt):
-        steps.update(study, progress=Told(lambda text, done: text.startswith("update") and done == 1))
+        ft.update(study, progress=Told(lambda text, done: text.startswith("update") and done == 1))
     assert read_results(first.folder)[0] == first.results
     assert (first.folder / "updated.bdf").read_bytes() == deck
 
@@ -60,7 +60,7 @@ def test_a_run_that_is_interrupted_keeps_the_results_of_an_earlier_one(beam: Ben
 @pytest.mark.parametrize("fault", ["gate", "deck", "parameter"])
 def test_a_run_that_fails_early_keeps_everything_of_an_earlier_one(beam: Bench, fault: str) -> None:
     study = beam.study()
-    first = steps.update(study)
+    first = ft.update(study)
     kept = {p: p.read_bytes() for p in first.folder.iterdir() if p.is_file()}
     if fault == "gate":
         study.write_text(study.read_text() + "[correlate]\nmac_gate = 1.0\nfrequency_gate = 1e-9\n")
@@ -69,7 +69,7 @@ def test_a_run_that_fails_early_keeps_everything_of_an_earlier_one(beam: Bench, 
     else:
         study.write_text(study.read_text().replace("PBAR 1 I1", "PBAR 9 I1"))
     with pytest.raises(FemtuneError):
-        steps.run(study)
+        ft.run(study)
     assert {p: p.read_bytes() for p in first.folder.iterdir() if p.is_file()} == kept
 
 
@@ -83,7 +83,7 @@ def test_results_are_kept_when_the_write_back_fails(
 
     monkeypatch.setattr(run, "write_back", fail)
     with pytest.raises(type(fault)):
-        steps.update(beam.study())
+        ft.update(beam.study())
     results, _ = read_results(beam.folder / "run")
     assert results.update is not None
     assert {p.name: p.value for p in results.update.parameters} == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)
@@ -91,7 +91,7 @@ def test_results_are_kept_when_the_write_back_fails(
     assert (results.alerts[0].level, results.alerts[0].code) == ("problem", "run.unfinished")
     assert results.write_back is None
     if isinstance(fault, OSError):
-        assert steps.report(beam.folder / "run").is_file()
+        assert ft.report(beam.folder / "run").is_file()
 
 
 def test_an_error_of_the_write_back_says_where_the_results_are(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,9 +99,9 @@ def test_an_error_of_the_write_back_says_where_the_results_are(beam: Bench, monk
     def full(*_: object) -> None:
         raise unwritable(beam.folder / "run", OSError(errno.ENOSPC, "no space left on device"))
 
-    monkeypatch.setattr("femtune.study.write_back.write_deck", full)
+    monkeypatch.setattr("femtune.steps.write.run.write_deck", full)
     with pytest.raises(FemtuneError) as caught:
-        steps.update(beam.study())
+        ft.update(beam.study())
     assert caught.value.values["results so far"] == str(beam.folder / "run/results.json")
     assert read_results(beam.folder / "run")[0].update is not None
 
@@ -113,14 +113,14 @@ def test_inputs_that_vanish_during_the_run_do_not_spoil_it(beam: Bench) -> None:
             (beam.folder / "beam.uff").unlink()
         return False
 
-    found = steps.update(beam.study(), progress=Told(remove)).results
+    found = ft.update(beam.study(), progress=Told(remove)).results
     assert [f.path for f in found.provenance.input_files] == ["beam.bdf", "beam.uff"]
 
 
 @pytest.mark.slow
 def test_progress_names_the_steps_in_their_order(beam: Bench) -> None:
     told = Told()
-    steps.run(beam.study(), progress=told)
+    ft.run(beam.study(), progress=told)
     heads = [text.split(":")[0] for text, _, _ in told.lines]
     assert list(dict.fromkeys(heads)) == [
         "reading the deck", "configuration as the deck", "mass and rigid-body check", "solving and pairing the modes",
@@ -138,5 +138,5 @@ def test_progress_names_the_steps_in_their_order(beam: Bench) -> None:
 @pytest.mark.parametrize("step", ["info", "modes", "correlate", "select"])
 def test_every_step_says_something(beam: Bench, step: str) -> None:
     told = Told()
-    getattr(steps, step)(beam.study(), progress=told)
+    getattr(ft, step)(beam.study(), progress=told)
     assert len(told.lines) >= 3

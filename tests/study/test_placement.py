@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
-from femtune.assembly.progress import silent
-from femtune.assembly.study import read_study
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.residuals.weights import ResidualBlock
-from femtune.results.solved import nominal
-from femtune.results.versions import start
+from femtune.steps.correlate.versions import start
+from femtune.study.progress import silent
+from femtune.study.solved import nominal
+from femtune.study.study import read_study
 
 from .cantilever import EI, Bench, modes_of_deck
 
@@ -95,7 +95,7 @@ def test_results_and_report_have_the_effect_of_the_placement(beam: Bench) -> Non
     study = beam.study(
         f"{EI}[sensors]\nposition_sd = {{ 5 = 0.01 }}\nangle_sd_deg = 2.0\n[residuals]\nshape_sd = 0.01\n"
     )
-    result = steps.run(study)
+    result = ft.run(study)
     found = result.results.correlations[0].placement
     assert found is not None
     assert found.position_sd == (0.0, 0.01)
@@ -120,7 +120,7 @@ def test_the_stated_deviation_lowers_the_weight_of_shapes(beam: Bench) -> None:
 @pytest.mark.slow
 def test_sensors_that_are_held_out_and_reduced_models_keep_the_covariance(beam: Bench) -> None:
     tail = '[sensors]\nposition_sd = 0.01\n[residuals]\nshape_sd = 0.01\n[[hold_out]]\nsensors = ["3Z+"]\n[reduction]\n'
-    result = steps.update(beam.study(EI + tail))
+    result = ft.update(beam.study(EI + tail))
     assert result.status == "CONVERGED"
     assert list(result.values.values()) == pytest.approx([1.3, 0.85], rel=1e-3)
 
@@ -139,7 +139,7 @@ def test_sensors_that_are_held_out_and_reduced_models_keep_the_covariance(beam: 
 )
 def test_bad_values_are_errors(beam: Bench, key: str, code: str) -> None:
     with pytest.raises(FemtuneError) as error:
-        steps.correlate(beam.study(f"{EI}[sensors]\n{key}\n"))
+        ft.correlate(beam.study(f"{EI}[sensors]\n{key}\n"))
     assert error.value.code == code
     check_shown(f"{code}, placement of sensors: {key}", str(error.value).replace(f"{beam.folder}/", ""))
     assert error.value.where is not None

@@ -15,17 +15,19 @@ import pyuff
 from click.testing import CliRunner
 from scipy.stats import qmc
 
-from femtune import Study, steps
+import femtune as ft
+from femtune import Study
 from femtune.arrays import Reals
 from femtune.cli import main
 from femtune.errors import FemtuneError
 from femtune.files.uff import scan_uff
 from femtune.files.uff.geometry import read_geometry
 from femtune.planning import information_of, log_det, outcome_of
-from femtune.reporting import build_page, html_text
-from femtune.results.results import Results
-from femtune.results.step_results import PlanResult
-from femtune.study.planning.candidates import surface_normals
+from femtune.reporting.html import html_text
+from femtune.steps.plan.candidates import surface_normals
+from femtune.steps.plan.result import PlanResult
+from femtune.steps.report.build import build_page
+from femtune.steps.results import Results
 from structures.plan_chain import BOUNDS, NAMES, chain_deck, chain_modes, scatter_of_updates
 
 from .matrix_chain import written
@@ -47,7 +49,7 @@ def free(tmp_path: Path) -> Path:
 
 
 def test_a_plan_of_a_plain_deck(free: Path) -> None:
-    found = steps.plan(free, modes="7 THRU 12", uniaxial=10, triaxial=2, visualisation=3)
+    found = ft.plan(free, modes="7 THRU 12", uniaxial=10, triaxial=2, visualisation=3)
     kinds = [s.kind for s in found.record.sensors]
     assert kinds == ["triaxial"] * 2 + ["uniaxial"] * 10 + ["visualisation"] * 3
     assert [m.number for m in found.record.modes] == [7, 8, 9, 10, 11, 12]
@@ -60,8 +62,8 @@ def test_a_plan_of_a_plain_deck(free: Path) -> None:
 
 
 def test_numbers_of_the_set_are_those_of_the_shapes_at_its_points(free: Path) -> None:
-    found = steps.plan(free, modes=[7, 8, 9, 10], uniaxial=6)
-    shapes = steps.modes(free, count=12).mode_sets["as the deck"]
+    found = ft.plan(free, modes=[7, 8, 9, 10], uniaxial=6)
+    shapes = ft.modes(free, count=12).mode_sets["as the deck"]
     rows = shapes.select_dofs(shapes.dofs.parse(dof for s in found.record.sensors for dof in s.dofs)).shapes[:, 6:10]
     own = outcome_of(rows)
     chosen = found.record.chosen
@@ -73,26 +75,26 @@ def test_numbers_of_the_set_are_those_of_the_shapes_at_its_points(free: Path) ->
 
 
 def test_elastic_modes_are_the_targets_where_none_are_named(free: Path) -> None:
-    found = steps.plan(free)
+    found = ft.plan(free)
     assert [m.number for m in found.record.modes] == list(range(7, 13))
     assert found.record.rigid_left_out == 6
     assert len(found.record.sensors) == 12
-    with_rigid = steps.plan(free, modes="1 THRU 8", rigid_body=True, triaxial=6)
+    with_rigid = ft.plan(free, modes="1 THRU 8", rigid_body=True, triaxial=6)
     assert [m.rigid_body for m in with_rigid.record.modes] == [True] * 6 + [False] * 2
 
 
 def test_all_modes_and_all_points(free: Path) -> None:
-    found = steps.plan(free, modes="ALL", nodes="ALL", uniaxial=8)
+    found = ft.plan(free, modes="ALL", nodes="ALL", uniaxial=8)
     assert [m.number for m in found.record.modes] == list(range(7, 13))
     assert found.record.candidate_points == (NX + 1) * (NY + 1)
     with pytest.raises(FemtuneError, match="has none of the listed numbers"):
-        steps.plan(free, uniaxial=8, suspension=[{"nodes": "500 THRU 600", "stiffness": (1.0, 1.0, 1.0)}])
+        ft.plan(free, uniaxial=8, suspension=[{"nodes": "500 THRU 600", "stiffness": (1.0, 1.0, 1.0)}])
 
 
 @pytest.mark.slow
 def test_targets_of_a_band_are_solved_for(free: Path) -> None:
-    hz = steps.modes(free, count=24).freq_hz
-    found = steps.plan(free, band_hz=(hz[8] - 0.01, hz[20] + 0.01), uniaxial=20)
+    hz = ft.modes(free, count=24).freq_hz
+    found = ft.plan(free, band_hz=(hz[8] - 0.01, hz[20] + 0.01), uniaxial=20)
     assert [m.freq_hz for m in found.record.modes] == pytest.approx(hz[8:21], rel=1e-6)
 
 
@@ -100,8 +102,8 @@ def test_targets_of_a_band_are_solved_for(free: Path) -> None:
 @pytest.mark.parametrize("weighting", ["none", "kinetic-energy"])
 @pytest.mark.quick(2)
 def test_placed_sets_are_better_than_random_ones(free: Path, method: str, weighting: str) -> None:
-    found = steps.plan(free, uniaxial=9, method=method, weighting=weighting, uniaxial_threshold=0.0)
-    shapes = steps.modes(free).mode_sets["as the deck"]
+    found = ft.plan(free, uniaxial=9, method=method, weighting=weighting, uniaxial_threshold=0.0)
+    shapes = ft.modes(free).mode_sets["as the deck"]
     z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, grid_at(NX, NY) + 1))).shapes[:, 6:]
     rng = np.random.default_rng(0)
     others = [log_det(information_of(z[rng.choice(len(z), 9, replace=False)])) for _ in range(500)]
@@ -113,14 +115,14 @@ def test_kinetic_energy_is_weighted_by_the_mass_at_the_points(tmp_path: Path) ->
     # a mass beside which all others are nothing draws a sensor, though the point moves less for it
     path = tmp_path / "plate.bdf"
     path.write_text(plate_deck(False, f"CONM2,900,{grid_at(4, 3)},,20."))
-    plain = steps.plan(path, modes=[7, 8, 9, 10], uniaxial=5)
-    weighted = steps.plan(path, modes=[7, 8, 9, 10], uniaxial=5, weighting="kinetic-energy")
+    plain = ft.plan(path, modes=[7, 8, 9, 10], uniaxial=5)
+    weighted = ft.plan(path, modes=[7, 8, 9, 10], uniaxial=5, weighting="kinetic-energy")
     assert grid_at(4, 3) not in [s.node for s in plain.record.sensors]
     assert grid_at(4, 3) in [s.node for s in weighted.record.sensors]
 
 
 def test_constrained_points_are_no_candidates(clamped: Path) -> None:
-    found = steps.plan(clamped, uniaxial=12)
+    found = ft.plan(clamped, uniaxial=12)
     assert found.record.still == NY + 1
     assert not {s.node for s in found.record.sensors} & {grid_at(0, j) for j in range(NY + 1)}
     assert "plan.still" in [a.code for a in found.record.alerts]
@@ -128,47 +130,47 @@ def test_constrained_points_are_no_candidates(clamped: Path) -> None:
 
 def test_candidates_are_limited(free: Path) -> None:
     asked = {"modes": [7, 8, 9], "uniaxial": 4}
-    some = steps.plan(free, nodes="1 THRU 30", exclude=[1, 9], **asked)
+    some = ft.plan(free, nodes="1 THRU 30", exclude=[1, 9], **asked)
     assert some.record.candidate_points == 28
     assert {s.node for s in some.record.sensors} <= set(range(2, 31)) - {9}
-    of_elements = steps.plan(free, elements="1 THRU 8", **asked)
+    of_elements = ft.plan(free, elements="1 THRU 8", **asked)
     assert of_elements.record.candidate_points == 2 * (NX + 1)
-    boxed = steps.plan(free, region={"box": ((0.0, 0.0, -1.0), (0.4, 0.6, 1.0))}, **asked)
+    boxed = ft.plan(free, region={"box": ((0.0, 0.0, -1.0), (0.4, 0.6, 1.0))}, **asked)
     assert boxed.record.candidate_points == 5 * (NY + 1)
 
 
 def test_points_of_a_named_set_of_the_deck(tmp_path: Path) -> None:
     path = tmp_path / "plate.bdf"
     path.write_text(plate_deck(False, "ASET1,3,1,9,12,20,33,41,55,", ",63"))
-    found = steps.plan(path, dof_set="ASET", modes=[7, 8, 9], uniaxial=4)
+    found = ft.plan(path, dof_set="ASET", modes=[7, 8, 9], uniaxial=4)
     assert found.record.candidate_points == 8
     with pytest.raises(FemtuneError, match=r"CSET; .*ASET"):
-        steps.plan(path, dof_set="CSET")
+        ft.plan(path, dof_set="CSET")
 
 
 def test_directions_along_the_axes(free: Path) -> None:
-    found = steps.plan(free, directions=["X", "Z"], modes="7 THRU 10", uniaxial=8)
+    found = ft.plan(free, directions=["X", "Z"], modes="7 THRU 10", uniaxial=8)
     assert {s.dofs[0][-2] for s in found.record.sensors} == {"Z"}
     # in-plane motion is zero but for rounding in bending modes
     assert found.record.candidate_directions == (NX + 1) * (NY + 1)
 
 
 def test_given_sensors_stay_and_count(free: Path) -> None:
-    found = steps.plan(free, modes="7 THRU 10", placed=["1", "9Z-"], uniaxial=4)
+    found = ft.plan(free, modes="7 THRU 10", placed=["1", "9Z-"], uniaxial=4)
     first, second, *others = found.record.sensors
     assert (first.node, first.kind, first.given, first.dofs) == (1, "triaxial", True, ("1X+", "1Y+", "1Z+"))
     assert (second.node, second.kind, second.direction) == (9, "uniaxial", (0.0, 0.0, -1.0))
     assert not {1, 9} & {s.node for s in others}
-    alone = steps.plan(free, modes="7 THRU 9", placed=["1", "9Z+", "59Z+", "32Z+"])
+    alone = ft.plan(free, modes="7 THRU 9", placed=["1", "9Z+", "59Z+", "32Z+"])
     assert [s.given for s in alone.record.sensors] == [True] * 4
     # the plate does not move in its plane: of four directions two see something
     with pytest.raises(FemtuneError, match="the 4 measured directions of the sensors see only 2 independent"):
-        steps.plan(free, modes="7 THRU 9", placed=["1", "9Z+"])
+        ft.plan(free, modes="7 THRU 9", placed=["1", "9Z+"])
 
 
 def test_the_universal_file_holds_points_axes_and_lines(free: Path, tmp_path: Path) -> None:
     path = tmp_path / "plan.uff"
-    found = steps.plan(free, modes="7 THRU 12", uniaxial=12, uff=path, units="m-kg-s")
+    found = ft.plan(free, modes="7 THRU 12", uniaxial=12, uff=path, units="m-kg-s")
     frame, notices = read_geometry(scan_uff(path))
     assert not notices
     assert frame.nodes.tolist() == sorted(s.node for s in found.record.sensors)
@@ -191,7 +193,7 @@ def test_axes_of_an_inclined_surface(tmp_path: Path) -> None:
         turned = f"GRID,{n},,{0.8 * float(place[1]):.4f},{place[2]},{0.6 * float(place[1]):.4f}" if word else line
         lines.append(turned)
     path.write_text("\n".join(lines) + "\n")
-    found = steps.plan(path, modes="7 THRU 10", uniaxial=6)
+    found = ft.plan(path, modes="7 THRU 10", uniaxial=6)
     for s in found.record.sensors:
         assert s.direction == pytest.approx((-0.6, 0.0, 0.8), abs=1e-12)
         axes = np.array(s.axes)
@@ -204,7 +206,7 @@ _LETTER = "the letter is an axis of the sensor"
 
 
 def test_letters_that_are_axes_of_the_model_are_not_explained(free: Path) -> None:
-    found = steps.plan(free, modes="7 THRU 9", uniaxial=4)
+    found = ft.plan(free, modes="7 THRU 9", uniaxial=4)
     assert _LETTER not in html_text(build_page("plan", found.results, found.arrays))
 
 
@@ -222,7 +224,7 @@ def test_normals_of_a_cube_and_of_a_shell_wound_both_ways() -> None:
 
 def test_the_table_of_sensors(free: Path, tmp_path: Path) -> None:
     path = tmp_path / "plan.csv"
-    found = steps.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=3, csv=path)
+    found = ft.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=3, csv=path)
     rows = list(csv.DictReader(path.read_text().splitlines()))
     assert [r["name"] for r in rows] == ["T1", "U1", "U2", "U3"]
     assert [int(r["node"]) for r in rows] == [s.node for s in found.record.sensors]
@@ -250,7 +252,7 @@ def test_a_study_without_a_test_is_planned_from_the_command_line(tmp_path: Path)
 
 
 def test_the_page_can_be_kept_as_results(free: Path) -> None:
-    found = steps.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=4)
+    found = ft.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=4)
     again = Results.model_validate_json(found.results.model_dump_json())
     assert again == found.results
     assert set(again.array_keys()) <= set(found.arrays)
@@ -266,7 +268,7 @@ def test_the_page_can_be_kept_as_results(free: Path) -> None:
 
 
 def test_how_a_plan_shows_itself(free: Path) -> None:
-    found: PlanResult = steps.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=4)
+    found: PlanResult = ft.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=4)
     assert repr(found).startswith("PlanResult: as the deck: 1 triaxial, 4 uniaxial sensors for 3 target modes")
     assert found.sensors.column("kind").tolist() == ["triaxial"] + ["uniaxial"] * 4
     assert found.modes[0].number == 7
@@ -280,7 +282,7 @@ def test_options_replace_single_keys_of_the_study(tmp_path: Path) -> None:
         "region = { box = [[0.0, 0.0, -1.0], [0.4, 0.6, 1.0]] }\n[[plan.suspension]]\nnodes = [1, 9]\n"
         "stiffness = [1.0, 1.0, 1.0]\n"
     )
-    found = steps.plan(study, uniaxial=4)
+    found = ft.plan(study, uniaxial=4)
     assert len(found.record.sensors) == 4
     assert found.record.candidate_points == 5 * (NY + 1)
     assert found.record.suspension is not None
@@ -295,19 +297,19 @@ def test_only_the_configuration_that_is_asked_for_is_planned(tmp_path: Path) -> 
         '[[configuration]]\nname = "heavy"\nmasses = [{ node = 1, mass = 3.0 }]\n'
         '[plan]\nconfiguration = "heavy"\nmodes = [7, 8]\nuniaxial = 3\n'
     )
-    found = steps.plan(study)
+    found = ft.plan(study)
     assert found.record.configuration == "heavy"
-    heavy = steps.modes(study)["heavy"].freq_hz
+    heavy = ft.modes(study)["heavy"].freq_hz
     assert [m.freq_hz for m in found.record.modes] == pytest.approx(heavy[6:8])
     with pytest.raises(FemtuneError, match="light"):
-        steps.plan(study, configuration="light")
+        ft.plan(study, configuration="light")
 
 
 @pytest.mark.slow
 def test_exciters_excite_every_target_mode(free: Path) -> None:
-    found = steps.plan(free, modes="7 THRU 12", uniaxial=12, exciters=2)
+    found = ft.plan(free, modes="7 THRU 12", uniaxial=12, exciters=2)
     assert [e.name for e in found.record.exciters] == ["E1", "E2"]
-    shapes = steps.modes(free).mode_sets["as the deck"]
+    shapes = ft.modes(free).mode_sets["as the deck"]
     z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, grid_at(NX, NY) + 1))).shapes[:, 6:12]
     levels = (z**2 / (z**2).max(axis=0))[[e.node - 1 for e in found.record.exciters]]
     assert [m.level for m in found.record.excitation] == pytest.approx(levels.max(axis=0), rel=1e-6)
@@ -323,7 +325,7 @@ def test_exciters_excite_every_target_mode(free: Path) -> None:
 def test_a_given_exciter_and_the_sensor_at_its_driving_point(free: Path) -> None:
     # on the axis of symmetry: antisymmetric modes are not excited
     middle = f"{grid_at(4, 3)}Z+"
-    found = steps.plan(free, modes="7 THRU 10", placed=[middle], uniaxial=8, exciters_placed=[middle])
+    found = ft.plan(free, modes="7 THRU 10", placed=[middle], uniaxial=8, exciters_placed=[middle])
     (exciter,) = found.record.exciters
     assert exciter.given
     assert exciter.sensor == "U1"
@@ -331,14 +333,14 @@ def test_a_given_exciter_and_the_sensor_at_its_driving_point(free: Path) -> None
     assert low
     (alert,) = [a for a in found.record.alerts if a.code == "plan.not-excited"]
     assert ", ".join(map(str, low)) in alert.sentence
-    both = steps.plan(free, modes="7 THRU 10", placed=[middle], uniaxial=8, exciters_placed=[middle], exciters=1)
+    both = ft.plan(free, modes="7 THRU 10", placed=[middle], uniaxial=8, exciters_placed=[middle], exciters=1)
     assert min(m.level for m in both.record.excitation) > 0.3
-    only = steps.plan(free, modes="7 THRU 10", uniaxial=8, exciters=1, exciter_nodes=[1, 9])
+    only = ft.plan(free, modes="7 THRU 10", uniaxial=8, exciters=1, exciter_nodes=[1, 9])
     assert only.record.exciters[0].node in (1, 9)
 
 
 def test_frequency_lines_of_the_band(free: Path) -> None:
-    found = steps.plan(free, band_hz=(20.0, 120.0), uniaxial=20, damping_ratio=0.005, lines_per_half_band=4)
+    found = ft.plan(free, band_hz=(20.0, 120.0), uniaxial=20, damping_ratio=0.005, lines_per_half_band=4)
     lines = found.calibration_lines
     assert lines is not None
     assert lines[[0, -1]] == pytest.approx([20.0, 120.0])
@@ -347,31 +349,31 @@ def test_frequency_lines_of_the_band(free: Path) -> None:
     assert record is not None
     lowest = found.record.modes[0].freq_hz
     assert record.spacing_hz == pytest.approx(0.01 * lowest / 4)
-    own = steps.plan(free, modes=[7, 9], uniaxial=4).record
+    own = ft.plan(free, modes=[7, 9], uniaxial=4).record
     assert own.frequency_lines is not None
     assert own.frequency_lines.low_hz == pytest.approx(0.9 * own.modes[0].freq_hz)
 
 
 @pytest.mark.slow
 def test_masses_of_the_sensors_shift_as_masses_of_the_configuration(free: Path) -> None:
-    found = steps.plan(free, modes="7 THRU 10", triaxial=1, uniaxial=5, triaxial_mass=0.02, uniaxial_mass=0.01)
+    found = ft.plan(free, modes="7 THRU 10", triaxial=1, uniaxial=5, triaxial_mass=0.02, uniaxial_mass=0.01)
     assert found.record.sensor_mass == pytest.approx(0.07)
     masses = [{"node": s.node, "mass": 0.02 if s.kind == "triaxial" else 0.01} for s in found.record.sensors]
     loaded = Study(
         model=free, units="m-kg-s", configurations=[{"name": "loaded", "masses": masses}], modes={"count": 12}
     )
-    exact = 100.0 * (steps.modes(loaded).freq_hz[6:10] / steps.modes(free).freq_hz[6:10] - 1.0)
+    exact = 100.0 * (ft.modes(loaded).freq_hz[6:10] / ft.modes(free).freq_hz[6:10] - 1.0)
     assert [m.shift_percent for m in found.record.loading] == pytest.approx(exact, rel=1e-4)
     assert [m.rayleigh_percent for m in found.record.loading] == pytest.approx(exact, rel=0.1)
-    heavy = steps.plan(free, modes="7 THRU 10", uniaxial=5, uniaxial_mass=0.2)
+    heavy = ft.plan(free, modes="7 THRU 10", uniaxial=5, uniaxial_mass=0.2)
     assert "plan.mass-loading" in [a.code for a in heavy.record.alerts]
-    assert not steps.plan(free, modes="7 THRU 10", uniaxial=5).record.loading
+    assert not ft.plan(free, modes="7 THRU 10", uniaxial=5).record.loading
 
 
 @pytest.mark.slow
 def test_a_suspension_beside_springs_in_the_deck(tmp_path: Path, free: Path) -> None:
     corners = [grid_at(0, 0), grid_at(NX, 0), grid_at(0, NY), grid_at(NX, NY)]
-    found = steps.plan(
+    found = ft.plan(
         free, modes="7 THRU 10", uniaxial=6, suspension=[{"nodes": corners, "stiffness": (30.0, 40.0, 50.0)}]
     ).record.suspension
     assert found is not None
@@ -380,21 +382,19 @@ def test_a_suspension_beside_springs_in_the_deck(tmp_path: Path, free: Path) -> 
     ]
     path = tmp_path / "hung.bdf"
     path.write_text(plate_deck(False, *cards))
-    hung, own = steps.modes(path).freq_hz, steps.modes(free).freq_hz
+    hung, own = ft.modes(path).freq_hz, ft.modes(free).freq_hz
     assert found.rigid_hz == pytest.approx(hung[:6], rel=2e-3)
     assert found.first_elastic_hz == pytest.approx(hung[6], rel=2e-5)
     assert found.shift_percent == pytest.approx(100.0 * (hung[6:10] / own[6:10] - 1.0), rel=2e-2)
     # a mass of 5.2 kg on four springs of 50 N/m
     assert found.rigid_hz[2] == pytest.approx(np.sqrt(200.0 / (0.48 * 0.004 * 2700.0)) / (2.0 * np.pi), rel=2e-3)
-    stiff = steps.plan(
-        free, modes="7 THRU 10", uniaxial=6, suspension=[{"nodes": corners, "stiffness": (0.0, 0.0, 1e5)}]
-    )
+    stiff = ft.plan(free, modes="7 THRU 10", uniaxial=6, suspension=[{"nodes": corners, "stiffness": (0.0, 0.0, 1e5)}])
     assert "plan.stiff-suspension" in [a.code for a in stiff.record.alerts]
 
 
 def test_everything_is_on_the_page_and_in_the_files(free: Path, tmp_path: Path) -> None:
     table, frame = tmp_path / "plan.csv", tmp_path / "plan.uff"
-    found = steps.plan(
+    found = ft.plan(
         free, modes="7 THRU 10", uniaxial=6, exciters=1, uniaxial_mass=0.01, csv=table, uff=frame, units="m-kg-s",
         suspension=[{"nodes": [1, 9, 55, 63], "stiffness": (1.0, 1.0, 1.0)}], report=tmp_path / "plan.html",
     )  # fmt: skip
@@ -443,7 +443,7 @@ def _expected(nodes: list[int], at: Reals | None = None) -> tuple[Reals, Reals]:
 
 
 def test_expected_standard_deviations_beside_differences(tmp_path: Path) -> None:
-    found = steps.plan(_chain(tmp_path, uniaxial=6))
+    found = ft.plan(_chain(tmp_path, uniaxial=6))
     F, expected = _expected([s.node for s in found.record.sensors])
     sd = (BOUNDS[1] - BOUNDS[0]) / np.sqrt(12.0)
     assert [p.name for p in found.record.parameters] == list(NAMES)
@@ -457,7 +457,7 @@ def test_expected_standard_deviations_beside_differences(tmp_path: Path) -> None
 @pytest.mark.parametrize("criterion", ["D", "A"])
 @pytest.mark.slow
 def test_sensors_for_the_parameters_are_the_best_of_all_sets(tmp_path: Path, criterion: str) -> None:
-    found = steps.plan(_chain(tmp_path, aim="parameters", criterion=criterion, uniaxial=4))
+    found = ft.plan(_chain(tmp_path, aim="parameters", criterion=criterion, uniaxial=4))
 
     def score(nodes: Iterable[int]) -> float:
         F = np.eye(3) + _expected(list(nodes))[0]
@@ -472,7 +472,7 @@ def test_sensors_for_the_parameters_are_the_best_of_all_sets(tmp_path: Path, cri
 
 
 def test_points_within_the_bounds(tmp_path: Path) -> None:
-    found = steps.plan(_chain(tmp_path, aim="parameters", uniaxial=6, points=4, average="worst", seed=3))
+    found = ft.plan(_chain(tmp_path, aim="parameters", uniaxial=6, points=4, average="worst", seed=3))
     lower, upper = BOUNDS
     unit = qmc.LatinHypercube(3, rng=np.random.default_rng(3)).random(3)
     nodes = [s.node for s in found.record.sensors]
@@ -482,7 +482,7 @@ def test_points_within_the_bounds(tmp_path: Path) -> None:
 
 
 def test_given_and_triaxial_sensors_count_for_the_parameters(tmp_path: Path) -> None:
-    found = steps.plan(_chain(tmp_path, aim="parameters", triaxial=2, uniaxial=2, placed=("15X+",)))
+    found = ft.plan(_chain(tmp_path, aim="parameters", triaxial=2, uniaxial=2, placed=("15X+",)))
     nodes = [s.node for s in found.record.sensors]
     assert nodes[0] == 15
     assert found.parameters.column("expected_sd") == pytest.approx(_expected(nodes)[1], rel=1e-5)
@@ -490,17 +490,17 @@ def test_given_and_triaxial_sensors_count_for_the_parameters(tmp_path: Path) -> 
 
 def test_a_plan_of_matrices(tmp_path: Path) -> None:
     (tmp_path / "mesh.inp").write_text("*NODE\n" + "".join(f"{10 * (i + 1)}, {i}., 0., 0.\n" for i in range(5)))
-    found = steps.plan(written(tmp_path, "", model='grid = "mesh.inp"'), modes=[1, 2], uniaxial=3)
+    found = ft.plan(written(tmp_path, "", model='grid = "mesh.inp"'), modes=[1, 2], uniaxial=3)
     assert {s.node for s in found.record.sensors} <= {10, 20, 30, 40, 50}
     assert all(p.expected_sd < p.prior_sd for p in found.record.parameters)
     with pytest.raises(FemtuneError, match="have no coordinates") as caught:
-        steps.plan(written(tmp_path, ""), modes=[1, 2], uniaxial=3)
+        ft.plan(written(tmp_path, ""), modes=[1, 2], uniaxial=3)
     assert caught.value.code == "plan.candidates"
 
 
 @pytest.mark.slow
 def test_the_scatter_of_1000_simulated_tests_is_the_expected_one(tmp_path: Path) -> None:
-    found = steps.plan(_chain(tmp_path, aim="parameters", uniaxial=6))
+    found = ft.plan(_chain(tmp_path, aim="parameters", uniaxial=6))
     shapes = chain_modes(np.ones(3), 4)[1]
     entry_sd = _CALIBRATION["shape_sd"] * np.abs(shapes).max(axis=0)
     masses = np.array([s.node - 1 for s in found.record.sensors])

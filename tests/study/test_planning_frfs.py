@@ -12,11 +12,13 @@ import pytest
 from scipy.stats import qmc
 from tests.messages.shown import check_shown
 
-from femtune import Study, steps
+import femtune as ft
+from femtune import Study
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.reporting import build_page, html_text
-from femtune.results.results import Results
+from femtune.reporting.html import html_text
+from femtune.steps.report.build import build_page
+from femtune.steps.results import Results
 from structures.plan_chain import BOUNDS, MASSES, NAMES, chain_deck, chain_frfs, scatter_of_calibrations
 
 _RATIO, _SD = 0.02, 0.05
@@ -70,7 +72,7 @@ def _sd(F: Reals) -> Reals:
 
 @pytest.mark.parametrize("form", ["log-complex", "log-magnitude", "linear"])
 def test_expected_standard_deviations_beside_differences(tmp_path: Path, form: str) -> None:
-    found = steps.plan(_chain(tmp_path, uniaxial=5, exciters=1, frf_form=form))
+    found = ft.plan(_chain(tmp_path, uniaxial=5, exciters=1, frf_form=form))
     assert found.calibration_lines is not None
     nodes, inputs = ([s.node for s in some] for some in (found.record.sensors, found.record.exciters))
     F = _information(_slopes(found.calibration_lines, form=form), nodes, inputs)
@@ -90,7 +92,7 @@ def test_expected_standard_deviations_beside_differences(tmp_path: Path, form: s
 @pytest.mark.parametrize("criterion", ["D", "A"])
 def test_sensors_for_a_given_exciter_are_the_best_of_all_sets(tmp_path: Path, criterion: str) -> None:
     asked = {"aim": "parameters", "criterion": criterion, "uniaxial": 4, "exciters_placed": ("9X+",)}
-    found = steps.plan(_chain(tmp_path, **asked))
+    found = ft.plan(_chain(tmp_path, **asked))
     assert found.calibration_lines is not None
     J = _slopes(found.calibration_lines)
     own = _score(_information(J, [s.node for s in found.record.sensors], [9]), criterion)
@@ -103,7 +105,7 @@ def test_sensors_for_a_given_exciter_are_the_best_of_all_sets(tmp_path: Path, cr
 
 @pytest.mark.slow
 def test_sensors_and_exciter_together_beside_all_pairs_of_sets(tmp_path: Path) -> None:
-    found = steps.plan(_chain(tmp_path, aim="parameters", modes="1 THRU 3", uniaxial=3, exciters=1))
+    found = ft.plan(_chain(tmp_path, aim="parameters", modes="1 THRU 3", uniaxial=3, exciters=1))
     assert found.calibration_lines is not None
     J, (exciter,) = _slopes(found.calibration_lines), found.record.exciters
     own = _score(_information(J, [s.node for s in found.record.sensors], [exciter.node]), "D")
@@ -116,7 +118,7 @@ def test_sensors_and_exciter_together_beside_all_pairs_of_sets(tmp_path: Path) -
 
 def test_lines_beside_random_and_even_ones(tmp_path: Path) -> None:
     asked = {"uniaxial": 4, "exciters_placed": ("9X+",), "frf_lines": 12}
-    found = steps.plan(_chain(tmp_path, **asked))
+    found = ft.plan(_chain(tmp_path, **asked))
     assert found.chosen_lines is not None
     assert found.calibration_lines is not None
     assert set(found.chosen_lines) <= set(found.calibration_lines)
@@ -130,25 +132,25 @@ def test_lines_beside_random_and_even_ones(tmp_path: Path) -> None:
     rng, count = np.random.default_rng(0), len(found.calibration_lines)
     assert own > max(score(rng.choice(count, 12, replace=False)) for _ in range(500))
     assert own > score(np.linspace(0, count - 1, 12).round().astype(int))
-    everything = steps.plan(_chain(tmp_path, uniaxial=4, exciters_placed=("9X+",)))
+    everything = ft.plan(_chain(tmp_path, uniaxial=4, exciters_placed=("9X+",)))
     assert (everything.parameters.column("expected_sd") < found.parameters.column("expected_sd")).all()
 
 
 def test_the_noise_floor_counts(tmp_path: Path) -> None:
-    found = steps.plan(_chain(tmp_path, uniaxial=5, exciters=1, frf_sd=_SD, frf_floor=0.001))
+    found = ft.plan(_chain(tmp_path, uniaxial=5, exciters=1, frf_sd=_SD, frf_floor=0.001))
     nodes, inputs = ([s.node for s in some] for some in (found.record.sensors, found.record.exciters))
     assert found.calibration_lines is not None
     F = _information(_slopes(found.calibration_lines, floor=0.001), nodes, inputs)
     # well above the floor the weight is that of the value, near it that of the lines beside
     assert found.parameters.column("expected_sd") == pytest.approx(_sd(F), rel=0.03)
-    without = steps.plan(_chain(tmp_path, uniaxial=5, exciters=1, frf_sd=_SD))
+    without = ft.plan(_chain(tmp_path, uniaxial=5, exciters=1, frf_sd=_SD))
     assert (found.parameters.column("expected_sd") > without.parameters.column("expected_sd")).all()
 
 
 @pytest.mark.slow
 def test_points_within_the_bounds(tmp_path: Path) -> None:
     asked = {"aim": "parameters", "uniaxial": 5, "exciters": 1, "points": 3, "average": "worst", "seed": 3}
-    found = steps.plan(_chain(tmp_path, **asked))
+    found = ft.plan(_chain(tmp_path, **asked))
     lower, upper = BOUNDS
     unit = qmc.LatinHypercube(3, rng=np.random.default_rng(3)).random(2)
     nodes, inputs = ([s.node for s in some] for some in (found.record.sensors, found.record.exciters))
@@ -162,7 +164,7 @@ def test_points_within_the_bounds(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_reduced_model_gives_the_same_plan(tmp_path: Path) -> None:
     asked = {"aim": "parameters", "uniaxial": 4, "triaxial": 1, "exciters": 1, "points": 2}
-    full, reduced = (steps.plan(_chain(tmp_path, r, **asked)) for r in (None, {}))
+    full, reduced = (ft.plan(_chain(tmp_path, r, **asked)) for r in (None, {}))
     assert reduced.record.functions is not None
     assert reduced.record.functions.order is not None
     assert {s.node for s in reduced.record.sensors} == {s.node for s in full.record.sensors}
@@ -172,16 +174,16 @@ def test_a_reduced_model_gives_the_same_plan(tmp_path: Path) -> None:
 
 def test_what_a_plan_for_frfs_needs(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError, match="the plan has no exciter") as caught:
-        steps.plan(_chain(tmp_path, uniaxial=4))
+        ft.plan(_chain(tmp_path, uniaxial=4))
     assert caught.value.code == "plan.exciters"
     with pytest.raises(FemtuneError, match="'frf_sd' must be above zero"):
-        steps.plan(_chain(tmp_path, uniaxial=4, exciters=1, frf_sd=0.0))
+        ft.plan(_chain(tmp_path, uniaxial=4, exciters=1, frf_sd=0.0))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("floor", [0.0, 0.001])
 def test_the_scatter_of_1000_simulated_tests_is_the_expected_one(tmp_path: Path, floor: float) -> None:
-    found = steps.plan(_chain(tmp_path, aim="parameters", uniaxial=5, exciters=1, frf_sd=_SD, frf_floor=floor))
+    found = ft.plan(_chain(tmp_path, aim="parameters", uniaxial=5, exciters=1, frf_sd=_SD, frf_floor=floor))
     assert found.calibration_lines is not None
     masses, inputs = (np.array([s.node - 1 for s in some]) for some in (found.record.sensors, found.record.exciters))
     factors = scatter_of_calibrations(masses, inputs, found.calibration_lines, _RATIO, _SD, floor, 1000)
@@ -192,5 +194,5 @@ def test_the_scatter_of_1000_simulated_tests_is_the_expected_one(tmp_path: Path,
 def test_more_lines_than_memory_are_refused(tmp_path: Path) -> None:
     """A damping ratio that is far too small must not fill the memory."""
     with pytest.raises(FemtuneError) as caught:
-        steps.plan(_chain(tmp_path, uniaxial=4, exciters=1, damping_ratio=1e-9))
+        ft.plan(_chain(tmp_path, uniaxial=4, exciters=1, damping_ratio=1e-9))
     check_shown("plan.too-many-lines", caught.value)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
-from femtune.assembly.plausible_units import COMMON, SYSTEMS
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.correlation.pairing import pair_modes
 from femtune.correlation.unit_factor import FACTORS, unit_factor
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
+from femtune.study.plausible_units import COMMON, SYSTEMS
+from femtune.study.study import load_study
 from femtune.units import unit_system
 
 from .cantilever import EI, Bench
@@ -113,7 +113,7 @@ def test_the_message(bench: Bench, name: str, values: tuple[float, float]) -> No
 
 def test_info_shows_it(bench: Bench) -> None:
     bench.write("beam.bdf", bench.text.replace(MATERIAL, _mat1(2.1e5, 7.85e-9)))
-    found = steps.info(bench.study("", test=None))
+    found = ft.info(bench.study("", test=None))
     assert [n.level for n in found.notices if n.code == "study.units-doubtful"] == ["warning"]
     assert "warning: MAT1 1 has the modulus" in repr(found)
 
@@ -166,11 +166,11 @@ def test_the_correlation_says_it(bench: Bench) -> None:
     text = bench.text.replace("CONM2   9       5               2.0\n", "")
     bench.write("beam.bdf", text.replace(MATERIAL, _mat1(2.1e11, 7.85)))
     bench.uff(bench.measure(bench.truth((), text)))
-    (found,) = steps.correlate(bench.study("")).records
+    (found,) = ft.correlate(bench.study("")).records
     (alert,) = [n for n in found.alerts if n.code == "correlate.unit-factor"]
     assert "31.62 times higher" in alert.sentence
     with pytest.raises(FemtuneError) as caught:
-        steps.run(bench.study(EI))
+        ft.run(bench.study(EI))
     assert caught.value.code == "correlate.no-pairs"
     assert "31.62 times higher" in str(caught.value.hint)
 
@@ -235,7 +235,7 @@ def _doubtful(sentences: Iterable[str]) -> list[str]:
     ("factor", "told"), [(1000.0, True), (0.01, True), (1.001, False), (25.4, False), (0.04, False)]
 )
 def test_sections_in_another_unit_than_coordinates_are_told_by_info(bench: Bench, factor: float, told: bool) -> None:
-    found = steps.info(_with_coordinates(bench, factor)).record.notices
+    found = ft.info(_with_coordinates(bench, factor)).record.notices
     assert ["sections-doubtful" in n.code for n in found if n.level == "warning"] == [True] * told
 
 
@@ -248,15 +248,15 @@ def test_a_large_area_or_moment_without_effect_is_not(bench: Bench) -> None:
 
 def test_modes_and_correlate_tell_it_too_also_with_an_error(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     path = _with_coordinates(beam, 1000.0)
-    (sentence,) = _doubtful(map(str, steps.modes(path).remarks))
+    (sentence,) = _doubtful(map(str, ft.modes(path).remarks))
     check_shown("deck.sections-doubtful", sentence)
 
     def fail(*_: Any, **__: Any) -> None:
         raise FemtuneError("eigen.inaccurate", mode=1, residual=1.0)
 
-    monkeypatch.setattr("femtune.steps.of_study.model_records", fail)
+    monkeypatch.setattr("femtune.steps.correlate.function.model_records", fail)
     with pytest.raises(FemtuneError) as caught:
-        steps.correlate(beam.study("[sensors]\nby_id = true\n"))
+        ft.correlate(beam.study("[sensors]\nby_id = true\n"))
     assert _doubtful(caught.value.__notes__) == [sentence]
 
 
@@ -271,7 +271,7 @@ def test_what_is_doubtful_is_told_with_the_error_that_it_causes(beam: Bench) -> 
 
 def test_a_lowest_mode_that_no_structure_has_is_told_by_modes(bench: Bench) -> None:
     """Coordinates times 400: f L/c of a cantilever is 1.875²/(2π) sqrt(I/A)/L; 2 kg at its tip have no effect."""
-    made = steps.modes(_with_coordinates(bench, 400.0))
+    made = ft.modes(_with_coordinates(bench, 400.0))
     assert _doubtful(map(str, made.remarks)) == []
     (alert,) = (a for a in made.records[0].alerts if a.code == "deck.sections-doubtful")
     ratio = 1.8751**2 / (2.0 * np.pi) * (2e-7 / 1e-3) ** 0.5 / 400.0
@@ -280,5 +280,5 @@ def test_a_lowest_mode_that_no_structure_has_is_told_by_modes(bench: Bench) -> N
 
 
 def test_the_lowest_mode_of_a_beam_is_not(bench: Bench) -> None:
-    alerts = steps.modes(_with_coordinates(bench, 50.0)).records[0].alerts
+    alerts = ft.modes(_with_coordinates(bench, 50.0)).records[0].alerts
     assert [a for a in alerts if a.code == "deck.sections-doubtful"] == []

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
-from femtune.assembly.progress import silent
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.executor import Serial
 from femtune.executor.interface import nothing
 from femtune.files.study_file import QuantifyTable
 from femtune.journal.run_files import forget
-from femtune.reporting import build_report
-from femtune.reporting.sections.quantify import variability_blocks
-from femtune.results.quantify import QuantifyResults
-from femtune.study.quantify import SAMPLES_FILE, in_words_of_the_study, quantify_at, repeats_of
+from femtune.steps.quantify.page import variability_blocks
+from femtune.steps.quantify.record import QuantifyResults
+from femtune.steps.quantify.run import SAMPLES_FILE, in_words_of_the_study, quantify_at, repeats_of
+from femtune.steps.report.build import build_report
+from femtune.study.progress import silent
+from femtune.study.study import load_study
 
 from .cantilever import EI, Bench, bounded
 
@@ -71,7 +71,7 @@ def assert_near(found: QuantifyResults, factors: np.ndarray, rtol: float) -> Non
 def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
     bench, factors, hz = repeated
     _table(bench, hz)
-    result = steps.quantify(_study(bench))
+    result = ft.quantify(_study(bench))
     found, arrays = result.record, result.arrays
     assert found.ok
     assert found.agrees
@@ -91,7 +91,7 @@ def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
 def test_samples_side_by_side_are_those_one_after_another(repeated):
     bench, _, hz = repeated
     _table(bench, hz)
-    alone, both = (steps.quantify(_study(bench), jobs=jobs) for jobs in (1, 2))
+    alone, both = (ft.quantify(_study(bench), jobs=jobs) for jobs in (1, 2))
     assert both.record == alone.record
     np.testing.assert_array_equal(both.arrays[both.record.cloud_key], alone.arrays[alone.record.cloud_key])
 
@@ -123,7 +123,7 @@ def test_samples_of_other_processes_that_have_ended_survive_a_kill(repeated, mon
 
     def cloud(most: int, folder: Path | None) -> tuple[int, np.ndarray]:
         executor = _Elsewhere(most)
-        monkeypatch.setattr("femtune.study.quantify.executor_of", lambda *_, **__: executor)
+        monkeypatch.setattr("femtune.steps.quantify.run.executor_of", lambda *_, **__: executor)
         arrays = {}
         try:
             record = quantify_at(study, repeats, x, arrays, silent, folder)
@@ -157,7 +157,7 @@ def _moved(hz: np.ndarray, rows: slice, share: float) -> np.ndarray:
 def test_a_jump_and_an_outlier_are_alerts_of_the_run(repeated):
     bench, _, hz = repeated
     _table(bench, _moved(_moved(hz, slice(6, None), 0.2), slice(10, 11), 0.5))
-    run = steps.run(_study(bench))
+    run = ft.run(_study(bench))
     found = run.results.quantify
     order, outliers, _ = found.checks
     assert (order.verdict, outliers.verdict) == ("fail", "fail")
@@ -178,17 +178,17 @@ def test_repeats_that_are_held_out_check_the_prediction(repeated):
     bench, factors, hz = repeated
     _table(bench, hz)
     held = [2, 3, 5, 8, 11]
-    found = steps.quantify(_study(bench, f"hold_out = {held}\n")).record
+    found = ft.quantify(_study(bench, f"hold_out = {held}\n")).record
     kept = np.delete(factors, np.array(held) - 1, axis=0)
     assert (found.repeats, found.held_out) == (7, (2, 3, 5, 8, 11))
     assert_near(found, kept, 5e-4)
     assert found.checks[2].verdict == "pass"
     hz[np.array(held) - 1] *= 1.2
     _table(bench, hz)
-    found = steps.quantify(_study(bench, f"hold_out = {held}\n")).record
+    found = ft.quantify(_study(bench, f"hold_out = {held}\n")).record
     assert found.checks[2].verdict == "fail"
     assert "differ from the predicted distribution" in found.checks[2].sentence
-    found = steps.quantify(_study(bench, "hold_out = 0.2\n")).record
+    found = ft.quantify(_study(bench, "hold_out = 0.2\n")).record
     assert len(found.held_out) == 2
     assert found.checks[2].verdict == "not tested"
 
@@ -197,7 +197,7 @@ def test_repeats_that_are_held_out_check_the_prediction(repeated):
 def test_shapes_are_outputs_beside_frequencies(repeated):
     bench, factors, _ = repeated
     names = [bench.uff(bench.measure(_truth(bench, f), count=6), f"r{i}.uff").name for i, f in enumerate(factors)]
-    result = steps.quantify(_study(bench, "shapes = true\n", repeats=str(names)))
+    result = ft.quantify(_study(bench, "shapes = true\n", repeats=str(names)))
     found = result.record
     assert_near(found, factors, 3e-3)
     assert found.agrees
@@ -226,7 +226,7 @@ def test_held_out_repeats_with_shapes_are_compared_by_frequencies(repeated):
         shapes = test.modes.shapes + 0.01 * rng.standard_normal(test.modes.shapes.shape)
         names.append(bench.uff(replace(test, modes=replace(test.modes, shapes=shapes)), f"r{i}.uff").name)
     with np.errstate(all="raise"):
-        found = steps.quantify(_study(bench, "shapes = true\nhold_out = [2, 3, 5, 8, 11]\n", repeats=str(names))).record
+        found = ft.quantify(_study(bench, "shapes = true\nhold_out = [2, 3, 5, 8, 11]\n", repeats=str(names))).record
     said = found.checks[2].sentence
     assert found.checks[2].verdict != "not tested"
     assert " at " not in said
@@ -243,7 +243,7 @@ def test_intervals_are_those_of_the_extreme_frequencies(bench: Bench):
     hz = np.array([bench.modes(_truth(bench, f), 6)[IN_PLANE] for f in factors])
     bench.uff(bench.measure(_truth(bench, np.array([1.1, 0.95])), count=6))
     _table(bench, hz)
-    result = steps.quantify(_study(bench, "intervals = true\n"))
+    result = ft.quantify(_study(bench, "intervals = true\n"))
     box = result.record.intervals
     assert box.ok
     assert box.proven
@@ -262,7 +262,7 @@ def test_intervals_with_a_frequency_table_are_a_sentence(repeated):
     bench, _, hz = repeated
     _table(bench, hz)
     table = '[[frequency_table]]\nfields = ["MAT1 1 E"]\nfreq_hz = [0.0, 1000.0]\nfactor = [1.0, 1.001]\n'
-    box = steps.quantify(_study(bench, f"intervals = true\n{table}")).record.intervals
+    box = ft.quantify(_study(bench, f"intervals = true\n{table}")).record.intervals
     assert not box.ok
     assert "not computed for values that depend on frequency" in box.sentence
 
@@ -273,7 +273,7 @@ def test_intervals_that_contradict_are_a_sentence(repeated):
     bench, _, hz = repeated
     hz[:, 1] = hz[:, 1].mean() * (1.0 + 1e-7 * np.arange(COUNT))
     _table(bench, hz)
-    box = steps.quantify(_study(bench, "intervals = true\n")).record.intervals
+    box = ft.quantify(_study(bench, "intervals = true\n")).record.intervals
     assert box.sentence
     assert not box.ok or max(abs(o.model_upper_hz / o.measured_upper_hz - 1.0) for o in box.outputs) > 1e-3
 
@@ -283,9 +283,9 @@ def test_measurement_errors_of_a_study_are_subtracted(repeated):
     bench, _, hz = repeated
     noisy = hz * (1.0 + 0.01 * np.random.default_rng(3).standard_normal(hz.shape))
     _table(bench, noisy)
-    plain = steps.quantify(_study(bench)).record
-    found = steps.quantify(_study(bench, 'noise_sd = { "1" = 0.01, "3" = 0.01, "5" = 0.01 }\n')).record
-    same = steps.quantify(_study(bench, "noise_sd = 0.01\n")).record
+    plain = ft.quantify(_study(bench)).record
+    found = ft.quantify(_study(bench, 'noise_sd = { "1" = 0.01, "3" = 0.01, "5" = 0.01 }\n')).record
+    same = ft.quantify(_study(bench, "noise_sd = 0.01\n")).record
     assert [p.sd for p in same.parameters] == [p.sd for p in found.parameters]
     assert all(a.sd < b.sd for a, b in zip(found.parameters, plain.parameters))
     assert 10.0 < found.noise_percent < 60.0
@@ -301,9 +301,9 @@ def test_measurement_errors_of_the_test_are_subtracted(repeated):
     bench.write("sd.csv", "mode,dof,sigma\n1,frequency,0.05\n3,frequency,0.2\n")
     study = _study(bench, 'noise_sd = "test"\n', head=f'deviations = "sd.csv"\n{LEFT_OUT}')
     with pytest.raises(FemtuneError, match="mode 5"):
-        steps.quantify(study)
+        ft.quantify(study)
     bench.write("sd.csv", "mode,dof,sigma\n1,frequency,0.05\n3,frequency,0.2\n5,frequency,0.7\n")
-    found = steps.quantify(study).record
+    found = ft.quantify(study).record
     assert [o.noise_sd_hz for o in found.outputs] == pytest.approx([0.05, 0.2, 0.7])
 
 
@@ -311,12 +311,12 @@ def test_measurement_errors_of_the_test_are_subtracted(repeated):
 def test_a_robust_covariance_leaves_an_outlier_without_effect(repeated):
     bench, factors, hz = repeated
     _table(bench, _moved(hz, slice(4, 5), 0.3))
-    found = steps.quantify(_study(bench, 'covariance = "robust"\n')).record
+    found = ft.quantify(_study(bench, 'covariance = "robust"\n')).record
     assert found.estimate == "minimum covariance determinant, reweighted"
     kept = np.delete(factors, 4, axis=0)
     np.testing.assert_allclose([p.mean for p in found.parameters], kept.mean(axis=0), rtol=0.05)
     assert max(p.sd for p in found.parameters) < 0.1
-    assert max(p.sd for p in steps.quantify(_study(bench)).record.parameters) > 0.1
+    assert max(p.sd for p in ft.quantify(_study(bench)).record.parameters) > 0.1
 
 
 @pytest.mark.slow
@@ -324,7 +324,7 @@ def test_a_robust_covariance_leaves_an_outlier_without_effect(repeated):
 def test_every_method_of_a_study(repeated, method: str):
     bench, factors, hz = repeated
     _table(bench, hz)
-    found = steps.quantify(_study(bench, f'method = "{method}"\n')).record
+    found = ft.quantify(_study(bench, f'method = "{method}"\n')).record
     assert found.ok
     assert_near(found, factors, 3e-3)
     assert found.solutions > (60 if method != "perturbation" else 0)
@@ -342,7 +342,7 @@ def test_universal_files_are_paired_by_shape_and_a_lost_mode_is_a_gap(repeated):
             test = type(test)(test.name, test.units, test.geometry, modes=type(modes)(
                 modes.freq_hz[keep], modes.shapes[:, keep], modes.dofs, normalisation="mass"))  # fmt: skip
         names.append(bench.uff(test, f"repeat{i}.uff").name)
-    found = steps.quantify(_study(bench, repeats=str(names))).record
+    found = ft.quantify(_study(bench, repeats=str(names))).record
     assert [o.repeats for o in found.outputs] == [12, 11, 12]
     assert any("1 of 36 values " in s for s in found.sentences)
     assert_near(found, factors, 3e-3)
@@ -352,7 +352,7 @@ def test_universal_files_are_paired_by_shape_and_a_lost_mode_is_a_gap(repeated):
 def test_a_run_keeps_it_in_results_and_report(repeated):
     bench, factors, hz = repeated
     _table(bench, hz)
-    run = steps.run(_study(bench))
+    run = ft.run(_study(bench))
     assert run.results.quantify is not None
     assert_near(run.results.quantify, factors, 5e-4)
     document = build_report(run.results, run.arrays)
@@ -375,7 +375,7 @@ def test_a_study_without_repeats_says_so_in_its_report(finished):
 def test_columns_may_have_names_of_their_own(repeated):
     bench, factors, hz = repeated
     _table(bench, np.column_stack([np.arange(COUNT), hz]), "test,f1_Hz,f3_Hz,f5_Hz")
-    found = steps.quantify(_study(bench, 'columns = ["", "1", "3", "5"]\n')).record
+    found = ft.quantify(_study(bench, 'columns = ["", "1", "3", "5"]\n')).record
     assert_near(found, factors, 5e-4)
 
 
@@ -386,7 +386,7 @@ def test_the_wrong_parameter_is_told_by_the_covariance(repeated):
     _table(bench, hz)
     one = bounded("root", "PBAR 1 I1")
     study = bench.study(f'{LEFT_OUT}{one}\n[quantify]\nrepeats = "repeats.csv"\nsamples = 30\n')
-    found = steps.quantify(study).record
+    found = ft.quantify(study).record
     assert not found.agrees
     assert found.unexplained_percent > 2.0
     assert "measured means" in found.sentences[0]
@@ -409,7 +409,7 @@ def _three_candidates(bench: Bench) -> Path:
 
 @pytest.mark.slow
 def test_distances_tell_the_parameter_that_does_not_scatter(bench: Bench):
-    found = steps.quantify(_three_candidates(bench)).record
+    found = ft.quantify(_three_candidates(bench)).record
     root, tip, third = (p.cosine_distance for p in found.parameters)
     assert max(root, tip) < 0.01
     assert third > 0.05
@@ -419,7 +419,7 @@ def test_distances_tell_the_parameter_that_does_not_scatter(bench: Bench):
 @pytest.mark.slow
 def test_distances_are_known_before_an_update(bench: Bench):
     """At the initial values, which are 10 and 5 % off."""
-    found = steps.select(_three_candidates(bench)).record.measures
+    found = ft.select(_three_candidates(bench)).record.measures
     assert found is not None
     root, tip, third = (p.cosine_distance for p in found.information)
     assert max(root, tip) < 0.01
@@ -430,11 +430,11 @@ def test_distances_are_known_before_an_update(bench: Bench):
 @pytest.mark.slow
 def test_select_states_why_there_are_no_distances(beam: Bench):
     beam.write("repeats.csv", "1,3\n11,70\n11.5,71\n11.2,72\n")
-    found = steps.select(_study(beam, head="")).record.measures
+    found = ft.select(_study(beam, head="")).record.measures
     assert [p.cosine_distance for p in found.information] == [None, None]
     assert any("requires 4 frequencies that depend on them; the repeats have 2" in s for s in found.sentences)
     beam.write("repeats.csv", "1,3\n11,70\n11,71\n")
-    found = steps.select(_study(beam, head="")).record.measures
+    found = ft.select(_study(beam, head="")).record.measures
     assert any("mode 1 has the same value in all repeats" in s for s in found.sentences)
 
 
@@ -487,7 +487,7 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
 def test_bad_repeats_are_a_sentence(beam: Bench, write: Callable[[Bench], Path], code: str, words: str):
     beam.write("repeats.csv", "1,2\n10,60\n11,61\n")
     with pytest.raises(FemtuneError, match=words) as error:
-        steps.quantify(write(beam))
+        ft.quantify(write(beam))
     assert error.value.code == code
 
 
@@ -515,6 +515,6 @@ def test_what_fails_below_is_told_in_keys_of_the_study(keys: dict[str, str], cod
 def test_repeats_that_do_not_do_are_reported_before_the_update(beam: Bench, table: str, keys: str, code: str):
     beam.write("repeats.csv", table)
     with pytest.raises(FemtuneError) as error:
-        steps.update(_study(beam, keys, head=""))
+        ft.update(_study(beam, keys, head=""))
     assert error.value.code == code
     assert not (beam.folder / "run" / "history.jsonl").exists()

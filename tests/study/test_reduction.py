@@ -6,18 +6,18 @@ from types import SimpleNamespace
 
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.reporting.build import build_report
-from femtune.results.step_results import RunResult
-from femtune.study.reduction import TrainingProgress
+from femtune.steps.report.build import build_report
+from femtune.steps.run.result import RunResult
+from femtune.steps.update.reduction import TrainingProgress
 
 from .cantilever import EI, Bench
 
 
 def _run(bench: Bench, table: str) -> RunResult:
     bench.uff(bench.measure(bench.truth()))
-    return steps.update(bench.study(EI + table))
+    return ft.update(bench.study(EI + table))
 
 
 def test_the_truth_is_found_and_certified(bench: Bench) -> None:
@@ -49,7 +49,7 @@ def test_what_is_not_certified_is_a_problem(bench: Bench) -> None:
 @pytest.mark.slow
 def test_a_run_that_is_repeated_solves_nothing_again(bench: Bench) -> None:
     first = _run(bench, "[reduction]\n")
-    second = steps.update(bench.folder / "study.toml")
+    second = ft.update(bench.folder / "study.toml")
     assert first.results.journal is not None
     assert second.results.journal is not None
     assert first.results.journal.solved > 0
@@ -88,7 +88,7 @@ class _Heard:
 def test_progress_says_cost_order_and_errors(bench: Bench) -> None:
     bench.uff(bench.measure(bench.truth()))
     heard = _Heard()
-    run = steps.update(bench.study(EI + "[reduction]\nfull_solutions = 12\n"), progress=heard)
+    run = ft.update(bench.study(EI + "[reduction]\nfull_solutions = 12\n"), progress=heard)
     first = "reduced model of as the deck: at most 12 full solutions; computing the first"
     own = [line for line in heard.lines if line[0].startswith(("reduced model", "search"))]
     assert own[0] == (first, 0, 12)

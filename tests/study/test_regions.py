@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from femtune.assembly.study import Study, load_study
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
+from femtune.study.study import Study, load_study
 
 DECK = """SOL 103
 CEND

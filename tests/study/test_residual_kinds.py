@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from tests.deck_models import model_of
 
-from femtune import steps
+import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.files.deviations import deviations_text
@@ -18,7 +18,7 @@ from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.modal import ModeSet
 from femtune.model.response import make_ports, static_response
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
 from femtune.testdata import ModalTest
 
 from .cantilever import CANTILEVER, EI, Bench, modes_of_deck
@@ -57,7 +57,7 @@ OF_MODES = {
 
 
 def run(bench: Bench, tail: str, test: str | None = "beam.uff") -> RunResult:
-    return steps.run(bench.study(EI + tail, test=test))
+    return ft.run(bench.study(EI + tail, test=test))
 
 
 @pytest.mark.quick(1)

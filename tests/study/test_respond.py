@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from tests.deck_models import model_of
 from tests.reporting.packed import unpacked
 
-from femtune import steps
+import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff, write_uff_frfs
 from femtune.modal import FrfSet, as_kind
 from femtune.model import constant_damping, solve_modes
 from femtune.model.response import ACCURACY, frf, make_ports
-from femtune.reporting.source import ReportSource
-from femtune.reporting.view import view_of
-from femtune.results.response import ResponseResults
+from femtune.steps.report.view import view_of
+from femtune.steps.report_source import ReportSource
+from femtune.steps.respond.record import ResponseResults
 from femtune.testdata import ModalTest
 from femtune.units import SI
 
@@ -42,7 +42,7 @@ WAYS = ("real modes", "complex modes", "direct")
 
 def _respond(path: Path, **options: Any) -> tuple[ResponseResults, NDArray[np.float64], NDArray[np.complex128]]:
     """The only record of a deck or study, its lines and values."""
-    found = steps.respond(path, **options)
+    found = ft.respond(path, **options)
     return found[0], found.frfs.freq_hz, found.frfs.values
 
 
@@ -115,7 +115,7 @@ def test_complex_modes_where_damping_couples_the_real_ones(
 def test_shapes_of_complex_modes_travel_on_the_page(bench: Bench) -> None:
     """(λ²M + λC + K)φ = 0 of what the page holds: 16 bits of each part."""
     deck = bench.write("pair.bdf", _PAIR + "CDAMP2,5,8.0,2,1\nENDDATA\n")
-    made = steps.respond(deck, inputs=("2X+",), from_hz=1.0, to_hz=9.0, lines=9)
+    made = ft.respond(deck, inputs=("2X+",), from_hz=1.0, to_hz=9.0, lines=9)
     (scene,) = view_of(ReportSource(made.results, made.arrays)).scenes
     stage = scene.stages[-1]
     assert stage.motion_imaginary is not None
@@ -140,7 +140,7 @@ class _Told:
 def test_the_direct_way_tells_its_lines(bench: Bench) -> None:
     told = _Told()
     asked = {"inputs": ("1S+",), "from_hz": 1.0, "to_hz": 9.0, "lines": 3, "method": "direct"}
-    steps.respond(bench.write("one.bdf", OSCILLATOR), progress=told, **asked)
+    ft.respond(bench.write("one.bdf", OSCILLATOR), progress=told, **asked)
     lines = [(done, total) for text, done, total in told.steps if text.endswith("before: frequency lines, directly")]
     assert lines == [(1, 3), (2, 3), (3, 3)]
 
@@ -207,7 +207,7 @@ def measured(bench: Bench) -> tuple[Bench, FrfSet]:
 @pytest.mark.slow
 def test_functions_of_the_test_are_beside_the_model(measured: tuple[Bench, FrfSet]) -> None:
     bench, frfs = measured
-    result = steps.respond(bench.study(EI + RESPONSE), kind="mobility")
+    result = ft.respond(bench.study(EI + RESPONSE), kind="mobility")
     (found,), arrays = result, result.arrays
     record = found.frfs
     assert record is not None
@@ -225,7 +225,7 @@ def test_functions_of_the_test_are_beside_the_model(measured: tuple[Bench, FrfSe
 def test_grid_points_find_the_sensors_on_them_with_their_sign(measured: tuple[Bench, FrfSet]) -> None:
     bench, frfs = measured
     options = {"outputs": ("2Z+", "3Y+"), "inputs": ("4Y-",), "from_hz": 10.0, "to_hz": 100.0, "step_hz": 2.0}
-    result = steps.respond(bench.study(EI + RESPONSE), **options)
+    result = ft.respond(bench.study(EI + RESPONSE), **options)
     (found,), arrays = result, result.arrays
     assert found.frfs is not None
     assert found.frfs.test_values_key is not None
@@ -243,7 +243,7 @@ def test_the_fdac_of_a_stiffer_deck_shows_its_frequency_shift(bench: Bench) -> N
     bench.uff(replace(bench.measure(softer), frfs=frfs))
     write_uff_frfs(bench.folder / "beam.uff", replace(bench.measure(softer), frfs=frfs))
     study = bench.study("[response]\nratio = 0.01\nfrom_hz = 4.0\nto_hz = 550.0\nstep_hz = 1.0\n")
-    result = steps.respond(study, report=bench.folder / "page.html")
+    result = ft.respond(study, report=bench.folder / "page.html")
     record = result[0].frfs
     assert record is not None
     (found,) = record.fdac
@@ -265,7 +265,7 @@ def test_the_fdac_of_a_stiffer_deck_shows_its_frequency_shift(bench: Bench) -> N
 def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) -> None:
     bench, frfs = measured
     study = bench.study(EI + RESPONSE)
-    run = steps.run(study)
+    run = ft.run(study)
     before, after = run.results.responses
     assert (before.stage, after.stage) == ("before", "after as written")
     assert before.frfs is not None
@@ -294,7 +294,7 @@ def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) ->
     assert about[2:4] == ["after as written", tomllib.loads(study.read_text())["study"]["title"]]
     assert about[4].startswith("configuration ")
     assert "Responses" in (bench.folder / "run" / "report.html").read_text()
-    again = steps.run(study)
+    again = ft.run(study)
     assert again.results.journal is not None
     assert again.results.journal.solved == 0
     counts = {k.kind: k.recalled for k in again.results.journal.kinds}
@@ -302,14 +302,14 @@ def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) ->
     np.testing.assert_array_equal(again.arrays[after.frfs.values_key], values)
     other = study.read_text().replace("ratio = 0.01", "ratio = 0.02")
     study.write_text(other)
-    changed = steps.respond(study)
+    changed = ft.respond(study)
     assert changed.records != (before,)
     assert tuple(map(str, changed.remarks)) == ("2 of 3 solutions from the journal of an earlier run",)
 
 
 def test_a_tip_load(bench: Bench) -> None:
     """FL³/3EI with the stiffness of both halves alike, minus the deck's sign conventions."""
-    (found,) = steps.respond(bench.study(RESPONSE.replace("[response]\nratio = 0.01\n", ""), test=None))
+    (found,) = ft.respond(bench.study(RESPONSE.replace("[response]\nratio = 0.01\n", ""), test=None))
     assert found.frfs is None
     (load,) = found.loads
     moved = {d.output: d.value for d in load.displacements}
@@ -335,7 +335,7 @@ def test_a_universal_file_of_each_configuration(bench: Bench) -> None:
     states = '[[configuration]]\nname = "a"\n[[configuration]]\nname = "b"\nmasses = [{ node = 5, mass = 1.0 }]\n'
     asked = '[response]\ninputs = ["5Z+"]\nfrom_hz = 1.0\nto_hz = 50.0\nstep_hz = 1.0\nratio = 0.02\n'
     study = bench.study(states + asked, test=None)
-    found = steps.respond(study, uff=bench.folder / "out.uff")
+    found = ft.respond(study, uff=bench.folder / "out.uff")
     assert [r.configuration for r in found] == ["a", "b"]
     sets = [read_uff(bench.folder / f"out_{i}.uff", units=SI).test.frfs for i in (1, 2)]
     assert all(s is not None and s.responses == DofSet.parse(["5Z+"]) for s in sets)
@@ -387,13 +387,13 @@ def test_noise_of_a_simulated_test_has_the_stated_deviation(bench: Bench) -> Non
     }  # fmt: skip
 
     def written(**more: Any) -> NDArray[np.complex128]:
-        result = steps.respond(deck, uff=bench.folder / "frfs.uff", **asked, **more)
+        result = ft.respond(deck, uff=bench.folder / "frfs.uff", **asked, **more)
         frfs = read_uff(bench.folder / "frfs.uff", units=SI).test.frfs
         assert frfs is not None
         assert np.abs(result.frfs.values - exact).max() <= 1e-11 * np.abs(exact).max()
         return frfs.values
 
-    exact = steps.respond(deck, **asked).frfs.values
+    exact = ft.respond(deck, **asked).frfs.values
     np.testing.assert_allclose(written(), exact, atol=1e-11 * np.abs(exact).max())
     found = written(scatter=0.03, floor=0.001, seed=7)
     size = np.abs(exact)
@@ -413,5 +413,5 @@ def test_noise_that_is_none(bench: Bench, noise: dict[str, Any]) -> None:
     deck = bench.write("deck.bdf", CANTILEVER)
     asked: dict[str, Any] = {"inputs": ("5Z+",), "from_hz": 1.0, "to_hz": 2.0, "lines": 2, "units": "m-kg-s"}
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(deck, **{"uff": bench.folder / "frfs.uff", **asked, **noise})
+        ft.respond(deck, **{"uff": bench.folder / "frfs.uff", **asked, **noise})
     assert caught.value.code == "response.noise"

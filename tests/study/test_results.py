@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from femtune.results.base import Alert, Record, descriptions
-from femtune.results.frf_validation import PredictedCurves
-from femtune.results.results import SCHEMA_VERSION, Results, json_schema, record_types
-from femtune.results.schema_page import schema_page
-from femtune.results.validation import ValidationResults
+from femtune.steps.results import SCHEMA_VERSION, Results, json_schema, record_types
+from femtune.steps.schema_page import schema_page
+from femtune.steps.validate.record.frf_validation import PredictedCurves
+from femtune.steps.validate.record.validation import ValidationResults
+from femtune.study.record import Alert, Record, descriptions
 
 _PAGE = Path(__file__).resolve().parents[2] / "docs" / "results-schema.md"
 

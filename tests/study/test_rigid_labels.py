@@ -8,7 +8,7 @@ import pytest
 from femtune.model import Configuration, EigenSolution, configure, parametric_model, solve_modes
 from femtune.model.response.rigid import is_rigid
 from femtune.parameters import ParameterSet
-from femtune.results.model import model_modes
+from femtune.steps.info.facts import model_modes
 from structures.frames import make_structure, scalars
 from structures.springs import spring_structure
 

@@ -16,9 +16,9 @@ import pytest
 import femtune
 from femtune.errors import FemtuneError
 from femtune.files import whole_file
-from femtune.results.folder import check_writable, read_results, write_results
-from femtune.results.migration import is_known
-from femtune.results.results import SCHEMA_VERSION, Results
+from femtune.steps.migration import is_known
+from femtune.steps.results import SCHEMA_VERSION, Results
+from femtune.steps.run_folder import check_writable, read_results, write_results
 
 _FILE = {"path": "study.toml", "sha256": "0" * 64}
 _PROVENANCE = {
@@ -216,7 +216,7 @@ def test_an_array_of_objects_is_refused(tmp_path: Path) -> None:
 
 
 def test_arrays_that_unpack_to_more_than_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("femtune.results.folder._MOST_BYTES", 1000)
+    monkeypatch.setattr("femtune.steps.run_folder._MOST_BYTES", 1000)
     folder = tmp_path / "run"
     write_results(folder, _results(), _ARRAYS)
     with zipfile.ZipFile(folder / "arrays.npz", "w", zipfile.ZIP_DEFLATED) as archive:

@@ -13,17 +13,17 @@ from pathlib import Path
 
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.study import run_lock
-from femtune.study.run_lock import LOCK_FILE, locked
+from femtune.steps import run_lock
+from femtune.steps.run_lock import LOCK_FILE, locked
 
 from .cantilever import Bench
 
 _HOLDER = """
 import sys, time
 from pathlib import Path
-from femtune.study.run_lock import locked
+from femtune.steps.run_lock import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)
@@ -135,12 +135,12 @@ def test_what_is_no_lock_file_is_not_touched(tmp_path: Path, kind: str) -> None:
 @pytest.mark.slow
 def test_a_second_run_is_refused_and_spoils_nothing(beam: Bench) -> None:
     study = beam.study()
-    first = steps.update(study)
+    first = ft.update(study)
     kept = {p: p.read_bytes() for p in first.folder.iterdir() if p.is_file()}
     with locked(first.folder):
         with pytest.raises(FemtuneError) as caught:
-            steps.update(study, fresh=True)
-        steps.modes(study)
+            ft.update(study, fresh=True)
+        ft.modes(study)
     assert caught.value.code == "run.locked"
     assert {p: p.read_bytes() for p in first.folder.iterdir() if p.is_file()} == kept
     assert list((first.folder / "journal").iterdir())

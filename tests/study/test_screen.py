@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError, Notice
 from femtune.experiments import orthogonal_array
 from femtune.study.model_runs import FollowedModes
@@ -33,7 +33,7 @@ def deck_with(bench: Bench, root: float, tip: float, mass: float) -> Path:
 
 @pytest.mark.slow
 def test_runs_are_those_of_the_decks_and_effects_those_of_their_means(bench: Bench) -> None:
-    found = steps.screen(study(bench, '[screen]\narray = "L18"\n'))
+    found = ft.screen(study(bench, '[screen]\narray = "L18"\n'))
     assert (found.record.design, found.record.runs, found.record.error_freedom) == ("L18", 18, 11)
     table = found.runs
     assert table.shape == (18, 9)
@@ -52,7 +52,7 @@ def test_runs_are_those_of_the_decks_and_effects_those_of_their_means(bench: Ben
 
 
 def test_bending_about_the_other_axis_depends_on_the_mass_alone(bench: Bench) -> None:
-    found = steps.screen(study(bench))
+    found = ft.screen(study(bench))
     for row in found.effects:
         if row.mode in (2, 4, 6):
             assert row.contribution == pytest.approx(float(row.parameter == "mass"), abs=1e-9)
@@ -63,7 +63,7 @@ def test_bending_about_the_other_axis_depends_on_the_mass_alone(bench: Bench) ->
 def test_elementary_effects_and_indices_of_a_study(bench: Bench) -> None:
     """Bending about the other axis depends on the mass alone: no effect of the others, all of the variance."""
     page = bench.folder / "page.html"
-    found = steps.screen(study(bench, '[screen]\ndesign = "morris"\ntrajectories = 4\n'), report=page)
+    found = ft.screen(study(bench, '[screen]\ndesign = "morris"\ntrajectories = 4\n'), report=page)
     assert (found.record.design, found.record.runs) == ("Morris, 4 trajectories", 16)
     assert found.record.effects == ()
     for effect in found.record.elementary:
@@ -74,7 +74,7 @@ def test_elementary_effects_and_indices_of_a_study(bench: Bench) -> None:
     assert "Elementary effects" in page.read_text()
     assert "Analysis of variance" not in page.read_text()
     # options of a call take the place of the design of the file and of its keys
-    indices = steps.screen(study(bench, '[screen]\ndesign = "morris"\ntrajectories = 4\n'), design="sobol", report=page)
+    indices = ft.screen(study(bench, '[screen]\ndesign = "morris"\ntrajectories = 4\n'), design="sobol", report=page)
     assert indices.record.runs == 30
     assert [c.key for c in indices.results.citations] == ["sobol2001", "saltelli2010", "sacks1989"]
     for row in indices.record.indices:
@@ -86,8 +86,8 @@ def test_elementary_effects_and_indices_of_a_study(bench: Bench) -> None:
 
 @pytest.mark.slow
 def test_indices_of_surrogate_and_model_agree(bench: Bench) -> None:
-    on_model = steps.screen(study(bench), design="sobol", points=64, on="model")
-    on_surrogate = steps.screen(study(bench), design="sobol", points=64)
+    on_model = ft.screen(study(bench), design="sobol", points=64, on="model")
+    on_surrogate = ft.screen(study(bench), design="sobol", points=64)
     assert (on_model.record.runs, on_surrogate.record.runs) == (5 * 64, 30)
     for one, other in zip(on_model.record.indices, on_surrogate.record.indices, strict=True):
         assert one.total == pytest.approx(other.total, abs=0.01)
@@ -96,9 +96,7 @@ def test_indices_of_surrogate_and_model_agree(bench: Bench) -> None:
 def test_modes_that_change_their_order_are_followed_by_their_shape(bench: Bench) -> None:
     """The two first modes bend about different axes; the stiffness of one passes that of the other."""
     wide = NARROW.replace("0.8", "0.6").replace("1.2", "4.0") + '[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\n'
-    found = steps.screen(
-        study(bench, '[screen]\ndesign = "factorial"\nlevels = 2\n', f"{wide}lower = 0.9\nupper = 1.1\n")
-    )
+    found = ft.screen(study(bench, '[screen]\ndesign = "factorial"\nlevels = 2\n', f"{wide}lower = 0.9\nupper = 1.1\n"))
     values, hz = found.runs[:, :3], found.runs[:, 3:]
     assert np.any(hz[:, 0] > hz[:, 1])
     # the second mode belongs to the axis that is not varied
@@ -111,7 +109,7 @@ def test_modes_that_change_their_order_are_followed_by_their_shape(bench: Bench)
 @pytest.mark.slow
 def test_designs_and_files(bench: Bench) -> None:
     path, csv, page = study(bench), bench.folder / "runs.csv", bench.folder / "page.html"
-    found = steps.screen(path, design="plackett-burman", csv=csv, report=page)
+    found = ft.screen(path, design="plackett-burman", csv=csv, report=page)
     assert (found.record.design, found.record.runs) == ("Plackett-Burman 4", 4)
     assert found.record.error_freedom == 0
     assert [a.code for a in found.record.alerts] == ["screen.saturated"]
@@ -129,9 +127,9 @@ def test_designs_and_files(bench: Bench) -> None:
 @pytest.mark.slow
 def test_the_modes_of_all_configurations_or_of_one(bench: Bench) -> None:
     cases = '[[configuration]]\nname = "empty"\nelements_off = [9]\n[[configuration]]\nname = "loaded"\n'
-    both = steps.screen(study(bench, cases))
+    both = ft.screen(study(bench, cases))
     assert len(both.modes) == 12
-    one = steps.screen(study(bench, cases), configuration="loaded")
+    one = ft.screen(study(bench, cases), configuration="loaded")
     assert {row.configuration for row in one.modes} == {"loaded"}
     loaded = [row.contribution for row in both.effects if row.configuration == "loaded"]
     # contributions of parameters without effect are rounding
@@ -140,7 +138,7 @@ def test_the_modes_of_all_configurations_or_of_one(bench: Bench) -> None:
 
 @pytest.mark.slow
 def test_runs_that_fail_are_left_out_and_named(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole, at = FollowedModes.at, steps.screen(study(bench, '[screen]\narray = "L18"\n'))
+    whole, at = FollowedModes.at, ft.screen(study(bench, '[screen]\narray = "L18"\n'))
 
     def failing(self: FollowedModes, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if np.allclose(x, [-0.2, 0.0, 0.0]):
@@ -148,7 +146,7 @@ def test_runs_that_fail_are_left_out_and_named(bench: Bench, monkeypatch: pytest
         return whole(self, x)
 
     monkeypatch.setattr(FollowedModes, "at", failing)
-    found = steps.screen(study(bench, '[screen]\narray = "L18"\n'))
+    found = ft.screen(study(bench, '[screen]\narray = "L18"\n'))
     lost = [i + 1 for i, row in enumerate(at.runs) if np.allclose(row[:3], [0.8, 1.0, 1.0])]
     assert [f.run for f in found.record.failed] == lost
     assert "screen.failed-runs" in [a.code for a in found.record.alerts]
@@ -156,7 +154,7 @@ def test_runs_that_fail_are_left_out_and_named(bench: Bench, monkeypatch: pytest
     assert found.record.error_freedom == 11 - len(lost)
     monkeypatch.setattr(FollowedModes, "at", lambda self, x: failing(self, np.array([-0.2, 0.0, 0.0])))
     with pytest.raises(FemtuneError) as caught:
-        steps.screen(study(bench))
+        ft.screen(study(bench))
     check_shown("screen.all-failed", caught.value)
 
 
@@ -177,7 +175,7 @@ def test_refusals(bench: Bench, name: str, more: str, monkeypatch: pytest.Monkey
     if name == "screen.no-modes":
         path.write_text(path.read_text().replace("count = 6", "count = 1"))
     with pytest.raises(FemtuneError) as caught:
-        steps.screen(Path("study.toml"))
+        ft.screen(Path("study.toml"))
     check_shown(name, caught.value)
 
 

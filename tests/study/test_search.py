@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
-from femtune.assembly.study import read_study
+import femtune as ft
 from femtune.errors import FemtuneError, Notice
 from femtune.residuals import UpdateProblem
 from femtune.residuals.mac import mac_residual
-from femtune.study.global_search import SearchResponses
-from femtune.study.search_front import one_less_mac
+from femtune.steps.search.front import one_less_mac
+from femtune.steps.search.run import SearchResponses
+from femtune.study.study import read_study
 
 from .cantilever import EI, TRUE, Bench, measured
 
@@ -40,7 +40,7 @@ def chi2(study: Path, values: dict[str, float]) -> float:
 def test_the_truth_is_found_on_a_surrogate(beam: Bench, residuals: str) -> None:
     path = beam.study(EI + residuals + SMALL)
     few = residuals == RESIDUALS
-    found = steps.search(path, report=beam.folder / "page.html")
+    found = ft.search(path, report=beam.folder / "page.html")
     record = found.record
     assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)
     searched = {row.name: row.found for row in found.parameters}
@@ -67,7 +67,7 @@ def test_the_truth_is_found_on_a_surrogate(beam: Bench, residuals: str) -> None:
 
 @pytest.mark.slow
 def test_the_truth_is_found_on_the_model(beam: Bench) -> None:
-    found = steps.search(
+    found = ft.search(
         beam.study(EI + RESIDUALS), on="model", method="genetic", population=16, generations=12, seeds=1
     )  # fmt: skip
     assert found.record.surrogate is None
@@ -79,7 +79,7 @@ def test_the_truth_is_found_on_the_model(beam: Bench) -> None:
 
 @pytest.mark.slow
 def test_a_minimum_at_a_bound(beam: Bench) -> None:
-    found = steps.search(beam.study(EI.replace("2.0", "1.2") + RESIDUALS + SMALL))
+    found = ft.search(beam.study(EI.replace("2.0", "1.2") + RESIDUALS + SMALL))
     assert found.values["root"] == pytest.approx(1.2)
     assert [row.at_bound for row in found.parameters] == [True, False]
     assert [a.code for a in found.record.alerts] == ["search.at-bound"]
@@ -113,7 +113,7 @@ def _failing(monkeypatch: pytest.MonkeyPatch, above: float) -> None:
 @pytest.mark.slow
 def test_runs_that_fail_are_left_out_and_named(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     _failing(monkeypatch, 0.7)
-    found = steps.search(beam.study(EI + RESIDUALS + SMALL))
+    found = ft.search(beam.study(EI + RESIDUALS + SMALL))
     assert found.record.failed
     assert "search.failed-runs" in [a.code for a in found.record.alerts]
     assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)
@@ -123,14 +123,14 @@ def test_runs_that_fail_are_left_out_and_named(beam: Bench, monkeypatch: pytest.
 def test_too_many_failures(beam: Bench, monkeypatch: pytest.MonkeyPatch, name: str, options: dict[str, str]) -> None:
     _failing(monkeypatch, -0.49)
     with pytest.raises(FemtuneError) as caught:
-        steps.search(beam.study(EI + RESIDUALS + SMALL), **options, generations=1, population=4)
+        ft.search(beam.study(EI + RESIDUALS + SMALL), **options, generations=1, population=4)
     check_shown(name, caught.value)
 
 
 def test_options_are_checked_as_keys(beam: Bench) -> None:
     for options in ({"on": "table"}, {"runs": 1}, {"method": "swarm"}, {"people": 3}):
         with pytest.raises(FemtuneError):
-            steps.search(beam.study(EI + RESIDUALS), **options)
+            ft.search(beam.study(EI + RESIDUALS), **options)
 
 
 def test_alerts() -> None:
@@ -158,7 +158,7 @@ def contradictory(beam: Bench) -> str:
 def test_a_front_between_what_the_frequencies_and_what_the_shapes_say(beam: Bench) -> None:
     path = beam.study(contradictory(beam) + FRONT)
     table = beam.folder / "front.csv"
-    found = steps.search(path, report=beam.folder / "page.html", csv=table)
+    found = ft.search(path, report=beam.folder / "page.html", csv=table)
     front = found.record.front
     assert front is not None
     assert front.label == "sum of 1 − MAC"
@@ -202,7 +202,7 @@ def test_a_front_between_what_the_frequencies_and_what_the_shapes_say(beam: Benc
 def test_no_front(beam: Bench, name: str, residuals: str, csv: bool) -> None:
     path = beam.study(EI + residuals)
     with pytest.raises(FemtuneError) as caught:
-        steps.search(path, csv=beam.folder / "front.csv" if csv else None)
+        ft.search(path, csv=beam.folder / "front.csv" if csv else None)
     check_shown(name, str(caught.value).replace(str(path.parent), "FOLDER"))
 
 
@@ -211,7 +211,7 @@ def test_the_table_of_a_front_does_not_overwrite_an_input(beam: Bench, name: str
     path = beam.study(contradictory(beam) + FRONT)
     before = (path.parent / name).read_bytes()
     with pytest.raises(FemtuneError) as caught:
-        steps.search(path, csv=path.parent / name)
+        ft.search(path, csv=path.parent / name)
     assert caught.value.code == "write.overwrites-input"
     assert (path.parent / name).read_bytes() == before
 
@@ -229,7 +229,7 @@ def test_one_less_mac_from_each_form(form: str) -> None:
 @pytest.mark.parametrize("surrogate", ["radial-basis", pytest.param("chaos", marks=pytest.mark.slow)])
 def test_other_surrogates_find_the_truth(beam: Bench, surrogate: str) -> None:
     path = beam.study(EI + RESIDUALS + SMALL + f'surrogate = "{surrogate}"\n')
-    found = steps.search(path, report=beam.folder / "page.html")
+    found = ft.search(path, report=beam.folder / "page.html")
     assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)
     assert {row.name: row.found for row in found.parameters} == pytest.approx({"root": 1.3, "tip": 0.85}, rel=0.05)
     facts = found.record.surrogate
@@ -258,13 +258,13 @@ def test_other_surrogates_find_the_truth(beam: Bench, surrogate: str) -> None:
 def test_keys_of_another_surrogate_are_refused(beam: Bench, keys: str) -> None:
     path = beam.study(EI + RESIDUALS + f"\n[search]\n{keys}\n")
     with pytest.raises(FemtuneError) as caught:
-        steps.search(path)
+        ft.search(path)
     check_shown(f"search.surrogate, {keys.splitlines()[-1]}", str(caught.value).replace(str(beam.folder), "FOLDER"))
 
 
 @pytest.mark.slow
 def test_the_number_of_runs_that_check_the_surrogate_is_an_argument(beam: Bench) -> None:
-    record = steps.search(beam.study(EI + RESIDUALS + SMALL), fresh_runs=0, fresh=True).record
+    record = ft.search(beam.study(EI + RESIDUALS + SMALL), fresh_runs=0, fresh=True).record
     assert record.surrogate is not None
     assert (record.surrogate.fresh_runs, record.surrogate.fresh_rms) == (0, None)
 
@@ -273,32 +273,32 @@ def test_the_number_of_runs_that_check_the_surrogate_is_an_argument(beam: Bench)
 def test_further_runs_by_error_end_where_the_stated_error_is_small(beam: Bench) -> None:
     by_error = '\n[search]\nruns = 10\nfresh_runs = 0\ninfill_by = "error"\ninfill = 15\nseeds = 1\n'
     path = beam.study(EI + RESIDUALS + by_error)
-    whole = steps.search(path).record
+    whole = ft.search(path).record
     assert whole.surrogate is not None
     assert (whole.surrogate.infill_by, whole.surrogate.infill_runs, whole.surrogate.runs) == ("error", 15, 25)
     before, after = whole.surrogate.left_out_rms_before, whole.surrogate.left_out_rms
     assert before is not None
     assert after < 0.5 * before
     wanted = 0.9 * before
-    few = steps.search(path, infill_until=wanted, report=beam.folder / "page.html").record
+    few = ft.search(path, infill_until=wanted, report=beam.folder / "page.html").record
     assert few.surrogate is not None
     assert few.surrogate.infill_runs < 15
     assert few.surrogate.left_out_rms <= wanted
     assert "Leaving out a run before" in (beam.folder / "page.html").read_text()
-    never = steps.search(path, infill=5, infill_until=1e-9)
+    never = ft.search(path, infill=5, infill_until=1e-9)
     assert "search.infill-error" in [a.code for a in never.record.alerts]
     assert "liu2017" in [c.key for c in never.results.citations]
     with pytest.raises(FemtuneError) as caught:
-        steps.search(path, infill_by="improvement", infill_until=0.1)
+        ft.search(path, infill_by="improvement", infill_until=0.1)
     check_shown("search.infill", caught.value)
     with pytest.raises(FemtuneError) as caught:
-        steps.search(path, infill_by="error", on="model")
+        ft.search(path, infill_by="error", on="model")
     check_shown("search.infill, on the model", caught.value)
 
 
 def test_too_few_runs_are_refused_before_any_is_made(beam: Bench) -> None:
     with pytest.raises(FemtuneError) as caught:
-        steps.search(beam.study(f'{EI}{RESIDUALS}\n[search]\nruns = 4\ntrend = "quadratic"\n'))
+        ft.search(beam.study(f'{EI}{RESIDUALS}\n[search]\nruns = 4\ntrend = "quadratic"\n'))
     assert caught.value.code == "search.too-few"
     assert caught.value.what.startswith("4 runs ")
     assert caught.value.what.endswith(" 8")

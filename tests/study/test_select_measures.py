@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from femtune import steps
-from femtune.assembly.progress import silent
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.model import eigenvalue_derivatives
-from femtune.reporting import build_report
-from femtune.reporting.single_steps import selection_document, subject_of
-from femtune.results.selection import SelectionMeasures
-from femtune.results.solved import solved_cases
+from femtune.steps.info.terminal import subject_of
+from femtune.steps.report.build import build_report
+from femtune.steps.select.record.selection import SelectionMeasures
+from femtune.steps.select.terminal import selection_document
+from femtune.study.progress import silent
+from femtune.study.solved import solved_cases
+from femtune.study.study import load_study
 
 from .cantilever import EI, Bench, bounded
 
@@ -21,7 +22,7 @@ TWICE = f"\n{bounded('all', 'MAT1 1 E')}\n{bounded('root', 'PBAR 1 I1')}"
 
 
 def _measures(study) -> SelectionMeasures:
-    found = steps.select(study).record.measures
+    found = ft.select(study).record.measures
     assert found is not None
     return found
 
@@ -67,7 +68,7 @@ def test_relative_weights_mean_the_same_in_any_unit(bench: Bench):
 
     def ratios(frequency: float, shape: float, scatter: str) -> list[float]:
         stated = f'frequency_sd = {frequency}\nshape_sd = {shape}\nscatter = "{scatter}"\n'
-        found = steps.select(bench.study(f"{EI}[residuals]\n{stated}")).record
+        found = ft.select(bench.study(f"{EI}[residuals]\n{stated}")).record
         return [p.sd_ratio or 0.0 for p in found.parameters]
 
     assert ratios(1.0, 5.0, "estimated") == pytest.approx(ratios(0.01, 0.05, "estimated"), rel=1e-6)
@@ -131,11 +132,11 @@ def test_what_contradicts_the_test_gathers_where_the_deck_is_wrong(bench: Bench)
 @pytest.mark.slow
 def test_report_and_terminal_show_the_measures(beam: Bench):
     study = beam.study(f'{EI}[select]\nenergies = "properties"\nlocalise = true\n')
-    run = steps.update(study)
+    run = ft.update(study)
     section = next(s for s in build_report(run.results, run.arrays).sections if s.id == "identifiability")
     titles = [getattr(b, "title", "") for b in section.blocks]
     assert "Choice of parameters" in titles
     assert sum(t.startswith("Energies:") for t in titles) == 4
-    document = selection_document(subject_of(study), steps.select(study).record)
+    document = selection_document(subject_of(study), ft.select(study).record)
     shown = next(s for s in document.short if s.id == "choice")
     assert any(getattr(b, "title", "") == "Choice of parameters" for b in shown.blocks)

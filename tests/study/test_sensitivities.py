@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.deck_models import model_of
 
-from femtune import steps
+import femtune as ft
 from femtune.dofs import DofSet
 from femtune.files.uff import write_uff_modes
 from femtune.modal import ModeSet
@@ -85,21 +85,21 @@ def test_percent_per_percent_is_the_logarithmic_derivative(tmp_path: Path) -> No
     )
     expected = ((up - down) / (2 * h)).T
     for form in ("frequency", "eigenvalue"):
-        found = steps.select(_study(tmp_path, form)).record.sensitivities
+        found = ft.select(_study(tmp_path, form)).record.sensitivities
         table = np.array([row.percent_per_percent for row in found])
         assert [row.test_label for row in found] == ["1", "2"]
         np.testing.assert_allclose(table, expected, rtol=1e-6)
 
 
 def test_the_deck_says_how_many_modes_where_the_study_does_not(tmp_path: Path) -> None:
-    modes = steps.modes(_study(tmp_path, "frequency"))
+    modes = ft.modes(_study(tmp_path, "frequency"))
     assert len(modes[0].freq_hz) == 2
 
 
 def test_a_spring_to_the_ground_is_named(tmp_path: Path) -> None:
     deck = DECK.format(k1="1000.", m="2.").replace("CELAS2,11,1000.,1,1,2,1", "CELAS2,11,1000.,2,1")
     (tmp_path / "grounded.bdf").write_text(deck)
-    check = steps.info(tmp_path / "grounded.bdf").record.configurations[0].rigid_body_check
+    check = ft.info(tmp_path / "grounded.bdf").record.configurations[0].rigid_body_check
     assert check.grounded
     assert check.verdict == "pass"
     assert (
@@ -112,13 +112,13 @@ def test_a_spring_to_the_ground_is_named(tmp_path: Path) -> None:
 def test_a_spring_across_two_directions_is_a_fault(tmp_path: Path) -> None:
     deck = DECK.format(k1="1000.", m="2.").replace("CELAS2,11,1000.,1,1,2,1", "CELAS2,11,1000.,1,1,2,2")
     (tmp_path / "skew.bdf").write_text(deck)
-    check = steps.info(tmp_path / "skew.bdf").record.configurations[0].rigid_body_check
+    check = ft.info(tmp_path / "skew.bdf").record.configurations[0].rigid_body_check
     assert check.verdict == "fail"
     assert {e.element for e in check.grounding_elements} == {11}
 
 
 def test_mode_sets_hold_the_shapes_at_all_points(tmp_path: Path) -> None:
-    modes = steps.modes(_study(tmp_path, "frequency")).mode_sets["A"]
+    modes = ft.modes(_study(tmp_path, "frequency")).mode_sets["A"]
     # mass-normalised by hand: k = [[3000, -2000], [-2000, 2000]], m = diag(2, 3)
     at = [modes.dofs.labels().index(label) for label in ("2X+", "3X+")]
     phi = modes.shapes[at]

@@ -10,10 +10,10 @@ from scipy import signal
 from scipy.linalg import eigh
 from tests.messages.shown import check_shown
 
+from femtune import identify
 from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff
 from femtune.modal.shape_criteria import mac
-from femtune.steps import identify
 from femtune.units import SI
 
 POINTS, RATE = 12, 40.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.files.nastran.lines import parse_real
 
 from .cantilever import Bench, bounded
@@ -25,7 +25,7 @@ def test_g_is_written_with_e(bench: Bench) -> None:
     text = bench.text.replace(MATERIAL, GIVEN)
     bench.write("beam.bdf", text)
     bench.uff(bench.measure(bench.truth((("2.1+11  8.08+10", "2.52+11 9.696+10"),), text)))
-    run = steps.run(bench.study(E))
+    run = ft.run(bench.study(E))
     assert run.results.update is not None
     (parameter,) = run.results.update.parameters
     assert parameter.value == pytest.approx(1.2, rel=1e-5)
@@ -45,7 +45,7 @@ def test_of_a_region_too(bench: Bench) -> None:
     bench.write("beam.bdf", text)
     two = text.replace("ENDDATA", "MAT1    7       2.52+11 9.696+10 0.3     7850.\nENDDATA")
     bench.uff(bench.measure(bench.truth((("PBAR    2       1", "PBAR    2       7"),), two)))
-    run = steps.run(bench.study(E + "elements = [3, 4]\n[write]\nsplit = true\n"))
+    run = ft.run(bench.study(E + "elements = [3, 4]\n[write]\nsplit = true\n"))
     lines = [x for x in (run.folder / "updated.bdf").read_text().splitlines() if x.startswith("MAT1")]
     values = sorted(value for line in lines for value in _numbers(line))
     assert values == pytest.approx([8.08e10, 9.696e10, 2.1e11, 2.52e11], rel=1e-4)

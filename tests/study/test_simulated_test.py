@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from femtune import steps
+import femtune as ft
 from femtune.cli.commands import main
 from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff
-from femtune.study.simulated_test import SimulatedTest, sensor_dofs
+from femtune.steps.modes.simulated_test import SimulatedTest, sensor_dofs
 from femtune.units import SI
 
 from .cantilever import Bench
@@ -30,7 +30,7 @@ def test_an_update_finds_the_values_of_the_deck_that_was_simulated(bench: Bench)
     options = ["--uff", str(bench.folder / "beam.uff"), "--sensor", "2 THRU 5:23", "--units", "m-kg-s", "--count", "4"]
     found = CliRunner().invoke(main, ["modes", str(bench.truth()), "--quiet", *options])
     assert (found.exit_code, found.output) == (0, "")
-    update = steps.update(bench.study()).results.update
+    update = ft.update(bench.study()).results.update
     assert update is not None
     assert {p.name: p.value for p in update.parameters} == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)
 
@@ -38,8 +38,8 @@ def test_an_update_finds_the_values_of_the_deck_that_was_simulated(bench: Bench)
 def test_rigid_body_motions_are_left_out_and_a_sign_turns_label_and_motion(bench: Bench) -> None:
     deck = bench.write("free.bdf", bench.text.replace("123456  1", "14      1"))
     plain, turned = bench.folder / "plain.uff", bench.folder / "turned.uff"
-    modes = steps.modes(deck, count=9, simulate=SimulatedTest(plain, ("2Y+", "5Z+"), "m-kg-s"))[0]
-    steps.modes(deck, report=bench.folder / "p.html", count=9, simulate=SimulatedTest(turned, ("2Y-", "5Z+"), "m-kg-s"))
+    modes = ft.modes(deck, count=9, simulate=SimulatedTest(plain, ("2Y+", "5Z+"), "m-kg-s"))[0]
+    ft.modes(deck, report=bench.folder / "p.html", count=9, simulate=SimulatedTest(turned, ("2Y-", "5Z+"), "m-kg-s"))
     freq, shapes, labels = _written(plain)
     assert labels == ["2Y+", "5Z+"]
     assert freq == pytest.approx(modes.freq_hz[modes.rigid_body_modes :], rel=1e-5)
@@ -51,7 +51,7 @@ def test_scatter_is_that_asked_for_and_the_same_again(bench: Bench) -> None:
     sensors = ("2 THRU 5:23",)
 
     def written(**scatter: Any) -> tuple[np.ndarray, np.ndarray]:
-        steps.modes(deck, simulate=SimulatedTest(path, sensors, "m-kg-s", **scatter))
+        ft.modes(deck, simulate=SimulatedTest(path, sensors, "m-kg-s", **scatter))
         return _written(path)[:2]
 
     freq, shapes = written()
@@ -79,21 +79,21 @@ def test_scatter_is_that_asked_for_and_the_same_again(bench: Bench) -> None:
 def test_what_cannot_be_written_is_refused_before_anything_is_solved(
     bench: Bench, options: dict[str, Any], code: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("femtune.results.solved.solve", lambda *_: pytest.fail("it was solved"))
+    monkeypatch.setattr("femtune.study.solved.solve", lambda *_: pytest.fail("it was solved"))
     spring = "SPOINT,77\nCELAS2,770,1.+3,77,0\nCMASS2,771,1.,77,0\n"
     deck = bench.write("with_scalar_point.bdf", bench.text.replace("ENDDATA", f"{spring}ENDDATA"))
     asked = {"path": bench.folder / "t.uff", "sensors": ("2Z+",), "units": "m-kg-s", **options}
     with pytest.raises(FemtuneError) as caught:
-        steps.modes(deck, simulate=SimulatedTest(**asked))
+        ft.modes(deck, simulate=SimulatedTest(**asked))
     assert caught.value.code == code
 
 
 def test_a_study_has_units_of_its_own(beam: Bench) -> None:
     with pytest.raises(FemtuneError) as caught:
-        steps.modes(beam.study(), simulate=SimulatedTest(beam.folder / "t.uff", ("2Z+",), "m-kg-s"))
+        ft.modes(beam.study(), simulate=SimulatedTest(beam.folder / "t.uff", ("2Z+",), "m-kg-s"))
     assert caught.value.code == "response.units-given"
     with pytest.raises(FemtuneError) as caught:
-        steps.modes(beam.study(), simulate=SimulatedTest(beam.folder / "beam.uff", ("2Z+",)))
+        ft.modes(beam.study(), simulate=SimulatedTest(beam.folder / "beam.uff", ("2Z+",)))
     assert caught.value.code == "write.overwrites-input"
 
 
@@ -112,7 +112,7 @@ def test_scalar_points_are_measured_like_other_dofs(bench: Bench) -> None:
     spring = "SPOINT,77\nCELAS2,770,1.+3,77,0\nCMASS2,771,1.,77,0\n"
     deck = bench.write("with_scalar_point.bdf", bench.text.replace("ENDDATA", f"{spring}ENDDATA"))
     for label in ("77S+", "77X+"):
-        modes = steps.simulate(deck, ["5Z+", label], units="m-kg-s", count=4).modes
+        modes = ft.simulate(deck, ["5Z+", label], units="m-kg-s", count=4).modes
         assert modes is not None
         assert modes.dofs.labels() == ["5Z+", "77S+"]
         moved = np.abs(modes.shapes[1]) > 1e-6
@@ -125,5 +125,5 @@ def test_no_two_files_are_one(bench: Bench, other: str) -> None:
     """Neither the page nor the VTU file may be the simulated test."""
     path = bench.folder / "one.vtu"
     with pytest.raises(FemtuneError) as caught:
-        steps.modes(bench.folder / "beam.bdf", simulate=SimulatedTest(path, ("2Z+",), "m-kg-s"), **{other: path})
+        ft.modes(bench.folder / "beam.bdf", simulate=SimulatedTest(path, ("2Z+",), "m-kg-s"), **{other: path})
     assert caught.value.code == "write.overwrites-input"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
 from structures import subframe
 
@@ -20,7 +20,7 @@ def test_a_solver_that_is_none_is_refused_before_anything_is_read(
 ) -> None:
     monkeypatch.setenv(variable, "Pardisso")
     with pytest.raises(FemtuneError) as caught:
-        getattr(steps, step)("there-is-no-such-file.toml")
+        getattr(ft, step)("there-is-no-such-file.toml")
     assert caught.value.code == "solver.unavailable"
 
 
@@ -30,14 +30,14 @@ def test_slepc_that_is_not_there_is_refused_before_anything_is_read(
     monkeypatch.setenv("FEMTUNE_EIGENSOLVER", "slepc")
     monkeypatch.setenv("FEMTUNE_SLEPC_PYTHON", str(tmp_path / "python"))
     with pytest.raises(FemtuneError) as caught:
-        steps.modes("there-is-no-such-file.bdf")
+        ft.modes("there-is-no-such-file.bdf")
     assert caught.value.code == "slepc.not-installed"
 
 
 def test_modes_tell_who_solved_them(tmp_path: Path) -> None:
     deck = tmp_path / "a.bdf"
     deck.write_text(CANTILEVER)
-    (small,) = steps.modes(deck)
+    (small,) = ft.modes(deck)
     assert small.solver == "dense"
 
 
@@ -46,7 +46,7 @@ def test_sparse_modes_tell_their_sparse_solver(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setenv("FEMTUNE_SOLVER", "SuperLU")
     deck = tmp_path / "a.bdf"
     subframe.main(["5000", str(deck)])
-    results = steps.modes(deck, report=tmp_path / "page.html", count=4).results
+    results = ft.modes(deck, report=tmp_path / "page.html", count=4).results
     assert results.modes[0].solver == "block Lanczos, sparse factors by SuperLU"
     assert results.provenance.eigen_solver == results.modes[0].solver
     assert "block Lanczos, sparse factors by SuperLU" in (tmp_path / "page.html").read_text()

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from femtune import steps
-from femtune.assembly.study import read_study
+import femtune as ft
 from femtune.files.uff import scan_uff
 from femtune.residuals import direct
+from femtune.study.study import read_study
 
 from .cantilever import Bench
 
@@ -25,7 +25,7 @@ def test_start_and_end_are_solved_once(beam: Bench, monkeypatch: pytest.MonkeyPa
         return solve(point, *limits)
 
     monkeypatch.setattr(type(direct), "modes", staticmethod(counted))
-    run = steps.update(beam.study())
+    run = ft.update(beam.study())
     update = run.results.update
     assert update is not None
     # each point of the way once, and the written deck, which has no parameters; the last trial may be refused

@@ -10,17 +10,18 @@ import pytest
 from scipy import stats
 from tests.messages.shown import check_shown
 
-from femtune import steps
-from femtune.assembly.study import read_study
+import femtune as ft
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.nastran import build_structure, read_deck
 from femtune.files.study_file import study_from_text
 from femtune.model import solve_modes
 from femtune.model.reduce import Trained, reduced_modes
-from femtune.reporting import build_report, html_text
+from femtune.reporting.html import html_text
 from femtune.residuals import ComparedCase
-from femtune.results.specimens import SpecimenResults
-from femtune.results.step_results import RunResult
+from femtune.steps.report.build import build_report
+from femtune.steps.run.result import RunResult
+from femtune.steps.specimens.record import SpecimenResults
+from femtune.study.study import read_study
 from femtune.testing import check_model
 from femtune.updating import ReductionRules, SensitivityMethod, update
 from femtune.updating.on_reduced_model import train
@@ -41,7 +42,7 @@ expression = "root/tip"
 
 def _run(folder: Path, text: str) -> RunResult:
     (folder / "study.toml").write_text(text)
-    return steps.run(folder / "study.toml")
+    return ft.run(folder / "study.toml")
 
 
 def _found(run: RunResult) -> SpecimenResults:

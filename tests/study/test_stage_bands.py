@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune import steps
-from femtune.assembly.stages import bottom_up, covariance_of_stages, used_in_stage
-from femtune.assembly.study import read_study
+import femtune as ft
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.study_file import study_from_text
 from femtune.parameters import Parameter, ParameterSet
-from femtune.reporting import build_report, html_text
+from femtune.reporting.html import html_text
 from femtune.residuals import Evaluation, ResidualBlock
-from femtune.results.step_results import RunResult
+from femtune.steps.report.build import build_report
+from femtune.steps.run.result import RunResult
+from femtune.study.stages import bottom_up, covariance_of_stages, used_in_stage
+from femtune.study.study import read_study
 from femtune.updating.stages import Belief, SetByHand, set_by_hand
 
 from .specimen_data import SD, TIP, TRUTH, study_text, write_frfs, write_tests
@@ -47,7 +48,7 @@ def staged(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     folder = tmp_path_factory.mktemp("stages")
     write_tests(folder, states=BOTH)
     (folder / "study.toml").write_text(study_text(BOTH, STAGES))
-    return steps.run(folder / "study.toml")
+    return ft.run(folder / "study.toml")
 
 
 @pytest.mark.slow

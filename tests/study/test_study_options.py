@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.model import Configuration
 from femtune.model.configuration import AddedMass
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
 from femtune.testdata import ModalTest, WireFrame
 from femtune.testdata.convert import convert_units, place
 from femtune.units import unit_system
@@ -71,7 +71,7 @@ def states(bench: Bench) -> Bench:
 
 @pytest.mark.slow
 def test_several_configurations_with_overlays(states: Bench) -> None:
-    run = steps.update(states.study(blocks() + states.parameters, test=None))
+    run = ft.update(states.study(blocks() + states.parameters, test=None))
     assert is_true(run)
     assert [c.configuration for c in run.results.correlations[:4]] == list(STATES)
     assert run.results.model is not None
@@ -85,13 +85,13 @@ def test_several_configurations_with_overlays(states: Bench) -> None:
     written = run.folder / "updated.bdf"
     last = [m for m in run.results.modes if m.stage == "after as written"]
     assert last[2].freq_hz == pytest.approx(
-        steps.modes(states.write("one.toml", f'[study]\ntitle="t"\ndeck="{written}"\nunits="m-kg-s"\n[modes]\ncount=6\n'
+        ft.modes(states.write("one.toml", f'[study]\ntitle="t"\ndeck="{written}"\nunits="m-kg-s"\n[modes]\ncount=6\n'
                                  '[[configuration]]\nname="p"\nsupports_added=["5:23"]'))[0].freq_hz)  # fmt: skip
 
 
 @pytest.mark.slow
 def test_a_configuration_for_validation_is_predicted_and_not_used(states: Bench) -> None:
-    run = steps.update(states.study(blocks(propped='use = "validation"') + states.parameters, test=None))
+    run = ft.update(states.study(blocks(propped='use = "validation"') + states.parameters, test=None))
     assert is_true(run)
     assert run.results.selection is not None
     assert not any(label.startswith("propped") for label in run.results.selection.row_labels)
@@ -106,7 +106,7 @@ def test_a_configuration_for_validation_is_predicted_and_not_used(states: Bench)
 @pytest.mark.slow
 def test_a_configuration_without_test_is_solved_only(states: Bench) -> None:
     more = '[[configuration]]\nname = "bare"\n'
-    run = steps.update(states.study(blocks() + more + states.parameters, test=None))
+    run = ft.update(states.study(blocks() + more + states.parameters, test=None))
     assert [m.configuration for m in run.results.modes].count("bare") == 3
     assert "bare" not in {c.configuration for c in run.results.correlations}
     assert run.results.validation is not None
@@ -119,28 +119,28 @@ def test_names_of_configurations_may_be_strange(states: Bench) -> None:
     text = blocks()
     for old, new in names.items():
         text = text.replace(f'name = "{old}"', "name = '" + new + "'" if "u0000" not in new else f'name = "{new}"')
-    run = steps.run(states.study(text + states.parameters, test=None))
+    run = ft.run(states.study(text + states.parameters, test=None))
     assert is_true(run)
     assert run.report is not None
     assert '<b>"ü"</b>' not in run.report.read_text()
     assert all(".." not in key and "\0" not in key for key in run.arrays)
-    assert steps.report(run.folder) == run.report
+    assert ft.report(run.folder) == run.report
 
 
 def test_all_kept_for_validation_is_refused(beam: Bench) -> None:
     text = '[[configuration]]\nname = "a"\ntest = "beam.uff"\nuse = "validation"\n'
     study = beam.study(text + beam.parameters, test=None)
     with pytest.raises(FemtuneError) as caught:
-        steps.update(study)
+        ft.update(study)
     assert caught.value.code == "study.no-test"
     assert caught.value.values == {"a": "it is kept for validation"}
-    assert len(steps.correlate(study)) == 1
+    assert len(ft.correlate(study)) == 1
 
 
 @pytest.mark.slow
 def test_test_in_millimetres(beam: Bench) -> None:
     beam.uff(convert_units(beam.measure(beam.truth()), unit_system("mm-t-s")))
-    assert is_true(steps.update(beam.study()))
+    assert is_true(ft.update(beam.study()))
 
 
 @pytest.mark.slow
@@ -154,7 +154,7 @@ def test_test_with_turned_axes(beam: Bench) -> None:
     modes = ModeSet(seen.modes.freq_hz, seen.modes.shapes, labels)
     beam.uff(ModalTest("t", seen.units, WireFrame(moved.geometry.nodes, moved.geometry.coordinates), modes=modes))
     keys = "rotation = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]\norigin = [0, 0, 0.5]\n"
-    assert is_true(steps.update(beam.study(keys + beam.parameters)))
+    assert is_true(ft.update(beam.study(keys + beam.parameters)))
 
 
 def shifted(test: ModalTest, by: float) -> ModalTest:
@@ -167,7 +167,7 @@ def shifted(test: ModalTest, by: float) -> ModalTest:
 @pytest.mark.slow
 def test_sensors_find_the_nearest_grid_point(beam: Bench) -> None:
     beam.uff(shifted(beam.measure(beam.truth()), 0.01))
-    run = steps.update(beam.study("[sensors]\ntolerance = 0.05\n" + beam.parameters))
+    run = ft.update(beam.study("[sensors]\ntolerance = 0.05\n" + beam.parameters))
     assert is_true(run)
     sensors = run.results.sensors[0]
     assert sensors.tolerance == 0.05
@@ -179,17 +179,17 @@ def test_sensors_find_the_nearest_grid_point(beam: Bench) -> None:
 def test_default_tolerance_is_reported(beam: Bench) -> None:
     beam.uff(shifted(beam.measure(beam.truth()), 0.01))
     with pytest.raises(FemtuneError) as caught:
-        steps.update(beam.study())
+        ft.update(beam.study())
     assert caught.value.code == "sensor.unmatched"
     beam.uff(shifted(beam.measure(beam.truth()), 1e-5))
-    assert steps.update(beam.study()).results.sensors[0].tolerance == pytest.approx(1e-3)
+    assert ft.update(beam.study()).results.sensors[0].tolerance == pytest.approx(1e-3)
 
 
 @pytest.mark.slow
 def test_sensors_by_hand(beam: Bench) -> None:
     beam.uff(shifted(beam.measure(beam.truth()), 0.5))
     hand = '[sensors]\nnodes = { "102" = 2, "103" = 3, "104" = 4, "105" = 5 }\n'
-    run = steps.update(beam.study(hand + beam.parameters))
+    run = ft.update(beam.study(hand + beam.parameters))
     assert is_true(run)
     assert "sensor.far-from-node" in {a.code for a in run.results.alerts}
 
@@ -202,11 +202,11 @@ def test_generalised_sensor_is_a_combination(beam: Bench) -> None:
     beam.uff(replace(seen, modes=replace(seen.modes, shapes=shapes)))
     halves = ", ".join(f'{{ node = {n}, component = "Y", factor = 0.5 }}' for n in (3, 4))
     terms = f'[[sensor]]\nname = "2Y+"\nterms = [{halves}]\n'
-    run = steps.update(beam.study(terms + beam.parameters + "[residuals]\nshape_sd = 0.05\n"))
+    run = ft.update(beam.study(terms + beam.parameters + "[residuals]\nshape_sd = 0.05\n"))
     assert is_true(run)
     assert run.results.sensors[0].matched[0].how == "combination"
     assert min(p.mac for p in run.results.correlations[-1].pairs) == pytest.approx(1.0, abs=1e-8)
-    plain = steps.correlate(beam.study())
+    plain = ft.correlate(beam.study())
     assert min(p.mac for p in plain[0].pairs) < 0.999
 
 
@@ -214,7 +214,7 @@ def test_generalised_sensor_is_a_combination(beam: Bench) -> None:
 def test_modes_left_out_by_label_and_by_frequency(beam: Bench) -> None:
     freq = beam.modes(beam.folder / "truth/true.bdf")
     left = f'leave_out = [{{ mode = "c", reason = "noisy" }}, {{ hz = {freq[1]:.6g}, reason = "<i>shaker</i>" }}]\n'
-    run = steps.update(beam.study('mode_labels = ["a", "b", "c", "d"]\n' + left + beam.parameters))
+    run = ft.update(beam.study('mode_labels = ["a", "b", "c", "d"]\n' + left + beam.parameters))
     assert [(m.test_label, m.reason) for m in before(run).left_out] == [("b", "<i>shaker</i>"), ("c", "noisy")]
     assert [p.test_label for p in before(run).pairs] == ["a", "d"]
     assert run.results.validation is not None
@@ -222,8 +222,8 @@ def test_modes_left_out_by_label_and_by_frequency(beam: Bench) -> None:
 
 
 def test_pairs_fixed_by_hand(beam: Bench) -> None:
-    free = steps.correlate(beam.study())[0]
-    held = steps.correlate(beam.study('pairs = [{ test = "1", model = 2 }]\n'))[0]
+    free = ft.correlate(beam.study())[0]
+    held = ft.correlate(beam.study('pairs = [{ test = "1", model = 2 }]\n'))[0]
     assert (free.pairs[0].model_number, free.pairs[0].fixed_by_hand) == (1, False)
     assert (held.pairs[0].model_number, held.pairs[0].fixed_by_hand) == (2, True)
     assert held.pairs[0].model_freq_hz == pytest.approx(beam.modes(beam.folder / "beam.bdf")[1])
@@ -235,7 +235,7 @@ def test_complex_shapes_are_turned_to_real_ones(beam: Bench) -> None:
     turned = seen.modes.shapes * np.exp(1j * np.linspace(0.3, 2.0, len(seen.modes)))
     modes = replace(seen.modes, shapes=turned, damping_ratio=np.full(len(seen.modes), 0.02), normalisation="unknown")
     beam.uff(replace(seen, modes=modes))
-    run = steps.update(beam.study())
+    run = ft.update(beam.study())
     assert values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)
     assert min(p.mac for p in before(run).pairs) > 0.99
 
@@ -246,27 +246,27 @@ def test_configurations_whose_tests_have_other_sensors(bench: Bench) -> None:
     bench.uff(bench.measure(true, "3Y+", "5Y+", "5Z+"), "few.uff")
     bench.uff(bench.measure(true, "2Z+", "4Z+", "5Z+", "4Y+", count=3), "other.uff")
     text = '[[configuration]]\nname = "a"\ntest = "few.uff"\n[[configuration]]\nname = "b"\ntest = "other.uff"\n'
-    run = steps.update(bench.study(text + bench.parameters, test=None))
+    run = ft.update(bench.study(text + bench.parameters, test=None))
     assert is_true(run)
     assert [len(s.matched) for s in run.results.sensors] == [3, 4]
 
 
 @pytest.mark.slow
 def test_minimum_change_and_prior(beam: Bench) -> None:
-    free = steps.update(beam.study())
-    near = steps.update(beam.study(beam.parameters + '[update]\nregularisation = "minimum-change"\nweight = 100.0\n'))
+    free = ft.update(beam.study())
+    near = ft.update(beam.study(beam.parameters + '[update]\nregularisation = "minimum-change"\nweight = 100.0\n'))
     assert abs(values(near)["root"] - 1.0) < 0.7 * abs(values(free)["root"] - 1.0)
     assert near.results.update is not None
     assert near.results.update.regularisation_weight == 100.0
     prior = beam.parameters.replace("upper = 2.0", "upper = 2.0\nmean = 1.1\nsd = 0.0001")
-    held = steps.update(beam.study(prior + '[update]\nregularisation = "prior"\n'))
+    held = ft.update(beam.study(prior + '[update]\nregularisation = "prior"\n'))
     assert values(held) == pytest.approx({"root": 1.1, "tip": 1.1}, abs=0.01)
 
 
 def test_scatter_of_the_test_needs_scatter(beam: Bench) -> None:
     study = beam.study(beam.parameters + '[residuals]\nfrequency_sd = "test"\n')
     with pytest.raises(FemtuneError) as caught:
-        steps.update(study)
+        ft.update(study)
     assert caught.value.code == "residual.no-scatter"
     assert caught.value.where is not None
     assert caught.value.where.file == str(study)
@@ -274,7 +274,7 @@ def test_scatter_of_the_test_needs_scatter(beam: Bench) -> None:
 
 @pytest.mark.slow
 def test_a_parameter_at_its_bound_is_an_alert(beam: Bench) -> None:
-    run = steps.update(beam.study(beam.parameters.replace("upper = 2.0", "upper = 1.1", 1)))
+    run = ft.update(beam.study(beam.parameters.replace("upper = 2.0", "upper = 1.1", 1)))
     assert run.results.update is not None
     root = run.results.update.parameters[0]
     assert (root.value, root.at_bound, root.sd, root.sd_reason) == (1.1, "upper", None, "at bound, σ not given")
@@ -284,7 +284,7 @@ def test_a_parameter_at_its_bound_is_an_alert(beam: Bench) -> None:
 @pytest.mark.slow
 def test_undetermined_parameters_are_an_alert(beam: Bench) -> None:
     tail = beam.parameters.replace("PBAR 2 I1", "PBAR 2 J")
-    run = steps.update(beam.study(tail))
+    run = ft.update(beam.study(tail))
     assert "update.undetermined" in {a.code for a in run.results.alerts}
     update = run.results.update
     assert update is not None
@@ -301,7 +301,7 @@ def test_undetermined_parameters_are_an_alert(beam: Bench) -> None:
 @pytest.mark.slow
 def test_the_minimum_itself_can_be_asked_for(beam: Bench) -> None:
     tail = beam.parameters.replace("PBAR 2 I1", "PBAR 2 J") + "\n[update]\nsmallest_change = 0\n"
-    run = steps.update(beam.study(tail))
+    run = ft.update(beam.study(tail))
     assert run.results.update is not None
     assert run.results.update.ok
     assert run.results.update.smallest_change is None
@@ -314,7 +314,7 @@ def test_the_minimum_itself_can_be_asked_for(beam: Bench) -> None:
 )  # fmt: skip
 def test_a_value_that_cannot_be_is_an_error_of_its_key(beam: Bench, table: str, key: str, value: str) -> None:
     with pytest.raises(FemtuneError, match=key):
-        steps.update(beam.study(beam.parameters + f"\n[{table}]\n{key} = {value}\n"))
+        ft.update(beam.study(beam.parameters + f"\n[{table}]\n{key} = {value}\n"))
 
 
 SQUARE = """SOL 103
@@ -366,7 +366,7 @@ def test_double_modes_in_any_orientation(mast: Bench, angle: float) -> None:
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     shapes[:, :2] = shapes[:, :2] @ turn
     mast.uff(replace(seen, modes=replace(seen.modes, shapes=shapes)))
-    run = steps.update(mast.study(BOTH + "[residuals]\nshape_sd = 0.1\n"))
+    run = ft.update(mast.study(BOTH + "[residuals]\nshape_sd = 0.1\n"))
     assert run.results.update is not None
     assert run.results.update.ok
     assert values(run) == pytest.approx({"lower_part": 1.0, "upper_part": 0.8}, rel=1e-4)
@@ -380,7 +380,7 @@ def test_double_modes_that_a_parameter_separates(mast: Bench) -> None:
     true = mast.truth((("2.0-7   2.0-7   4.0-7\nPBAR    2", "2.5-7   2.0-7   4.0-7\nPBAR    2"),), SQUARE)
     mast.uff(mast.measure(true, "2X+", "2Y+", "3X+", "3Y+", count=4))
     tail = BOTH.replace('"PBAR 1 I1", "PBAR 1 I2"', '"PBAR 1 I1"').replace('"PBAR 2 I1", "PBAR 2 I2"', '"PBAR 1 I2"')
-    run = steps.update(mast.study(tail))
+    run = ft.update(mast.study(tail))
     assert run.results.update is not None
     assert run.results.update.ok
     assert values(run) == pytest.approx({"lower_part": 1.25, "upper_part": 1.0}, rel=1e-3)
@@ -405,9 +405,9 @@ def test_free_structure_with_six_rigid_body_modes(bench: Bench) -> None:
     modes = ModeSet(seen.modes.freq_hz[elastic], seen.modes.shapes[:, elastic], seen.modes.dofs)
     bench.uff(replace(seen, modes=modes))
     study = bench.study()
-    assert steps.modes(study)[0].rigid_body_modes == 6  # all modes that were asked for
+    assert ft.modes(study)[0].rigid_body_modes == 6  # all modes that were asked for
     study.write_text(study.read_text().replace("count = 6", "count = 14"))
-    run = steps.update(study)
+    run = ft.update(study)
     assert is_true(run, 1e-3)
     assert run.results.modes[0].rigid_body_modes == 6
     assert max(run.results.modes[0].freq_hz[:6]) < 0.01
@@ -422,8 +422,8 @@ def test_modes_of_a_study_with_a_test_heed_a_count_and_a_frequency_of_their_own(
 
     def found(**asked: float) -> tuple[float, ...]:
         if page:
-            return steps.modes(study, report=beam.folder / "modes.html", **asked)[0].freq_hz  # type: ignore[arg-type]
-        return steps.modes(study, **asked)[0].freq_hz  # type: ignore[arg-type]
+            return ft.modes(study, report=beam.folder / "modes.html", **asked)[0].freq_hz  # type: ignore[arg-type]
+        return ft.modes(study, **asked)[0].freq_hz  # type: ignore[arg-type]
 
     usual = found()
     three, nine = found(count=3), found(count=9)
@@ -434,9 +434,7 @@ def test_modes_of_a_study_with_a_test_heed_a_count_and_a_frequency_of_their_own(
 @pytest.mark.slow
 def test_an_error_that_all_frequencies_share_widens_the_intervals(beam: Bench) -> None:
     text = beam.parameters + "[residuals]\nfrequency_sd = 0.002\n"
-    plain, wide = (
-        steps.update(beam.study(text + line)).results.update for line in ("", "common_frequency_sd = 0.03\n")
-    )
+    plain, wide = (ft.update(beam.study(text + line)).results.update for line in ("", "common_frequency_sd = 0.03\n"))
     assert plain is not None
     assert wide is not None
     for a, b in zip(plain.parameters[:2], wide.parameters[:2]):

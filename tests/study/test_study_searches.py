@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.files.study_file.reading import study_from_text
-from femtune.results.step_results import RunResult
-from femtune.study.starts import STARTS_FILE
+from femtune.steps.run.result import RunResult
+from femtune.steps.update.starts import STARTS_FILE
 
 from .cantilever import Bench
 
@@ -33,8 +33,8 @@ def values(run: RunResult) -> dict[str, float]:
     ],
 )
 def test_every_word_holds_the_parameters_back(beam: Bench, word: str, extra: str) -> None:
-    free = values(steps.update(beam.study()))
-    run = steps.update(beam.study(f'{beam.parameters}[update]\nregularisation = "{word}"\n{extra}\n'))
+    free = values(ft.update(beam.study()))
+    run = ft.update(beam.study(f'{beam.parameters}[update]\nregularisation = "{word}"\n{extra}\n'))
     found, update = values(run), run.results.update
     assert update is not None
     assert update.regularisation == word
@@ -47,8 +47,8 @@ def test_every_word_holds_the_parameters_back(beam: Bench, word: str, extra: str
 @pytest.mark.slow
 @pytest.mark.parametrize("search", ["line-search", "gauss-newton"])
 def test_other_searches_end_at_the_same(beam: Bench, search: str) -> None:
-    free = values(steps.update(beam.study()))
-    run = steps.update(beam.study(f'{beam.parameters}[update]\nsearch = "{search}"\n'))
+    free = values(ft.update(beam.study()))
+    run = ft.update(beam.study(f'{beam.parameters}[update]\nsearch = "{search}"\n'))
     assert values(run) == pytest.approx(free, abs=1e-5)
     assert run.results.update is not None
     assert "Gauss-Newton" in run.results.update.method
@@ -57,7 +57,7 @@ def test_other_searches_end_at_the_same(beam: Bench, search: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", ["l-curve", "gcv"])
 def test_a_weight_that_a_rule_finds_is_told(beam: Bench, rule: str) -> None:
-    run = steps.update(beam.study(f'{beam.parameters}[update]\nregularisation = "link"\nweight = "{rule}"\n'))
+    run = ft.update(beam.study(f'{beam.parameters}[update]\nregularisation = "link"\nweight = "{rule}"\n'))
     assert run.results.update is not None
     choice = run.results.update.weight_choice
     assert choice is not None
@@ -72,9 +72,9 @@ def test_a_weight_that_a_rule_finds_is_told(beam: Bench, rule: str) -> None:
 @pytest.mark.slow
 def test_many_starts_are_kept_told_and_not_found_twice(beam: Bench) -> None:
     text = f"{beam.parameters}[update]\nstarts = 5\nseed = 2\nhops = 1\n"
-    run = steps.update(beam.study(text))
-    assert values(run) == pytest.approx(values(steps.update(beam.study())), abs=1e-4)
-    run = steps.update(beam.study(text))
+    run = ft.update(beam.study(text))
+    assert values(run) == pytest.approx(values(ft.update(beam.study())), abs=1e-4)
+    run = ft.update(beam.study(text))
     assert run.results.update is not None
     found = run.results.update.starts
     assert found is not None
@@ -84,24 +84,24 @@ def test_many_starts_are_kept_told_and_not_found_twice(beam: Bench) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()
     # as if the run had been broken off in the middle of the third start
     path.write_text("\n".join([*lines[:3], lines[3][:20]]), encoding="utf-8")
-    again = steps.update(beam.study(text))
+    again = ft.update(beam.study(text))
     assert again.results.update is not None
     assert again.results.update.starts == found
     assert path.read_text(encoding="utf-8").splitlines()[1:3] == lines[1:3]
     # from afresh nothing of it is believed, not even what could be read
     path.write_text("\n".join([lines[0], lines[1].replace('"iterations": ', '"iterations": 99')]), encoding="utf-8")
-    fresh = steps.update(beam.study(text), fresh=True)
+    fresh = ft.update(beam.study(text), fresh=True)
     assert fresh.results.update is not None
     assert fresh.results.update.starts == found
     # another seed has nothing to do with them
-    other = steps.update(beam.study(text.replace("seed = 2", "seed = 3")))
+    other = ft.update(beam.study(text.replace("seed = 2", "seed = 3")))
     assert json.loads((Path(other.folder) / STARTS_FILE).read_text().splitlines()[0]) != json.loads(lines[0])
 
 
 @pytest.mark.slow
 def test_samples_are_kept_and_processes_give_the_same(beam: Bench) -> None:
     text = f"{beam.parameters}[update]\nstarts = 3\nsamples = 8\nseed = 2\n"
-    run = steps.update(beam.study(text))
+    run = ft.update(beam.study(text))
     update = run.results.update
     assert update is not None
     assert update.starts is not None
@@ -113,10 +113,10 @@ def test_samples_are_kept_and_processes_give_the_same(beam: Bench) -> None:
     assert ["sample" in json.loads(line) for line in lines[1:]] == [True] * 8 + [False] * 3
     # broken off after the fifth sample
     path.write_text("\n".join(lines[:6]) + "\n", encoding="utf-8")
-    again = steps.update(beam.study(text))
+    again = ft.update(beam.study(text))
     assert path.read_text(encoding="utf-8").splitlines() == lines
-    apart = steps.update(beam.study(f'{text}[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
-    asked = steps.update(beam.study(text), fresh=True, jobs=2)
+    apart = ft.update(beam.study(f'{text}[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
+    asked = ft.update(beam.study(text), fresh=True, jobs=2)
     assert asked.results.provenance.command == again.results.provenance.command
     for other in (again, apart, asked):
         assert other.results.update is not None
@@ -128,13 +128,13 @@ def test_samples_are_kept_and_processes_give_the_same(beam: Bench) -> None:
 def test_a_side_constraint_on_each_step(beam: Bench) -> None:
     """With enough iterations the end is that of the data, with a few it is not; the report names the constraint."""
     each = f'{beam.parameters}[update]\nregularisation = "link"\nweight = 1.0\nweight_on = "each-step"\n'
-    run = steps.update(beam.study(f"{each}max_iterations = 200\n"))
+    run = ft.update(beam.study(f"{each}max_iterations = 200\n"))
     update = run.results.update
     assert update is not None
     assert update.ok
     assert update.regularisation == "link (change of each iteration)"
     assert values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, abs=1e-4)
-    few = steps.update(beam.study(f'{each}max_iterations = 2\nsearch = "gauss-newton"\n'))
+    few = ft.update(beam.study(f'{each}max_iterations = 2\nsearch = "gauss-newton"\n'))
     assert few.results.update is not None
     assert few.results.update.status == "MAX_ITERATIONS"
     assert few.report is None or "change of each iteration" in few.report.read_text(encoding="utf-8")
@@ -144,7 +144,7 @@ def test_a_side_constraint_on_each_step(beam: Bench) -> None:
 def test_a_correlated_prior(beam: Bench) -> None:
     prior = beam.parameters.replace("upper = 2.0", "upper = 2.0\nmean = 1.1\nsd = 0.0001")
     entry = 'correlations = [{ one = "root", other = "tip", value = 0.9 }]'
-    held = steps.update(beam.study(f'{prior}[update]\nregularisation = "prior"\n{entry}\n'))
+    held = ft.update(beam.study(f'{prior}[update]\nregularisation = "prior"\n{entry}\n'))
     assert values(held) == pytest.approx({"root": 1.1, "tip": 1.1}, abs=0.01)
 
 
@@ -201,11 +201,11 @@ def test_contradictions_are_told_before_anything_is_solved(tmp_path: Path, updat
 @pytest.mark.parametrize(
     ("step", "more"),
     [
-        (steps.run, "[update]\nstarts = 3\n"),
-        (steps.run, '[bootstrap]\nmethod = "noise"\n'),
-        (steps.candidates, '[candidates]\nsubsets = "all"\n'),
-        (steps.search, "[search]\n"),
-        (steps.screen, "[screen]\n"),
+        (ft.run, "[update]\nstarts = 3\n"),
+        (ft.run, '[bootstrap]\nmethod = "noise"\n'),
+        (ft.candidates, '[candidates]\nsubsets = "all"\n'),
+        (ft.search, "[search]\n"),
+        (ft.screen, "[screen]\n"),
     ],
     ids=["starts", "bootstrap", "candidates", "search", "screen"],
 )

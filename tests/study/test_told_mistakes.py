@@ -10,12 +10,12 @@ import pytest
 from tests.messages.shown import check_shown
 
 import femtune as ft
+from femtune.document.document import Document
 from femtune.errors import FemtuneError
 from femtune.files.study_file import read_study_file
 from femtune.model.eigen.solution import EigenSolution
-from femtune.reporting import write_html
-from femtune.reporting.document import Document
-from femtune.results.folder import RESULTS_FILE, read_results
+from femtune.reporting.html import write_html
+from femtune.steps.run_folder import RESULTS_FILE, read_results
 from femtune.testing import example_deck, example_test
 
 PARAMETER = '[[parameter]]\nname = "E"\nfields = ["MAT1 1 E"]\n'
@@ -110,8 +110,8 @@ def test_recalled_modes_must_be_modes(tmp_path: Path) -> None:
 
 
 def solution_of(folder: Path) -> EigenSolution:
-    from femtune.assembly.study import load_study  # noqa: PLC0415
     from femtune.model import solve_modes  # noqa: PLC0415
+    from femtune.study.study import load_study  # noqa: PLC0415
 
     loaded = load_study(study(folder, ""))
     return solve_modes(loaded.cases[0].configured.at(np.zeros(0)), 4)

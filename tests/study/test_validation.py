@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
 
 from .cantilever import Bench, bounded
 
@@ -41,7 +41,7 @@ def _noisy(bench: Bench, sd: float, seed: int = 3) -> None:
 
 @pytest.mark.slow
 def test_held_out_modes_have_no_residual_and_are_judged(beam: Bench) -> None:
-    run = steps.update(beam.study(beam.parameters + '[[hold_out]]\nmodes = ["2", "4"]\n[validate]\nprofile = "ECSS"'))
+    run = ft.update(beam.study(beam.parameters + '[[hold_out]]\nmodes = ["2", "4"]\n[validate]\nprofile = "ECSS"'))
     assert _values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)
     assert run.results.selection is not None
     assert not any(label.split()[-2] in ("2", "4") for label in run.results.selection.row_labels)
@@ -60,7 +60,7 @@ def test_held_out_modes_have_no_residual_and_are_judged(beam: Bench) -> None:
 @pytest.mark.slow
 def test_modes_beyond_a_frequency_are_held_out(beam: Bench) -> None:
     hz = beam.measure(beam.truth()).modes.freq_hz
-    run = steps.update(beam.study(beam.parameters + f"[[hold_out]]\nabove_hz = {0.5 * (hz[2] + hz[3]):.3f}\n"))
+    run = ft.update(beam.study(beam.parameters + f"[[hold_out]]\nabove_hz = {0.5 * (hz[2] + hz[3]):.3f}\n"))
     found = _validation(run)
     assert [(p.test_label, p.data) for p in found.predictions] == [("4", "beyond the frequencies used")]
 
@@ -69,10 +69,10 @@ def test_modes_beyond_a_frequency_are_held_out(beam: Bench) -> None:
 def test_own_numbers_decide(beam: Bench) -> None:
     """Only the root is free, so that the model misses; the verdicts turn where the limits are set."""
     held = '[[hold_out]]\nmodes = ["3"]\n[validate]\nprofile = "own"\nfrequency_error = '
-    miss = abs(_validation(steps.update(beam.study(HALF + held + "0.5"))).predictions[0].freq_error_percent)
+    miss = abs(_validation(ft.update(beam.study(HALF + held + "0.5"))).predictions[0].freq_error_percent)
     assert miss > 0.1
     for limit, verdict in ((1.1 * miss, "pass"), (0.9 * miss, "fail")):
-        found = _validation(steps.update(beam.study(HALF + held + f"{limit / 100:.8f}")))
+        found = _validation(ft.update(beam.study(HALF + held + f"{limit / 100:.8f}")))
         (one,) = found.verdicts
         assert (one.verdict, one.criterion) == (verdict, "frequency error, own criterion")
         assert one.measured == pytest.approx(miss, rel=1e-6)
@@ -83,7 +83,7 @@ def test_own_numbers_decide(beam: Bench) -> None:
 @pytest.mark.slow
 def test_whole_tests_are_judged_by_the_same_profile(beam: Bench) -> None:
     lines = '[validate]\nprofile = "MIL"\nmac = 0.97\nshape_error = 0.1'
-    run = steps.update(beam.study(f"{beam.parameters}[[hold_out]]\nmodes = ['4']\n{lines}"))
+    run = ft.update(beam.study(f"{beam.parameters}[[hold_out]]\nmodes = ['4']\n{lines}"))
     expected = {
         "frequency error, MIL-STD-1540C": 3.0,
         "cross-orthogonality, diagonal, MIL-STD-1540C": 0.95,
@@ -98,7 +98,7 @@ def test_whole_tests_are_judged_by_the_same_profile(beam: Bench) -> None:
 def test_held_out_sensors_are_predicted_by_shape(beam: Bench) -> None:
     tail = '[[hold_out]]\nsensors = ["4Y+", "4Z+"]\n[validate]\nprofile = "own"\n'
     tail += "shape_error = 0.02\nmac = 0.99\nshape_sd = 0.01"
-    run = steps.update(beam.study(beam.parameters + tail))
+    run = ft.update(beam.study(beam.parameters + tail))
     found = _validation(run)
     assert found.held_out_sensors == ("as the deck: 4Y+", "as the deck: 4Z+")
     assert [v.verdict for v in found.verdicts] == ["pass", "pass"]
@@ -125,7 +125,7 @@ def test_a_configuration_tells_in_what_it_differs(bench: Bench) -> None:
         + ("" if name == "free" else 'use = "validation"\n')
         for name, (_, keys) in states.items()
     )
-    found = _validation(steps.update(bench.study(text + bench.parameters, test=None)))
+    found = _validation(ft.update(bench.study(text + bench.parameters, test=None)))
     data = {p.configuration: p.data for p in found.predictions}
     assert data == {"loaded": "modified structure", "propped": "other boundary conditions"}
     assert all(
@@ -137,7 +137,7 @@ def test_a_configuration_tells_in_what_it_differs(bench: Bench) -> None:
 
 def test_residuals_that_are_noise_pass(bench: Bench) -> None:
     _noisy(bench, 0.002)
-    run = steps.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01"))
+    run = ft.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01"))
     found = _goodness(run)
     # 4 frequencies, and 4 shapes of 8 entries of unit norm, less two parameters
     assert found.degrees_of_freedom == 4 + 4 * 7 - 2
@@ -158,7 +158,7 @@ def test_residuals_that_are_noise_pass(bench: Bench) -> None:
 def test_scatter_of_a_prediction_is_what_the_residuals_state(beam: Bench, tail: str, percent: float) -> None:
     """Not the default of [residuals], by which such a study compares nothing."""
     table = f'[[hold_out]]\nmodes = ["4"]\n[[residual]]\nkind = "frequency"\n{tail}\n'
-    found = _validation(steps.update(beam.study(beam.parameters + table)))
+    found = _validation(ft.update(beam.study(beam.parameters + table)))
     assert [p.test_sd_percent for p in found.predictions] == [pytest.approx(percent)]
 
 
@@ -169,12 +169,12 @@ def test_data_that_leave_nothing_over_are_an_alert(bench: Bench) -> None:
     assert wrong != bench.text
     bench.uff(bench.measure(bench.truth((), wrong)))
     keep = '[[hold_out]]\nmodes = ["2", "4"]\n'
-    run = steps.update(bench.study(bench.parameters + keep))
+    run = ft.update(bench.study(bench.parameters + keep))
     found = _goodness(run)
     assert (found.values, found.rank, found.finding) == (2, 2, "NOT_TESTED")
     alerts = {a.code: a.sentence for a in run.results.alerts}
     assert "2 independent values" in alerts["update.few-data"]
-    spare = steps.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.1"))
+    spare = ft.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.1"))
     assert "update.few-data" not in {a.code for a in spare.results.alerts}
 
 
@@ -201,7 +201,7 @@ def test_a_mass_that_was_not_measured_is_told(bench: Bench, tail: str, said: boo
     case = '[[configuration]]\nname = "free"\ntest = "beam.uff"\n'
     key = tail.startswith(("weighed", "masses"))
     text = f"{case}{tail}\n{bench.parameters}" if key else f"{case}{bench.parameters}{tail}"
-    found = _validation(steps.update(bench.study(text, test=None)))
+    found = _validation(ft.update(bench.study(text, test=None)))
     assert any(line.startswith("total mass: ") for line in found.not_tested) is said
 
 
@@ -210,7 +210,7 @@ def test_an_unmodelled_spring_is_no_noise(bench: Bench) -> None:
     """The real beam stands on a spring that the deck lacks."""
     sprung = bench.text.replace("CONM2", "CELAS2,77,3.+5,4,3\nCONM2")
     bench.uff(bench.measure(bench.truth((), sprung)))
-    run = steps.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002"))
+    run = ft.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002"))
     found = _goodness(run)
     assert found.verdict == "fail"
     assert found.p_value < 1e-6
@@ -220,9 +220,9 @@ def test_an_unmodelled_spring_is_no_noise(bench: Bench) -> None:
 @pytest.mark.slow
 def test_shapes_that_are_not_normal_stay_out_of_the_test(beam: Bench) -> None:
     tail = '[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01\nshape_form = "mac"'
-    found = _goodness(steps.update(beam.study(beam.parameters + tail)))
+    found = _goodness(ft.update(beam.study(beam.parameters + tail)))
     assert [k.kind for k in found.by_kind] == ["frequency"]
-    alone = _goodness(steps.update(beam.study(beam.parameters + tail.replace("0.002", "0"))))
+    alone = _goodness(ft.update(beam.study(beam.parameters + tail.replace("0.002", "0"))))
     assert alone.verdict == "not tested"
     assert "quadratic form" in alone.sentence
 
@@ -230,7 +230,7 @@ def test_shapes_that_are_not_normal_stay_out_of_the_test(beam: Bench) -> None:
 @pytest.mark.slow
 def test_shapes_scaled_by_their_largest_entry_are_tested(beam: Bench) -> None:
     tail = '[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01\nshape_scaling = "largest-entry"'
-    found = _goodness(steps.update(beam.study(beam.parameters + tail)))
+    found = _goodness(ft.update(beam.study(beam.parameters + tail)))
     assert [k.kind for k in found.by_kind] == ["frequency", "shape"]
 
 
@@ -249,7 +249,7 @@ def test_shapes_scaled_by_their_largest_entry_are_tested(beam: Bench) -> None:
 )
 def test_what_cannot_be_held_out_is_refused(beam: Bench, tail: str, code: str, says: str) -> None:
     with pytest.raises(FemtuneError) as caught:
-        steps.update(beam.study(beam.parameters + tail))
+        ft.update(beam.study(beam.parameters + tail))
     assert caught.value.code == code
     assert says in caught.value.what
     assert "study.toml" in str(caught.value.where)
@@ -258,10 +258,10 @@ def test_what_cannot_be_held_out_is_refused(beam: Bench, tail: str, code: str, s
 @pytest.mark.slow
 def test_validate_is_a_step_and_the_report_shows_it(beam: Bench) -> None:
     study = beam.study(HALF + '[[hold_out]]\nmodes = ["2", "4"]\nsensors = ["4Y+"]\n[validate]\nprofile = "ECSS"')
-    run = steps.validate(study)
+    run = ft.validate(study)
     assert ".validate(" in run.results.provenance.command
     assert _validation(run).verdicts
-    page = steps.report(run.folder).read_text()
+    page = ft.report(run.folder).read_text()
     assert "On data that the update did not use" in page
     assert "Shapes at held-out sensors" in page
     assert "Errors of predicted frequencies" in page
@@ -269,14 +269,14 @@ def test_validate_is_a_step_and_the_report_shows_it(beam: Bench) -> None:
 
 @pytest.mark.slow
 def test_residuals_that_tell_their_own_scatter_cannot_be_tested_by_it(beam: Bench) -> None:
-    run = steps.update(beam.study(beam.parameters + '[residuals]\nscatter = "estimated"'))
+    run = ft.update(beam.study(beam.parameters + '[residuals]\nscatter = "estimated"'))
     said = "not tested: frequency residuals: their standard deviations are estimated from the residuals themselves"
     assert _goodness(run).sentence == said
 
 
 @pytest.mark.slow
 def test_the_page_marks_modes_that_the_update_did_not_see(beam: Bench) -> None:
-    run = steps.run(beam.study(beam.parameters + '[[hold_out]]\nmodes = ["4"]'))
+    run = ft.run(beam.study(beam.parameters + '[[hold_out]]\nmodes = ["4"]'))
     assert run.report is not None
     page = run.report.read_text()
     modes = page[page.index('id="modes"') : page.index('id="mode_shapes"')]
@@ -286,9 +286,7 @@ def test_the_page_marks_modes_that_the_update_did_not_see(beam: Bench) -> None:
 
 @pytest.mark.slow
 def test_chi_square_without_an_optimum_is_that_of_the_kept_values(beam: Bench) -> None:
-    run = steps.update(
-        beam.study(beam.parameters + "[residuals]\nfrequency_sd = 0.001\n[update]\nmax_iterations = 1\n")
-    )
+    run = ft.update(beam.study(beam.parameters + "[residuals]\nfrequency_sd = 0.001\n[update]\nmax_iterations = 1\n"))
     update = run.results.update
     assert update is not None
     assert not update.ok

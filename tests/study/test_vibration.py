@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from tests.deck_models import model_of
 from tests.messages.shown import check_shown
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.study_file.reading import read_study_file
 from femtune.files.study_file.validation import ValidateTable
@@ -26,8 +26,9 @@ from femtune.model.vibration import (
     response_density,
     swept_response,
 )
-from femtune.results.step_results import RunResult
-from femtune.results.vibration import VibrationPoint, VibrationResults, vibration_verdicts
+from femtune.steps.run.result import RunResult
+from femtune.steps.vibration.record import VibrationPoint, VibrationResults
+from femtune.steps.vibration.run import vibration_verdicts
 
 from .cantilever import EI, Bench
 
@@ -110,7 +111,7 @@ def _write(path: Path, hz: np.ndarray, values: np.ndarray) -> None:
 
 def _run(bench: Bench, damping: float, more: str = "") -> RunResult:
     tables = (SWEEP + RANDOM).replace("{damping}", str(damping))
-    return steps.run(bench.study(EI + tables + LIMITS + more))
+    return ft.run(bench.study(EI + tables + LIMITS + more))
 
 
 def _vibrations(found: RunResult) -> tuple[VibrationResults, ...]:
@@ -199,7 +200,7 @@ def test_errors_of_vibration_tests_are_reported_before_the_update(
     tables = EI + text.replace(old, new).replace("{damping}", "0.02") + LIMITS
     beam.study(FREE + tables if free else tables, test=None if free else "beam.uff")
     with pytest.raises(FemtuneError) as caught:
-        steps.run(Path("study.toml"))
+        ft.run(Path("study.toml"))
     assert caught.value.code == name.partition(",")[0]
     assert "vibration" in str(caught.value.where)
     # the first line that the update writes
@@ -213,7 +214,7 @@ def test_all_errors_of_vibration_tests_are_reported_together(beam: Bench) -> Non
     for file in ("sweep.csv", "random.csv"):
         _write(beam.folder / file, np.linspace(10.0, 80.0, 200), np.ones((2, 200)))
     with pytest.raises(FemtuneErrors) as caught:
-        steps.run(beam.study(EI + "".join(wrong).replace("{damping}", "0.02") + LIMITS))
+        ft.run(beam.study(EI + "".join(wrong).replace("{damping}", "0.02") + LIMITS))
     assert {error.code for error in caught.value.errors} == {"vibration.no-damping", "vibration.sweep"}
 
 
@@ -253,7 +254,7 @@ def test_a_shock_that_is_integrated_step_by_step(beam: Bench) -> None:
     _write(beam.folder / "shock_response.csv", times, response)
     np.savetxt(beam.folder / "shock.csv", np.vstack([times, signal]).T, delimiter=",", header="s,g", comments="")
     tables = TRANSIENT.replace("{damping}", "0.02")
-    run = steps.run(beam.study(EI + tables + LIMITS + "transient_peak = 0.02\n"))
+    run = ft.run(beam.study(EI + tables + LIMITS + "transient_peak = 0.02\n"))
     (shock,) = _vibrations(run)
     assert shock.compared_s == (0.0, pytest.approx(times[-1]))
     for point, measured in zip(shock.points, response):
@@ -273,7 +274,7 @@ def test_a_band_limits_what_is_compared(beam: Bench) -> None:
     _measure(beam)
     band = "band_hz = [12.0, 20.0]\n"
     tables = (SWEEP + band + RANDOM + band.replace("12.0", "15.0")).replace("{damping}", "0.02")
-    found = steps.run(beam.study(EI + tables + LIMITS))
+    found = ft.run(beam.study(EI + tables + LIMITS))
     sweep, random = _vibrations(found)
     assert sweep.compared_hz == (12.0, 20.0)
     assert random.compared_hz == (15.0, 20.0)
@@ -295,7 +296,7 @@ def test_ratios_by_frequency_and_their_source(beam: Bench) -> None:
     (first, _), (_, constant) = _vibrations(found), _vibrations(found)
     ratios = 'damping_ratio = [0.04, 0.02]\ndamping_hz = [200.0, 400.0]\ndamping_source = "half-power bandwidths"\n'
     tables = SWEEP.replace("damping_ratio = {damping}\n", ratios) + RANDOM.replace("{damping}", "0.02")
-    (table, again) = _vibrations(steps.run(beam.study(EI + tables + LIMITS)))
+    (table, again) = _vibrations(ft.run(beam.study(EI + tables + LIMITS)))
     doubled = _vibrations(_run(beam, 0.04))[0]
     assert table.damping == "damping ratio 4 % at 200 Hz, 2 % at 400 Hz, linear between them"
     assert table.damping_source == "half-power bandwidths"
@@ -318,7 +319,7 @@ def test_a_maximum_at_a_band_end_is_no_resonance(beam: Bench, curve: str) -> Non
         beam.folder / "sweep.csv", np.vstack([hz, rising if curve == "measured" else peaked]).T, delimiter=",",
         header="Hz,5Y", comments="",
     )  # fmt: skip
-    found = steps.run(beam.study(EI + sweep + LIMITS))
+    found = ft.run(beam.study(EI + sweep + LIMITS))
     point = _vibrations(found)[0].points[0]
     assert (point.test_peak_at_end, point.peak_at_end) == (curve == "measured", curve == "computed")
     judged = (v for v in found.results.validation.verdicts if v.data == "vibration test")
@@ -344,7 +345,7 @@ def test_points_without_resonance_do_not_decide() -> None:
 
 @pytest.mark.slow
 def test_limits_without_data_are_not_tested(beam: Bench) -> None:
-    found = steps.run(beam.study(EI + LIMITS.replace("[validate]", "[validate]\nshape_error = 0.1")))
+    found = ft.run(beam.study(EI + LIMITS.replace("[validate]", "[validate]\nshape_error = 0.1")))
     said = " ".join(found.results.validation.not_tested)
     assert 'resonance frequency error in a sweep: the study has no [[vibration]] of kind "sweep"' in said
     assert 'RMS error in random vibration: the study has no [[vibration]] of kind "random"' in said
@@ -365,7 +366,7 @@ def test_files_that_are_no_curves(beam: Bench, monkeypatch: pytest.MonkeyPatch, 
     beam.study(EI + SWEEP.replace("{damping}", "0.02") + LIMITS)
     (beam.folder / "sweep.csv").write_text(text)
     with pytest.raises(FemtuneError) as caught:
-        steps.run(Path("study.toml"))
+        ft.run(Path("study.toml"))
     check_shown(name, caught.value)
 
 
@@ -381,13 +382,13 @@ def test_signals_that_cannot_be_used(beam: Bench, monkeypatch: pytest.MonkeyPatc
     beam.study(EI + TRANSIENT.replace("{damping}", "0.02").replace('measured = "shock_response.csv"\n', "") + LIMITS)
     (beam.folder / "shock.csv").write_text(text)
     with pytest.raises(FemtuneError) as caught:
-        steps.run(Path("study.toml"))
+        ft.run(Path("study.toml"))
     check_shown(name, caught.value)
 
 
 def test_a_file_that_is_not_there(beam: Bench) -> None:
     with pytest.raises(FemtuneError) as caught:
-        steps.run(beam.study(EI + SWEEP.replace("{damping}", "0.02") + LIMITS))
+        ft.run(beam.study(EI + SWEEP.replace("{damping}", "0.02") + LIMITS))
     assert caught.value.code == "vibration.file"
 
 
@@ -409,7 +410,7 @@ def test_entries_that_are_not_complete(
     monkeypatch.chdir(beam.folder)
     beam.study(EI + SWEEP.replace("{damping}", "0.02").replace(old, new) + LIMITS)
     with pytest.raises(FemtuneError) as caught:
-        steps.run(Path("study.toml"))
+        ft.run(Path("study.toml"))
     check_shown(name, caught.value)
 
 

@@ -11,7 +11,7 @@ from tests.messages.shown import check_shown
 
 import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.results.vibration import VibrationResults
+from femtune.steps.vibration.record import VibrationResults
 
 from .two_masses import SCRIPT, TRUTH, prepared, started
 

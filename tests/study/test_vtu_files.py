@@ -11,11 +11,11 @@ from click.testing import CliRunner
 from tests.messages.shown import check_shown
 
 import femtune as ft
-from femtune.assembly.vtk_cells import vtk_cells
 from femtune.cli import main
 from femtune.errors import FemtuneError
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
+from femtune.study.vtk_cells import vtk_cells
 
 from .cantilever import EI, Bench, modes_of_deck
 

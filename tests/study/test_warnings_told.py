@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from click.testing import CliRunner
 
-from femtune import steps
+import femtune as ft
 from femtune.cli.commands import main
 from femtune.errors import FemtuneError
 
@@ -16,7 +16,7 @@ from .cantilever import EI, Bench, measured
 def test_a_deck_without_its_end_is_told(beam: Bench, step: str) -> None:
     path = beam.folder / "beam.bdf"
     path.write_text(path.read_text().replace("ENDDATA\n", ""))
-    (told,) = [str(r) for r in getattr(steps, step)(beam.study()).remarks if r.code == "deck.no-enddata"]
+    (told,) = [str(r) for r in getattr(ft, step)(beam.study()).remarks if r.code == "deck.no-enddata"]
     assert told.endswith(f" at {path}:21")
 
 
@@ -46,7 +46,7 @@ def test_a_shape_of_one_sensor_is_an_error_at_the_standard_deviation_of_shapes(b
     beam.uff(measured(beam.folder / "beam.bdf", ("5Z+",), count=2))
     for text, record in ((keys, "residuals.shape_sd"), (tables, "residual[2]")):
         with pytest.raises(FemtuneError) as caught:
-            steps.update(beam.study(EI + text))
+            ft.update(beam.study(EI + text))
         assert caught.value.code == "residual.unmeasured"
         assert caught.value.where is not None
         assert caught.value.where.record == record
@@ -55,7 +55,7 @@ def test_a_shape_of_one_sensor_is_an_error_at_the_standard_deviation_of_shapes(b
 def test_negative_densities_are_named_once_a_kind(bench: Bench) -> None:
     text = bench.text.replace("0.3     7850.", "0.3     -7850.").replace("ENDDATA", "MAT1,2,1.+9,,.3,-5.\nENDDATA")
     path = bench.write("light.bdf", text)
-    notices = [n for n in steps.info(path).record.notices if n.code == "deck.negative-density"]
+    notices = [n for n in ft.info(path).record.notices if n.code == "deck.negative-density"]
     assert [n.sentence.partition(",")[0] for n in notices] == [
         "the density of MAT1 1 is negative (-7850)",
         "the density of MAT1 2 is negative (-5)",
@@ -63,5 +63,5 @@ def test_negative_densities_are_named_once_a_kind(bench: Bench) -> None:
     assert notices[0].where == f"{path}:13 (MAT1 1)"
     assert "the density of MAT1 1 " in " ".join(CliRunner().invoke(main, ["info", str(path)]).output.split())
     with pytest.raises(FemtuneError, match="mass") as failed:
-        steps.modes(path)
+        ft.modes(path)
     assert failed.value.__notes__[0].endswith("; and 1 more of this kind")

@@ -10,11 +10,11 @@ import jsonschema
 import numpy as np
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.results.folder import read_results
-from femtune.results.results import Results, json_schema
-from femtune.results.step_results import RunResult
+from femtune.steps.results import Results, json_schema
+from femtune.steps.run.result import RunResult
+from femtune.steps.run_folder import read_results
 
 from .cantilever import Bench
 
@@ -115,8 +115,8 @@ def test_edits_name_old_and_new_text(done: RunResult) -> None:
 def test_small_field_rounds_and_wide_does_not(beam: Bench) -> None:
     study = beam.study(beam.parameters.replace('"PBAR 2 I1"', '"MAT1 1 E"'))
     small, wide = (
-        steps.update(study, output=beam.folder / "small"),
-        steps.update(study, output=beam.folder / "wide", wide=True),
+        ft.update(study, output=beam.folder / "small"),
+        ft.update(study, output=beam.folder / "wide", wide=True),
     )
     for run, digits in ((small, 1e-3), (wide, 1e-9)):
         assert run.results.update is not None
@@ -132,8 +132,8 @@ def test_small_field_rounds_and_wide_does_not(beam: Bench) -> None:
 
 
 def test_updated_deck_is_a_deck_for_the_next_study(beam: Bench) -> None:
-    steps.update(beam.study())
-    again = steps.update(beam.study(deck="run/updated.bdf"), output=beam.folder / "second")
+    ft.update(beam.study())
+    again = ft.update(beam.study(deck="run/updated.bdf"), output=beam.folder / "second")
     assert value(again, "root") == pytest.approx(1.0, abs=1e-4)
     assert again.results.update is not None
     assert again.results.update.objective_before_percent < 0.01
@@ -141,12 +141,12 @@ def test_updated_deck_is_a_deck_for_the_next_study(beam: Bench) -> None:
 
 def test_single_steps_agree_with_the_run(done: RunResult, own: Bench) -> None:
     study = own.folder / "study.toml"
-    modes = steps.modes(study)[0]
+    modes = ft.modes(study)[0]
     assert modes.model_copy(update={"mesh": None}) == done.results.modes[0]
     assert modes.mesh in done.results.model_checks
-    assert steps.correlate(study)[0] == done.results.correlations[0]
-    assert steps.select(study).record == done.results.selection
-    facts = steps.info(study).record
+    assert ft.correlate(study)[0] == done.results.correlations[0]
+    assert ft.select(study).record == done.results.selection
+    facts = ft.info(study).record
     mass = tuple(c for c in facts.checks if c.check == "weighed mass")
     assert done.results.model is not None
     own_notices = done.results.model.notices
@@ -157,14 +157,14 @@ def test_single_steps_agree_with_the_run(done: RunResult, own: Bench) -> None:
 
 def test_info_and_modes_take_a_deck_alone(beam: Bench) -> None:
     deck = beam.folder / "beam.bdf"
-    facts = steps.info(deck).record
+    facts = ft.info(deck).record
     # length 1 m, 1e-3 m² of steel, and 2 kg at the tip
     assert facts.configurations[0].mass == pytest.approx(7.85 + 2.0)
     assert facts.configurations[0].centre_of_gravity[0] == pytest.approx((7.85 * 0.5 + 2.0) / 9.85)
-    assert steps.modes(deck)[0].freq_hz[:6] == pytest.approx(beam.modes(deck), rel=1e-9)
+    assert ft.modes(deck)[0].freq_hz[:6] == pytest.approx(beam.modes(deck), rel=1e-9)
 
 
-@pytest.mark.parametrize("step", [steps.correlate, steps.select, steps.update, steps.run])
+@pytest.mark.parametrize("step", [ft.correlate, ft.select, ft.update, ft.run])
 def test_other_steps_want_a_study(beam: Bench, step: Any) -> None:
     with pytest.raises(FemtuneError) as caught:
         step(beam.folder / "beam.bdf")
@@ -176,8 +176,8 @@ def test_report_is_written_again_from_the_study_or_the_folder(done: RunResult, o
     assert done.report is not None
     first = done.report.read_bytes()
     done.report.unlink()
-    assert steps.report(own.folder / "study.toml").read_bytes() == first
-    assert steps.report(done.folder) == done.report
+    assert ft.report(own.folder / "study.toml").read_bytes() == first
+    assert ft.report(done.folder) == done.report
 
 
 def test_provenance_names_every_file_with_its_sum(done: RunResult) -> None:
@@ -191,6 +191,6 @@ def test_provenance_names_every_file_with_its_sum(done: RunResult) -> None:
 def test_nothing_but_the_run_folder_is_touched(beam: Bench) -> None:
     study = beam.study()
     before = {p: p.read_bytes() for p in beam.folder.rglob("*") if p.is_file()}
-    steps.run(study)
+    ft.run(study)
     after = {p: p.read_bytes() for p in beam.folder.rglob("*") if p.is_file() and "run" not in p.parts}
     assert {p: b for p, b in after.items() if Path(p).parent.name != "run"} == before

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.errors import FemtuneError, Notice
-from femtune.reporting.short_form import short_form
-from femtune.reporting.source import ReportSource
 from femtune.residuals.frf.model_way import AtFirstState
+from femtune.steps.report_source import ReportSource
+from femtune.steps.run.page.short_form import short_form
+from femtune.study.study import load_study
 
 from ..messages.shown import check_shown
 from .cantilever import EI, Bench
@@ -101,5 +101,5 @@ def test_a_wrong_sign_is_told_once_the_model_is_solved(bench: Bench) -> None:
 @pytest.mark.slow
 def test_the_terminal_names_the_held_outputs(bench: Bench) -> None:
     noisy(bench, {"5Y+": 0.05})
-    run = steps.run(study(bench, "worst = 1"))
+    run = ft.run(study(bench, "worst = 1"))
     assert ": 5Y+ (" in str(short_form(ReportSource(run.results, run.arrays)))

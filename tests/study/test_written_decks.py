@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
+from femtune.document.document import Cell
 from femtune.errors import FemtuneError
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
-from femtune.reporting.document import Cell
-from femtune.reporting.sections.write_back import write_back
-from femtune.reporting.source import ReportSource
-from femtune.results.alerts import alerts_of
-from femtune.results.step_results import RunResult
-from femtune.results.update import parameter_facts
+from femtune.steps.report_source import ReportSource
+from femtune.steps.run.alerts import alerts_of
+from femtune.steps.run.result import RunResult
+from femtune.steps.update.facts import parameter_facts
+from femtune.steps.write.page import write_back
+from femtune.study.study import load_study
 
 from .cantilever import Bench, bounded
 
@@ -57,7 +57,7 @@ def clamp(bench: Bench) -> Bench:
 
 @pytest.mark.slow
 def test_shared_card_is_not_written_without_split(clamp: Bench) -> None:
-    run = steps.update(clamp.study(SHARED))
+    run = ft.update(clamp.study(SHARED))
     assert values(run)["clamp"] == pytest.approx(1.4, rel=1e-4)
     assert (run.folder / "updated.bdf").read_bytes() == (clamp.folder / "beam.bdf").read_bytes()
     written = [a for a in run.results.alerts if a.code == "write.without-field"]
@@ -75,7 +75,7 @@ def test_shared_card_is_not_written_without_split(clamp: Bench) -> None:
 @pytest.mark.slow
 def test_two_regions_of_one_card_are_both_not_written_without_split(clamp: Bench) -> None:
     rest = SHARED.replace("clamp", "rest").replace("elements = [1]", "elements = [2]")
-    run = steps.update(clamp.study(SHARED + rest))
+    run = ft.update(clamp.study(SHARED + rest))
     assert values(run) == pytest.approx({"clamp": 1.4, "rest": 1.0}, rel=1e-3)
     assert (run.folder / "updated.bdf").read_bytes() == (clamp.folder / "beam.bdf").read_bytes()
     told = [a.sentence for a in run.results.alerts if a.code == "write.without-field"]
@@ -85,7 +85,7 @@ def test_two_regions_of_one_card_are_both_not_written_without_split(clamp: Bench
 
 @pytest.mark.slow
 def test_without_split_the_alert_does_not_blame_rounding(clamp: Bench) -> None:
-    found = codes(steps.update(clamp.study(SHARED)))
+    found = codes(ft.update(clamp.study(SHARED)))
     assert "write.incomplete" in found
     assert "write.rounding" not in found
 
@@ -93,7 +93,7 @@ def test_without_split_the_alert_does_not_blame_rounding(clamp: Bench) -> None:
 @pytest.mark.slow
 def test_rounding_that_matters_is_an_alert(beam: Bench) -> None:
     study = beam.study()
-    results = steps.update(study).results
+    results = ft.update(study).results
     assert results.update is not None
     worse = results.update.model_copy(update={"objective_as_written_percent": 1.0})
     found = alerts_of(load_study(study), results.model_copy(update={"update": worse}))
@@ -105,7 +105,7 @@ def test_rounding_that_matters_is_an_alert(beam: Bench) -> None:
 
 @pytest.mark.slow
 def test_split_gives_the_region_a_card_of_its_own(clamp: Bench) -> None:
-    run = steps.update(clamp.study(SHARED + "[write]\nsplit = true\n"))
+    run = ft.update(clamp.study(SHARED + "[write]\nsplit = true\n"))
     deck = run.folder / "updated.bdf"
     assert role(deck, 1, "I1") == pytest.approx(2.8e-7, rel=1e-3)
     assert role(deck, 2, "I1") == 2e-7
@@ -120,7 +120,7 @@ def test_split_gives_the_region_a_card_of_its_own(clamp: Bench) -> None:
 
 @pytest.mark.slow
 def test_new_cards_and_the_elements_on_them_are_recorded(clamp: Bench) -> None:
-    run = steps.update(clamp.study(SHARED + "[write]\nsplit = true\n"))
+    run = ft.update(clamp.study(SHARED + "[write]\nsplit = true\n"))
     found = run.results.write_back
     assert found is not None
     assert found.edits == ()
@@ -140,7 +140,7 @@ def test_new_cards_and_the_elements_on_them_are_recorded(clamp: Bench) -> None:
 @pytest.mark.slow
 def test_a_copied_material_names_its_new_property(clamp: Bench) -> None:
     text = SHARED.replace("PBAR 1 I1", "MAT1 1 E") + "[write]\nsplit = true\n"
-    run = steps.update(clamp.study(text))
+    run = ft.update(clamp.study(text))
     found = run.results.write_back
     assert found is not None
     by_card = {c.card.split()[0]: c for c in found.new_cards}
@@ -180,7 +180,7 @@ upper = 2.0
 @pytest.mark.slow
 @pytest.mark.parametrize("side", ["[1]", "[1, 2]", "[2]"])
 def test_two_parameters_on_one_card_each_with_a_region(clamp: Bench, side: str) -> None:
-    run = steps.update(clamp.study(TWO_ON_ONE_REGION.format(side=side)))
+    run = ft.update(clamp.study(TWO_ON_ONE_REGION.format(side=side)))
     assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "after"), rel=1e-9)
     deck, found = run.folder / "updated.bdf", values(run)
     assert role(deck, 1, "I1") == pytest.approx(2e-7 * found["clamp"], rel=1e-9)
@@ -192,14 +192,14 @@ def test_two_parameters_on_one_card_each_with_a_region(clamp: Bench, side: str) 
 @pytest.mark.slow
 def test_a_region_and_all_others_of_one_card(clamp: Bench) -> None:
     rest = bounded("rest", "PBAR 1 I2")
-    run = steps.update(clamp.study(SHARED + rest + "[write]\nsplit = true\nwide = true\n"))
+    run = ft.update(clamp.study(SHARED + rest + "[write]\nsplit = true\nwide = true\n"))
     assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "after"), rel=1e-7)
 
 
 @pytest.mark.slow
 def test_material_of_a_region_with_derived_shear_modulus(clamp: Bench) -> None:
     text = SHARED.replace("PBAR 1 I1", "MAT1 1 E") + "[write]\nsplit = true\nwide = true\n"
-    run = steps.update(clamp.study(text))
+    run = ft.update(clamp.study(text))
     deck = run.folder / "updated.bdf"
     assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "after"), rel=1e-9)
     assert role(deck, 1, "G") == pytest.approx(role(deck, 1, "E") / 2.6)
@@ -222,7 +222,7 @@ def parts(beam: Bench) -> Bench:
 @pytest.mark.parametrize("folder", ["run", "far/away from here", "../elsewhere", "."])
 def test_includes_are_kept(parts: Bench, folder: str) -> None:
     inputs = {p: p.read_bytes() for p in parts.folder.rglob("*") if p.is_file()}
-    run = steps.update(parts.study(), output=parts.folder / folder)
+    run = ft.update(parts.study(), output=parts.folder / folder)
     assert {p: p.read_bytes() for p in inputs} == inputs
     assert run.results.write_back is not None
     assert run.results.write_back.files == ("updated.bdf", "props.inc")
@@ -239,7 +239,7 @@ def test_includes_are_kept(parts: Bench, folder: str) -> None:
 @pytest.mark.slow
 def test_an_included_file_is_not_overwritten_in_its_own_folder(parts: Bench) -> None:
     original = (parts.folder / "parts/props.inc").read_bytes()
-    run = steps.update(parts.study(), output=parts.folder / "parts")
+    run = ft.update(parts.study(), output=parts.folder / "parts")
     assert (parts.folder / "parts/props.inc").read_bytes() == original
     assert run.results.write_back is not None
     assert run.results.write_back.files == ("updated.bdf", "props_2.inc")
@@ -249,7 +249,7 @@ def test_an_included_file_is_not_overwritten_in_its_own_folder(parts: Bench) -> 
 def refused(bench: Bench, study: Path, folder: Path) -> FemtuneError:
     before = {p: p.read_bytes() for p in bench.folder.rglob("*") if p.is_file()}
     with pytest.raises(FemtuneError) as caught:
-        steps.run(study, output=folder)
+        ft.run(study, output=folder)
     assert {p: p.read_bytes() for p in bench.folder.rglob("*") if p.is_file()} == before
     return caught.value
 
@@ -273,7 +273,7 @@ def test_hard_links_and_links_to_other_files_are_replaced(beam: Bench) -> None:
     folder.mkdir()
     (folder / "updated.bdf").hardlink_to(beam.folder / "beam.bdf")
     (folder / "history.jsonl").symlink_to(other)
-    steps.update(beam.study())
+    ft.update(beam.study())
     assert other.read_text() == "mine"
     assert (beam.folder / "beam.bdf").read_text() == beam.text
     assert (folder / "updated.bdf").read_text() != beam.text
@@ -295,7 +295,7 @@ name = "tip"
 fields = ["PBAR 2 I1"]
 tie = "common"
 """
-    run = steps.update(beam.study(tail))
+    run = ft.update(beam.study(tail))
     assert values(run) == pytest.approx({"common": 0.85, "root": 1.3, "tip": 0.85}, rel=1e-4)
     alert = next(a for a in run.results.alerts if a.code == "write.without-field")
     assert alert.level == "info"
@@ -311,7 +311,7 @@ tie = "common"
 @pytest.mark.slow
 def test_absolute_parameters_hold_the_fields_value(beam: Bench) -> None:
     tail = beam.parameters.replace("lower = 0.5\nupper = 2.0", "lower = 1e-7\nupper = 4e-7\nabsolute = true")
-    run = steps.update(beam.study(tail))
+    run = ft.update(beam.study(tail))
     assert values(run) == pytest.approx({"root": 2.6e-7, "tip": 1.7e-7}, rel=1e-4)
     assert [p.nominal for p in run.results.parameters] == [2e-7, 2e-7]
     assert role(run.folder / "updated.bdf", 4, "I1") == pytest.approx(1.7e-7, rel=1e-4)
@@ -324,9 +324,9 @@ def test_absolute_start_value_must_be_one(beam: Bench) -> None:
         '[[parameter]]\nname = "I"\nfields = ["PBAR 1 I1", "PBAR 2 I1"]\nabsolute = true\nlower = 1e-7\nupper = 4e-7\n'
     )
     with pytest.raises(FemtuneError) as caught:
-        steps.update(beam.study(both))
+        ft.update(beam.study(both))
     assert caught.value.code == "parameter.absolute-differs"
-    run = steps.update(beam.study(both + "nominal = 2e-7\n"))
+    run = ft.update(beam.study(both + "nominal = 2e-7\n"))
     assert role(run.folder / "updated.bdf", 1, "I1") == role(run.folder / "updated.bdf", 4, "I1")
 
 
@@ -335,13 +335,13 @@ def test_tied_absolute_parameter_needs_no_start_value(beam: Bench) -> None:
     beam.write("beam.bdf", beam.text.replace("2       1       1.0-3   2.0-7", "2       1       1.0-3   2.1-7"))
     tail = beam.parameters.split("[[parameter]]")[1]
     tied = '[[parameter]]\nname = "both"\nfields = ["PBAR 2 I1", "PBAR 1 I2"]\nabsolute = true\ntie = "2e-7*root"\n'
-    run = steps.update(beam.study(f"[[parameter]]{tail}{tied}"))
+    run = ft.update(beam.study(f"[[parameter]]{tail}{tied}"))
     assert values(run)["both"] == pytest.approx(2e-7 * values(run)["root"])
 
 
 @pytest.mark.slow
 def test_start_value_other_than_the_decks(beam: Bench) -> None:
-    run = steps.update(beam.study(beam.parameters.replace("upper = 2.0", "upper = 2.0\nnominal = 1.2")))
+    run = ft.update(beam.study(beam.parameters.replace("upper = 2.0", "upper = 2.0\nnominal = 1.2")))
     assert values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)
     softer = beam.text.replace("1.0-3   2.0-7 ", "1.0-3   2.4-7 ")
     started = beam.modes(beam.write("start.bdf", softer))
@@ -350,7 +350,7 @@ def test_start_value_other_than_the_decks(beam: Bench) -> None:
 
 
 def test_modulus_takes_the_derived_shear_modulus_along(beam: Bench) -> None:
-    run = steps.update(beam.study(bounded("E", "MAT1 1 E")))
+    run = ft.update(beam.study(bounded("E", "MAT1 1 E")))
     deck = run.folder / "updated.bdf"
     assert role(deck, 1, "G") == pytest.approx(role(deck, 1, "E") / 2.6)
     assert role(deck, 1, "E") == pytest.approx(2.1e11 * values(run)["E"], rel=1e-3)
@@ -362,7 +362,7 @@ def test_deck_in_large_field_keeps_its_digits(beam: Bench) -> None:
     line = "PBAR*   1               1               1.000000000-3   2.000000000-7\n*       5.0-7           4.0-7\n"
     old = next(x for x in beam.text.splitlines(keepends=True) if x.startswith("PBAR    1"))
     beam.write("beam.bdf", beam.text.replace(old, line))
-    run = steps.update(beam.study())
+    run = ft.update(beam.study())
     assert role(run.folder / "updated.bdf", 1, "I1") == pytest.approx(2e-7 * values(run)["root"], rel=1e-8)
     np.testing.assert_allclose(frequencies(run, "after as written"), frequencies(run, "after"), rtol=1e-5)
 
@@ -374,6 +374,6 @@ def test_a_field_that_cannot_be_written_is_reported_before_the_update(beam: Benc
     lines[at - 1 : at + 1] = ["PBAR,1,1,1.0-3,2.0-7,5.0-7,4.0-7\n", "=,*(1),==\n"]
     beam.write("beam.bdf", "".join(lines))
     with pytest.raises(FemtuneError) as caught:
-        steps.update(beam.study())
+        ft.update(beam.study())
     assert caught.value.code == "write.replicated"
     assert not (beam.folder / "run" / "history.jsonl").exists()

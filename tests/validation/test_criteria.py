@@ -12,8 +12,8 @@ from scipy.linalg import eigh
 from femtune.correlation import ReducedMass, correlate, reduce_mass
 from femtune.dofs import Dof, DofSet
 from femtune.modal import ModeSet
-from femtune.results.correlation import correlation_results
-from femtune.results.validation import prediction
+from femtune.steps.correlate.facts import correlation_results
+from femtune.steps.validate.facts import prediction
 from femtune.validation import FrequencyMiss, Outcome, assess, profile
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from femtune.results.frf_deviation import ChannelDeviation, DataSet, deviations_of
+from femtune.steps.validate.frf_deviation import deviations_of
+from femtune.steps.validate.record.frf_deviation import ChannelDeviation, DataSet
 
 
 def _channel(configuration: str, data: DataSet, lines: int, before: float, after: float) -> ChannelDeviation:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from tests.loaded import load_module
 
-from femtune import steps
+import femtune as ft
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "10_tapered_shell"
 
@@ -43,7 +43,7 @@ def solved(program: str, shell: Any, element: str, folder: Path) -> np.ndarray:
 def found(shell: Any, folder: Path, card: str = "CQUAD4") -> np.ndarray:
     deck = folder / "shell.bdf"
     deck.write_text(shell8.nastran_text(shell, 10, card))
-    (modes,) = steps.modes(deck)
+    (modes,) = ft.modes(deck)
     return np.array(modes.freq_hz[:10])
 
 

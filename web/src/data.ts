@@ -1,4 +1,4 @@
-// The view document of the page: types as in femtune.reporting.view, and how its arrays are unpacked.
+// The view document of the page: types as in femtune.steps.report.view, and how its arrays are unpacked.
 
 export interface Packed { type: "u1" | "u2" | "u4" | "i2" | "f4"; shape: number[]; data: string; scale: number[]; offset: number[] }
 export interface Pair { test: number; column: number; modes: number[]; weights: number[]; factor: [number, number] }

@@ -19,11 +19,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 
 from deck import deck_text
 
-from femtune import steps
-from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
-from femtune.results.correlation import ModePairRecord
-from femtune.results.frf_deviation import ChannelDeviation
-from femtune.results.step_results import RunResult
+import femtune as ft
+from femtune.document.figures.frfs import FrfCurve, FrfPanel, frfs_svg
+from femtune.steps.correlate.record.correlation import ModePairRecord
+from femtune.steps.run.result import RunResult
+from femtune.steps.validate.record.frf_deviation import ChannelDeviation
 from structures.aeroplane_mesh import read_mesh
 
 HERE = Path(__file__).resolve().parent
@@ -88,7 +88,7 @@ def calibrated(folder: Path, study: str, quick: bool) -> Calibrated:
     if quick:
         study = study.replace("starts = 8\nsamples = 60", "starts = 1")
     (folder / "study.toml").write_text(study, encoding="utf-8")
-    run = steps.run(folder / "study.toml")
+    run = ft.run(folder / "study.toml")
     before, after = (_pairs(folder, deck) for deck in ("aeroplane.bdf", "run/updated.bdf"))
     return Calibrated(run, before, after, _mesh_percent(folder))
 
@@ -96,13 +96,13 @@ def calibrated(folder: Path, study: str, quick: bool) -> Calibrated:
 def _pairs(folder: Path, deck: str) -> tuple[ModePairRecord, ...]:
     path = folder / "modes.toml"
     path.write_text(COMPARED.format(deck=deck), encoding="utf-8")
-    (found,) = steps.correlate(path)
+    (found,) = ft.correlate(path)
     return found.pairs
 
 
 def _mesh_percent(folder: Path) -> float:
     """Largest estimated error of a frequency up to 65 Hz by the mesh of the calibrated deck, %."""
-    (modes,) = steps.modes(folder / "modes.toml")
+    (modes,) = ft.modes(folder / "modes.toml")
     assert modes.mesh is not None
     errors = [m.error_percent for m in modes.mesh.modes if m.freq_hz < MESH_HZ]
     assert errors
@@ -247,7 +247,7 @@ def main() -> None:
     mesh, sensors = (read_mesh(data / name) for name in ("shell_mesh.mail", "sensors.mail"))
     (folder / "aeroplane.bdf").write_text(deck_text(mesh, sensors.nodes), encoding="ascii")
     study = (HERE / "study.toml").read_text(encoding="utf-8").replace("{test}", (data / "frf_1995.unv").as_posix())
-    steps.identify(data / "frf_1995.unv", output=folder / "identified", band_hz=(4.0, 65.1), units="m-kg-s")
+    ft.identify(data / "frf_1995.unv", output=folder / "identified", band_hz=(4.0, 65.1), units="m-kg-s")
     found = calibrated(folder, study, options.quick)
     check(found)
     text = page(found)

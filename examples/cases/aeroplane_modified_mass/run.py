@@ -20,12 +20,12 @@ import numpy as np
 from deck import FIELDS, deck_text
 from scipy.stats import binom
 
-from femtune import steps
+import femtune as ft
+from femtune.document.figures.bars import PredictedMode, predictions_svg
 from femtune.dofs import DofSet, parse_dof
 from femtune.files.uff import write_uff_modes
 from femtune.modal import ModeSet
-from femtune.reporting.figures.bars import PredictedMode, predictions_svg
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
@@ -104,7 +104,7 @@ def twins_modes(folder: Path, factors: Mapping[str, float], tailplane: float | N
     more = {} if tailplane is None else {"tailplane": tailplane}
     (folder / "deck.bdf").write_text(deck_text(factors, **more))
     (folder / "study.toml").write_text(study_text((), tests=False))
-    found = steps.modes(folder / "study.toml").mode_sets
+    found = ft.modes(folder / "study.toml").mode_sets
     return {name: modes.select_modes(range(RIGID, RIGID + ELASTIC)) for name, modes in found.items()}
 
 
@@ -135,7 +135,7 @@ def updated(folder: Path, twin: Mapping[str, ModeSet], seed: int, report: bool =
     (folder / "deck.bdf").write_text(deck_text())
     study = folder / "study.toml"
     study.write_text(study_text(tuple(TRUTH), tests=True))
-    return Found(steps.run(study) if report else steps.validate(study))
+    return Found(ft.run(study) if report else ft.validate(study))
 
 
 def check_right(found: Found) -> None:

@@ -17,14 +17,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, LINE, ORANGE
 from femtune.fem import Structure
 from femtune.fem.assemble import assemble
 from femtune.fem.fields import generic_ref
 from femtune.fem.generic import GenericGroup, GenericModes, generic_modes, with_generic
 from femtune.model import Assignment, Configuration, configure, parametric_model
 from femtune.parameters import Parameter, ParameterSet
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE
 from structures.frames import bars, make_structure
 
 if TYPE_CHECKING:

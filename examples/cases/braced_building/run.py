@@ -19,6 +19,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 
 import numpy as np
 
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, LINE, ORANGE
 from femtune.dofs import Dof, DofSet
 from femtune.identification.averaging import cross_spectra
 from femtune.identification.combine import CombinedModes, Estimate, combine
@@ -30,8 +32,6 @@ from femtune.identification.setups import to_rigid_motion
 from femtune.identification.tfie import phase_scatter
 from femtune.modal import ModeSet, TimeSeries
 from femtune.modal.shape_criteria import mac
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, LINE, ORANGE
 from structures.braced_building import HUM_HZ, braced_building
 from structures.laboratory import Clock, MeasuringChain, narrow_line, simulated_test, white_noise
 

@@ -23,12 +23,12 @@ import scipy.io
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.document.figures.parameters import optima_svg
 from femtune.fem import NodeTable
 from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model
 from femtune.model.imported.model import ImportedMatrix, field_of_matrix, imported_structure
 from femtune.model.imported.polynomial import MatrixSet
 from femtune.parameters import Parameter, ParameterSet
-from femtune.reporting.figures.parameters import optima_svg
 from femtune.residuals import ComparedCase, FrequencyResidual, MacResidual, PairingRules, ShapeResidual, UpdateProblem
 from femtune.updating import (
     ReducedStarts,

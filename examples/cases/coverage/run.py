@@ -20,8 +20,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 import numpy as np
 from scipy.stats import binom, norm, t
 
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, LINE, ORANGE
 from structures.coverage import CoverageProblem, CoverageRun, run_coverage, spring_chain, stepped_cantilever
 
 if TYPE_CHECKING:

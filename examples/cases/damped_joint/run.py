@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
+from femtune.document.figures.frfs import FrfCurve, FrfPanel, frfs_svg
 from femtune.fem import FieldRef
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
@@ -26,7 +27,6 @@ from femtune.modal import FrfSet
 from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.model.response import complex_modes, frf, make_ports
 from femtune.parameters import Parameter, ParameterSet
-from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
 from femtune.residuals import (
     FrfForm,
     FrfResidual,

@@ -20,17 +20,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 
 import numpy as np
 
-from femtune import steps
-from femtune.assembly.cases import StudyCase
-from femtune.assembly.study import load_study
+import femtune as ft
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, LINE, ORANGE, PALE
+from femtune.document.numbers import short
 from femtune.model import solve_modes
 from femtune.model.response import frf, make_ports
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE, PALE
-from femtune.reporting.numbers import short
-from femtune.results.stages import StageResults
-from femtune.results.step_results import RunResult
-from femtune.results.update import UpdateResults
+from femtune.steps.run.result import RunResult
+from femtune.steps.update.record.stages import StageResults
+from femtune.steps.update.record.update import UpdateResults
+from femtune.study.cases import StudyCase
+from femtune.study.study import load_study
 from structures.exhaust import (
     FRONT,
     KNOWN,
@@ -176,7 +176,7 @@ def solve(exhaust: Exhaust, size: Size, seed: int, folder: Path) -> Found:
     deck.write_text(exhaust.text, encoding="ascii")
     tests = simulated_tests(exhaust, deck, seed, NOISE, size.step_hz)
     (folder / "study.toml").write_text(study(tests, write_tests(tests, folder), size), encoding="utf-8")
-    run = steps.update(folder / "study.toml")
+    run = ft.update(folder / "study.toml")
     cases = {case.name: case for case in load_study(folder / "study.toml").cases}
     found = Found(seed, run, tuple(curves(cases[one.name], run, one) for one in tests[1:]))
     check(found)

@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.io
 
-from femtune import steps
+import femtune as ft
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, LINE, ORANGE
 from femtune.dofs import Dof, DofSet
 from femtune.files.nastran.lines import format_real
 from femtune.files.uff import write_uff_modes
 from femtune.modal import ModeSet
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE
-from femtune.results.step_results import RunResult
+from femtune.steps.run.result import RunResult
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import unit_system
 
@@ -119,7 +119,7 @@ def solve(formulation: Formulation, source: Path, folder: Path) -> RunResult:
     (folder / "frame.bdf").write_text(deck())
     write_uff_modes(folder / "frame.uff", [measured(source)], ["four-storey frame", "shake table"])
     (folder / "study.toml").write_text(study(formulation))
-    return steps.run(folder / "study.toml")
+    return ft.run(folder / "study.toml")
 
 
 def changes(run: RunResult) -> list[float]:

@@ -20,6 +20,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, LINE, ORANGE, PALE
 from femtune.dofs import Dof, DofSet
 from femtune.fem import Structure
 from femtune.fem.fields import generic_ref
@@ -28,8 +30,6 @@ from femtune.fem.offsets import with_offsets
 from femtune.modal import ModeSet
 from femtune.model import Assignment, ConfiguredModel, EigenSolution, configure, parametric_model, solve_modes
 from femtune.parameters import Parameter, ParameterSet, tied
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE, PALE
 from femtune.residuals import ComparedCase, FrequencyResidual, UpdateProblem
 from femtune.updating import update
 from structures.beams import CLAMPED, MIDDLE, OFFSET_M, OFFSETS, three_beams

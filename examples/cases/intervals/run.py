@@ -18,9 +18,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, ORANGE, PALE
 from femtune.model import ConfiguredModel
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, ORANGE, PALE
 from femtune.uncertainty import (
     Bounds,
     EigenvalueOutputs,

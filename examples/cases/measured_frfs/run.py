@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from femtune.document.figures.stabilisation import identified_svg
 from femtune.dofs import DofSet
 from femtune.files.uff import read_uff
 from femtune.identification import IdentifiedModes, InputKnown, Rule, identify_frfs
 from femtune.modal import FrfSet, ModeSet, mac, pole_of
-from femtune.reporting.figures.stabilisation import identified_svg
 from femtune.testdata import renumber
 from femtune.units import SI
 

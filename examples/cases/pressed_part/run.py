@@ -17,13 +17,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 
 import numpy as np
 
-from femtune.assembly.study import Study, read_study
 from femtune.dofs import DofSet
 from femtune.files.nastran import build_structure, read_deck
 from femtune.files.uff import write_uff_modes
 from femtune.modal import ModeSet
 from femtune.model import Configuration, configure, parametric_model, solve_modes
 from femtune.parameters import ParameterSet
+from femtune.study.study import Study, read_study
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 from femtune.updating import SensitivityMethod, UpdateResult, update

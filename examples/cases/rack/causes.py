@@ -14,8 +14,7 @@ from geometry import NOMINAL
 from laboratory import SPECTRUM, SPECTRUM_HZ
 from matrices import MODULI, Fit, Matrices
 
-from femtune import steps
-from femtune.assembly.study import load_study
+import femtune as ft
 from femtune.modal import ModeSet
 from femtune.model import solve_modes
 from femtune.model.damping import damping_table
@@ -28,6 +27,7 @@ from femtune.model.vibration import (
     response_rms,
     transfer_of_base,
 )
+from femtune.study.study import load_study
 
 HANDBOOK = {"E1": 0.03, "E2": 0.02}
 """Relative standard deviations of the moduli of aluminium tubes and of steel about the drawings, as handbooks have
@@ -141,7 +141,7 @@ def _with(values: dict[str, float], moduli: np.ndarray) -> dict[str, float]:
 
 
 def _tested(folder: Path) -> ModeSet:
-    modes = steps.read_test(folder / "rack.uff").modes
+    modes = ft.read_test(folder / "rack.uff").modes
     assert modes is not None
     return modes
 

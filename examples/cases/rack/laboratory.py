@@ -16,7 +16,6 @@ from geometry import sensors
 from mixed import Joints, deck_text
 from scipy.signal import csd, welch
 
-from femtune.assembly.study import load_study
 from femtune.dofs import DofSet, parse_dof
 from femtune.fem.checks import rigid_body_modes
 from femtune.files.uff import write_uff_modes
@@ -25,6 +24,7 @@ from femtune.modal import FrfSet, ModeSet
 from femtune.model import EigenSolution, solve_modes
 from femtune.model.response import make_ports
 from femtune.model.response.mass import inertial_forces
+from femtune.study.study import load_study
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 

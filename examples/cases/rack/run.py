@@ -48,13 +48,15 @@ from scipy.optimize import linear_sum_assignment
 from solid import SolidMesh
 from with_calculix import FREE_MODES, beside_mixed, weighed_density, write_inputs
 
-from femtune import steps
+import femtune as ft
+from femtune.document.figures.vibration import VibrationCurve, VibrationPanel, vibration_svg
 from femtune.modal import ModeSet
-from femtune.reporting.figures.vibration import VibrationCurve, VibrationPanel, vibration_svg
-from femtune.results.correlation import CorrelationResults
-from femtune.results.step_results import RunResult, ScreenResult, SearchResult
-from femtune.results.update import ParameterResult
-from femtune.results.vibration import VibrationResults
+from femtune.steps.correlate.record.correlation import CorrelationResults
+from femtune.steps.run.result import RunResult
+from femtune.steps.screen.result import ScreenResult
+from femtune.steps.search.result import SearchResult
+from femtune.steps.update.record.update import ParameterResult
+from femtune.steps.vibration.record import VibrationResults
 
 POINTS = {"A1": "913X+", "A2": "902X+", "A3": "903X+", "A4": "912X+"}
 """On the front posts at a quarter, half and all of the height, and at the top of the back."""
@@ -294,8 +296,8 @@ def update(folder: Path, size: Size, solid: str) -> Found:
     study = mixed_study(measured, size)
     (folder / "search.toml").write_text(for_search(study))
     (folder / "study.toml").write_text(study)
-    screened = steps.screen(folder / "screen.toml")
-    models = [Model("mixed", steps.search(folder / "search.toml"), steps.run(folder / "study.toml"))]
+    screened = ft.screen(folder / "screen.toml")
+    models = [Model("mixed", ft.search(folder / "search.toml"), ft.run(folder / "study.toml"))]
     program, beside = os.environ.get("FEMTUNE_CALCULIX") or (shutil.which("ccx") and "ccx"), None
     if program:
         beside = Beside(*beside_mixed(program, folder / "drawings"))
@@ -303,8 +305,8 @@ def update(folder: Path, size: Size, solid: str) -> Found:
             write_inputs(folder / "solid", round(measured.mass, 3))
             path = folder / "solid" / "study.toml"
             path.write_text(solid_study(measured, size, program, solid != "update"))
-            searched = steps.search(path) if solid == "search" else None
-            models.append(Model("solid", searched, steps.run(path)))
+            searched = ft.search(path) if solid == "search" else None
+            models.append(Model("solid", searched, ft.run(path)))
     if program and len(models) > 1 and solid != "update":
         modes = measured.on_table
         assert modes.damping_ratio is not None

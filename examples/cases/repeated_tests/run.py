@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, f
 
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, ORANGE
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, ORANGE
 from femtune.uncertainty import Fit, check_held_out, held_out_repeats, order_dependence, robust_moments
 
 if TYPE_CHECKING:

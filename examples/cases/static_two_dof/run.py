@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.document.figures.parameters import weight_path_svg
 from femtune.parameters import Parameter, ParameterSet
-from femtune.reporting.figures.parameters import weight_path_svg
 from femtune.updating import Link, MinimumChange, NoRegularisation, Regularisation, Truncated, WeightStatus
 from femtune.updating.regularisation import LinearModel, SideConstraint
 from femtune.updating.search import LocalModel

@@ -20,12 +20,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 import numpy as np
 from studies import Effort, family, specimen
 
-from femtune import steps
+import femtune as ft
 from femtune.modal import FrfSet
-from femtune.results.frf_deviation import DeviationSum
-from femtune.results.mapped_damping import MappedMode
-from femtune.results.specimens import SpecimenParameter, SpecimenResults
-from femtune.results.step_results import RunResult
+from femtune.steps.equalise.record import MappedMode
+from femtune.steps.run.result import RunResult
+from femtune.steps.specimens.record import SpecimenParameter, SpecimenResults
+from femtune.steps.validate.record.frf_deviation import DeviationSum
 from structures.subframe_campaign import FREE, Laboratory, Measured
 from structures.subframe_study import (
     FLOOR,
@@ -116,7 +116,7 @@ def calibrated(lab: Laboratory, effort: Effort, folder: Path) -> Family:
     for name, test in tests.items():
         lab.write_test(folder / f"{name}.uff", test)
     (folder / "study.toml").write_text(family(lab, TEST, effort), encoding="utf-8")
-    return Family(lab, effort, tests, steps.run(folder / "study.toml", output=folder / "run"))
+    return Family(lab, effort, tests, ft.run(folder / "study.toml", output=folder / "run"))
 
 
 # ----------------------------------------------------------------------------------------------------

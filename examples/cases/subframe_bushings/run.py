@@ -20,13 +20,13 @@ import numpy as np
 from readings import PUBLISHED, Reading, readings
 from studies import Plan, study
 
-from femtune import steps
+import femtune as ft
 from femtune.modal import FrfSet
-from femtune.results.fisher import FisherResults
-from femtune.results.frf_deviation import DeviationSum
-from femtune.results.mapped_damping import MappedMode
-from femtune.results.step_results import RunResult
-from femtune.results.update import UpdateResults
+from femtune.steps.equalise.record import MappedMode
+from femtune.steps.run.result import RunResult
+from femtune.steps.select.record.fisher import FisherResults
+from femtune.steps.update.record.update import UpdateResults
+from femtune.steps.validate.record.frf_deviation import DeviationSum
 from structures.subframe_campaign import FREE, LOADED, Laboratory, Measured
 from structures.subframe_study import (
     FLOOR,
@@ -125,9 +125,9 @@ def calibrated(plan: Plan, component: int, folder: Path) -> Calibrated:
     only = replace(plan, tests=(replace(FREE_TEST, band_hz=(FREE_TEST.band_hz[0], BELOW_HZ)),))
     for name, one in (("free.toml", only), ("study.toml", plan)):
         (folder / name).write_text(study(one), encoding="utf-8")
-    alone = steps.select(folder / "free.toml").record.fisher
+    alone = ft.select(folder / "free.toml").record.fisher
     assert alone is not None
-    run = steps.run(folder / "study.toml", output=folder / "run")
+    run = ft.run(folder / "study.toml", output=folder / "run")
     return Calibrated(plan, component, tests, run, alone)
 
 

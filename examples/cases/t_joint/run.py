@@ -22,14 +22,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, LINE, ORANGE, PALE
 from femtune.dofs import Dof, DofSet
 from femtune.fem import FieldRef, Structure
 from femtune.fem.offsets import with_offsets
 from femtune.modal import ModeSet
 from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.parameters import DerivedQuantity, Parameter, ParameterSet, parse_expression, tied
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE, PALE
 from femtune.residuals import ComparedCase, FrequencyResidual, UpdateProblem
 from femtune.updating import UpdateResult, update
 from structures.frames import bars, make_structure, masses

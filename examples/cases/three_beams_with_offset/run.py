@@ -20,13 +20,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, LINE, ORANGE
 from femtune.dofs import Dof, DofSet
 from femtune.fem.offsets import with_offsets
 from femtune.modal import ModeSet
 from femtune.model import Assignment, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.parameters import Parameter, ParameterSet, tied
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE
 from femtune.residuals import ComparedCase, FrequencyResidual, UpdateProblem
 from femtune.updating import SensitivityMethod, UpdateResult, update
 from femtune.updating.search import GaussNewton

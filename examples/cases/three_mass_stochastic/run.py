@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.document.figures.parameters import Cloud, clouds_svg
 from femtune.model import ConfiguredModel
-from femtune.reporting.figures.parameters import Cloud, clouds_svg
 from femtune.uncertainty import (
     CloudRules,
     ForwardCheck,

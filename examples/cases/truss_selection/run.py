@@ -20,8 +20,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, INK, ORANGE, PALE
+from femtune.document.figures.canvas import draw_svg
+from femtune.document.figures.svg import BLUE, INK, ORANGE, PALE
 from femtune.selection import CosineDistances, cosine_distances
 from femtune.uncertainty import EigenvalueOutputs
 from structures.truss import TRUE, bars, truss

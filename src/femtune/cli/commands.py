@@ -111,7 +111,7 @@ def init(deck: Path, test: Path, folder: Path, as_json: bool, quiet: bool, **ask
     TEST is a Universal File with modes or FRFs, or a record, from which the modes are identified first. FOLDER is the
     current folder by default; it receives study.toml.
     """
-    result = run_step("of_start:init", deck, quiet, read=no_file, test=test, folder=folder, **asked)
+    result = run_step("init.function:init", deck, quiet, read=no_file, test=test, folder=folder, **asked)
     if as_json:
         click.echo(out.as_text(result.record))
         return
@@ -129,7 +129,7 @@ def check(path: Path, as_json: bool, quiet: bool) -> None:
 
     PATH is a study file (.toml) or a Nastran deck. The exit code is 2 if there are errors.
     """
-    result = run_step("of_start:check", path, quiet, read=no_file)
+    result = run_step("check.function:check", path, quiet, read=no_file)
     if as_json:
         click.echo(out.as_text(result.record))
     else:
@@ -163,9 +163,9 @@ def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
     elif path is None:
         raise click.UsageError("give a study or a deck, or use --solvers")
     else:
-        result = run_step("of_model:info", path, quiet)
+        result = run_step("info.function:info", path, quiet)
         out.warn(result, quiet)
-        out.show("model:info_document", path, result.record, as_json=as_json, quiet=quiet)
+        out.show("info.terminal:info_document", path, result.record, as_json=as_json, quiet=quiet)
 
 
 def _show_solvers(as_json: bool) -> None:
@@ -227,11 +227,11 @@ def modes(
     simulate = None
     if uff is not None:
         study_of(path)
-        simulate = load("femtune.study.simulated_test:SimulatedTest")(uff, sensors, **scatter)
+        simulate = load("femtune.steps.modes.simulated_test:SimulatedTest")(uff, sensors, **scatter)
     asked: dict[str, Any] = {"count": count, "max_hz": max_hz, "report": page, "simulate": simulate, "vtu": vtu}
-    result = run_step("of_model:modes", path, quiet, fresh=fresh, **asked)
+    result = run_step("modes.function:modes", path, quiet, fresh=fresh, **asked)
     out.say(result, quiet)
-    out.show("modes:modes_document", path, result.records, as_json=as_json, quiet=quiet)
+    out.show("modes.terminal:modes_document", path, result.records, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
 
@@ -250,7 +250,7 @@ def view(path: Path, fresh: bool, quiet: bool, **asked: Any) -> None:
 
     PATH is a study file (.toml) or a Nastran deck.
     """
-    picture = run_step("of_view:view", path, quiet, fresh=fresh, **asked)
+    picture = run_step("view.function:view", path, quiet, fresh=fresh, **asked)
     if picture is not None:
         click.echo(f"picture: {picture}")
 
@@ -290,9 +290,9 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
     PATH is a study file (.toml) or a Nastran deck. Options replace keys of [response] in the study.
     """
     noise = {key: value for key in ("scatter", "floor", "seed") if (value := asked.pop(key)) is not None}
-    result = run_step("of_model:respond", path, quiet, fresh=fresh, report=page, **noise, **_given(asked))
+    result = run_step("respond.function:respond", path, quiet, fresh=fresh, report=page, **noise, **_given(asked))
     out.say(result, quiet)
-    out.show("modes:responses_document", path, result.records, as_json=as_json, quiet=quiet)
+    out.show("modes.terminal:responses_document", path, result.records, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
 
@@ -324,9 +324,9 @@ def plan(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool,
 
     PATH is a study file (.toml) or a Nastran deck; no test is needed. Options replace keys of [plan] in the study.
     """
-    result = run_step("of_model:plan", path, quiet, fresh=fresh, report=page, **_given(asked))
+    result = run_step("plan.function:plan", path, quiet, fresh=fresh, report=page, **_given(asked))
     out.say(result, quiet)
-    out.show("plan:plan_document", path, result.record, as_json=as_json, quiet=quiet)
+    out.show("plan.terminal:plan_document", path, result.record, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
 
@@ -351,12 +351,12 @@ def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **aske
     PATH is an identification file (.toml), a record (CSV, UFF, .npy, .npz, .mat, HDF5, WAV) or functions (UFF). Options
     replace keys of [identify] in the file.
     """
-    result = run_step("of_record:identify", path, quiet, read=identification_of, output=output, **_given(asked))
+    result = run_step("identify.function:identify", path, quiet, read=identification_of, output=output, **_given(asked))
     out.warn(result, quiet)
     if as_json:
         click.echo(out.as_text(result.record))
     elif not quiet:
-        out.show_document(load("femtune.reporting.identification:build_identification_page")(result))
+        out.show_document(load("femtune.steps.identify.page:build_identification_page")(result))
     out.name_page(result.report, as_json)
 
 
@@ -370,10 +370,10 @@ def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **aske
 @_quiet
 def correlate(study: Path, expand: str | None, uff: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Compare the model with the test: frequencies, MAC, mode pairs."""
-    result = run_step("of_study:correlate", study, quiet, fresh=fresh, expand=expand, uff=uff)
+    result = run_step("correlate.function:correlate", study, quiet, fresh=fresh, expand=expand, uff=uff)
     out.say(result, quiet)
     shown = (result.records, result.arrays)
-    out.show("correlate:correlation_document", study, *shown, as_json=as_json, quiet=quiet)
+    out.show("correlate.terminal:correlation_document", study, *shown, as_json=as_json, quiet=quiet)
 
 
 @main.command()
@@ -390,10 +390,10 @@ def compare(first: Path, second: Path, as_json: bool, quiet: bool, **asked: Any)
 
     The FIRST deck takes the place of the test.
     """
-    result = run_step("of_study:compare", first, quiet, second=second, **asked)
+    result = run_step("compare.function:compare", first, quiet, second=second, **asked)
     out.say(result, quiet)
     shown = (result.records, result.arrays)
-    out.show("correlate:correlation_document", second, *shown, as_json=as_json, quiet=quiet)
+    out.show("correlate.terminal:correlation_document", second, *shown, as_json=as_json, quiet=quiet)
 
 
 @main.command()
@@ -404,9 +404,9 @@ def compare(first: Path, second: Path, as_json: bool, quiet: bool, **asked: Any)
 @_quiet
 def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Which parameters and combinations of parameters the data determine."""
-    result = run_step("of_study:select", study, quiet, fresh=fresh)
+    result = run_step("select.function:select", study, quiet, fresh=fresh)
     out.say(result, quiet)
-    out.show("select:selection_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.show("select.terminal:selection_document", study, result.record, as_json=as_json, quiet=quiet)
 
 
 @main.command()
@@ -418,9 +418,9 @@ def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 @_quiet
 def quantify(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Estimate mean and covariance of the parameters from repeated tests."""
-    result = run_step("of_study:quantify", study, quiet, fresh=fresh)
+    result = run_step("quantify.function:quantify", study, quiet, fresh=fresh)
     out.say(result, quiet)
-    out.show("validate:quantify_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.show("validate.terminal:quantify_document", study, result.record, as_json=as_json, quiet=quiet)
 
 
 @main.command()
@@ -437,7 +437,7 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, as_
 
     An interrupted run continues from the solutions in its journal.
     """
-    result = run_step("of_run:update", study, quiet, output=output, wide=wide, fresh=fresh)
+    result = run_step("update.function:update", study, quiet, output=output, wide=wide, fresh=fresh)
     _end(result, as_json, quiet, f"results: {Path(result.folder).resolve()}")
 
 
@@ -463,9 +463,9 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 
     No test is needed. Options replace keys of [screen] in the study.
     """
-    result = run_step("of_experiments:screen", study, quiet, fresh=fresh, report=page, **asked)
+    result = run_step("screen.function:screen", study, quiet, fresh=fresh, report=page, **asked)
     out.say(result, quiet)
-    out.show("screen:screen_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.show("screen.terminal:screen_document", study, result.record, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
 
@@ -494,9 +494,9 @@ def search(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 
     Options replace keys of [search] in the study. `update` writes the updated deck.
     """
-    result = run_step("of_experiments:search", study, quiet, fresh=fresh, report=page, **asked)
+    result = run_step("search.function:search", study, quiet, fresh=fresh, report=page, **asked)
     out.say(result, quiet)
-    out.show("search:search_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.show("search.terminal:search_document", study, result.record, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
 
@@ -515,9 +515,9 @@ def candidates(study: Path, output: Path | None, page: Path | None, fresh: bool,
     The sets are those of [[candidate]] and [candidates] in the study. An interrupted comparison continues from the
     candidates that had ended.
     """
-    result = run_step("of_run:candidates", study, quiet, output=output, report=page, fresh=fresh)
+    result = run_step("candidates.function:candidates", study, quiet, output=output, report=page, fresh=fresh)
     out.say(result, quiet)
-    out.show("candidates:candidates_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.show("candidates.terminal:candidates_document", study, result.record, as_json=as_json, quiet=quiet)
     out.name_page(page, as_json)
 
 
@@ -535,10 +535,10 @@ def bootstrap(study: Path, output: Path | None, fresh: bool, as_json: bool, quie
     The model is updated first, as by `update`. An interrupted bootstrap continues from the runs that had ended. The
     exit code is 1 if the update did not reach an optimum.
     """
-    result = run_step("of_run:bootstrap", study, quiet, output=output, fresh=fresh)
+    result = run_step("bootstrap.function:bootstrap", study, quiet, output=output, fresh=fresh)
     out.say(result, quiet)
     results, data = result.results, result.results.bootstrap
-    out.show("validate:bootstrap_document", study, results, as_json=as_json, quiet=quiet, data=data)
+    out.show("validate.terminal:bootstrap_document", study, results, as_json=as_json, quiet=quiet, data=data)
     if out.missed_optimum(result) or data is None:
         click.get_current_context().exit(1)
 
@@ -557,11 +557,11 @@ def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet
     The model is updated first, as by `update`; solutions of an earlier run are read from its journal. The exit code is
     1 if a criterion fails or the update did not reach an optimum.
     """
-    result = run_step("of_run:validate", study, quiet, output=output, fresh=fresh)
+    result = run_step("validate.function:validate", study, quiet, output=output, fresh=fresh)
     results = result.results
     out.say(result, quiet)
     data = results.validation
-    out.show("validate:validation_document", study, results, as_json=as_json, quiet=quiet, data=data)
+    out.show("validate.terminal:validation_document", study, results, as_json=as_json, quiet=quiet, data=data)
     if out.missed_optimum(result) or any(v.verdict == "fail" for v in data.verdicts):
         click.get_current_context().exit(1)
 
@@ -580,7 +580,7 @@ def run(study: Path, output: Path | None, wide: bool | None, fresh: bool, as_jso
 
     An interrupted run continues from the solutions in its journal.
     """
-    result = run_step("of_run:run", study, quiet, output=output, wide=wide, fresh=fresh)
+    result = run_step("run.function:run", study, quiet, output=output, wide=wide, fresh=fresh)
     _end(result, as_json, quiet, f"report: {Path(result.report).resolve()}")
 
 
@@ -606,7 +606,7 @@ def report(path: Path, as_json: bool, quiet: bool) -> None:
 
     PATH is a run folder, or a study with a run folder.
     """
-    page = str(Path(run_step("pages:report", path, quiet)).resolve())
+    page = str(Path(run_step("report.function:report", path, quiet)).resolve())
     click.echo(json.dumps({"report": page}) if as_json else f"report: {page}")
 
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from femtune.assembly.progress import log_step
 from femtune.errors import printable
+from femtune.study.progress import log_step
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -24,7 +24,7 @@ BETWEEN_LINES_S = 5.0
 
 
 class Display:
-    """A `femtune.assembly.progress.Progress` that is a context manager; `quiet` shows nothing at all."""
+    """A `femtune.study.progress.Progress` that is a context manager; `quiet` shows nothing at all."""
 
     def __init__(self, quiet: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from rich.console import Console
 
-    from femtune.assembly.progress import Progress
-    from femtune.reporting.document import Document
-    from femtune.results.step_results import RunResult
+    from femtune.document.document import Document
+    from femtune.steps.run.result import RunResult
+    from femtune.study.progress import Progress
 
 PIPE_WIDTH = 160
 """Columns where the output is no terminal."""
@@ -49,7 +49,7 @@ def show(document: str, path: Path, record: Any, *more: Any, as_json: bool, quie
 
     Parameters
     ----------
-    document : ``module:function`` below `femtune.reporting.single_steps` that makes the tables
+    document : ``module:function`` below `femtune.steps` that makes the tables
     path : the study or deck
     record, more : arguments of the function after the subject
     data : record, or records, for JSON; that of the tables where None
@@ -57,8 +57,8 @@ def show(document: str, path: Path, record: Any, *more: Any, as_json: bool, quie
     if as_json:
         click.echo(as_text(record if data is None else data))
     elif not quiet:
-        subject = load("femtune.reporting.single_steps.model:subject_of")(path)
-        show_document(load(f"femtune.reporting.single_steps.{document}")(subject, record, *more))
+        subject = load("femtune.steps.info.terminal:subject_of")(path)
+        show_document(load(f"femtune.steps.{document}")(subject, record, *more))
 
 
 def name_page(page: Path | None, as_json: bool) -> None:
@@ -107,8 +107,8 @@ def show_run(run: RunResult, quiet: bool) -> None:
 def document_of(run: RunResult, progress: Progress) -> Document:
     """The report of a run as data, with the names of the files that were written."""
     progress.step("reading the results", 0, None)
-    from femtune.reporting import build_report  # noqa: PLC0415
-    from femtune.reporting.document import Paragraph, Section  # noqa: PLC0415
+    from femtune.document.document import Paragraph, Section  # noqa: PLC0415
+    from femtune.steps.report.build import build_report  # noqa: PLC0415
 
     document = build_report(run.results, run.arrays)
     names = (*((run.report.name,) if run.report else ()), *run.files)

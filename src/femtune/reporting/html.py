@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import tomllib
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -18,14 +16,14 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 from markupsafe import Markup
 
-from femtune.assembly.progress import silent
+from femtune.document.document import Figure, FigureRow
 from femtune.errors import FemtuneError, Where, printable
 from femtune.files.whole_file import check_writable, write_whole
-from femtune.reporting.document import Figure, FigureRow
+from femtune.study.progress import silent
 
 if TYPE_CHECKING:
-    from femtune.assembly.progress import Progress
-    from femtune.reporting.document import Document
+    from femtune.document.document import Document
+    from femtune.study.progress import Progress
 
 
 def write_html(document: Document, path: Path | str, progress: Progress = silent) -> Path:
@@ -138,28 +136,3 @@ def _final(value: Any) -> Any:
 def _data_uri(svg: str) -> str:
     """An image of its own: nothing inside an image can run or load anything."""
     return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
-
-
-# ----------------------------------------------------------------------------------------------------
-# Order, titles and opening words of the sections, from the files in text/.
-
-
-@dataclass(frozen=True)
-class SectionText:
-    """One entry of the file; `function` (`id` by default) of `module` in `femtune.reporting.sections` makes the blocks.
-
-    An `optional` section is folded where its step did not run, and left out where it has no blocks.
-    """
-
-    id: str
-    module: str
-    title: str
-    intro: str = ""
-    function: str = ""
-    optional: bool = False
-
-
-def section_texts(page: str = "report") -> tuple[SectionText, ...]:
-    """All entries of a page, "report", "modes", "plan" or "responses", in their order."""
-    text = files("femtune.reporting").joinpath(f"text/{page}.toml").read_text(encoding="utf-8")
-    return tuple(SectionText(**entry) for entry in tomllib.loads(text)["section"])

@@ -10,8 +10,7 @@ from rich.padding import Padding
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from femtune.errors import printable
-from femtune.reporting.document import (
+from femtune.document.document import (
     AlertBox,
     Details,
     Figure,
@@ -22,13 +21,10 @@ from femtune.reporting.document import (
     Paragraph,
     Table,
 )
+from femtune.errors import printable
 
 if TYPE_CHECKING:
-    from femtune.reporting.document import (
-        Block,
-        Cell,
-        Document,
-    )
+    from femtune.document.document import Block, Cell, Document
 
 _TONES = {"": "", "good": "green", "poor": "yellow", "muted": "dim"}
 _LEVELS = {"info": "blue", "warning": "yellow", "problem": "bold red"}

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femtune.arguments import checked
-from femtune.assembly.described import Model, model_of_deck, model_of_matrices, units_word
 from femtune.errors import FemtuneError
 from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.write import plan_edits
 from femtune.files.nastran.write import write_deck as write_files
 from femtune.files.uff import read_uff, write_uff_frfs, write_uff_modes
+from femtune.study.described import Model, model_of_deck, model_of_matrices, units_word
 from femtune.units import unit_system
 
 if TYPE_CHECKING:

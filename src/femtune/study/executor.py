@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from femtune.assembly.error_places import errors_at
 from femtune.errors import FemtuneError
 from femtune.executor import Cluster, Processes, Serial
 from femtune.files.study_file import ParallelTable, StudyFile, read_study_file
 from femtune.files.study_file.reading import is_deck
+from femtune.study.error_places import errors_at
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from femtune.assembly.study import Study
     from femtune.executor import Executor
+    from femtune.study.study import Study
 
 LARGE = 3000
 """Free DOFs of the largest configuration above which runs take longer than the start of processes."""

@@ -1,455 +1,623 @@
-"""The update with an external solver: on a model of the runs around a point, which moves to where the update ends."""
+"""A study of an external solver: runs around a point, and the model that is made of them.
+
+Around a point there are two runs for each parameter, for which central differences have the smallest error: the step
+is chosen from the noise of the solver's results. All of them are made side by side.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.cases import on_model
-from femtune.assembly.external import PointRuns, SolverRuns, nominal_point, point_of, solver_runs
-from femtune.assembly.parameters import assignments, targets
-from femtune.assembly.runs_model import built_of_tables, part_of
-from femtune.errors import FemtuneError, Notice
-from femtune.executor.interface import nothing
-from femtune.modal.assignment import linear_sum_assignment
-from femtune.modal.beside import RIGID_FREQUENCY_RATIO
-from femtune.model import parametric_model
-from femtune.model.imported.from_runs import seen_modes
-from femtune.results.model import alert_of
-from femtune.selection import identifiability, undetermined_sentence
-from femtune.status import Status
-from femtune.study.model_runs import FollowedFrequencies, ModelRun
-from femtune.updating import update
-from femtune.updating.sensitivity_method import moving_parameters
-from femtune.updating.smallest_change import ALLOWED
+from femtune.dofs import DIRECTIONS, Dof, DofSet
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.executor import Cluster, Threads
+from femtune.files.nastran.build import build_allowing
+from femtune.files.nastran.deck import read_deck
+from femtune.files.nastran.write import plan_edits, write_deck
+from femtune.files.runs_table import RunsTable
+from femtune.files.study_file import ConfigurationSolver, RunsModelTable
+from femtune.files.whole_file import write_whole
+from femtune.journal.run_files import RUNS_FOLDER
+from femtune.journal.runs import RunJournal, open_run_journal
+from femtune.modal.beside import ModesBeside
+from femtune.model import configure, parametric_model, solve_modes
+from femtune.runs import ExternalSolver, Failure, ResultFile, RunOutcome, Templates, evaluate, read_template
+from femtune.runs.external import Checks
+from femtune.runs.repeatable import compare_repeated, described
+from femtune.runs.template import InputFiles, check_names
+from femtune.study.beside_deck import DeckDerivatives, modes_beside
+from femtune.study.cases import overlay
+from femtune.study.error_places import errors_at
+from femtune.study.model_source import FromSolver
+from femtune.study.parameters import assignments, parameter_set, targets
+from femtune.study.progress import silent
+from femtune.study.runs_model import built_of_tables, part_of
 
 if TYPE_CHECKING:
-    from femtune.arrays import Integers, Reals
-    from femtune.assembly.cases import StudyCase
-    from femtune.assembly.progress import Progress
-    from femtune.assembly.study import Study
-    from femtune.correlation import SensorMap
+    from femtune.arrays import Reals
+    from femtune.executor import Executor
     from femtune.files.built_model import BuiltModel
-    from femtune.files.runs_table import RunsTable
-    from femtune.residuals import Evaluation, UpdateProblem
-    from femtune.results.base import Alert
-    from femtune.updating import Iteration, SensitivityMethod, UpdateResult
+    from femtune.files.nastran.build import BuiltDeck
+    from femtune.files.study_file import StudyFile
+    from femtune.files.study_file.solver import SolverTable
+    from femtune.model import ConfiguredModel, ParametricModel
+    from femtune.parameters import ParameterSet
+    from femtune.study.progress import Progress
 
-_SETTLED = 1e-4
-"""Largest change of a parameter, in half ranges, that moves the model no more."""
-_FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-3
-_MOST_REJECTED = 2
-"""Steps by the derivatives of the deck after which the misfit is not smaller, from which they count as misleading."""
-_SAME = 1e-6
-_NEAR = 1e-9
-_NEGLIGIBLE = 0.5 * ALLOWED
-"""Decrease of the objective that the smallest change may cost where the data leave combinations of the parameters
-open."""
-_LOST = "fewer modes that move at the nodes than at the initial values"
-_PASSED = ("external.", "eigen.", "correlate.no-pairs", "runs.")
-"""Codes of errors at a point from which the way back is shorter steps."""
+_DIGITS = 5e-7
+"""Rounding of results that have seven digits, relative."""
+_LEAST_STEP, _LARGEST_STEP = 0.01, 0.2
+_OFFSETS = (1.0, -1.0, 0.5, -0.5, 2.0, -2.0, 0.25, -0.25)
+"""Places of the runs beside the central one, in steps; the first two within the bounds that succeed are used."""
 
 
 @dataclass(frozen=True, eq=False)
-class SolverUpdate:
-    """The update, the study on the model around its result, and what is said of it."""
-
-    result: UpdateResult
-    study: Study
-    alerts: tuple[Alert, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """The model around a point, and the update on it that starts there."""
-
-    x: Reals
-    study: Study
-    start: Evaluation
-    result: UpdateResult
-
-    @property
-    def objective(self) -> float:
-        """At the point itself, where the model is exact."""
-        return self.result.history[0].objective
-
-    @property
-    def highest(self) -> float:
-        """Objective up to which another point is no worse: the smallest change may cost what the update allows it."""
-        small = self.result.smallest_change
-        allowed = 0.0 if small is None else 0.5 * (small.chi_square + small.allowed)
-        return max(self.objective, allowed) * (1.0 + _SAME)
-
-
-@contextmanager
-def opened_solver(study: Study, progress: Progress) -> Iterator[SolverRuns | None]:
-    """The runs of a study of a solver, whose journal is closed at the end; None for another study."""
-    if not study.source.needs_runs:
-        yield None
-        return
-    runs = solver_runs(study.file, progress)
-    try:
-        yield runs
-    finally:
-        runs.journal.close()
-
-
-def find_on_solver(
-    study: Study,
-    runs: SolverRuns,
-    method: SensitivityMethod,
-    tell: Callable[[Iteration], None],
-    at: Evaluation,
-    active: Sequence[str] | None = None,
-) -> SolverUpdate:
-    """Update on the model around a point, run the solver around the result, and so on until it stays.
-
-    The update ends at most a radius away from the point. Where the misfit at its end, by the solver, is not smaller or
-    the runs fail, it is repeated within half of that. A part of the same step would not do: the way to points that
-    explain the data as well is curved, and a straight step leaves it.
+class DeckFiles:
+    """The deck of a study with the values of parameters in its fields, for a solver that reads decks.
 
     Parameters
     ----------
-    study : on the model around `at`
-    active : parameters that move; None for all free ones
-
-    Raises
-    ------
-    FemtuneError : what `update` raises at the point, ``external.folder``, ``executor.*``
+    built, model : the deck, and the fields that the parameters set
+    folder : beside which the runs are made, so that paths of INCLUDE files are right
+    name : of the deck in the folder of a run
     """
-    first = nominal_point(runs.file)
-    runs.measure_noise(first, runs.run([first])[0])
-    runs.follow_deck(first)
-    region = _TrustRegion(runs, method, tell, active, study, at)
-    settled = region.go(runs.asked.moves)
-    if not settled or region.place.result.status is Status.UNDETERMINED:
-        region.open_ = region.open_ or _open_combinations(region.place, active)
-    result, told = region.result(settled), [*region.told, *region.ended(settled), *runs.replaced, *runs.journal.notices]
-    return SolverUpdate(replace(result, before=at), region.place.study, tuple(map(alert_of, dict.fromkeys(told))))
 
+    built: BuiltDeck
+    model: ParametricModel
+    folder: Path
+    name: str
 
-class _TrustRegion:
-    """The update from point to point, each within a radius that adapts; `radius` and `step` are in half ranges."""
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self.model.parameters.names
 
-    def __init__(
-        self,
-        runs: SolverRuns,
-        method: SensitivityMethod,
-        tell: Callable[[Iteration], None],
-        active: Sequence[str] | None,
-        study: Study,
-        at: Evaluation,
-    ) -> None:
-        self.runs, self.method, self.tell, self.active = runs, method, tell, active
-        self.half = 0.5 * np.subtract(*reversed(study.parameters.bounds))
-        self.radius, self.step, self.moves, self.rejected = _FIRST_RADIUS, np.inf, 0, 0
-        self.history: list[Iteration] = []
-        self.told: list[Notice] = []
-        self.open_: list[str] = []
-        self.predicted: float | None = None
-        self.place = _Place(at.x, study, at, self._updated(study, at, self.radius))
+    def x_of(self, values: Mapping[str, float]) -> Reals:
+        """Normalised parameters of the deck's model."""
+        return np.array([(values[p.name] - p.nominal) / p.scale for p in self.model.parameters.free])
 
-    def go(self, most: int) -> bool:
-        """Move until the update stays at its point, or ends without; whether it stays."""
-        while self.moves < most:
-            self.step = float((np.abs(self.place.result.x - self.place.x) / self.half).max())
-            if self._deck_ends():
-                if not self._by_differences():
-                    return False
-            elif self.step <= _SETTLED or self.radius < _LEAST_RADIUS or not self._move():
-                break
-        return self.step <= _SETTLED
+    @property
+    def version(self) -> str:
+        """Digest of all files of the deck, of which a run has only those that are changed."""
+        return sha256("".join(line.text for file in self.built.deck.files for line in file.lines).encode()).hexdigest()
 
-    def _updated(self, study: Study, start: Evaluation, radius: float) -> UpdateResult:
-        """The update on the model around a point, at most a radius away from it."""
-        lower, upper = study.parameters.bounds
-        within = np.maximum(lower, start.x - radius * self.half), np.minimum(upper, start.x + radius * self.half)
-        return update(study.problem(), self.method, self.tell, start, self.active, within)
-
-    def _deck_ends(self) -> bool:
-        """Whether what the deck lacks of the solver's derivatives decides over the rest of the way."""
-        small = self.step <= self.runs.relative_step or self.radius < _LEAST_RADIUS
-        return self.runs.by_deck and (small or self.rejected == _MOST_REJECTED)
-
-    def _by_differences(self) -> bool:
-        """Derivatives by runs of the solver from here on; False where these fail."""
-        self.told.append(_led(self.runs, self.moves, self.rejected))
-        self.runs.by_deck = False
-        there = self._tried(self.place.x, _FIRST_RADIUS)
-        if there is None:
-            self.step = np.inf
-            return False
-        self._take(there, _FIRST_RADIUS)
-        return True
-
-    def _move(self) -> bool:
-        """To where the update ended, or the update again within half of that; False where the data say no more."""
-        self.moves += 1
-        wider = max(self.radius, 2.0 * self.step)
-        there = self._tried(self.place.result.x, wider)
-        if there is not None:
-            self.predicted = _difference(self.place, there)
-            self._take(there, wider)
-            return True
-        self.open_ = [] if self.runs.by_deck else _open_combinations(self.place, self.active)
-        if self.open_:
-            return False
-        self.radius, self.rejected = 0.5 * self.step, self.rejected + 1
-        if self.radius >= _LEAST_RADIUS:
-            again = self._updated(self.place.study, self.place.start, self.radius)
-            self.place = replace(self.place, result=again)
-        return True
-
-    def _take(self, there: _Place, radius: float) -> None:
-        self.history += _numbered(self.place.result.history, len(self.history))
-        self.place, self.radius = there, radius
-
-    def _tried(self, x: Reals, radius: float) -> _Place | None:
-        """The model around a point and the update from there; None where it is no better, or its runs fail."""
+    def files(self, values: Mapping[str, float]) -> dict[str, bytes]:
+        """See `InputFiles` (errors ``write.*``)."""
+        x = self.x_of(values)
+        updates = self.model.field_values(x)
+        updates = {**updates, **self.model.structure.values.following(updates, self.built.fields)}
+        regions = {a.parameter: a.elements for a in self.model.assignments if a.elements is not None}
+        # in fields of 16 columns, where 8 would round a value
+        plan = plan_edits(self.built, updates, regions, wide=True)
         try:
-            study = moved_to(self.place.study, self.runs, point_of(self.place.study.parameters, self.runs, x))
-            start = study.problem().start(x)
-            there = _Place(x, study, start, self._updated(study, start, radius))
-        except FemtuneError as error:
-            if not error.code.startswith(_PASSED) or error.code in ("external.folder", "external.no-program"):
-                raise
-            self.told.append(Notice("external.step-halved", reason=error.what))
-            return None
-        return there if there.objective <= self.place.highest else None
-
-    def result(self, settled: bool) -> UpdateResult:
-        """Of the whole way."""
-        first, found = len(self.history), self.place.result
-        history = (*self.history, *_numbered(found.history, first))
-        whole = replace(found, history=history, number=first + found.number)
-        return whole if settled else _at_place(whole, self.place, first, _status(self.radius, self.open_))
-
-    def ended(self, settled: bool) -> Iterator[Notice]:
-        """What is said of the end."""
-        if settled:
-            yield _told(self.moves, self.runs.started, self.predicted)
-        elif not self.open_:
-            yield Notice("external.not-settled", moves=self.moves, step=self.step)
-        if self.open_:
-            yield Notice("external.undetermined", moves=self.moves, combinations=" ".join(self.open_))
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with TemporaryDirectory(dir=self.folder, prefix="deck-") as folder:
+                return {path.name: path.read_bytes() for path in write_deck(plan.edited, folder, self.name).files}
+        except OSError as error:
+            raise FemtuneError("external.folder", where=Where(str(self.folder)), reason=error.strerror) from error
 
 
-def _status(radius: float, open_: Sequence[str]) -> Status:
-    """How an update ended that did not settle."""
-    if open_:
-        return Status.UNDETERMINED
-    return Status.STALLED if radius < _LEAST_RADIUS else Status.MAX_ITERATIONS
+def _deck_files(file: StudyFile, deck: str) -> DeckFiles:
+    """Errors of the deck, and of fields that the parameters name."""
+    plain = file.model_copy(update={"runs": None, "solver": None})
+    plain._path, plain._source, plain._given = file._path, file._source, file._given
+    built = build_allowing(read_deck(file.path_of(deck)), file.study.allow_ignored)
+    found = targets(plain, built)
+    model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
+    return DeckFiles(built, model, file.output_folder / RUNS_FOLDER, FromSolver(file).solver.deck_name)
 
 
-def _open_combinations(place: _Place, active: Sequence[str] | None) -> list[str]:
-    """Sentences on what the data leave open at a point that is the minimum in all that they determine.
+def of_solver(file: StudyFile) -> StudyFile:
+    """The study with initial values for all parameters, and polynomials of degree two without products."""
+    deck = file.study.deck
+    known = {} if deck is None else {p.name: p.nominal for p in _deck_files(file, deck).model.parameters.free}
+    entries = []
+    for entry in file.parameter:
+        middle = None if entry.lower is None or entry.upper is None else 0.5 * (entry.lower + entry.upper)
+        start = known.get(entry.name, middle)
+        entries.append(entry if entry.nominal is not None else entry.model_copy(update={"nominal": start}))
+    # what the polynomials are good for is told by the next run, not by one that is left out
+    own = [name for e in file.configuration if e.solver is not None for name in e.solver.templates or ()]
+    templates = [*FromSolver(file).solver.templates, *own]
+    runs = RunsModelTable(file=deck or templates[0], degree=2, crossed=False, tolerance=0.5)
+    changed: dict[str, object] = {"parameter": tuple(entries), "runs": runs}
+    if deck is not None and file.model.grid is None:
+        changed["model"] = file.model.model_copy(update={"grid": deck})
+    return file.model_copy(update=changed)
 
-    There is none where the data determine all, where a side constraint determines the rest, or where a step in what is
-    determined would reduce the objective by more than the smallest change may cost.
+
+@dataclass(frozen=True, eq=False)
+class PointRuns:
+    """The runs of a point, one for each of the inputs that the configurations have."""
+
+    parts: tuple[RunOutcome, ...]
+
+    @property
+    def failure(self) -> Failure | None:
+        """Of the first run that failed for good; None where all have modes."""
+        part = self.failed_part
+        return None if part is None else self.parts[part].failures[-1]
+
+    @property
+    def failed_part(self) -> int | None:
+        """Position of the first run that failed for good in `sources`."""
+        return next((i for i, outcome in enumerate(self.parts) if outcome.modes is None), None)
+
+
+@dataclass(eq=False)
+class SolverRuns:
+    """The runs of a study.
+
+    Parameters
+    ----------
+    solvers : with the inputs of the configurations, in the order of `sources`
+    noise : relative scatter and rounding of the results
+    replaced : what was said of runs that failed for good
+    decks : femtune's own model of each of the inputs, where derivatives come from it, in its configuration
+    by_deck : whether they do at the next point
+    compared : what was said of both models, at the first point where they were compared
+    beside : the modes of both there, by input
     """
-    problem, at = place.study.problem(), place.start
-    if len(place.result.side.matrix):
-        return []
-    lower, upper = problem.parameters.bounds
-    slope = at.jacobian.T @ at.residuals
-    blocked = ((at.x <= lower + _NEAR) & (slope > 0.0)) | ((at.x >= upper - _NEAR) & (slope < 0.0))
-    moving = moving_parameters(problem, active)
-    # at a minimum of all parameters a bound blocks none of them: the slopes are rounding
-    for which in (np.flatnonzero(moving), np.flatnonzero(moving & ~blocked)):
-        names = tuple(problem.parameters.free[i].name for i in which)
-        known = identifiability(at.jacobian[:, which], np.asarray(problem.parameters.prior[1])[which], names)
-        left, _, _ = np.linalg.svd(known.scaled_jacobian, full_matrices=False)
-        decrease = 0.5 * float(np.sum((left[:, : known.rank].T @ at.residuals) ** 2))
-        shown = 2.0 * at.objective / max(len(at.residuals) - known.rank, 1)
-        variance = shown if problem.scatter == "estimated" else min(shown, 1.0)
-        if decrease <= _NEGLIGIBLE * variance:
-            return [undetermined_sentence(known, c) for c in known.undetermined]
-    return []
+
+    file: StudyFile
+    solvers: tuple[ExternalSolver, ...]
+    executor: Executor
+    journal: RunJournal
+    progress: Progress = silent
+    noise: float = _DIGITS
+    started: int = 0
+    replaced: list[Notice] = field(default_factory=list)
+    decks: tuple[tuple[DeckFiles, ConfiguredModel], ...] = ()
+    by_deck: bool = False
+    compared: list[Notice] = field(default_factory=list)
+    beside: list[ModesBeside] = field(default_factory=list)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(entry.name for entry in self.file.parameter)
+
+    @property
+    def bounds(self) -> tuple[Reals, Reals]:
+        """Lower and upper bounds of the parameters."""
+        pairs = np.array([(entry.lower, entry.upper) for entry in self.file.parameter], float)
+        return pairs[:, 0], pairs[:, 1]
+
+    @property
+    def steps(self) -> Reals:
+        """(k,) distances of the runs from the central one: where rounding and curvature spoil differences alike."""
+        lower, upper = self.bounds
+        return 0.5 * self.relative_step * (upper - lower)
+
+    @property
+    def asked(self) -> SolverTable:
+        """[solver] of the study."""
+        return FromSolver(self.file).solver
+
+    @property
+    def relative_step(self) -> float:
+        """These distances in half ranges of the bounds."""
+        return self.asked.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _LEAST_STEP, _LARGEST_STEP))
+
+    def run(self, points: Sequence[Reals]) -> tuple[PointRuns, ...]:
+        """The runs of points; what is known is not run again."""
+        told = [dict(zip(self.names, map(float, point))) for point in points]
+
+        def say(done: int, outcome: RunOutcome) -> None:
+            self.progress.step(f"external runs: {outcome.state}", done, len(points))
+
+        columns = []
+        for solver in self.solvers:
+            found = evaluate(solver, told, self.executor, self.journal, finished=say)
+            self.started += found.started
+            columns.append(found.outcomes)
+        return tuple(map(PointRuns, zip(*columns)))
+
+    def measure_noise(self, point: Reals, known: PointRuns) -> None:
+        """Run a point twice (error ``external.not-repeatable``); the second run is kept in the journal, too."""
+        values = dict(zip(self.names, map(float, point)))
+        noise = [_DIGITS]
+        for solver, first in zip(self.solvers, known.parts):
+            again = replace(solver, version=f"{solver.version}, repeated")
+            found = evaluate(again, [values], self.executor, self.journal)
+            self.started += found.started
+            noise.append(compare_repeated(values, first, found.outcomes[0], self.asked.repeat_tolerance))
+        self.noise = max(noise)
+
+    def around(self, point: Reals) -> tuple[RunsTable, ...]:
+        """Runs at a point and two more for each parameter, by `sources`; one run where derivatives come from the deck.
+
+        Raises
+        ------
+        FemtuneError : ``external.failed`` where the point itself, or all points beside it for a parameter, fail
+        """
+        if self.by_deck and (found := self._by_deck(point)) is not None:
+            return found
+        offsets = [_within(i, point, self.steps, self.bounds) for i in range(len(point))]
+        first = [point + o for some in offsets for o in some[:2]]
+        outcomes = dict(zip(map(tuple, [point, *first]), self.run([point, *first])))
+        centre = outcomes[tuple(point)]
+        if centre.failure is not None:
+            raise self.failed(point, centre)
+        rows = [(point, centre)]
+        for i, some in enumerate(offsets):
+            rows += self._pair(i, point, some, outcomes)
+        return self.tables(rows)
+
+    def follow_deck(self, point: Reals) -> None:
+        """Take derivatives from the deck from here on, if both models are alike at a point that was run."""
+        self.by_deck = bool(self.decks)
+        if self.by_deck:
+            self._by_deck(point)
+
+    def _by_deck(self, point: Reals) -> tuple[RunsTable, ...] | None:
+        """One run at a point, and modes beside it by the derivatives of the own model; None where these mislead."""
+        centre = self.run([point])[0]
+        if centre.failure is not None:
+            raise self.failed(point, centre)
+        values = dict(zip(self.names, map(float, point)))
+        beside = [o for i in range(len(point)) for o in _within(i, point, self.steps, self.bounds)[:2]]
+        points = [point, *(point + o for o in beside)]
+        found, told, seen = [], [], []
+        for i, ((deck, configured), table) in enumerate(zip(self.decks, self.tables([(point, centre)]))):
+            try:
+                name = next(e.name for e in self.file.configurations if part_of(self.file, e) == i)
+                modes = modes_beside(name, configured, deck.x_of(values), table)
+                told.append(_compared(self.file, None if modes is None else modes.modes))
+                seen += [] if modes is None else [modes.modes]
+                if modes is None or not _alike(modes.modes):
+                    self.by_deck = False
+                    break
+                scales = {p.name: p.scale for p in deck.model.parameters.free}
+                found.append(DeckDerivatives.of(modes, scales, self.names).table(self.names, points))
+            except FemtuneError as error:
+                self.by_deck = False
+                told.append(Notice("external.deck/not-solved", where=self.file.where("solver"), reason=error.what))
+                break
+        if not self.compared:
+            self.compared = told
+            self.beside = [replace(each, derivatives=self.by_deck) for each in seen]
+        elif not self.by_deck:
+            self.compared.append(told[-1])
+        return tuple(found) if self.by_deck else None
+
+    def tables(self, rows: Sequence[tuple[Reals, PointRuns]]) -> tuple[RunsTable, ...]:
+        """Tables of runs that have modes, by `sources`."""
+        return tuple(
+            _table(self.names, [(point, runs.parts[i]) for point, runs in rows]) for i in range(len(self.solvers))
+        )
+
+    def failed(self, point: Reals, runs: PointRuns) -> FemtuneError:
+        """The error that a point has no modes, with the configuration where they have inputs of their own."""
+        failure, part = runs.failure, runs.failed_part
+        assert failure is not None
+        assert part is not None
+        values = {"point": described(dict(zip(self.names, map(float, point))))}
+        if len(self.solvers) > 1:
+            entry = next(e for e in self.file.configurations if part_of(self.file, e) == part)
+            values["configuration"] = entry.name
+        if failure.folder:
+            values["folder"] = failure.folder
+        return FemtuneError("external.failed", values=values, failure=failure)
+
+    def _pair(
+        self, i: int, point: Reals, offsets: list[Reals], outcomes: dict[tuple[float, ...], PointRuns]
+    ) -> list[tuple[Reals, PointRuns]]:
+        """Two runs for a parameter; those that fail for good are replaced by others."""
+        good: list[tuple[Reals, PointRuns]] = []
+        bad: list[PointRuns] = []
+        for offset in offsets:
+            at = point + offset
+            outcome = outcomes[tuple(at)] if tuple(at) in outcomes else self.run([at])[0]
+            if outcome.failure is not None:
+                bad.append(outcome)
+            else:
+                good.append((at, outcome))
+            if len(good) == 2:
+                break
+        if len(good) < 2:
+            raise self.failed(point + offsets[0], bad[0])
+        if bad:
+            h = [float(at[i] - point[i]) for at, _ in good]
+            wanted = [float(o[i]) for o in offsets[:2]]
+            self.replaced.append(
+                Notice(
+                    "external.replaced", parameter=self.names[i], n_failed=len(bad), failure=bad[0].failure,
+                    places=", ".join(f"{point[i] + one:.6g}" for one in h),
+                    times=abs(h[0] * h[1]) / abs(wanted[0] * wanted[1]),
+                )
+            )  # fmt: skip
+        return good
 
 
-def _at_place(result: UpdateResult, place: _Place, number: int, status: Status) -> UpdateResult:
-    """The last point where the solver was run: what lies beyond it is a prediction."""
-    return replace(
-        result, x=place.x, after=place.start, status=status, history=result.history[: number + 1], number=number,
-        certificate=None, smallest_change=None,
-    )  # fmt: skip
+_MOST_LISTED = 12
+_UNLIKE = 0.25
+"""Part of the elastic modes without a partner from which the derivatives of the deck are not used."""
 
 
-def moved_to(study: Study, runs: SolverRuns, point: Reals) -> Study:
-    """The study on the model around another point, with the same parameters, tests and sensors."""
-    return _on(study, built_of_tables(study.file, runs.around(point), 0))
+def _alike(beside: ModesBeside) -> bool:
+    """True where nearly all elastic modes have partners in the own model."""
+    elastic = beside.elastic
+    return bool(elastic.any()) and bool((elastic & ~beside.paired).sum() <= _UNLIKE * elastic.sum())
 
 
-def at_outcome(study: Study, runs: SolverRuns, point: Reals, outcome: PointRuns) -> Study:
-    """The study on the model of one run, which no parameter changes: it has the modes of the run."""
-    return _on(study, built_of_tables(study.file, runs.tables([(point, outcome)]), 0, degree=0))
+def _compared(file: StudyFile, beside: ModesBeside | None) -> Notice:
+    """Both models mode by mode; a warning where they differ so much that derivatives mislead."""
+    where = file.where("solver", "derivatives")
+    if beside is None:
+        return Notice("external.deck/no-shapes", where=where)
+    assert beside.mac is not None
+    rows = zip(beside.freq_hz, 100.0 * beside.difference, beside.mac, beside.elastic)
+    lines = [
+        f"mode {j} at {hz:.4g} Hz {percent:+.2g} % (MAC {mac:.3f})"
+        for j, (hz, percent, mac, elastic) in enumerate(rows, start=1)
+        if elastic
+    ]
+    more = f" and {len(lines) - _MOST_LISTED} more" if len(lines) > _MOST_LISTED else ""
+    facts = {"configuration": beside.configuration, "modes": ", ".join(lines[:_MOST_LISTED]) + more}
+    alone = int((beside.elastic & ~beside.paired).sum())
+    if not alone:
+        return Notice("external.deck", where=where, level="info", **facts)
+    code = "external.deck/unlike" if _alike(beside) else "external.deck/misleading"
+    return Notice(code, where=where, alone=alone, **facts)
 
 
-def _on(study: Study, built: BuiltModel) -> Study:
-    found = assignments(targets(study.file, built))
-    model = parametric_model(built.structure, study.parameters, found)
-    size = built.structure.nodes.n_dofs
-    cases = tuple(on_model(_resized(case, size), model) for case in study.cases)
-    return replace(study, built=replace(built, notices=study.built.notices), model=model, cases=cases)
-
-
-def _resized(case: StudyCase, size: int) -> StudyCase:
-    """Sensors on another number of scalar points, which no sensor of shapes has."""
-
-    def on(sensors: SensorMap | None) -> SensorMap | None:
-        if sensors is None or sensors.matrix.shape[1] == size:
-            return sensors
-        matrix = sensors.matrix.copy()
-        matrix.resize((matrix.shape[0], size))
-        return replace(sensors, matrix=matrix)
-
-    return replace(case, sensors=on(case.sensors), all_sensors=on(case.all_sensors))
-
-
-def _numbered(history: Sequence[Iteration], first: int) -> list[Iteration]:
-    return [replace(iteration, number=first + i) for i, iteration in enumerate(history)]
-
-
-def _difference(before: _Place, there: _Place) -> float:
-    """Largest relative difference at a point between the frequencies of the last model and those of the runs."""
-    found = 0.0
-    for old, new in zip(before.study.cases, there.study.cases):
-        if old.compared is None or new.compared is None:
-            continue
-        hz = [
-            case.solver.modes(case.configured.at(there.x), case.count, case.max_hz).freq_hz
-            for case in (old.compared, new.compared)
-        ]
-        size = np.maximum(hz[1], 1e-3 * hz[1].max())
-        found = max(found, float((np.abs(hz[0] - hz[1]) / size).max()))
+def _within(i: int, point: Reals, steps: Reals, bounds: tuple[Reals, Reals]) -> list[Reals]:
+    """Offsets of the runs for a parameter that lie within its bounds."""
+    found = []
+    for factor in _OFFSETS:
+        offset = np.zeros(len(point))
+        offset[i] = factor * steps[i]
+        if bounds[0][i] <= point[i] + offset[i] <= bounds[1][i]:
+            found.append(offset)
     return found
 
 
-def _told(moves: int, started: int, difference: float | None) -> Notice:
-    percent = 100.0 * (difference or 0.0)
-    return Notice("external.moved", level="info", moves=moves, percent=percent, started=started)
+def _table(names: Sequence[str], rows: Sequence[tuple[Reals, RunOutcome]]) -> RunsTable:
+    """The runs as a table; the DOFs are those that every run has."""
+    points = np.array([point for point, _ in rows])
+    modes = [outcome.modes for _, outcome in rows if outcome.modes is not None]
+    count = min(len(m.freq_hz) for m in modes)
+    columns = {name: points[:, j] for j, name in enumerate(names)}
+    hz = np.array([m.freq_hz[:count] for m in modes])
+    if not all(m.has_shapes for m in modes):
+        return RunsTable(columns, hz)
+    known = modes[0].nodes
+    for m in modes[1:]:
+        known = np.intersect1d(known, m.nodes)
+    shapes = np.stack([m.shapes[np.searchsorted(m.nodes, known), :, :count] for m in modes])
+    there = np.isfinite(shapes).all(axis=(0, 3))
+    dofs = DofSet(Dof(int(known[n]), DIRECTIONS[1 + c]) for n, c in zip(*np.nonzero(there)))
+    return RunsTable(columns, hz, shapes[:, there], dofs)
 
 
-def _led(runs: SolverRuns, moves: int, rejected: int) -> Notice:
-    """How far the derivatives of the deck led; a warning where they misled."""
-    if rejected == _MOST_REJECTED:
-        return Notice("external.by-deck/misled", moves=moves)
-    return Notice("external.by-deck", level="info", moves=moves, percent=100.0 * runs.relative_step)
+def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = False) -> SolverRuns:
+    """The solver of a study, with its journal; `fresh` empties that.
+
+    Raises
+    ------
+    FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
+    """
+    inputs = _inputs(file)
+    solvers = tuple(_solver(file, own, files) for own, files in zip(_owners(file), inputs))
+    runs = _runs(file, solvers, progress, fresh)
+    if FromSolver(file).solver.derivatives == "deck":
+        runs.decks = tuple(_deck_of(file, i, own, files) for i, (own, files) in enumerate(zip(_owners(file), inputs)))
+        runs.by_deck = True
+    return runs
 
 
-# ----------------------------------------------------------------------------------------------------
-# The solver at many points: frequencies of modes that are followed, or residuals.
+def _deck_of(
+    file: StudyFile, part: int, own: ConfigurationSolver, inputs: InputFiles
+) -> tuple[DeckFiles, ConfiguredModel]:
+    """femtune's model of the deck that belongs to some inputs, in the state of the first configuration with these."""
+    name = own.deck or file.study.deck
+    assert name is not None
+    deck = inputs if isinstance(inputs, DeckFiles) else _deck_files(file, name)
+    entry = next(e for e in file.configurations if part_of(file, e) == part)
+    return deck, configure(deck.model, overlay(entry))
 
 
-@dataclass(frozen=True, eq=False)
-class SolverFrequencies:
-    """Frequencies of the solver, whose modes are followed by their shapes from the initial values.
+def own_runs(file: StudyFile, own: ConfigurationSolver, where: Where) -> SolverRuns:
+    """The runs of one set of input files, such as those of a vibration test, in the journal of the study.
 
     Parameters
     ----------
-    known : the run at the initial values
+    where : place in the study that names them
+
+    Raises
+    ------
+    FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
     """
+    files = _input_files(file, own)
+    if isinstance(files, Templates):
+        check_names(files.names, [p.name for p in file.parameter], (), where)
+    return _runs(file, (_solver(file, own, files),))
 
-    study: Study
-    runs: SolverRuns
-    known: PointRuns
-    followed: tuple[FollowedFrequencies, ...]
 
-    @classmethod
-    def of(cls, study: Study, runs: SolverRuns) -> SolverFrequencies:
-        """With the run at the initial values."""
-        first = nominal_point(runs.file)
-        known = runs.run([first])[0]
+def _runs(
+    file: StudyFile, solvers: tuple[ExternalSolver, ...], progress: Progress = silent, fresh: bool = False
+) -> SolverRuns:
+    parallel = file.parallel
+    executor: Executor = (
+        Cluster(parallel.address, parallel.remote) if parallel.how == "cluster" else Threads(_workers(file))
+    )
+    return SolverRuns(file, solvers, executor, open_run_journal(file.output_folder, fresh=fresh), progress)
+
+
+def _owners(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
+    """What the configurations have of their own, in the order of `sources`."""
+    found: dict[str, ConfigurationSolver] = {}
+    for entry in file.configurations:
+        own = entry.solver or ConfigurationSolver()
+        found.setdefault(own.model_dump_json(), own)
+    return tuple(found.values())
+
+
+def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> ExternalSolver:
+    """[solver] with what a configuration has of its own (error ``external.no-program``)."""
+    entry = FromSolver(file).solver.model_copy(update={k: v for k, v in own if v is not None and k != "deck"})
+    checks = Checks(file.modes.count or 1, entry.mass, entry.mass_tolerance)
+    solver = ExternalSolver(
+        entry.command, inputs, ResultFile(entry.result, entry.format), file.output_folder / RUNS_FOLDER, checks,
+        entry.timeout_s, entry.retries, entry.error_texts, entry.licence_texts, entry.licence_wait_s,
+        entry.licence_tries, tuple(sorted(entry.environment.items())), entry.version, entry.keep, entry.keep_most,
+    )  # fmt: skip
+    place: tuple[str | int, ...] = ("solver", "command")
+    if own.command is not None:
+        known = [("configuration", i, c.solver) for i, c in enumerate(file.configurations)]
+        known += [("vibration", i, v.solver) for i, v in enumerate(file.vibration)]
+        place = (*next((table, i) for table, i, solver in known if solver == own), *place)
+    with errors_at(file.where(*place)):
+        solver.check()
+    return solver
+
+
+def _inputs(file: StudyFile) -> tuple[InputFiles, ...]:
+    """Decks, or templates whose placeholders are the parameters, each of which occurs in one of them at least."""
+    found: list[InputFiles] = []
+    names = [p.name for p in file.parameter]
+    placeholders: dict[str, None] = {}
+    for own in _owners(file):
+        found.append(_input_files(file, own))
+        check_names(found[-1].names, names, (), _place_of_templates(file, own))
+        placeholders |= dict.fromkeys(found[-1].names)
+    used = ConfigurationSolver() if FromSolver(file).solver.templates else _owners(file)[0]
+    check_names(tuple(placeholders), names, names, _place_of_templates(file, used))
+    return tuple(found)
+
+
+def _place_of_templates(file: StudyFile, own: ConfigurationSolver) -> Where:
+    """The line of the templates: those of a configuration, or of all."""
+    if own.templates is None:
+        return file.where("solver", "templates")
+    at = next(i for i, entry in enumerate(file.configurations) if entry.solver == own)
+    return file.where("configuration", at, "solver", "templates")
+
+
+def _input_files(file: StudyFile, own: ConfigurationSolver) -> DeckFiles | Templates:
+    asked = FromSolver(file).solver
+    deck = own.deck or file.study.deck
+    templates = asked.templates if own.templates is None else own.templates
+    if deck is not None and not templates:
+        return _deck_files(file, deck)
+    files = asked.files if own.files is None else own.files
+    return Templates(tuple(read_template(file.path_of(name)) for name in templates), tuple(map(file.path_of, files)))
+
+
+def _workers(file: StudyFile) -> int:
+    return 1 if file.parallel.how == "serial" else file.parallel.workers
+
+
+def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bool = True) -> BuiltModel:
+    """The model around the initial values; that of the run at these alone, where the step runs other points."""
+    runs = solver_runs(file, progress, fresh=fresh)
+    try:
+        point = nominal_point(file)
+        known = runs.run([point])[0]
         if known.failure is not None:
-            raise runs.failed(first, known)
-        tables, found = runs.tables([(first, known)]), []
-        for case in study.cases:
-            hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
-            elastic = np.flatnonzero(hz > RIGID_FREQUENCY_RATIO * hz.max(initial=0.0))
-            if not len(elastic):
-                raise FemtuneError("screen.no-modes", configuration=case.name)
-            found.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))
-        return cls(study, runs, known, tuple(found))
-
-    def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
-        """See `ManyAtOnce`."""
-        places = [point_of(self.study.parameters, self.runs, x) for x in points]
-        outcomes = self.runs.run(places)
-        good = [i for i, outcome in enumerate(outcomes) if outcome.failure is None]
-        first = nominal_point(self.runs.file)
-        tables = self.runs.tables([(first, self.known), *((places[i], outcomes[i]) for i in good)])
-        seen = [_seen(tables[part_of(self.study.file, case.entry)]) for case in self.study.cases]
-        size = sum(len(modes.numbers) for modes in self.followed)
-        nothing = np.full(size, np.nan)
-        found = [ModelRun(nothing, nothing, str(outcome.failure)) for outcome in outcomes]
-        for row, i in enumerate(good, start=1):
-            ends = [_followed(*own, row, modes.numbers - 1) for own, modes in zip(seen, self.followed)]
-            values, mac = (np.concatenate(parts) for parts in zip(*ends))
-            lost = np.isnan(values).any()
-            found[i] = ModelRun(values, mac, _LOST if lost else "")
-        return found
+            raise runs.failed(point, known)
+        if not around:
+            return _of_one_run(file, runs, runs.tables([(point, known)]))
+        runs.measure_noise(point, known)
+        tables = runs.around(point)
+        with errors_at(file.where("solver")):
+            built = built_of_tables(file, tables, 0)
+    finally:
+        runs.journal.close()
+    own, beside = tuple(runs.compared), tuple(runs.beside)
+    if not runs.decks and isinstance(runs.solvers[0].inputs, DeckFiles):
+        own, beside = _beside_own(file, runs, known)
+    notices = (*_facts(runs, tables), *_hidden(built), *own, *runs.journal.notices)
+    return replace(built, notices=notices, beside=beside)
 
 
-def _seen(table: RunsTable) -> tuple[Reals, Reals | None]:
-    """Frequencies (n, m) and shapes (n, s, m) of runs, without modes that do not move."""
-    if table.shapes is None:
-        return table.freq_hz, None
-    hz, shapes, _ = seen_modes(table.freq_hz, table.shapes)
-    return hz, shapes
+def _of_one_run(file: StudyFile, runs: SolverRuns, tables: tuple[RunsTable, ...]) -> BuiltModel:
+    with errors_at(file.where("solver")):
+        built = built_of_tables(file, tables, 0, degree=0)
+    return replace(built, notices=(*_hidden(built), *runs.journal.notices))
 
 
-def _followed(hz: Reals, shapes: Reals | None, row: int, wanted: Integers) -> tuple[Reals, Reals]:
-    """Frequencies of a run in the order of the modes of the first one, and their MAC; NaN beyond those that it has."""
-    values, mac = np.full(len(wanted), np.nan), np.zeros(len(wanted))
-    there = wanted < hz.shape[1]
-    kept = wanted[there]
-    if shapes is None:
-        values[there], mac[there] = hz[row, kept], 1.0
-        return values, mac
-    one, other = shapes[0][:, kept], shapes[row]
-    every = (one.T @ other) ** 2 / np.outer((one**2).sum(axis=0), (other**2).sum(axis=0))
-    chosen = linear_sum_assignment(-every)[1]
-    values[there], mac[there] = hz[row, chosen], every[np.arange(len(kept)), chosen]
-    return values, mac
+def _hidden(built: BuiltModel) -> tuple[Notice, ...]:
+    """What was said of modes that are not visible; what the fit says has no run to be checked by."""
+    return tuple(notice for notice in built.notices if notice.code == "runs.hidden-modes")
 
 
-@dataclass(frozen=True, eq=False)
-class SolverResiduals:
-    """The residuals of an update problem at runs of the solver, paired afresh by the shapes of the test."""
-
-    study: Study
-    runs: SolverRuns
-    problem: UpdateProblem
-    before: Evaluation
-
-    def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
-        """See `ManyAtOnce`."""
-        places = [point_of(self.study.parameters, self.runs, x) for x in points]
-        return [self._at(*each) for each in zip(points, places, self.runs.run(places))]
-
-    def _at(self, x: Reals, place: Reals, outcome: PointRuns) -> ModelRun:
-        nothing = np.full(len(self.before.residuals), np.nan)
-        if outcome.failure is not None:
-            return ModelRun(nothing, np.empty(0), str(outcome.failure))
-        try:
-            problem = at_outcome(self.study, self.runs, place, outcome).problem()
-            found = problem.assess(x, problem.solved(x), derivatives=False)
-            problem.check_compared(found)
-        except FemtuneError as error:
-            return ModelRun(nothing, np.empty(0), f"[{error.code}] {error.what}")
-        if len(found.residuals) != len(nothing):
-            return ModelRun(nothing, np.empty(0), "another number of residuals than at the initial values")
-        return ModelRun(found.residuals, np.empty(0))
+def _beside_own(
+    file: StudyFile, runs: SolverRuns, known: PointRuns
+) -> tuple[tuple[Notice, ...], tuple[ModesBeside, ...]]:
+    """How far femtune's own elements are from the solver, mode by mode in their order, where they can be solved."""
+    inputs, modes = runs.solvers[0].inputs, known.parts[0].modes
+    assert isinstance(inputs, DeckFiles)
+    assert modes is not None
+    hz, where = modes.freq_hz, file.where("solver")
+    try:
+        configured = configure(inputs.model, overlay(file.configurations[0]))
+        own = solve_modes(configured.at(np.zeros(len(runs.names))), len(hz)).freq_hz[: len(hz)]
+    except FemtuneError as error:
+        return (Notice("external.own-elements/not-solved", where=where, level="info", reason=error.what),), ()
+    beside = ModesBeside(file.configurations[0].name, hz[: len(own)], own, None)
+    if not beside.elastic.any():
+        return (), ()
+    difference = 100.0 * beside.difference
+    worst = int(np.abs(difference).argmax())
+    said = Notice(
+        "external.own-elements", where=where, level="info", percent=float(difference[worst]), mode=worst + 1,
+        count=int(beside.elastic.sum()),
+    )  # fmt: skip
+    return (said,), (beside,)
 
 
-def least_squares_on_solver(
-    study: Study, runs: SolverRuns, method: SensitivityMethod, x: Reals, active: Sequence[str] | None = None
-) -> SolverUpdate:
-    """The update with the solver from a point (arguments and errors as of `find_on_solver`)."""
-    runs.follow_deck(nominal_point(runs.file))
-    there = moved_to(study, runs, point_of(study.parameters, runs, x))
-    return find_on_solver(there, runs, method, nothing, there.problem().start(x), active)
+def point_of(parameters: ParameterSet, runs: SolverRuns, x: Reals) -> Reals:
+    """Values of the parameters of the runs at normalised parameters, within their bounds."""
+    values = parameters.values(x)
+    lower, upper = runs.bounds
+    return np.clip(np.array([values[name] for name in runs.names]), lower, upper)
+
+
+def nominal_point(file: StudyFile) -> Reals:
+    """(k,) initial values."""
+    return np.array([entry.nominal for entry in file.parameter], float)
+
+
+def _facts(runs: SolverRuns, tables: Sequence[RunsTable]) -> Iterator[Notice]:
+    where = runs.file.where("solver")
+    steps = ", ".join(f"{name} ± {step:.4g}" for name, step in zip(runs.names, runs.steps))
+    count, noise = sum(len(table.freq_hz) for table in tables), 100.0 * runs.noise
+    if runs.by_deck:
+        yield Notice("external.runs/deck", where=where, level="info", runs=len(tables), noise_percent=noise)
+        return
+    yield Notice("external.runs", where=where, level="info", runs=count, noise_percent=noise, steps=steps)
+    yield from (replace(notice, where=where) for notice in runs.replaced)
+
+
+UPDATED_FOLDER = "updated"
+
+
+def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:
+    """The input files with some values, beside the folders of the runs (error ``external.folder``)."""
+    folder = runs.solvers[0].folder / UPDATED_FOLDER
+    try:
+        for i, solver in enumerate(runs.solvers):
+            own = folder if len(runs.solvers) == 1 else folder / _folder_name(runs.file, i)
+            own.mkdir(parents=True, exist_ok=True)
+            for name, content in solver.inputs.files(values).items():
+                write_whole(own / name, content)
+    except OSError as error:
+        raise FemtuneError("external.folder", where=Where(str(folder)), reason=error.strerror or error) from error
+    return folder
+
+
+def _folder_name(file: StudyFile, part: int) -> str:
+    """Of the first configuration with these inputs, without characters that a file system may refuse."""
+    own = _owners(file)[part].model_dump_json()
+    first = next(c.name for c in file.configurations if (c.solver or ConfigurationSolver()).model_dump_json() == own)
+    return f"{part + 1}-" + re.sub(r"[^A-Za-z0-9_-]", "_", first)[:60]

@@ -12,16 +12,16 @@ from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.model.response.rigid import is_rigid
-from femtune.results.solved import nominal, solve
+from femtune.study.solved import nominal, solve
 
 if TYPE_CHECKING:
-    from femtune.assembly.cases import StudyCase
-    from femtune.assembly.progress import Progress
-    from femtune.assembly.study import Study
     from femtune.executor import Executor
     from femtune.model import ConfiguredModel, EigenSolution
     from femtune.model.full_model import ModelSolver
     from femtune.residuals import Evaluation, UpdateProblem
+    from femtune.study.cases import StudyCase
+    from femtune.study.progress import Progress
+    from femtune.study.study import Study
 
 _SPARE = 6
 """Modes that a run has beyond those that are followed: those change their order."""

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from femtune.assembly.study import solved_by
 from femtune.errors import FemtuneError, Notice, folded
 from femtune.journal.journal import open_journal
 from femtune.journal.run_files import JOURNAL_FOLDER
-from femtune.results.journal import JournalResults, SolutionCount
+from femtune.study.journal_record import JournalResults, SolutionCount
+from femtune.study.study import solved_by
 
 if TYPE_CHECKING:
-    from femtune.assembly.study import Study
     from femtune.journal.journal import Journal
+    from femtune.study.study import Study
 
 
 @dataclass(frozen=True)

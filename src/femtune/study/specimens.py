@@ -1,53 +1,105 @@
-"""The step specimens: each specimen of a study calibrated by itself, beside the joint calibration."""
+"""The parameters of nominally identical specimens: common ones, and those that each specimen has its own of.
+
+A study states each parameter once. Where it is individual, the update has one for each specimen, with the name of the
+specimen behind its own; so has a parameter that is tied to an individual one. The matrices of all specimens are the
+same: their models differ in the parameters that set the values.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from femtune.assembly.stages import bottom_up, reduction_rules
-from femtune.assembly.update_method import method_of
-from femtune.study.find_parameters import with_noise_of_tests
-from femtune.updating import update, update_reduced
-from femtune.updating.on_reduced_model import unassessed
+from femtune.files.study_file.specimens import individual_name
+from femtune.model.parametric import of_specimen
+from femtune.parameters import DerivedQuantity, Expression, Parameter, ParameterSet, parse_expression
 
 if TYPE_CHECKING:
-    from femtune.assembly.progress import Progress
-    from femtune.assembly.study import Study
-    from femtune.study.find_parameters import FoundParameters
-    from femtune.updating import UpdateResult
+    from femtune.files.study_file import StudyFile
+    from femtune.model import ParametricModel
 
 
-def calibrate_each(study: Study, found: FoundParameters, progress: Progress) -> dict[str, UpdateResult]:
-    """The calibration of each specimen alone, which starts where the joint one ended; with stages as the study says.
+@dataclass(frozen=True, eq=False)
+class Specimens:
+    """The specimens of a study.
 
-    None where all parameters are individual: then the joint calibration is the separate one of each specimen.
+    Parameters
+    ----------
+    names : of the specimens
+    individual : names in the study of the parameters that each specimen has its own of, tied ones too
+    parameters : common and individual parameters of all specimens
+    models : the model of each specimen, with all these parameters
+    """
+
+    names: tuple[str, ...]
+    individual: frozenset[str]
+    parameters: ParameterSet
+    models: Mapping[str, ParametricModel]
+
+    def expand(self, name: str) -> tuple[str, ...]:
+        """The parameters of the update that a name in the study stands for."""
+        return tuple(individual_name(name, s) for s in self.names) if name in self.individual else (name,)
+
+    def in_study(self, name: str) -> str:
+        """What the study calls a parameter of the update."""
+        return self._in_study.get(name, name)
+
+    @property
+    def _in_study(self) -> dict[str, str]:
+        return {individual_name(name, s): name for name in self.individual for s in self.names}
+
+    def quantities(self, found: Iterable[DerivedQuantity]) -> Iterator[DerivedQuantity]:
+        """Derived quantities; those of individual parameters once for each specimen."""
+        for quantity in found:
+            if self.individual.isdisjoint(quantity.expression.names):
+                yield quantity
+                continue
+            for specimen in self.names:
+                own = _renamed(quantity.expression, self.individual, specimen)
+                yield replace(quantity, name=individual_name(quantity.name, specimen), expression=own)
+
+
+def specimens_of_study(file: StudyFile, model: ParametricModel) -> Specimens | None:
+    """The specimens of a study; None where it has none.
 
     Raises
     ------
-    FemtuneError : what the update method raises
+    FemtuneError : ``tie.*``
     """
-    specimens = study.specimens
-    if specimens is None or all(study.in_study(p.name) != p.name for p in study.parameters.free):
-        return {}
-    out: dict[str, UpdateResult] = {}
-    for i, name in enumerate(specimens.names):
-        progress.step(f"calibration of specimen {name} alone", i, len(specimens.names))
-        own = study.of_specimen(name)
-        if any(case.used is not None for case in own.cases):
-            out[name], _ = with_noise_of_tests(own, _alone(own, found))
-    return out
+    names = file.specimens
+    if not names:
+        return None
+    individual = _individual(file, model.parameters)
+    parameters = ParameterSet(
+        tuple(own for p in model.parameters.parameters for own in _of_specimens(p, individual, names))
+    )
+    models = {s: of_specimen(model, parameters, {n: individual_name(n, s) for n in individual}) for s in names}
+    return Specimens(names, individual, parameters, models)
 
 
-def _alone(study: Study, found: FoundParameters) -> UpdateResult:
-    if study.file.stage:
-        start = study.problem().start(found.result.before.x)
-        return bottom_up(study, start, lambda stage, seed, iteration: None)[0]
-    problem, method = study.problem(), method_of(study.file.update, study.parameters)
-    active = tuple(p.name for p in study.parameters.free if p.name not in study.model.foreign)
-    rules = reduction_rules(study)
-    if rules is None:
-        return update(problem, method, start=problem.start(found.result.x), active=active)
-    search = None if found.search is None else found.search.part(problem)
-    # derivatives of many FRFs by the full model take longer than the whole search
-    start = problem.start(found.result.x) if search is None else search.assessed(unassessed(problem, found.result.x))
-    return update_reduced(problem, method, rules, start=start, active=active, search=search).result
+def _individual(file: StudyFile, parameters: ParameterSet) -> frozenset[str]:
+    """What the study calls individual, and what is tied to it."""
+    found = {entry.name for entry in file.parameter if entry.individual}
+    while True:
+        more = {p.name for p in parameters.parameters if p.tie is not None and not found.isdisjoint(p.tie.names)}
+        if more <= found:
+            return frozenset(found)
+        found |= more
+
+
+def _of_specimens(p: Parameter, individual: frozenset[str], names: tuple[str, ...]) -> Iterator[Parameter]:
+    if p.name not in individual:
+        yield p
+        return
+    for specimen in names:
+        tie = None if p.tie is None else _renamed(p.tie, individual, specimen)
+        yield replace(p, name=individual_name(p.name, specimen), tie=tie)
+
+
+def _renamed(expression: Expression, individual: frozenset[str], specimen: str) -> Expression:
+    """The expression with the parameters of one specimen."""
+    names = [re.escape(name) for name in expression.names if name in individual]
+    text = re.sub(rf"\b({'|'.join(names)})\b", lambda m: individual_name(m[1], specimen), expression.text)
+    return parse_expression(text, expression.where)

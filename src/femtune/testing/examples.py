@@ -56,7 +56,7 @@ def example_test(folder: Path | str = ".", *, frequency_scatter: float = 0.0, sh
     """
     # the checks of elements and residuals need no files
     from femtune.steps.files import write_deck, write_test  # noqa: PLC0415
-    from femtune.steps.of_model import simulate  # noqa: PLC0415
+    from femtune.steps.modes.simulate import simulate  # noqa: PLC0415
 
     folder = Path(folder)
     true = write_deck(example_deck(folder), TRUTH, folder / "true.bdf", wide=True)

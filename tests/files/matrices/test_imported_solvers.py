@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.files.matrices.listed_modes import read_listed_modes
 
@@ -39,9 +39,9 @@ def test_calculix(calculix_job: Path) -> None:
         model='grid = "beam.inp"\nlisting = "modes.dat"', count=10, stiffness="beam.sti", mass="beam.mas", more=""
     )
     (calculix_job / "study.toml").write_text(text)
-    (found,) = steps.modes(calculix_job / "study.toml")
+    (found,) = ft.modes(calculix_job / "study.toml")
     np.testing.assert_allclose(found.freq_hz, read_listed_modes(calculix_job / "modes.dat"), rtol=2e-6)
-    (facts,) = steps.info(calculix_job / "study.toml").record.configurations
+    (facts,) = ft.info(calculix_job / "study.toml").record.configurations
     # the beam without the nodes of its clamped end
     assert facts.centre_of_gravity is not None
     assert facts.centre_of_gravity[0] > 1.0
@@ -56,7 +56,7 @@ def test_calculix_with_a_file_that_was_cut(calculix_job: Path, tmp_path: Path) -
     text = STUDY.format(model='listing = "modes.dat"', count=10, stiffness="beam.sti", mass="beam.mas", more="")
     (tmp_path / "study.toml").write_text(text)
     with pytest.raises(FemtuneError) as error:
-        steps.modes(tmp_path / "study.toml")
+        ft.modes(tmp_path / "study.toml")
     assert error.value.code == "matrices.truncated"
 
 
@@ -66,7 +66,7 @@ def test_ansys(shared_data: Path, tmp_path: Path) -> None:
     listed = "listed_hz = [1283.200, 1283.200, 5781.975, 6919.399, 6919.399, 10172.615]\nlisted_tolerance = 5e-7"
     text = STUDY.format(model=listed, count=6, stiffness=full, mass=full, more='record = "M"')
     (tmp_path / "study.toml").write_text(text)
-    (found,) = steps.modes(tmp_path / "study.toml")
+    (found,) = ft.modes(tmp_path / "study.toml")
     np.testing.assert_allclose(
         found.freq_hz, [1283.200, 1283.200, 5781.975, 6919.399, 6919.399, 10172.615], rtol=5e-7
     )  # fmt: skip

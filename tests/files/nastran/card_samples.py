@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from femtune.files.nastran.catalogue import CATALOGUE
+
 
 class Field(NamedTuple):
     """Text of a field, and the value that it holds ("" for none)."""
@@ -50,6 +52,29 @@ class Sample:
     def name(self) -> str:
         """Name for the list of tests."""
         return f"{self.card}-{self.number}" + ("-stations" if "YES" in self.spec else "")
+
+    @property
+    def deck(self) -> str:
+        """Bulk data of the card and the cards around it, in free field."""
+        texts = [one.text for one in self.fields]
+        lines = [texts[i : i + 8] for i in range(0, len(texts), 8)]
+        card = [",".join((self.card if i == 0 else "", *line)) for i, line in enumerate(lines)]
+        return "\n".join((*self.context, *card, ""))
+
+
+def names_in(text: str) -> set[str]:
+    """Names of the cards of a deck."""
+    return {line.split(",")[0][:8].strip().rstrip("*") for line in text.splitlines()}
+
+
+def decks_of_samples(known: set[str]) -> dict[str, str]:
+    """A deck of the first sample that has a card beyond the known ones, for each such card."""
+    decks: dict[str, str] = {}
+    for sample in SAMPLES:
+        if new := names_in(sample.deck) & set(CATALOGUE) - known:
+            decks[f"sample {sample.card}"] = sample.deck
+            known = known | new
+    return decks
 
 
 def _field(token: str) -> Field:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from femtune import steps
+import femtune as ft
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.geomcheck import GeometryChecks, geometry_checks
-from femtune.reporting.sections.checks import shape_blocks
-from femtune.results.model import ModelFacts
+from femtune.steps.info.page import shape_blocks
+from femtune.steps.info.record.model import ModelFacts
 
 BULK = """BEGIN BULK
 MAT1,1,7.+10,,.3,2700.
@@ -58,7 +58,7 @@ def test_statements(head: str, expected: GeometryChecks, tmp_path: Path) -> None
 
 
 def _facts(folder: Path, head: str) -> ModelFacts:
-    return steps.info(_deck(folder, head)).record
+    return ft.info(_deck(folder, head)).record
 
 
 def _beyond(facts: ModelFacts) -> dict[str, tuple[int, ...]]:
@@ -77,9 +77,7 @@ def test_info_lists_elements_out_of_shape(tmp_path: Path) -> None:
 
 
 def test_modes_name_the_tests_that_elements_do_not_pass(tmp_path: Path) -> None:
-    (remark,) = (
-        r for r in steps.modes(_deck(tmp_path, "GEOMCHECK Q4_WARP=.5\n"), count=7).remarks if "shape" in r.what
-    )
+    (remark,) = (r for r in ft.modes(_deck(tmp_path, "GEOMCHECK Q4_WARP=.5\n"), count=7).remarks if "shape" in r.what)
     assert str(remark) == (
         "shapes of elements: of 2 elements, some are beyond the limits of Q4_SKEW, Q4_IAMIN, Q4_IAMAX; "
         "femtune info lists them"

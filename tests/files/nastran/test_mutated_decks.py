@@ -16,12 +16,15 @@ from femtune.files.nastran import build_structure, read_deck
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.error_places import errors_at_cards
 
+from .card_samples import decks_of_samples, names_in
 from .mutant_trial import trial, unplaced
 from .mutations import mutant
 from .whole_decks import DECKS
 
 Sources = Mapping[str, Mapping[str, bytes]]
-OWN: Sources = {name: {n: text.encode("latin-1") for n, text in files.items()} for name, files in DECKS.items()}
+_HELD = names_in("".join(text for files in DECKS.values() for text in files.values()))
+_FILES = {**DECKS, **{name: {"deck.bdf": text} for name, text in decks_of_samples(_HELD).items()}}
+OWN: Sources = {name: {n: text.encode("latin-1") for n, text in files.items()} for name, files in _FILES.items()}
 REFERENCE = ("beam_modes.dat", "satk.dat", "cbush.dat", "pt145.bdf", "random_test_bar_plus_tri.bdf",
              "actuator_tf_modeling.bdf", "004_72_bar_truss/modes.dat", "002_svanberg_beam/modes.dat",
              "002_svanberg_beam/svanberg.bdf")  # fmt: skip
@@ -54,8 +57,7 @@ def failures(outcomes: Iterable[tuple[int, str, str, str]], codes: Counter[str])
 
 def test_the_decks_hold_every_card() -> None:
     text = "".join(text.decode("latin-1") for files in OWN.values() for text in files.values())
-    names = {line.split(",")[0][:8].strip().rstrip("*") for line in text.splitlines()}
-    assert set(CATALOGUE) - names == set()
+    assert set(CATALOGUE) - names_in(text) == set()
 
 
 @pytest.mark.parametrize("name", OWN)

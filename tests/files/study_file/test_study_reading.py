@@ -9,12 +9,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from femtune.assembly.cases import overlay
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError
 from femtune.fem.fields import FieldRef
 from femtune.files.study_file import StudyFile, element_list, read_study_file, study_from_text
 from femtune.model.configuration import AddedMass
+from femtune.study.cases import overlay
 
 from .whole_study import STUDY
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import femtune as ft
-from femtune.assembly.study import load_study
+from femtune.study.study import load_study
 from femtune.testing import check_residual, example_deck, example_test
 from femtune.testing.examples import TRUTH
 

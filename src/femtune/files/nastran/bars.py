@@ -21,6 +21,7 @@ from femtune.files.nastran.composite_beams import read_pbcomp
 from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials, Properties, read_properties
+from femtune.files.nastran.reading import ElementReading
 
 # ----------------------------------------------------------------------------------------------------
 # Sections of bars and beams by property number: PBAR, PBARL, PBEAM, PBEAML, PBCOMP, with their material.
@@ -81,8 +82,9 @@ _LEAST_ORIENTATION_SINE = 1e-8
 """Sine of the angle between a bar and its orientation vector up to which plane 1 is undefined: half of the digits."""
 
 
-def read_bars(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+def read_bars(reading: ElementReading) -> list[ElementBatch]:
     """Batches of CBAR and of CBEAM."""
+    building, grids, materials = reading.building, reading.grids, reading.materials
     batches = []
     for card, defaults in _DEFAULTS.items():
         properties = BarProperties(building, read_properties(building, card), materials)

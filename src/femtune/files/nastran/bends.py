@@ -14,6 +14,7 @@ from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials, Roles, read_properties
+from femtune.files.nastran.reading import ElementReading
 
 # Tolerances of the geometry of an arc: rounding of coordinates and of RB or THETAB with seven digits
 _LEAST_ORIENTATION_SINE = 1e-6
@@ -24,8 +25,9 @@ _CLOSURE_ERROR = 1e-6
 """Largest distance of the end of the arc from grid point B, relative to the radius."""
 
 
-def read_bends(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+def read_bends(reading: ElementReading) -> list[ElementBatch]:
     """Batch of CBEND."""
+    building, grids, materials = reading.building, reading.grids, reading.materials
     properties = read_properties(building, "CBEND")
     sections = Library(lambda pid, user: _section(building, properties.find(pid, user), pid, materials))
     rows = BatchRows(CURVED_BAR.key, "CBEND")

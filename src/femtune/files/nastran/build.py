@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.fem.joined import Increase, StructurePart, join
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.files.built_model import BuiltModel
-from femtune.files.nastran.bars import read_bars
-from femtune.files.nastran.bends import read_bends
 from femtune.files.nastran.building import Building, duplicate
-from femtune.files.nastran.bushes import read_bushes, read_gaps
 from femtune.files.nastran.card import Card, CardEntry
-from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT, NAMESPACES
+from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT, ELEMENT_READERS, NAMESPACES
 from femtune.files.nastran.columns import plain_numbers
-from femtune.files.nastran.connectors import read_connectors
 from femtune.files.nastran.constraints import read_dof_sets, read_multipoint_sets, read_supports
 from femtune.files.nastran.control import (
     EigenMethod,
@@ -47,14 +44,11 @@ from femtune.files.nastran.inventory import (
 from femtune.files.nastran.left_out import left_out, preloads
 from femtune.files.nastran.lists import IntegerList
 from femtune.files.nastran.loads import read_preload
-from femtune.files.nastran.masses import add_nonstructural_mass, read_masses
+from femtune.files.nastran.masses import add_nonstructural_mass
 from femtune.files.nastran.materials import read_materials
 from femtune.files.nastran.matrices import read_direct_matrices
+from femtune.files.nastran.reading import ElementReading
 from femtune.files.nastran.rigid import read_rigid
-from femtune.files.nastran.scalar_elements import read_dampers, read_rods, read_scalars
-from femtune.files.nastran.shear_panels import read_shear_panels
-from femtune.files.nastran.shells import read_shells
-from femtune.files.nastran.solids import read_solids
 from femtune.files.nastran.source import SourceLine
 from femtune.files.nastran.superelements import (
     BulkSection,
@@ -270,20 +264,15 @@ def _structure(
 
 def _batches(building: Building, grids: Grids) -> list[ElementBatch]:
     materials = read_materials(building)
-    return [
-        *read_bars(building, grids, materials),
-        *read_bends(building, grids, materials),
-        *read_rods(building, grids, materials),
-        *(shells := read_shells(building, grids, materials)),
-        *read_shear_panels(building, grids, materials),
-        *read_solids(building, grids, materials),
-        *read_scalars(building, grids),
-        *read_bushes(building, grids),
-        *read_gaps(building, grids),
-        *read_connectors(building, grids, materials, shells),
-        *read_dampers(building, grids),
-        *read_masses(building, grids),
-    ]
+    batches: list[ElementBatch] = []
+    for name in ELEMENT_READERS:
+        module, function = name.split(".")
+        read: _ElementReader = getattr(import_module(f"{__package__}.{module}"), function)
+        batches += read(ElementReading(building, grids, materials, tuple(batches)))
+    return batches
+
+
+_ElementReader = Callable[[ElementReading], list[ElementBatch]]
 
 
 def _element_cards(building: Building) -> dict[int, int]:

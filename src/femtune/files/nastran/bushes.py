@@ -21,6 +21,7 @@ from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.coordinates import length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Properties, Roles, read_properties
+from femtune.files.nastran.reading import ElementReading
 from femtune.parameters.jet import Jet
 
 _LINES = ("K", "B", "GE")
@@ -29,8 +30,9 @@ _COINCIDENT_ENDS = 1e-10
 """Distance of the ends, relative to their coordinates, up to which a bush has no axis: above rounding."""
 
 
-def read_bushes(building: Building, grids: Grids) -> list[ElementBatch]:
+def read_bushes(reading: ElementReading) -> list[ElementBatch]:
     """Batch of CBUSH."""
+    building, grids = reading.building, reading.grids
     properties = read_properties(building, "CBUSH")
     values = Library(lambda pid, user: _values(building, properties.find(pid, user), pid))
     rows = BatchRows(BUSH.key, "CBUSH")
@@ -136,8 +138,9 @@ def _any_across(line: Reals) -> Reals:
 # Gaps.
 
 
-def read_gaps(building: Building, grids: Grids) -> list[ElementBatch]:
+def read_gaps(reading: ElementReading) -> list[ElementBatch]:
     """Batch of CGAP: linear springs, as in the linear solutions of Nastran."""
+    building, grids = reading.building, reading.grids
     properties = read_properties(building, "CGAP")
     values = Library(lambda pid, user: _gap_values(building, properties.find(pid, user), pid))
     rows, states = BatchRows(BUSH.key, "CGAP"), {True: 0, False: 0}

@@ -29,6 +29,7 @@ from femtune.files.nastran.card import LARGEST_COORDINATE, CardEntry
 from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials, Properties, read_properties
+from femtune.files.nastran.reading import ElementReading
 
 # ----------------------------------------------------------------------------------------------------
 # The shells of a model as patches.
@@ -316,14 +317,13 @@ _FORMATS = ("GRIDID", "ELEMID", "ALIGN", "ELPAT", "PARTPAT")
 _PATCHES = ("ELPAT", "PARTPAT")
 
 
-def read_connectors(
-    building: Building, grids: Grids, materials: Materials, batches: Sequence[ElementBatch]
-) -> list[ElementBatch]:  # fmt: skip
-    """Batches of CWELD and CFAST; `batches` hold the shells."""
+def read_connectors(reading: ElementReading) -> list[ElementBatch]:
+    """Batches of CWELD and CFAST, on shells that were read before."""
+    building, grids, materials, batches = reading.building, reading.grids, reading.materials, reading.batches
     if not any(building.deck.by_name(card) for card in ("CWELD", "CFAST")):
         return []
-    reading = _Reading(grids, _Shells(building, grids, batches))
-    return [*_Welds(building, materials, reading).read(), *_Fasteners(building, reading).read()]
+    ends = _Reading(grids, _Shells(building, grids, batches))
+    return [*_Welds(building, materials, ends).read(), *_Fasteners(building, ends).read()]
 
 
 def _batches(

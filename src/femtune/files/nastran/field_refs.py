@@ -7,7 +7,7 @@ from femtune.fem.fields import AMPLITUDE, FACTORS, FieldRef
 from femtune.fem.structure import MODAL, mode_ratio_field
 from femtune.files.built_model import BuiltModel
 from femtune.files.nastran.card import records_of
-from femtune.files.nastran.catalogue import CATALOGUE, PLY_CARDS
+from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT, PLY_CARDS
 from femtune.files.nastran.lines import parse_integer
 from femtune.files.nastran.sections import SECTION_ROLES
 
@@ -15,7 +15,7 @@ UPDATABLE = tuple(kind.name for kind in CATALOGUE.values() if kind.values)
 
 # names in the Nastran manuals that a study may also use
 _OTHER_NAMES = {("PSHELL", "12I/T**3"): "RI", ("PSHELL", "12I/T3"): "RI", ("PSHELL", "TS/T"): "TS"}
-_SHELLS = ("CQUAD4", "CTRIA3", "CQUADR", "CTRIAR", "CQUAD8", "CTRIA6")
+_SHELLS = tuple(kind.name for kind in CATALOGUE.values() if kind.role == ELEMENT and kind.holds("ZOFFS"))
 _MOST_NAMED = 12
 """Number of known fields that a message lists."""
 _OF_DIMENSIONS = "parameter.derived-field/of-dimensions"

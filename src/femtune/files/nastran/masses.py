@@ -24,10 +24,12 @@ from femtune.files.nastran.constraints import read_unions
 from femtune.files.nastran.control import check_selected
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.lists import IntegerList, read_list
+from femtune.files.nastran.reading import ElementReading
 
 
-def read_masses(building: Building, grids: Grids) -> list[ElementBatch]:
+def read_masses(reading: ElementReading) -> list[ElementBatch]:
     """Batches of CONM2 and of CONM1."""
+    building, grids = reading.building, reading.grids
     batches = []
     for card, kind in (("CONM2", CONCENTRATED_MASS.key), ("CONM1", GENERAL_MASS.key)):
         rows = BatchRows(kind, card)

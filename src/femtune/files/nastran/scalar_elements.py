@@ -19,6 +19,7 @@ from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.coordinates import length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials, Properties, Roles, read_properties
+from femtune.files.nastran.reading import ElementReading
 from femtune.parameters.jet import Jet
 
 _KINDS = {SPRING.key: "CELAS", SCALAR_MASS.key: "CMASS", DASHPOT.key: "CDAMP"}
@@ -26,8 +27,9 @@ _KINDS = {SPRING.key: "CELAS", SCALAR_MASS.key: "CMASS", DASHPOT.key: "CDAMP"}
 _WITH_PROPERTY = "13"
 
 
-def read_scalars(building: Building, grids: Grids) -> list[ElementBatch]:
+def read_scalars(reading: ElementReading) -> list[ElementBatch]:
     """Batches of CELAS1 to CELAS4, CMASS1 to CMASS4 and CDAMP1 to CDAMP4."""
+    building, grids = reading.building, reading.grids
     batches = []
     for kind, stem in _KINDS.items():
         for number in "1234":
@@ -91,8 +93,9 @@ def _scalar_point(record: CardEntry, name: str, grids: Grids) -> int:
 _DAMPER_KINDS = {"CVISC": LINE_DASHPOT.key, "CBUSH1D": LINE_SPRING.key}
 
 
-def read_dampers(building: Building, grids: Grids) -> list[ElementBatch]:
+def read_dampers(reading: ElementReading) -> list[ElementBatch]:
     """Batches of CVISC and of CBUSH1D."""
+    building, grids = reading.building, reading.grids
     batches = []
     for card, kind in _DAMPER_KINDS.items():
         properties = read_properties(building, card)
@@ -153,8 +156,9 @@ def _axis(record: CardEntry, grids: Grids, a: int, b: int) -> NDArray[np.float64
 # Rods: CROD with PROD, CONROD, CTUBE with PTUBE.
 
 
-def read_rods(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+def read_rods(reading: ElementReading) -> list[ElementBatch]:
     """Batches of CROD, of CONROD and of CTUBE."""
+    building, grids, materials = reading.building, reading.grids, reading.materials
     properties = read_properties(building, "CROD")
     sections = Library(lambda pid, user: _section(building, properties.find(pid, user), pid, materials))
     rods, conrods = BatchRows(ROD.key, "CROD"), BatchRows(ROD.key, "CONROD")

@@ -8,12 +8,14 @@ from femtune.files.nastran.building import BatchRows, Building, Library
 from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials, Properties, Roles, read_properties
+from femtune.files.nastran.reading import ElementReading
 
 _CORNERS = ("G1", "G2", "G3", "G4")
 
 
-def read_shear_panels(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+def read_shear_panels(reading: ElementReading) -> list[ElementBatch]:
     """The batch of CSHEAR."""
+    building, grids, materials = reading.building, reading.grids, reading.materials
     properties = read_properties(building, "CSHEAR")
     sections = Library(lambda pid, user: _section(building, properties.find(pid, user), pid, materials))
     rows = BatchRows(SHEAR_PANEL.key, "CSHEAR")

@@ -21,8 +21,9 @@ from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.element_columns import read_elements
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.materials import Materials, read_properties
+from femtune.files.nastran.materials import read_properties
 from femtune.files.nastran.plane_laws import PlaneLaws
+from femtune.files.nastran.reading import ElementReading
 from femtune.files.nastran.shell_properties import COUPLING, ShellProperties, ShellSection, Thicknesses
 
 
@@ -54,8 +55,9 @@ _LEAST_DIRECTION_SINE = 1e-6
 _NO_DIRECTION = np.zeros(3)
 
 
-def read_shells(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+def read_shells(reading: ElementReading) -> list[ElementBatch]:
     """Batches of shells, separate for each card."""
+    building, grids, materials = reading.building, reading.grids, reading.materials
     laws = PlaneLaws(building, materials)
     return [batch for card in _SHAPES for batch in _read(card, building, grids, laws)]
 

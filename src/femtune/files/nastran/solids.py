@@ -22,7 +22,8 @@ from femtune.files.nastran.building import Building, Library
 from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.element_columns import read_elements
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.materials import Materials, Properties, Roles, read_properties
+from femtune.files.nastran.materials import Properties, Roles, read_properties
+from femtune.files.nastran.reading import ElementReading
 from femtune.files.nastran.solid_laws import SolidLaws
 
 
@@ -59,8 +60,9 @@ class SolidSection:
     axes: int
 
 
-def read_solids(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+def read_solids(reading: ElementReading) -> list[ElementBatch]:
     """Batches of solids, separate for each card and for elements with and without mid-side points."""
+    building, grids, materials = reading.building, reading.grids, reading.materials
     if not any(building.deck.by_name(card) for card in _SHAPES):
         return []
     laws = SolidLaws(building, materials)

@@ -1,0 +1,1 @@
+"""Documents as data: blocks, numbers as text, figures."""

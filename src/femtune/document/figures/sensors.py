@@ -1,0 +1,159 @@
+"""Sensors on the structure, seen from two sides, with the trace lines of the test."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+from femtune.document.figures.shapes import (
+    VECTOR_FACES,
+    Painting,
+    View,
+    Wireframe,
+    closed,
+    direction,
+    far_to_near,
+    fitted,
+    mean_over_corners,
+    outline,
+    painted,
+    rastered,
+)
+from femtune.document.figures.svg import BLUE, INK, ORANGE, PALE, SOFT, label, mixed, number, strokes, svg_file
+
+_PANEL, _GAP, _TITLE, _MARGIN, _STRIP = 590.0, 14.0, 16.0, 18.0, 26.0
+_TALLEST = 0.75
+"""Height of a view over its width."""
+_LIGHT, _DARK = "#fbfcfd", "#ccd5de"
+"""Faces turned towards the eye, and along the line of sight."""
+_EDGE, _WIRE = "#9fadba", "#7a8794"
+_GREEN = "#2c7a4b"
+COLOURS = {"triaxial": BLUE, "uniaxial": ORANGE, "visualisation": _GREEN, "exciter": "#8c1d40"}
+_RADIUS = 3.4
+_MOST_NAMES = 80
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """What is marked: (n, 3) places, names, kinds (keys of `COLOURS`), and (n, 3) normals, zero where there is none."""
+
+    places: Reals
+    names: Sequence[str]
+    kinds: Sequence[str]
+    normals: Reals
+
+
+def sensors_svg(frame: Wireframe, marks: Marks, lines: Sequence[tuple[int, int]]) -> str:
+    """The structure from above and from below; sensors on the far side of a surface are drawn hollow.
+
+    Parameters
+    ----------
+    lines : trace lines, rows of `marks`
+    """
+    points = np.concatenate([frame.points[frame.used], marks.places])
+    above = direction(points)
+    views = [("seen from above", above), ("seen from below", _from_below(above))]
+    parts, top = [], 0.0
+    for title, view in views:
+        scaled, height = _scaled(view, points)
+        parts.append(f'<g transform="translate(0 {top:.1f})">')
+        parts += [label(0.0, 10.0, title, 8.5, SOFT), *_structure(frame, scaled, height + _TITLE)]
+        parts += [*_traces(marks, lines, scaled), *_marks(marks, scaled), "</g>"]
+        top += height + _TITLE + _GAP
+    return svg_file(_PANEL, top + _STRIP - _GAP, [*parts, *_legend(marks, top - _GAP)])
+
+
+def _scaled(view: View, points: Reals) -> tuple[View, float]:
+    """The view in a panel of the full width, or in the middle of it where the structure is tall."""
+    scaled, height = fitted(view, [points], _PANEL, _TITLE, _MARGIN)
+    narrow = min(1.0, _TALLEST * _PANEL / height)
+    scaled, height = fitted(view, [points], narrow * _PANEL, _TITLE, _MARGIN)
+    x, y = scaled.shift
+    return View(scaled.axes, scaled.scale, (x + 0.5 * (1.0 - narrow) * _PANEL, y)), height
+
+
+def _from_below(view: View) -> View:
+    """The same azimuth with the eye below the structure."""
+    right, _, eye = view.axes
+    down = eye * [1.0, 1.0, -1.0]
+    return View(np.array([right, np.cross(down, right), down]))
+
+
+def _structure(frame: Wireframe, view: View, height: float) -> Iterable[str]:
+    flat, faces = view.flat(frame.points), frame.faces
+    if len(faces):
+        colours = _shading(frame, view)
+        edges = outline(faces, frame.points)
+        if len(faces) > VECTOR_FACES:
+            yield rastered(_painting(frame, view, edges, colours), (_PANEL, height))
+        else:
+            order = far_to_near(faces, view.depth(frame.points))
+            yield painted(flat[closed(faces[order])], [colours[k] for k in order], _EDGE, 0.25, 0.6)
+    for rigid in (False, True):
+        some = frame.lines[frame.rigid == rigid]
+        yield strokes(flat[some[:, 0]], flat[some[:, 1]], _WIRE, 0.6 if rigid else 1.0, "2 2.4" if rigid else "")
+
+
+def _shading(frame: Wireframe, view: View) -> list[str]:
+    at = frame.points[closed(frame.faces)]
+    normal = np.cross(at[:, 2] - at[:, 0], at[:, 3] - at[:, 1]) + np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
+    size = np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+    towards = np.abs(normal @ view.axes[2]) / size
+    shades = [mixed((_DARK, _LIGHT), k / 15.0) for k in range(16)]
+    return [shades[int(k)] for k in np.rint(15.0 * np.clip(towards, 0.0, 1.0))]
+
+
+def _painting(frame: Wireframe, view: View, edges: NDArray[np.int64], colours: Sequence[str]) -> Painting:
+    """Faces without their edges, and between them the lines that show the form."""
+    depth, faces = view.depth(frame.points), frame.faces
+    near = 0.6 * float(np.median(np.ptp(depth[closed(faces)], axis=1))) + 1e-3 * float(np.ptp(depth))
+    own = np.concatenate([mean_over_corners(faces, depth), depth[edges].max(axis=1, initial=-np.inf) + near])
+    order = np.argsort(own, kind="stable")
+    shown = [*colours, *[_EDGE] * len(edges)]
+    line = order >= len(faces)
+    corners = view.flat(frame.points)[np.concatenate([closed(faces), edges[:, [0, 1, 1, 0]]])[order]]
+    ordered = [shown[k] for k in order]
+    return Painting(corners, ordered, ordered, np.where(line, 0.4, 0.0), line)
+
+
+def _traces(marks: Marks, lines: Sequence[tuple[int, int]], view: View) -> Iterable[str]:
+    flat = view.flat(marks.places)
+    pairs = np.array(lines, np.int64).reshape(-1, 2)
+    yield strokes(flat[pairs[:, 0]], flat[pairs[:, 1]], PALE, 0.7)
+
+
+def _marks(marks: Marks, view: View) -> Iterable[str]:
+    flat, depth = view.flat(marks.places), view.depth(marks.places)
+    hidden = marks.normals @ view.axes[2] < -1e-9
+    for i in np.argsort(depth, kind="stable"):
+        colour = COLOURS[marks.kinds[i]]
+        x, y = (float(v) for v in flat[i])
+        fill = "#ffffff" if hidden[i] else colour
+        yield _sign(marks.kinds[i], x, y, fill, colour)
+    if len(marks.names) <= _MOST_NAMES:
+        for name, kind, (x, y) in zip(marks.names, marks.kinds, flat):
+            yield label(float(x) + 4.6, float(y) - 3.4, name, 6.5, COLOURS[kind])
+
+
+def _sign(kind: str, x: float, y: float, fill: str, colour: str) -> str:
+    """A square for what excites, a circle for what measures."""
+    style = f'fill="{fill}" stroke="{colour}" stroke-width="1.1"'
+    if kind == "exciter":
+        side = 2.0 * _RADIUS
+        return f'<rect x="{number(x - _RADIUS)}" y="{number(y - _RADIUS)}" width="{side}" height="{side}" {style}/>'
+    return f'<circle cx="{number(x)}" cy="{number(y)}" r="{_RADIUS}" {style}/>'
+
+
+def _legend(marks: Marks, top: float) -> Iterable[str]:
+    x, y = 8.0, top + 0.5 * _STRIP
+    for kind in dict.fromkeys(marks.kinds):
+        yield _sign(kind, x, y, COLOURS[kind], COLOURS[kind])
+        yield label(x + 7.0, y + 2.8, kind, 8.0, INK)
+        x += 22.0 + 4.6 * len(kind)
+    if (marks.normals != 0.0).any():
+        yield _sign("uniaxial", x, y, "#ffffff", SOFT)
+        yield label(x + 7.0, y + 2.8, "on the far side", 8.0, INK)

@@ -1,0 +1,1 @@
+"""Spread of the updated parameters by a bootstrap of the measured FRFs."""

@@ -1,0 +1,104 @@
+"""Bootstrap of the FRFs: spread of the parameters, histograms, correlations."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from femtune.document.document import Cell, Figure, Listing, Paragraph, Table, columns, row
+from femtune.document.figures.histograms import histograms_svg
+from femtune.document.figures.matrix import MatrixPicture, matrix_svg
+from femtune.document.numbers import counted, short, value
+
+if TYPE_CHECKING:
+    from femtune.document.document import Block
+    from femtune.steps.bootstrap.record import BootstrappedParameter, BootstrapResults
+    from femtune.steps.report_source import ReportSource
+
+WHAT = {
+    "lines": "Frequency lines were drawn with replacement, all FRFs of a line together",
+    "entries": "Single FRF values were drawn with replacement",
+    "noise": "Noise of the stated standard deviations was added to the results of the updated model",
+}
+IDENTIFIED = {
+    "lines": "Frequency lines of the measured FRFs were drawn with replacement, all FRFs of a line together",
+    "entries": "Single values of the measured FRFs were drawn with replacement",
+    "noise": "Noise as large as the errors of the identified system was added to its FRFs",
+}
+_MOST_SHOWN = 24
+_BIASED = 0.5
+
+
+def bootstrap(source: ReportSource) -> list[Block]:
+    """Blocks of the report; a sentence where the study asks for no bootstrap."""
+    found = source.results.bootstrap
+    if found is None:
+        return [Paragraph("Not tested: the study has no [bootstrap]; it can be made for residuals of measured FRFs.")]
+    return [*bootstrap_blocks(found), *_pictures(source, found)]
+
+
+def bootstrap_blocks(found: BootstrapResults) -> list[Block]:
+    """Sentences and table, for page and terminal."""
+    return [Listing((*found.sentences, *found.remarks)), Paragraph(_how(found)), parameter_table(found)]
+
+
+def _how(found: BootstrapResults) -> str:
+    drawn = "" if found.method == "noise" else f" from {found.drawn_from}"
+    what = WHAT[found.method]
+    if found.identified:
+        what = f"{IDENTIFIED[found.method]}{drawn}; the test was identified again with them, and its damping equalised"
+    else:
+        what = f"{what}{drawn}"
+    derivatives = (
+        f"derivatives at the result of the update, in {counted(found.own_jacobian, 'run')} at other points"
+        if found.jacobian == "shared"
+        else "derivatives at every point"
+    )
+    recalled = f", {found.recalled} of them from an earlier run" if found.recalled else ""
+    return (
+        f"{what}. {counted(found.runs, 'run')} (seed {found.seed}){recalled}, each by "
+        f"Gauss-Newton steps from the result of the update with {derivatives}. "
+        f"{counted(found.solutions, 'model solution')} in {short(found.seconds)} s by {found.executor}."
+    )
+
+
+def parameter_table(found: BootstrapResults) -> Table:
+    """Result, mean, standard deviations, bias, interval."""
+    heads = columns(
+        "Parameter", ">Result", ">Mean", ">σ", ">COV %", ">Bias / σ", ">95 % from", ">to", ">Fisher σ", ">Fisher COV %"
+    )
+    note = (
+        "COV is the standard deviation over the mean of the parameter itself. Bias is the mean of the runs less the "
+        "result. Fisher σ follows from the inverse Fisher information and the stated standard deviations of the FRFs."
+    )
+    if len(found.parameters) > _MOST_SHOWN:
+        note += f" And {counted(len(found.parameters) - _MOST_SHOWN, 'more parameter')} in the results."
+    return Table("Bootstrap", heads, tuple(map(_parameter, found.parameters[:_MOST_SHOWN])), note)
+
+
+def _parameter(p: BootstrappedParameter) -> tuple[Cell, ...]:
+    bias = f"{p.bias:+.2f}"
+    return row(
+        p.parameter, value(p.value), value(p.mean), short(p.sd), short(p.cov_percent),
+        Cell(bias, tone="poor") if abs(p.bias) > _BIASED else bias,
+        value(p.interval_95[0]), value(p.interval_95[1]), short(p.fisher_sd), short(p.fisher_cov_percent),
+    )  # fmt: skip
+
+
+def _pictures(source: ReportSource, found: BootstrapResults) -> list[Block]:
+    """Histograms of the free parameters, and their correlation."""
+    samples, correlation = source.array(found.samples_key), source.array(found.correlation_key)
+    if samples is None or correlation is None:
+        return []
+    names = found.free[:_MOST_SHOWN]
+    by_name = {p.parameter: p for p in found.parameters}
+    known = [by_name[name] for name in names]
+    draw = partial(histograms_svg, names, samples, [p.value for p in known], [p.interval_95 for p in known])
+    caption = "Distribution of the parameters over the runs. Line: result of the update. Shaded: 95 % interval."
+    alt = "; ".join(f"{p.parameter} {value(p.mean)} ± {short(p.sd)}" for p in known)
+    out: list[Block] = [Figure(draw, caption, f"{caption} {alt}", wide=True)]
+    if len(names) > 1:
+        picture = MatrixPicture(correlation[: len(names), : len(names)], names, names, "", "", signed=True)
+        words = "Correlation of the parameters over the runs."
+        out.append(Figure(partial(matrix_svg, picture), words, words))
+    return out

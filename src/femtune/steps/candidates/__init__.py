@@ -1,0 +1,1 @@
+"""Several sets of parameters, updated and compared."""

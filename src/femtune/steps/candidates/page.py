@@ -1,0 +1,179 @@
+"""Candidate models: criteria, parameters, distances, and what the data leave undetermined."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.document.alert_boxes import alert_boxes
+from femtune.document.document import Cell, Figure, KeyNumber, KeyNumbers, Listing, Paragraph, Table, columns, row
+from femtune.document.figures.candidates import candidates_svg
+from femtune.document.numbers import NONE, percent, short, typeset, unit_fraction
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from femtune.document.document import Block
+    from femtune.steps.candidates.record import CandidateResults, CandidatesResults, CandidateValue
+    from femtune.steps.report_source import ReportSource
+
+_MOST_COLUMNS = 14
+"""Models side by side in the tables of parameters and distances."""
+
+
+def _of(source: ReportSource) -> CandidatesResults:
+    assert source.results.candidates is not None
+    return source.results.candidates
+
+
+def shown_models(found: CandidatesResults) -> tuple[CandidateResults, ...]:
+    """The solved models that tables have room for: all, or those of the best evidence, in the order of the study."""
+    solved = found.solved
+    if len(solved) <= _MOST_COLUMNS:
+        return solved
+    best = sorted(solved, key=lambda c: -np.inf if c.log_evidence is None else c.log_evidence, reverse=True)
+    kept = {c.name for c in best[:_MOST_COLUMNS]}
+    return tuple(c for c in solved if c.name in kept)
+
+
+def candidate_numbers(found: CandidatesResults) -> KeyNumbers:
+    """How many models, and the best by each criterion."""
+    ranked = [c for c in found.solved if c.bic is not None]
+    by_bic = min(ranked, key=lambda c: c.bic or 0.0)
+    by_evidence = max(ranked, key=lambda c: c.log_evidence or 0.0)
+    admissible = sum(c.admissible for c in found.solved)
+    return KeyNumbers(
+        (
+            KeyNumber("Models", str(len(found.candidates)), remark="with the initial values"),
+            KeyNumber("Best by BIC", by_bic.name, remark=f"weight {unit_fraction(by_bic.bic_weight)}"),
+            KeyNumber(
+                "Best by evidence", by_evidence.name, remark=f"probability {unit_fraction(by_evidence.probability)}"
+            ),
+            KeyNumber("Admissible models", str(admissible), remark=_rule(found)),
+        )
+    )
+
+
+def _rule(found: CandidatesResults) -> str:
+    if found.threshold is not None:
+        return f"mean error ≤ {short(found.threshold)} × the smallest"
+    return f"largest residual ≤ {short(found.limit)}"
+
+
+def candidates_summary(source: ReportSource) -> list[Block]:
+    """Numbers, sentences, what should be known, and the picture."""
+    found = _of(source)
+    alerts = alert_boxes(found.alerts)
+    return [candidate_numbers(found), Listing(found.sentences), *alerts, *_picture(source)]
+
+
+def _picture(source: ReportSource) -> list[Block]:
+    found = _of(source)
+    models = shown_models(found)
+    rows = [found.solved.index(c) for c in models]
+    best = max(models, key=lambda c: -np.inf if c.log_evidence is None else c.log_evidence)
+    distance = source.arrays[found.distances_key][rows, found.solved.index(best)]
+    draw = partial(
+        candidates_svg, [c.name for c in models], [len(c.parameters) for c in models],
+        [c.error_percent or 0.0 for c in models], (100.0 * distance).tolist(), best.name,
+    )  # fmt: skip
+    alt = f"Mean error of each candidate model, and distance of its parameters from {best.name}"
+    return [Figure(draw, "", alt, wide=True)]
+
+
+def candidates_table(source: ReportSource) -> list[Block]:
+    """The table of criteria, and the remarks of the study."""
+    found = _of(source)
+    return [criteria_table(found), *_notes(found)]
+
+
+def criteria_table(found: CandidatesResults) -> Table:
+    """A line each candidate."""
+    heads = columns(
+        "Model", ">Parameters", ">Determined", ">Mean error %", ">ΔBIC", ">Weight", ">Probability", ">Prediction %",
+        ">Largest residual", "Admissible", ">Cluster", ">Starts at the optimum",
+    )  # fmt: skip
+    least = min((c.bic for c in found.solved if c.bic is not None), default=0.0)
+    return Table("", heads, tuple(_criteria(c, least) for c in found.candidates))
+
+
+def _criteria(c: CandidateResults, least: float) -> tuple[Cell, ...]:
+    if c.problem:
+        return row(c.name, str(len(c.parameters)), *[NONE] * 7, Cell("not solved", tone="poor"), NONE, NONE)
+    return row(
+        c.name,
+        str(len(c.parameters)),
+        str(c.rank),
+        short(c.error_percent),
+        NONE if c.bic is None else typeset(f"{c.bic - least:.1f}"),
+        unit_fraction(c.bic_weight, NONE),
+        unit_fraction(c.probability, NONE),
+        short(c.prediction_percent),
+        short(c.worst_residual),
+        Cell("yes", tone="good") if c.admissible else "no",
+        NONE if c.cluster is None else str(c.cluster),
+        f"{c.starts_at_best} of {c.starts}" if c.parameters else NONE,
+    )
+
+
+def _notes(found: CandidatesResults) -> list[Block]:
+    notes = tuple(f"{c.name}: {c.note}" for c in found.candidates if c.note)
+    return [Listing(notes)] if notes else []
+
+
+def candidates_parameters(source: ReportSource) -> list[Block]:
+    """The table of parameters."""
+    return [parameter_table(_of(source)), *_cut(_of(source))]
+
+
+def _cut(found: CandidatesResults) -> list[Block]:
+    left = len(found.solved) - len(shown_models(found))
+    return [Paragraph(f"{left} models of lower evidence are not shown; results in JSON have all.", "muted")] * bool(
+        left
+    )
+
+
+def parameter_table(found: CandidatesResults) -> Table:
+    """A line each parameter, a column each model."""
+    models = shown_models(found)
+    by_model = [{v.parameter: v for v in c.values} for c in models]
+    heads = columns("Parameter", *(f">{c.name}" for c in models))
+    names = [v.parameter for v in models[0].values]
+    return Table("", heads, tuple(row(name, *(_value(values[name]) for values in by_model)) for name in names))
+
+
+def _value(v: CandidateValue) -> str:
+    if v.role != "updated":
+        return f"{'=' if v.role == 'tied' else '·'} {short(v.value)}"
+    spread = "" if v.sd is None else f" ± {typeset(f'{v.sd:.2g}')}"
+    return f"{short(v.value)}{spread}{' !' if v.at_bound else ''}"
+
+
+def candidates_distances(source: ReportSource) -> list[Block]:
+    """The table of distances."""
+    found = _of(source)
+    return [distance_table(found, source.arrays), *_cut(found)]
+
+
+def distance_table(found: CandidatesResults, arrays: Mapping[str, NDArray]) -> Table:
+    """Distances between the models that are shown, in %."""
+    models = shown_models(found)
+    at = [found.solved.index(c) for c in models]
+    distances = 100.0 * arrays[found.distances_key][np.ix_(at, at)]
+    rows = (row(c.name, *map(percent, line.tolist())) for c, line in zip(models, distances))
+    return Table("", columns("", *(f">{c.name}" for c in models)), tuple(rows))
+
+
+def candidates_undetermined(source: ReportSource) -> list[Block]:
+    """Combinations by model."""
+    return undetermined_blocks(_of(source).solved)
+
+
+def undetermined_blocks(models: Sequence[CandidateResults]) -> list[Block]:
+    """A sentence for each combination that a model leaves undetermined."""
+    found = tuple(f"{c.name}: {one.sentence}" for c in models for one in c.undetermined)
+    return [Listing(found)] if found else [Paragraph("The data determine all parameters of every model.")]

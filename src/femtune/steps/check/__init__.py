@@ -1,0 +1,1 @@
+"""All mistakes of a study at once."""

@@ -1,0 +1,1 @@
+"""Modes of two models of one structure."""

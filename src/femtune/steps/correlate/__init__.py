@@ -1,0 +1,1 @@
+"""Test against model: pairs, frequency errors, MAC, expansion of test shapes."""

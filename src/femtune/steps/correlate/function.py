@@ -1,0 +1,86 @@
+"""Steps that compare and write no run folder: correlate, compare, select, quantify."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from femtune.arguments import checked
+from femtune.errors import Notice
+from femtune.files.study_file import with_expansion
+from femtune.steps.correlate.expanded_files import check_expansion_asked, write_expanded_files
+from femtune.steps.correlate.result import CorrelateResult
+from femtune.steps.correlate.versions import model_records
+from femtune.steps.respond.run import check_places, uff_paths
+from femtune.study.described import StudySource, Test, source_of
+from femtune.study.progress import silent
+from femtune.study.solutions import looking_up
+from femtune.study.solved import nominal
+from femtune.study.study import read_study
+
+if TYPE_CHECKING:
+    from femtune.study.progress import Progress
+
+
+@checked
+def correlate(
+    source: StudySource,
+    test: Test = None,
+    *,
+    expand: str | None = None,
+    uff: Path | str | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **tables: Any,
+) -> CorrelateResult:
+    """Test against model: pairs, frequency errors, MAC, criteria, in each configuration that has a test.
+
+    Parameters
+    ----------
+    source : a study (an object, or the path of its TOML file); or a model, with the other tables as keywords
+    test : what `read_test` returned, or the path of its file; with a model
+    expand : expand the test shapes to the model: "serep", "dynamic" or "mdre"; "none"; None: as stated in the study
+    uff : Universal File for the expanded shapes; with several configurations each has its own, with its number in the
+        name
+    fresh : ignore the journal of an earlier run of the study and solve everything again
+    progress : receives progress reports
+    tables : keywords of `Study`: ``modes={"count": 12}``, ``sensors={"tolerance": 0.01}``, ``units``, ``output`` …
+
+    Raises
+    ------
+    FemtuneError : ``study.no-test``, ``correlate.*``, ``eigen.*``, ``uff.cannot-write``, ``write.overwrites-input``,
+        and errors in the files
+
+    Source: Allemang and Brown (1982); Lieven and Ewins (1988).
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> found = ft.correlate(model, test)
+    >>> found.pairs.column("freq_error_percent").round(2)
+    array([ 4.39,  0.  , -0.88,  0.  ])
+    >>> found.mac.shape
+    (4, 6)
+    >>> expanded = ft.correlate(model, test, expand="dynamic", uff="expanded.uff")
+    >>> expanded.expanded["as the deck"].shapes.shape, [path.name for path in expanded.files]
+    ((16, 4), ['expanded.uff'])
+    """
+    study = read_study(source_of(source, test=test, **tables), progress)
+    study = replace(study, file=with_expansion(study.file, expand))
+    if all(case.modal is None for case in study.cases):
+        raise study.no_test("can be compared")
+    files = [] if uff is None else uff_paths(Path(uff), study)
+    if uff is not None:
+        check_expansion_asked(study, Path(uff))
+        check_places(study, files, Path(uff))
+    arrays: dict[str, NDArray[Any]] = {}
+    with looking_up(study, fresh) as found:
+        records = model_records(found.study, "before", nominal(study), {}, arrays, progress).correlations
+    written = write_expanded_files(study, records, arrays, files)
+    remarks = [Notice(a.code, a.sentence, level=a.level) for r in records for a in r.alerts if a.level != "info"]
+    return CorrelateResult(records, arrays=arrays, remarks=(*found.remarks, *remarks), files=tuple(written))

@@ -1,0 +1,1 @@
+"""Measured damping on the modes of the updated model."""

@@ -1,0 +1,162 @@
+"""Measured damping on the modes of the updated model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.correlation import pair_modes
+from femtune.correlation.mode_damping import paired_damping
+from femtune.errors import FemtuneError
+from femtune.modal import ModeSet
+from femtune.model import EigenSolution, damping_by_mode
+from femtune.model.response import frf
+from femtune.residuals.frf.model_way import settled
+from femtune.residuals.frf.residual import FrfResidual
+from femtune.steps.correlate.facts import array_prefix
+from femtune.validation.frfs import squared_deviation
+
+if TYPE_CHECKING:
+    from femtune.arrays import Complexes, Reals
+    from femtune.correlation import Pairing
+    from femtune.identification.redrawn import RedrawnTest
+    from femtune.residuals import CaseState, Evaluation, Residual
+from femtune.steps.equalise.record import MappedDamping, MappedMode
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredDamping:
+    """Damping ratios (n,) of the modes of a solution, by the modes of an identified test.
+
+    Parameters
+    ----------
+    test : identified modes
+    pairing : with those of the model
+    ratios : of all modes of the solution
+    """
+
+    test: ModeSet
+    pairing: Pairing
+    ratios: Reals
+
+
+def measured_damping(residual: FrfResidual, test: RedrawnTest, modes: EigenSolution) -> MeasuredDamping:
+    """Damping ratios of an identified test for the modes of a model (error ``correlate.no-damping``)."""
+    ports = residual.places.ports(modes.point.configured, residual.measured)
+    seen = residual.measured.responses
+    identified = test.modes.select_dofs(seen)
+    count = modes.wanted
+    model = ModeSet(modes.freq_hz, np.asarray(ports.outputs @ modes.shapes[:, :count]), seen)
+    pairing = pair_modes(identified, model)
+    return MeasuredDamping(identified, pairing, paired_damping(identified, pairing, count))
+
+
+def mapped_damping(start: Evaluation, end: Evaluation, arrays: dict[str, NDArray[Any]]) -> tuple[MappedDamping, ...]:
+    """The records of all configurations with an identified test; the FRFs are put into `arrays`.
+
+    Raises
+    ------
+    FemtuneError : ``correlate.no-damping`` where no mode of the updated model is paired; as `frf`
+    """
+    found: list[MappedDamping] = []
+    for i, (before, after) in enumerate(zip(start.states, end.states)):
+        for residual, test in identified_residuals(after.case.on_full_model.residuals):
+            key = f"{array_prefix('after', after.case.name, i + 1)}/mapped_damping"
+            if not any(f.freq_key == f"{key}_hz" for f in found):
+                found.append(_record(residual, test, before, after, key, arrays))
+    return tuple(found)
+
+
+def identified_residuals(residuals: Iterable[Residual]) -> Iterator[tuple[FrfResidual, RedrawnTest]]:
+    """FRF residuals that compare an identified test."""
+    for one in residuals:
+        residual = settled(one)
+        if isinstance(residual, FrfResidual) and residual.identified is not None:
+            yield residual, residual.identified
+
+
+def _record(
+    residual: FrfResidual, test: RedrawnTest, before: CaseState, after: CaseState, key: str, arrays: dict[str, Any]
+) -> MappedDamping:
+    measured, lines = test.measured, test.measured.freq_hz
+    rows, columns = (
+        a.align(b)[0]
+        for a, b in (
+            (residual.measured.responses, measured.responses),
+            (residual.measured.references, measured.references),
+        )
+    )
+    raw = measured.values[np.ix_(rows, columns)]
+    identified = test.system.system.frf(lines).values[np.ix_(rows, columns)]
+    solution, own, values = _functions(residual, test, after)
+    arrays |= {f"{key}_hz": lines, f"{key}_test": raw, f"{key}_identified": identified, f"{key}_after": values}
+    try:
+        _, _, first = _functions(residual, test, before)
+        arrays[f"{key}_before"] = first
+    except FemtuneError:
+        # the nominal model may be so far off that none of its modes is paired
+        first = None
+    return MappedDamping(
+        configuration=residual.configuration,
+        equalised_percent=100.0 * test.damping_ratio,
+        modes=tuple(_modes(own, solution, float(lines[0]), float(lines[-1]))),
+        deviation_before=None if first is None else _deviation(first, raw),
+        deviation_after=_deviation(values, raw),
+        deviation_identified=_deviation(identified, raw),
+        kind=measured.kind,
+        outputs=tuple(residual.measured.responses.labels()),
+        inputs=tuple(residual.measured.references.labels()),
+        freq_key=f"{key}_hz",
+        test_values_key=f"{key}_test",
+        identified_values_key=f"{key}_identified",
+        before_values_key=None if first is None else f"{key}_before",
+        after_values_key=f"{key}_after",
+    )
+
+
+def _deviation(values: Complexes, raw: Complexes) -> float:
+    return float(np.nanmean(squared_deviation(values, raw, np.isfinite(raw))))
+
+
+def _functions(
+    residual: FrfResidual, test: RedrawnTest, state: CaseState
+) -> tuple[EigenSolution, MeasuredDamping, Complexes]:
+    """Modes of the full model at a state, their measured damping, and its FRFs at the measured lines."""
+    solution = residual.way.model(state, residual.highest_hz)
+    assert isinstance(solution, EigenSolution)
+    own = measured_damping(residual, test, solution)
+    ports = residual.places.ports(solution.point.configured, residual.measured)
+    found = frf(
+        solution, ports, test.measured.freq_hz, test.measured.kind, residual.way.method,  # type: ignore[arg-type]
+        damping=damping_by_mode(own.ratios.tolist()), residual_vectors=residual.way.residual_vectors,
+    )  # fmt: skip
+    return solution, own, found.values
+
+
+def _modes(own: MeasuredDamping, solution: EigenSolution, low: float, high: float) -> Iterable[MappedMode]:
+    zeta, partners = own.test.damping_ratio, {p.test: p for p in own.pairing.pairs}
+    reasons = {u.test: u.reason for u in own.pairing.unpaired_test}
+    assert zeta is not None
+    for i, hertz in enumerate(own.test.freq_hz):
+        pair = partners.get(i)
+        yield MappedMode(
+            test_hz=float(hertz),
+            mode=None if pair is None else pair.model + 1,
+            model_hz=None if pair is None else float(solution.freq_hz[pair.model]),
+            mac=None if pair is None else float(pair.mac),
+            measured_percent=100.0 * float(zeta[i]),
+            mapped_percent=None if pair is None else 100.0 * float(own.ratios[pair.model]),
+            reason=reasons.get(i, ""),
+        )
+    paired = {p.model for p in own.pairing.pairs}
+    for j in range(solution.wanted):
+        hertz = float(solution.freq_hz[j])
+        if j not in paired and low <= hertz <= high:
+            yield MappedMode(
+                test_hz=None, mode=j + 1, model_hz=hertz, mac=None, measured_percent=None,
+                mapped_percent=100.0 * float(own.ratios[j]),
+            )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Modes with standard deviations from records or FRFs."""

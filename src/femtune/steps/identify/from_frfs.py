@@ -1,0 +1,169 @@
+"""Identification where the input is known: measured frequency response functions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.files.described_test import read_described
+from femtune.identification.averaging import Averaging, input_output_spectra
+from femtune.identification.estimators import estimate_frfs
+from femtune.identification.input_known import InputKnown, identify_frfs
+from femtune.identification.join import at_lines
+from femtune.identification.kinds import KNOWN_INPUT
+from femtune.identification.periodic import periodic_frfs
+from femtune.identification.record_checks import dead_channels
+from femtune.identification.shapes import leading_shapes
+from femtune.steps.identify.found import Curve, Found
+from femtune.testdata import NO_GEOMETRY
+from femtune.testdata.checks import phase_collinearity
+
+if TYPE_CHECKING:
+    from femtune.files.identification_file import IdentifyFile
+    from femtune.identification.input_known import IdentifiedModes
+    from femtune.modal import FrfSet, TimeSeries
+    from femtune.testdata import WireFrame
+
+DEFAULT_ORDER = 60
+
+
+def found_from_file(file: IdentifyFile) -> Found:
+    """Modes of measured functions.
+
+    Raises
+    ------
+    FemtuneError : ``uff.*``, ``frf.layout``, ``identify.no-frfs`` for a file without functions of motion over force,
+        ``identify.*``
+    """
+    described = read_described(file)
+    usable = np.isfinite(described.frfs.values).any(axis=(0, 1)) & (described.frfs.freq_hz > 0.0)
+    frfs = described.frfs if usable.all() else at_lines(described.frfs, np.flatnonzero(usable))
+    found = found_from_frfs(frfs, file, described.geometry)
+    return replace(found, notices=(*described.notices, *found.notices))
+
+
+def found_from_frfs(
+    frfs: FrfSet, file: IdentifyFile, geometry: WireFrame = NO_GEOMETRY, sd: NDArray[np.float64] | None = None
+) -> Found:
+    """Modes of functions, with every pole, the fit and the state-space model; `sd` is that of the functions."""
+    table = file.identify
+    methods = tuple(m for m in table.methods or KNOWN_INPUT if m in KNOWN_INPUT)
+    asked = InputKnown(
+        table.band_hz, table.largest_order or DEFAULT_ORDER, methods, take=table.take_hz, drop=table.drop_hz,
+        real=table.real,
+    )  # fmt: skip
+    made = identify_frfs(frfs, asked, sd)
+    measured, synthesised = made.fit.measured, made.fit.synthesised
+    error = np.linalg.norm(synthesised.values - measured.values, axis=2)
+    size = np.linalg.norm(measured.values, axis=2)
+    collinearity = np.array([phase_collinearity(shape) for shape in leading_shapes(made.fit).T])
+    return Found(
+        made.modes, collinearity, made.table, made.candidates, _by_method(made), _curve(measured),
+        measured=measured,
+        synthesised=synthesised, misfit_percent=100.0 * error / np.where(size > 0.0, size, 1.0), system=made.system,
+        notices=made.notices, remarks=made.remarks, geometry=geometry,
+        measured_sd=None if sd is None else sd[:, :, np.isin(frfs.freq_hz, measured.freq_hz)],
+    )  # fmt: skip
+
+
+def _by_method(made: IdentifiedModes) -> dict[str, NDArray[np.float64]]:
+    """Median of each method's own poles in every chosen cluster."""
+    names = np.array(made.table.method)
+    chosen = [c for c in made.candidates if c.chosen]
+    out = {}
+    for name in dict.fromkeys(made.table.method):
+        own = [c.members[names[c.members] == name] for c in chosen]
+        freq = [float(np.median(made.table.freq_hz[i])) if len(i) else float("nan") for i in own]
+        out[name] = _in_order(np.array(freq), np.array([c.freq_hz for c in chosen]), made.modes.freq_hz)
+    return out
+
+
+def _in_order(values: NDArray, chosen: NDArray, modes: NDArray) -> NDArray[np.float64]:
+    """Values of the chosen clusters beside the fitted modes, which may have changed places."""
+    at = [int(np.argmin(np.abs(chosen - f))) for f in modes]
+    return np.asarray(values[at], dtype=float)
+
+
+def _curve(frfs: FrfSet) -> Curve:
+    size = np.sqrt((np.abs(frfs.values) ** 2).sum(axis=(0, 1)))
+    level = 20.0 * np.log10(np.maximum(size, 1e-300) / max(float(size.max()), 1e-300))
+    return Curve(frfs.freq_hz, level, "all functions together")
+
+
+# ----------------------------------------------------------------------------------------------------
+# Identification from records in time whose forces were measured: functions first, then their modes.
+
+
+LINES = 400
+"""Lines of a band where no resolution is requested, as far as the record allows with eight segments."""
+
+
+WHOLE = 1e-3
+"""A period may miss a whole number of samples by so much, for it is written with few digits."""
+
+
+def has_forces(record: TimeSeries) -> bool:
+    """True where every input is a force: the ground's motion is no force."""
+    quantities = {record.channels[i].quantity for i in record.positions("input")}
+    return quantities == {"force"}
+
+
+def found_from_forces(record: TimeSeries, file: IdentifyFile) -> Found:
+    """Modes of the functions that the record gives, weighted by their standard deviations; without dead responses.
+
+    Raises
+    ------
+    FemtuneError : ``identify.*``, ``record.*``
+    """
+    dead = dead_channels(record)
+    alive = [i for i, c in enumerate(record.channels) if c.role == "input" or not dead[i]]
+    frfs, sd = functions_of(record.select_channels(alive), file)
+    usable = np.isfinite(frfs.values).all(axis=(0, 1)) & (frfs.freq_hz > 0.0)
+    kept = np.flatnonzero(usable)
+    errors = sd[:, :, kept]
+    known = np.isfinite(errors).all() and (errors > 0.0).all()
+    return found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None)
+
+
+def functions_of(record: TimeSeries, file: IdentifyFile) -> tuple[FrfSet, NDArray[np.float64]]:
+    """The functions and √E|error|² of each, (n, u, k)."""
+    table = file.identify
+    if table.period_s is not None:
+        periodic = periodic_frfs([record], _period(record, file))
+        return periodic.frfs, periodic.sd
+    estimate = estimate_frfs(input_output_spectra([record], Averaging(_segment(record, file))), table.estimator)
+    return replace(estimate.frfs, source=record.source), estimate.sd
+
+
+def _period(record: TimeSeries, file: IdentifyFile) -> int:
+    """Samples of the period that is stated, which must be whole: a fraction would leak into every line."""
+    period_s = file.identify.period_s or 0.0
+    samples = period_s * record.even_hz
+    if abs(samples - round(samples)) > WHOLE:
+        raise FemtuneError(
+            "identify.period",
+            where=file.where("identify", "period_s"),
+            values={"period_s": period_s, "sampling rate": f"{record.even_hz:g} Hz", "samples": f"{samples:.6g}"},
+        )
+    return round(samples)
+
+
+def _segment(record: TimeSeries, file: IdentifyFile) -> int:
+    """Samples of a segment: by the resolution, or so that the band has `LINES` lines; an even number."""
+    table = file.identify
+    low, high = table.band_hz or (0.0, 0.5 * record.even_hz)
+    step = table.resolution_hz or (high - low) / LINES
+    wanted = 2 * round(0.5 * record.even_hz / step)
+    most = 2 * (record.samples // 16)
+    if table.resolution_hz is not None and wanted > record.samples:
+        raise FemtuneError(
+            "identify.resolution",
+            where=file.where("identify", "resolution_hz"),
+            values={"segment": f"{wanted / record.even_hz:g} s", "record": f"{record.duration_s:g} s"},
+            step=step,
+        )
+    return wanted if table.resolution_hz is not None else min(wanted, most)

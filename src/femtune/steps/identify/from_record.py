@@ -1,0 +1,227 @@
+"""Identification where nobody measured the forces: records of responses, and perhaps of the ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.dofs import parse_dof
+from femtune.errors import FemtuneError, Notice
+from femtune.files.records import ChannelColumn, read_record
+from femtune.identification.averaging import cross_spectra
+from femtune.identification.choice import change_choice, has_candidate
+from femtune.identification.combine import Estimate, combine
+from femtune.identification.fdd import decompose
+from femtune.identification.input_lines import judge_peaks
+from femtune.identification.kinds import OUTPUT_ONLY
+from femtune.identification.mode_checks import collinearity_remarks, damping_remarks, quadrature_notices
+from femtune.identification.operational import (
+    Operational,
+    chosen_modes,
+    prepared,
+    segment_of,
+)
+from femtune.identification.record_checks import level_ratios
+from femtune.modal.shape_criteria import mac
+from femtune.steps.identify.found import Curve, Found
+from femtune.steps.identify.request import check_length
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from femtune.files.identification_file import ChannelEntry, IdentifyFile
+    from femtune.identification.operational import (
+        OperationalModes,
+    )
+    from femtune.modal import ModeSet, TimeSeries
+    from femtune.study.progress import Progress
+
+DEFAULT_ORDER, DEFAULT_METHODS = 60, ("SSI-cov", "ERA", "FDD")
+_LISTED = 5
+NEAR, ALIKE = 0.02, 0.8
+"""A method has a mode where one of its own is as near in frequency and as like in shape."""
+
+
+def read_asked(file: IdentifyFile) -> TimeSeries:
+    """The record with its channels.
+
+    Raises
+    ------
+    FemtuneError : ``record.*``, ``dof.duplicate``
+    """
+    table = file.identify
+    columns = [_column(entry) for entry in file.channel]
+    return read_record(file.measured_path, columns, table.sampling_hz, table.variable, table.format)
+
+
+def _column(entry: ChannelEntry) -> ChannelColumn:
+    return ChannelColumn(entry.column, parse_dof(entry.dof), entry.quantity, entry.role, entry.unit, entry.factor)
+
+
+def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress) -> Found:
+    """Modes of a record by every method that is requested; those of the first one, or means over fragments.
+
+    Raises
+    ------
+    FemtuneError : ``identify.*``, ``record.uneven``
+    """
+    table, asked = file.identify, _asked(record, file)
+    names = [m for m in table.methods or DEFAULT_METHODS if m in OUTPUT_ONLY]
+    check_length(record, asked, file)
+    levels = level_ratios(record)
+    measured, record = record, replace(record, values=record.values / levels[:, None])
+    length = record.samples // table.fragments
+    several: dict[tuple[str, int], OperationalModes] = {}
+    for i in range(table.fragments):
+        piece = record.select_samples(i * length, (i + 1) * length)
+        for j, name in enumerate(names):
+            progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
+            several[name, i] = _by_hand(OUTPUT_ONLY[name].load()(piece, asked), file)
+    _check_choice([several[names[0], i] for i in range(table.fragments)], file)
+    found = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
+    labels = found.modes.dofs.labels()
+    phases = next((n for one in several.values() if (n := quadrature_notices(one.complex_shapes, labels))), ())
+    ready = prepared(record, asked)
+    spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
+    level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
+    inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
+    curve = Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
+    found = _unscaled(_judged(found, measured), measured, levels)
+    return replace(found, curve=curve, notices=(*phases, *found.notices))
+
+
+def _unscaled(found: Found, record: TimeSeries, levels: NDArray[np.float64]) -> Found:
+    """Shapes of the channels as they were measured, of those that were divided by their levels."""
+    if (levels == 1.0).all():
+        return found
+    of_channel = {c.dof: level for c, level in zip(record.channels, levels) if c.role != "input"}
+    factors = np.array([of_channel[dof] for dof in found.modes.dofs])[:, None]
+    modes, table = found.modes, found.table
+    sd = None if modes.shapes_sd is None else factors * modes.shapes_sd
+    modes = replace(modes, shapes=factors * modes.shapes, shapes_sd=sd, normalisation="unknown")
+    return replace(found, modes=modes, table=table and replace(table, shapes=factors * table.shapes))
+
+
+def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:
+    table = file.identify
+    if table.band_hz is None:
+        half = 0.5 * record.even_hz
+        raise FemtuneError(
+            "identify.no-band",
+            where=file.where("identify"),
+            values={"half the sampling rate": f"{half:g} Hz", "length": f"{record.duration_s:g} s"},
+        )
+    # a line at zero belongs to no mode; a record of ten samples is told so before its band is raised
+    low = max(table.band_hz[0], min(2.0 / record.duration_s, 0.5 * table.band_hz[1]))
+    return Operational((low, table.band_hz[1]), table.largest_order or DEFAULT_ORDER)
+
+
+def _by_hand(found: OperationalModes, file: IdentifyFile) -> OperationalModes:
+    """The choice of the file, as far as this method has such clusters in this fragment."""
+    take, drop = (
+        tuple(f for f in asked if has_candidate(found.candidates, f))
+        for asked in (file.identify.take_hz, file.identify.drop_hz)
+    )
+    return chosen_modes(found, change_choice(found.candidates, take, drop)) if take or drop else found
+
+
+def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
+    """What is taken or dropped by hand is a cluster of the first method, in one fragment at least."""
+    for key, asked in (("take_hz", file.identify.take_hz), ("drop_hz", file.identify.drop_hz)):
+        for freq in asked:
+            if any(has_candidate(found.candidates, freq) for found in first):
+                continue
+            try:
+                change_choice(first[0].candidates, (freq,))
+            except FemtuneError as error:
+                error.where = file.where("identify", key)
+                raise
+
+
+def _first(names: list[str], several: dict[tuple[str, int], OperationalModes], dropped: tuple[float, ...]) -> Found:
+    first = several[names[0], 0]
+    if not len(first.modes):
+        raise FemtuneError("identify.no-modes/of-first-method", method=names[0])
+    by_method = {name: _beside(first.modes, several[name, 0].modes) for name in names}
+    notices = _further(names[0], {name: several[name, 0].modes for name in names}, dropped)
+    found = Found(
+        first.modes, first.collinearity, first.table, first.candidates, by_method, _NO_CURVE, notices=notices
+    )  # fmt: skip
+    return _remarked(found, first.deviation_deg)
+
+
+def _further(first: str, modes: dict[str, ModeSet], dropped: tuple[float, ...]) -> tuple[Notice, ...]:
+    """The modes of other methods that the first one lacks, except those that the user dropped."""
+    found = []
+    for name, others in modes.items():
+        lacking = [
+            float(hz)
+            for hz, own in zip(others.freq_hz, _beside(others, modes[first]))
+            if np.isnan(own) and not any(abs(hz - f) <= NEAR * f for f in dropped)
+        ]
+        if lacking:
+            more = f" and {len(lacking) - _LISTED} more" if len(lacking) > _LISTED else ""
+            found.append(f"{name}: {', '.join(f'{hz:.4g}' for hz in lacking[:_LISTED])} Hz{more}")
+    notice = Notice("identify.further-modes", level="info", first=first, found="; ".join(found)) if found else None
+    return (notice,) if notice else ()
+
+
+def _beside(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
+    """(m,) the frequency of the other method's mode that is the same one, NaN where there is none."""
+    if not len(others):
+        return np.full(len(modes), np.nan)
+    same = mac(modes.shapes, others.shapes) >= ALIKE
+    away = np.where(same, np.abs(others.freq_hz / modes.freq_hz[:, None] - 1.0), np.inf)
+    at = away.argmin(axis=1)
+    near = away[np.arange(len(modes)), at] <= NEAR
+    return np.where(near, others.freq_hz[at], np.nan)
+
+
+def _means(several: dict[tuple[str, int], OperationalModes], record: TimeSeries) -> Found:
+    combined = combine([Estimate(name, i, found.modes) for (name, i), found in several.items()])
+    with_orders = next((f for f in several.values() if f.table is not None), None)
+    table, candidates = (None, ()) if with_orders is None else (with_orders.table, with_orders.candidates)
+    modes = replace(combined.modes, source=record.source)
+    collinearity, deviation_deg = (
+        np.array([_middle(several.values(), modes, i, name) for i in range(len(modes))])
+        for name in ("collinearity", "deviation_deg")
+    )
+    found = Found(
+        modes, collinearity, table, candidates, combined.by_method, _NO_CURVE, combined.found, len(several),
+        combined.dropped,
+    )  # fmt: skip
+    return _remarked(found, deviation_deg)
+
+
+def _middle(several: Iterable[OperationalModes], modes: ModeSet, i: int, name: str) -> float:
+    """Median over the estimates that have a mode of what their complex shapes show of it."""
+    only = modes.select_modes([i])
+    at = [(found, _beside(only, found.modes)[0]) for found in several]
+    values = [getattr(f, name)[int(np.argmin(np.abs(f.modes.freq_hz - hz)))] for f, hz in at if np.isfinite(hz)]
+    return float(np.median(values)) if values else float("nan")
+
+
+def _remarked(found: Found, deviation_deg: NDArray[np.float64]) -> Found:
+    """With remarks on modes whose damping or shape is not that of a structure."""
+    freq = found.modes.freq_hz
+    remarks = (
+        *damping_remarks(freq, found.modes.damping_ratio),
+        *collinearity_remarks(freq, found.collinearity, deviation_deg),
+    )
+    return replace(found, remarks=remarks, notices=(*found.notices, *(r.notice for r in remarks)))
+
+
+def _judged(found: Found, record: TimeSeries) -> Found:
+    """Peaks that a recorded ground has too."""
+    ground = record.positions("input")
+    if not ground:
+        return found
+    segment = min(2 ** int(np.log2(record.even_hz / found.modes.freq_hz.min() * 200.0)), record.samples // 8)
+    spectra = cross_spectra(record.values - record.values.mean(axis=1, keepdims=True), record.even_hz, segment)
+    return replace(found, of_input=judge_peaks(found.modes.freq_hz.tolist(), spectra, ground))
+
+
+_NO_CURVE = Curve(np.zeros(0), np.zeros(0), "")

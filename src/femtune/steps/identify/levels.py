@@ -1,0 +1,246 @@
+"""Further measurements at other levels of force, identified like the first one, and whether the structure is linear."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import convolve1d, uniform_filter1d
+
+from femtune.errors import Notice
+from femtune.identification.linearity import ForceLevel, Linearity, LinearityLimits, check_linearity
+from femtune.study.record import Record
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.files.identification_file import IdentifyFile, LevelEntry
+    from femtune.identification.linearity import FunctionsAtLevel, ModeAtLevels, Trend
+    from femtune.steps.identify.found import Found
+    from femtune.steps.identify.several import IdentifyEach
+
+
+class LevelTrend(Record):
+    """Change of the frequency or the damping ratio of a mode with the level of the force."""
+
+    largest_percent: float | None
+    """(value − value at the first level)/value at the first level of largest magnitude, in %; None if the mode was
+    found at one level only."""
+    sd_percent: float | None
+    """Standard deviation of this change, in %; None if not known."""
+    per_doubling_percent: float | None
+    """Change for twice the force by a line over the logarithm of the force, in %; None if all levels are equal."""
+    per_doubling_sd_percent: float | None
+    """Its standard deviation, in %; None if not known."""
+    beyond_limit: bool
+    """True if a change is above the limit, and above three standard deviations where these are known."""
+
+
+class LevelMode(Record):
+    """A mode of the first level at all levels."""
+
+    label: str
+    """Label of the mode at the first level."""
+    freq_hz: tuple[float | None, ...]
+    """Natural frequency by level, Hz; None where the mode was not found."""
+    damping_ratio: tuple[float | None, ...]
+    """Damping ratio by level; None where it is not known."""
+    mac: tuple[float | None, ...]
+    """MAC with the shape at the first level."""
+    frequency: LevelTrend
+    """Change of the frequency."""
+    damping: LevelTrend
+    """Change of the damping ratio."""
+    linear: bool | None
+    """Whether neither change is beyond its limit; None if the mode was found at the first level only."""
+
+
+class LevelFunctions(Record):
+    """FRFs of one level beside those of the first."""
+
+    functions: int
+    """Number of functions that are compared; 0 if none."""
+    lines: int
+    """Number of common frequency lines."""
+    frac: float | None
+    """FRAC of all functions together."""
+    lowest_frac: float | None
+    """FRAC of the function that differs most."""
+    lowest: str
+    """Response and reference of this function."""
+    change_percent: float | None
+    """|H − H of the first level| relative to |H of the first level|, all functions together, in %."""
+    noise_percent: float | None
+    """The value that noise alone would give, in %; None if the noise is not known."""
+    differing: int
+    """Number of functions whose FRAC is below the limit and that differ by more than noise; if the noise is not known,
+    1 if the FRAC of all functions together is below the limit."""
+    reason: str
+    """The reason why nothing was compared; "" if it was."""
+
+
+class LinearityResults(Record):
+    """Linearity from tests at several levels of force."""
+
+    names: tuple[str, ...]
+    """The levels; the first is the reference."""
+    forces: tuple[float, ...]
+    """Their forces."""
+    modes: tuple[LevelMode, ...]
+    """Modes of the first level."""
+    functions: tuple[LevelFunctions, ...]
+    """One entry for each further level."""
+    linear: bool | None
+    """The verdict; None if neither modes nor functions could be compared."""
+    frequency_limit_percent: float
+    """Accepted change of a frequency, in %."""
+    damping_limit_percent: float
+    """Accepted change of a damping ratio, in %."""
+    frac_limit: float
+    """Accepted FRAC."""
+    sentence: str
+    """The verdict with its numbers."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the levels are identified and compared.
+
+
+def level_file(file: IdentifyFile, entry: LevelEntry) -> IdentifyFile:
+    """The identification file with the measurement of another level."""
+    changed = {"record": entry.record, "frfs": entry.frfs}
+    copy = file.model_copy(update={"identify": file.identify.model_copy(update=changed)})
+    copy._path, copy._source = file._path, file._source
+    return copy
+
+
+def linearity_of(file: IdentifyFile, found: Found, identify: IdentifyEach) -> LinearityResults | None:
+    """All levels compared with the first; None without [[level]].
+
+    Parameters
+    ----------
+    found : at the level of [identify]
+    identify : identifies the measurements of files
+
+    Raises
+    ------
+    FemtuneError : whatever is wrong with the measurement of a level
+    """
+    if not file.level:
+        return None
+    table = file.linearity
+    levels = [_level(file, found, table.force or 1.0, "")]
+    files = [level_file(file, entry) for entry in file.level]
+    each = identify([(of_level, f"level {of_level.measured_path.name}") for of_level in files])
+    levels += [_level(f, one, e.force, e.name or "") for f, one, e in zip(files, each, file.level)]
+    limits = LinearityLimits(table.largest_frequency_change, table.largest_damping_change, table.least_frac)
+    return _record(check_linearity(levels, limits))
+
+
+def _level(file: IdentifyFile, found: Found, force: float, name: str) -> ForceLevel:
+    own = [i for i in range(len(found.modes)) if found.of_structure(i)]
+    shown = name or f"{Path(file.measured_path).name} ({force:g})"
+    return ForceLevel(shown, force, found.modes.select_modes(own), found.measured, _sd(found))
+
+
+_NEIGHBOURS = 17
+"""Lines over which estimates of the noise are averaged."""
+_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+
+
+def _sd(found: Found) -> Reals | None:
+    """√E|error|² of the functions: that of their estimate, else the smaller one of two estimates, line by line.
+
+    One is the size of what the identified modes do not explain, which includes errors of the fit, the other that of the
+    fourth difference over neighbouring lines, which includes the curvature of sharp peaks.
+    """
+    if found.measured_sd is not None or found.measured is None:
+        return found.measured_sd
+    values, estimates = found.measured.values, []
+    if found.synthesised is not None:
+        estimates.append(np.abs(values - found.synthesised.values) ** 2)
+    if values.shape[2] >= len(_FOURTH):
+        rough = np.abs(convolve1d(values.real, _FOURTH, axis=2) + 1j * convolve1d(values.imag, _FOURTH, axis=2)) ** 2
+        estimates.append(rough / np.sum(_FOURTH**2))
+    smooth = [uniform_filter1d(e, _NEIGHBOURS, axis=2, mode="nearest") for e in estimates]
+    return np.asarray(np.sqrt(np.min(smooth, axis=0))) if smooth else None
+
+
+def linearity_notice(found: LinearityResults) -> tuple[Notice, ...]:
+    """``frf.not-linear`` where the structure is not linear."""
+    return (Notice("frf.not-linear/levels", sentence=found.sentence),) if found.linear is False else ()
+
+
+def _record(found: Linearity) -> LinearityResults:
+    return LinearityResults(
+        names=found.names,
+        forces=found.forces,
+        modes=tuple(_mode(m) for m in found.modes),
+        functions=tuple(_functions(f) for f in found.functions),
+        linear=found.linear,
+        frequency_limit_percent=100.0 * found.limits.frequency,
+        damping_limit_percent=100.0 * found.limits.damping,
+        frac_limit=found.limits.frac,
+        sentence=_sentence(found),
+    )
+
+
+def _mode(m: ModeAtLevels) -> LevelMode:
+    return LevelMode(
+        label=m.label,
+        freq_hz=tuple(_number(v) for v in m.freq_hz),
+        damping_ratio=tuple(_number(v) for v in m.damping_ratio),
+        mac=tuple(_number(v) for v in m.mac),
+        frequency=_trend(m.frequency),
+        damping=_trend(m.damping),
+        linear=m.linear,
+    )
+
+
+def _trend(t: Trend) -> LevelTrend:
+    return LevelTrend(
+        largest_percent=_number(100.0 * t.largest),
+        sd_percent=_number(100.0 * t.largest_sd),
+        per_doubling_percent=_number(100.0 * t.per_doubling),
+        per_doubling_sd_percent=_number(100.0 * t.per_doubling_sd),
+        beyond_limit=t.beyond,
+    )
+
+
+def _functions(f: FunctionsAtLevel) -> LevelFunctions:
+    return LevelFunctions(
+        functions=f.functions,
+        lines=f.lines,
+        frac=_number(f.frac),
+        lowest_frac=_number(f.lowest_frac),
+        lowest=f.lowest,
+        change_percent=_number(100.0 * f.change),
+        noise_percent=_number(100.0 * f.noise),
+        differing=f.differing,
+        reason=f.reason,
+    )
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _sentence(found: Linearity) -> str:
+    if found.linear is None:
+        return "linearity was not tested: neither modes nor functions could be compared between the levels"
+    parts = [_worst(found, name) for name in ("frequency", "damping")]
+    fracs = [f.frac for f in found.functions if not f.reason]
+    parts += [f"lowest FRAC between levels {min(fracs):.3f}"] if fracs else []
+    verdict = "linear within the limits" if found.linear else "not linear"
+    return f"the structure is {verdict}: {'; '.join(part for part in parts if part)}"
+
+
+def _worst(found: Linearity, name: str) -> str:
+    trends = [(m.label, getattr(m, name)) for m in found.modes]
+    known = [(label, t) for label, t in trends if np.isfinite(t.largest)]
+    if not known:
+        return ""
+    label, worst = max(known, key=lambda item: (item[1].beyond, abs(item[1].largest)))
+    noise = f" ± {100.0 * worst.largest_sd:.2g} %" if np.isfinite(worst.largest_sd) else ""
+    word = {"frequency": "frequency", "damping": "damping ratio"}[name]
+    return f"largest change of a {word} {100.0 * worst.largest:+.2f} %{noise} (mode {label})"

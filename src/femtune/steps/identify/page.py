@@ -1,0 +1,409 @@
+"""The page of an identification: modes with their standard deviations, how they were chosen, how well they fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.document.alert_boxes import alert_boxes
+from femtune.document.document import Document, Figure, Listing, Paragraph, Section, Table, columns, row
+from femtune.document.figures.frfs import FrfCurve, FrfPanel, frfs_svg
+from femtune.document.figures.shapes import ShapePanel, Wireframe, shapes_svg
+from femtune.document.figures.stabilisation import StabilisationPicture, stabilisation_svg
+from femtune.document.numbers import (
+    NONE,
+    NOT_TESTED,
+    as_sentence,
+    counted,
+    freq,
+    percent,
+    short,
+    signed_percent,
+    typeset,
+    unit_fraction,
+)
+from femtune.document.page_view import FunctionsView, PageView, SceneView, StageView
+from femtune.identification.choice import Limits, stable
+from femtune.identification.mode_checks import LARGE_DAMPING
+from femtune.steps.report.view import FUNCTION_BYTES, coordinates, curve_view, phases, quantised, whole
+from femtune.steps.respond.facts import frf_unit
+from femtune.units import unit_system
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from femtune.document.document import Block, Level
+    from femtune.modal import ModeSet
+    from femtune.steps.identify.levels import LevelFunctions, LevelMode, LevelTrend, LinearityResults
+    from femtune.steps.identify.record import IdentifiedMode
+    from femtune.steps.identify.run import IdentifyResult
+    from femtune.testdata import WireFrame
+
+_SHOWN_FUNCTIONS = 6
+
+
+def build_identification_page(made: IdentifyResult) -> Document:
+    """The page as data; pictures are drawn when a renderer asks for them."""
+    sentence, level = _verdict(made)
+    sections = (
+        Section("modes", "Modes", tuple(_modes(made))),
+        Section("shapes", "Mode shapes", tuple(_shapes(made))),
+        Section("poles", "Choice of the modes", tuple(_poles(made))),
+        Section("fit", "Measured and synthesised functions", tuple(_fit(made))),
+        Section("linearity", "Linearity", tuple(_linearity(made))),
+        Section("checks", "Remarks", tuple(_remarks(made))),
+        Section("files", "Files", (Paragraph(f"{made.folder}: {', '.join(made.files)}"),)),
+    )
+    kept = tuple(s for s in sections if s.blocks)
+    short_form = tuple(s for s in kept if s.id in ("modes", "linearity", "checks", "files"))
+    facts, collect = _facts(made), partial(_view, made)
+    return Document(made.record.title, sentence, level, facts, kept, short_form, "Identification", collect)
+
+
+def _verdict(made: IdentifyResult) -> tuple[str, Level]:
+    modes = made.record.modes
+    own = [m for m in modes if not m.of_input]
+    text = (
+        f"{counted(len(own), 'mode')} from {freq(own[0].freq_hz)} to {freq(own[-1].freq_hz)} Hz" if own else "No mode"
+    )
+    doubtful = sum(m.doubtful for m in own)
+    if doubtful:
+        text += f", {doubtful} of them doubtful"
+    text += _agreement(own)
+    others = len(modes) - len(own)
+    if others:
+        text += f"; {counted(others, 'peak')} of the excitation excluded"
+    warned = any(a.level != "info" for a in made.record.alerts) or not own
+    return text + ".", "warning" if warned else "info"
+
+
+def _agreement(modes: list[IdentifiedMode]) -> str:
+    """How far several methods agree on the modes that they have in common, and how many only one of them has."""
+    if not modes or len(modes[0].by_method) < 2:
+        return ""
+    found = [[f for f in mode.by_method.values() if f is not None] for mode in modes]
+    spans = [(max(f) - min(f)) / mode.freq_hz for mode, f in zip(modes, found) if len(f) > 1]
+    alone = sum(len(f) == 1 for f in found)
+    text = "; no mode was found by several methods"
+    if spans:
+        which = "all modes" if len(spans) == len(modes) else counted(len(spans), "mode")
+        text = (
+            f"; several methods found {which}, with frequencies that differ by at most {percent(100.0 * max(spans))} %"
+        )
+    return f"{text}; only one method found {counted(alone, 'mode')}" if alone and spans else text
+
+
+def _facts(made: IdentifyResult) -> tuple[tuple[str, str], ...]:
+    record = made.record
+    return (
+        ("Measurement", record.source.path),
+        ("Sensors", str(len(record.dofs))),
+        ("Shapes", f"{record.normalisation}, {record.units}"),
+        ("Written by", f"femtune {record.femtune_version}"),
+    )
+
+
+def _modes(made: IdentifyResult) -> Iterator[Block]:
+    record = made.record
+    methods = list(record.modes[0].by_method) if record.modes else []
+    counted_in = any(m.estimates is not None for m in record.modes)
+    heads = columns(
+        "Mode", ">Hz", ">± σ", ">Damping %", ">± σ", *(f">{m} Hz" for m in methods), ">Collinearity",
+        *((">Found in",) if counted_in else ()),
+    )  # fmt: skip
+    rows = [row(*_mode_cells(m, methods, made.found.estimates, counted_in)) for m in record.modes]
+    note = (
+        "σ is the standard deviation (– if the method gives none). The collinearity of a real shape is 1. A mode is "
+        f"doubtful if its damping ratio is not between 0 and {100.0 * LARGE_DAMPING:g} %, or if its modal mass is "
+        "negative."
+    )
+    yield Table("Modes", heads, tuple(rows), note)
+
+
+def _mode_cells(mode: IdentifiedMode, methods: list[str], estimates: int, counted_in: bool) -> list[str]:
+    damping = None if mode.damping_ratio is None else 100.0 * mode.damping_ratio
+    spread = None if mode.damping_sd is None else 100.0 * mode.damping_sd
+    word = " (excitation)" if mode.of_input else " (doubtful)" if mode.doubtful else ""
+    name = f"{mode.label}{word}"
+    cells = [name, freq(mode.freq_hz), _spread(mode.freq_sd_hz), short(damping), _spread(spread)]
+    cells += [freq(mode.by_method[m]) for m in methods]
+    cells.append(unit_fraction(mode.phase_collinearity, NONE))
+    return [*cells, f"{mode.estimates} of {estimates}"] if counted_in else cells
+
+
+def _spread(number: float | None) -> str:
+    return NONE if number is None else typeset(f"{number:.2g}")
+
+
+_A_FIGURE, _MOST_LINES = 6, 20_000
+"""Modes in a figure, and trace lines in all of them: the page must stay small enough to be sent."""
+
+
+def _shapes(made: IdentifyResult) -> Iterator[Block]:
+    """The identified shapes on the wire frame of the test; nothing without a geometry."""
+    geometry, modes = made.found.geometry, made.found.modes
+    placed = [i for i, dof in enumerate(modes.dofs) if dof.node in geometry and 1 <= dof.component <= 3]
+    if not placed:
+        return
+    frame = _wire_frame(geometry)
+    most = min(len(modes), max(1, _MOST_LINES // max(len(frame.lines), 1)))
+    for first in range(0, most, _A_FIGURE):
+        group = range(first, min(first + _A_FIGURE, most))
+        titles = [f"{modes.labels[i]}: {freq(modes.freq_hz[i])} Hz" for i in group]
+        draw = partial(_draw_shapes, frame, geometry, modes, group, placed)
+        yield Figure(draw, "", f"Identified mode shapes. {'; '.join(titles)}", wide=True)
+    lost = len(modes.dofs) - len(placed)
+    if lost:
+        yield Paragraph(
+            f"{counted(lost, 'degree')} of freedom not drawn: rotations, or points without a place.", "muted"
+        )
+
+
+def _wire_frame(geometry: WireFrame) -> Wireframe:
+    row = {int(node): i for i, node in enumerate(geometry.nodes)}
+    paths = [*geometry.lines, *((*e, e[0]) for e in geometry.elements if len(e) > 1)]
+    lines = [(row[a], row[b]) for path in paths for a, b in pairwise(path)]
+    ends = np.array(lines, dtype=np.int64).reshape(-1, 2)
+    return Wireframe(geometry.coordinates, ends, np.zeros(len(ends), dtype=bool))
+
+
+def _draw_shapes(frame: Wireframe, geometry: WireFrame, modes: ModeSet, group: range, placed: list[int]) -> str:
+    titles = [f"{modes.labels[i]}: {freq(modes.freq_hz[i])} Hz" for i in group]
+    panels = [ShapePanel(title, motion_at_points(geometry, modes, i, placed)) for title, i in zip(titles, group)]
+    return shapes_svg(frame, panels, axes=group[0] == 0)
+
+
+def motion_at_points(geometry: WireFrame, modes: ModeSet, mode: int, placed: list[int]) -> NDArray[np.float64]:
+    """(n, 3) the shortest motion of each point that its sensors, along their directions, agree with."""
+    values = np.nan_to_num(np.real(modes.shapes[:, mode]))
+    motion = np.zeros((len(geometry), 3))
+    nodes = np.array([modes.dofs[i].node for i in placed])
+    for node in np.unique(nodes):
+        at = [i for i, n in zip(placed, nodes) if n == node]
+        directions = np.array([geometry.direction(modes.dofs[i]) for i in at])
+        motion[geometry.nodes == node] = np.linalg.lstsq(directions, values[at], rcond=None)[0]
+    return motion
+
+
+def _view(made: IdentifyResult) -> PageView:
+    """What moves on the page: the shapes on the wire frame, measured and synthesised functions."""
+    return PageView(tuple(_scenes(made)), tuple(_functions(made)))
+
+
+def _scenes(made: IdentifyResult) -> Iterator[SceneView]:
+    geometry, modes = made.found.geometry, made.found.modes
+    placed = [i for i, dof in enumerate(modes.dofs) if dof.node in geometry and 1 <= dof.component <= 3]
+    if not placed or not len(modes):
+        return
+    frame = _wire_frame(geometry)
+    turned = modes.shapes * phases(np.nan_to_num(modes.shapes))
+    real, imaginary = (
+        np.stack([motion_at_points(geometry, part, i, placed) for i in range(len(modes))], axis=-1)
+        for part in (replace(modes, shapes=turned.real), replace(modes, shapes=turned.imag))
+    )
+    ratios = modes.damping_ratio
+    none = np.zeros((0, 4), np.int64)
+    stage = StageView(
+        title="identified",
+        numbers=tuple(range(1, len(modes) + 1)),
+        freq_hz=tuple(map(float, modes.freq_hz)),
+        stored=tuple(range(len(modes))),
+        motion=quantised(real),
+        damping_ratio=() if ratios is None else tuple(float(z) if np.isfinite(z) else None for z in ratios),
+        motion_imaginary=quantised(imaginary) if imaginary.any() else None,
+    )
+    yield SceneView(
+        configuration="test", note="", points=coordinates(frame.points), faces=whole(none), edges=whole(none[:, :2]),
+        lines=whole(frame.lines), rigid=whole(none[:, :2]), stages=(stage,), test_labels=tuple(modes.labels),
+        test_only=True,
+    )  # fmt: skip
+
+
+def _functions(made: IdentifyResult) -> Iterator[FunctionsView]:
+    """Those with the poorest fits where there is no room for all."""
+    found = made.found
+    if found.measured is None or found.synthesised is None or found.misfit_percent is None:
+        return
+    sides = (("test", found.measured), ("identified", found.synthesised))
+    order = np.argsort(-found.misfit_percent, axis=None)
+    shown = order[: max(1, FUNCTION_BYTES // (8 * sum(len(side.freq_hz) for _, side in sides)))]
+    i, j = np.unravel_index(shown, found.misfit_percent.shape)
+    titles = [
+        f"{found.measured.responses[a]} / {found.measured.references[b]}, "
+        f"error {percent(float(found.misfit_percent[a, b]))} %"
+        for a, b in zip(i.tolist(), j.tolist())
+    ]
+    left = len(order) - len(shown)
+    curves = tuple(curve_view(look, side.freq_hz, side.values[i, j]) for look, side in sides)
+    note = f"The {len(shown)} functions with the poorest fits, of {len(order)}." if left else ""
+    unit = frf_unit(found.measured.kind, unit_system(made.record.units))
+    ordinate = f"{found.measured.kind.capitalize()}, {unit}"
+    yield FunctionsView("test", ordinate, tuple(titles), curves, note, section="fit")
+
+
+def _poles(made: IdentifyResult) -> Iterator[Block]:
+    picture = _picture(made)
+    shown = "no pole has a model order" if made.found.table is None else counted(len(made.found.table), "pole")
+    yield Figure(
+        partial(stabilisation_svg, picture),
+        "Poles of all model orders; poles that are stable from order to order are drawn large. Curve in the "
+        f"background: {made.found.curve.words}. Solid lines: chosen modes. Dashed lines: peaks of the excitation.",
+        f"Stabilisation diagram, {shown}, {counted(len(made.record.modes), 'mode')} chosen",
+        wide=True,
+    )
+    if made.record.clusters:
+        heads = columns(">Hz", ">Damping %", "Chosen", "Reason")
+        rows = [
+            row(freq(c.freq_hz), short(100.0 * c.damping_ratio), "yes" if c.chosen else "no", c.reason)
+            for c in made.record.clusters
+        ]
+        note = "To change the choice, use take_hz and drop_hz in the file, or --take and --drop."
+        yield Table("Clusters of stable poles", heads, tuple(rows), note, folded=True)
+
+
+def _picture(made: IdentifyResult) -> StabilisationPicture:
+    found, table = made.found, made.found.table
+    own = [m.freq_hz for m in made.record.modes if not m.of_input]
+    others = [m.freq_hz for m in made.record.modes if m.of_input]
+    curve = found.curve
+    ends = curve.freq_hz if len(curve.freq_hz) else np.array([*own, *others])
+    band = float(ends.min()), float(ends.max())
+    if table is None:
+        nothing = np.zeros(0)
+        return StabilisationPicture(
+            nothing, np.zeros(0, int), (), np.zeros(0, bool), curve.freq_hz, curve.level_db, own, others, band
+        )
+    inside = (table.freq_hz >= band[0]) & (table.freq_hz <= band[1])
+    shown, firm = table.select(inside), stable(table, Limits())[inside]
+    return StabilisationPicture(
+        shown.freq_hz, shown.order, shown.method, firm, curve.freq_hz, curve.level_db, own, others, band
+    )
+
+
+def _fit(made: IdentifyResult) -> Iterator[Block]:
+    found = made.found
+    if found.measured is None or found.synthesised is None or found.misfit_percent is None:
+        return
+    worst, middle = float(found.misfit_percent.max()), float(np.median(found.misfit_percent))
+    yield Paragraph(
+        "The error is the root mean square of measured − synthesised relative to that of the measured function. It is "
+        f"{percent(worst)} % for the function with the poorest fit and {percent(middle)} % in the median. The "
+        "synthesis contains the modes and residual terms for the modes outside the band. Check the sensors of "
+        "functions with a poor fit."
+    )
+    panels = tuple(_panel(made, i, j) for i, j in _functions_to_show(found.misfit_percent))
+    caption = "Wide line: measured. Narrow line: synthesised from the identified modes. The poorest fits come last."
+    yield Figure(partial(frfs_svg, panels), caption, "Measured and synthesised functions", wide=True)
+
+
+def _functions_to_show(misfit: np.ndarray) -> list[tuple[int, int]]:
+    """Half of them from the best, half from the worst."""
+    order = [(int(i), int(j)) for i, j in zip(*np.unravel_index(np.argsort(misfit, axis=None), misfit.shape))]
+    if len(order) <= _SHOWN_FUNCTIONS:
+        return order
+    half = _SHOWN_FUNCTIONS // 2
+    return [*order[:half], *order[-half:]]
+
+
+def _panel(made: IdentifyResult, i: int, j: int) -> FrfPanel:
+    found = made.found
+    assert found.measured is not None
+    assert found.synthesised is not None
+    assert found.misfit_percent is not None
+    missed = percent(float(found.misfit_percent[i, j]))
+    title = f"{found.measured.responses[i]} / {found.measured.references[j]}, error {missed} %"
+    curves = (
+        FrfCurve("test", found.measured.freq_hz, found.measured.values[i, j]),
+        FrfCurve("model", found.synthesised.freq_hz, found.synthesised.values[i, j]),
+    )
+    return FrfPanel(title, found.measured.kind, curves)
+
+
+def _linearity(made: IdentifyResult) -> Iterator[Block]:
+    found = made.record.linearity
+    if found is None:
+        return
+    yield Paragraph(as_sentence(found.sentence), "poor" if found.linear is False else "")
+    note = (
+        f"Changes relative to {found.names[0]}, the largest over the levels, ± one standard deviation, and for twice "
+        f"the force. A mode is not linear if its frequency changes by more than {found.frequency_limit_percent:g} % or "
+        f"its damping ratio by more than {found.damping_limit_percent:g} %, and by more than three standard deviations "
+        "where these are known."
+    )
+    heads = columns(
+        "Mode", *(f">{name}, Hz" for name in found.names), ">Change %", ">Per doubling %",
+        *(f">{name}, damping %" for name in found.names), ">Change %", ">Per doubling %", "Linear",
+    )  # fmt: skip
+    if found.modes:
+        yield Table("Modes at several levels of force", heads, tuple(row(*_level_cells(m)) for m in found.modes), note)
+    yield _level_functions(found)
+
+
+def _level_cells(mode: LevelMode) -> list[str]:
+    damping = [short(None if z is None else 100.0 * z) for z in mode.damping_ratio]
+    return [
+        mode.label,
+        *(freq(f) for f in mode.freq_hz),
+        *_trend_cells(mode.frequency),
+        *damping,
+        *_trend_cells(mode.damping),
+        NOT_TESTED if mode.linear is None else "yes" if mode.linear else "no",
+    ]
+
+
+def _trend_cells(trend: LevelTrend) -> list[str]:
+    pairs = (
+        (trend.largest_percent, trend.sd_percent),
+        (trend.per_doubling_percent, trend.per_doubling_sd_percent),
+    )
+    return [signed_percent(v) + (f" ± {_spread(sd)}" if v is not None and sd is not None else "") for v, sd in pairs]
+
+
+def _level_functions(found: LinearityResults) -> Table:
+    heads = columns(
+        "Level",
+        ">Functions",
+        ">Lines",
+        ">FRAC",
+        ">Lowest FRAC",
+        "Response / reference",
+        ">Change %",
+        ">Noise %",
+        "Remark",
+    )
+    rows = [
+        row(
+            name, str(f.functions), str(f.lines), unit_fraction(f.frac, NONE), unit_fraction(f.lowest_frac, NONE),
+            f.lowest, percent(f.change_percent), percent(f.noise_percent),
+            as_sentence(f.reason) if f.reason else _differing(f),
+        )
+        for name, f in zip(found.names[1:], found.functions)
+    ]  # fmt: skip
+    note = (
+        f"FRFs compared with those of {found.names[0]}. Noise: the change that noise alone would give (from the "
+        "record, or estimated from the fit and from neighbouring lines). A level is not linear if the FRAC is below "
+        f"{found.frac_limit:g} and the functions differ by more than noise."
+    )
+    return Table("FRFs at several levels of force", heads, tuple(rows), note)
+
+
+def _differing(f: LevelFunctions) -> str:
+    if not f.differing:
+        return ""
+    return f"{counted(f.differing, 'function')} below the limit" if f.noise_percent is not None else "below the limit"
+
+
+def _remarks(made: IdentifyResult) -> Iterator[Block]:
+    flagged = tuple(as_sentence(m.remark) for m in made.record.modes if m.of_input)
+    if flagged:
+        yield Listing(flagged)
+    if made.found.dropped:
+        few = ", ".join(f"{freq(f)} Hz ({n})" for f, n in made.found.dropped)
+        words = f"Left out because they occur in too few of {made.found.estimates} estimates: {few}."
+        yield Paragraph(words, tone="muted")
+    yield from alert_boxes(made.record.alerts)

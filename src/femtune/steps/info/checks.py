@@ -1,0 +1,179 @@
+"""Checks of the model for errors that updating cannot correct."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.correlation.unit_factor import mass_factor_words
+from femtune.errors import FemtuneError
+from femtune.fem.checks import mass_properties
+from femtune.model import EigenSolution, grid_matrix
+from femtune.model.mesh_error import MOST_DOFS, USUAL_DOFS, MeshChange, mass_change, mesh_change, too_large
+from femtune.steps.info.neutral_axis import of_neutral_axis, of_unknown_neutral_axis
+from femtune.study.record import Alert
+from femtune.study.solved import nominal, solve
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.study.cases import StudyCase
+    from femtune.study.progress import Progress
+    from femtune.study.study import Study
+from femtune.steps.info.record.checks import ModelCheck, ModeMeshError
+
+Solutions = Mapping[str, EigenSolution]
+
+
+MASS, LUMPING, MESH = "weighed mass", "lumped or consistent mass", "mesh"
+
+
+_SAME = 1e-6
+
+
+_OFF = "refinement = false in [checks]"
+
+
+_IN_PARAMETERS = "an update would absorb this error into the parameters"
+
+
+def mass_checks(study: Study) -> tuple[ModelCheck, ...]:
+    """Measured mass and mass of the model, for each configuration."""
+    return tuple(_mass(study, case) for case in study.cases)
+
+
+def _mass(study: Study, case: StudyCase) -> ModelCheck:
+    weighed, limit = case.configured.configuration.weighed_mass, 100.0 * study.file.checks.mass_error
+    if weighed is None:
+        return _untested(case, MASS, limit, "no measured mass is given (weighed_mass in the configuration)")
+    matrix = grid_matrix(study.model, case.configured.configuration, "mass")
+    ratio = mass_properties(study.model.structure.nodes, matrix).mass / weighed
+    difference, cause = 100.0 * (ratio - 1.0), mass_factor_words(ratio)
+    sentence = f"the mass of the model differs by {difference:+.2g} % from the measured mass"
+    return _tested(case, MASS, limit, difference, f"{sentence}; {cause}" if cause else sentence)
+
+
+def model_checks(study: Study, solutions: Solutions, progress: Progress) -> tuple[ModelCheck, ...]:
+    """All checks of the configurations that the update uses, at the deck's values."""
+    found = list(mass_checks(study))
+    for case in study.cases:
+        if case.used is not None and case.name in solutions:
+            progress.step(f"mass and mesh: {case.name}", 0, None)
+            found += [_lumping(study, case, solutions[case.name]), mesh_check(study, case, solutions[case.name])]
+    return tuple(found)
+
+
+def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelCheck:
+    limit, change = 100.0 * study.file.checks.mesh_error, mass_change(solution)
+    if isinstance(change, str):
+        return _untested(case, LUMPING, limit, change)
+    worst = _worst(case, solution, change)
+    if worst is None:
+        return _untested(case, LUMPING, limit, "no elastic mode was computed")
+    mode, value = worst
+    kind = "consistent" if case.configured.model.structure.consistent_mass else "lumped"
+    other = "lumped" if kind == "consistent" else "consistent"
+    sentence = f"{other} instead of {kind} mass changes the frequency of mode {mode} by {value:+.2g} %"
+    return _tested(case, LUMPING, limit, value, sentence)
+
+
+def checks_of_modes(study: Study) -> tuple[list[ModelCheck], list[Alert]]:
+    """What the modes of each configuration tell of its mesh and of the mass of beams, if the model is small enough."""
+    reason, limit = mesh_not_checked(study), 100.0 * study.file.checks.mesh_error
+    checks: list[ModelCheck] = []
+    told: list[Alert] = []
+    for case in study.cases:
+        problem = reason
+        if not reason:
+            try:
+                solution = solve(study, case, nominal(study))
+                checks.append(mesh_check(study, case, solution))
+                told += of_neutral_axis(case.name, solution)
+            except FemtuneError as error:
+                problem = f"the modes could not be computed ({error.code})"
+        if problem:
+            checks.append(_untested(case, MESH, limit, problem))
+            told += of_unknown_neutral_axis(case.name, case.configured.at(nominal(study)))
+    return checks, told
+
+
+def mesh_not_checked(study: Study) -> str:
+    """The reason where neither the study nor the size of the model lets the mesh be checked; "" otherwise."""
+    return _OFF if study.file.checks.refinement is False else too_large(study.model.structure, _most_dofs(study))
+
+
+def _most_dofs(study: Study) -> int:
+    return MOST_DOFS if study.file.checks.refinement else USUAL_DOFS
+
+
+def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelCheck:
+    """Errors of the frequencies due to the mesh; of small models by default, of others if the study requests it."""
+    checks = study.file.checks
+    limit = 100.0 * checks.mesh_error
+    if checks.refinement is False:
+        return _untested(case, MESH, limit, _OFF)
+    found = mesh_change(solution, _most_dofs(study))
+    if isinstance(found, str):
+        return _untested(case, MESH, limit, found)
+    worst = _worst(case, solution, found.error)
+    if worst is None:
+        reason = "no mode of the refined mesh resembles a mode of the original mesh" + _drilling(found)
+        return _untested(case, MESH, limit, reason)
+    mode, value = worst
+    k = mode - 1
+    sentence = (
+        f"with elements of half the size ({found.free_dofs} free DOFs), mode {mode} changes from "
+        f"{found.freq_hz[k]:.5g} to {found.refined_hz[k]:.5g} Hz; its discretisation error is about {value:+.2g} %"
+    )
+    if found.whole:
+        sentence += f"; {', '.join(found.whole)} elements were not divided"
+    check = _tested(case, MESH, limit, value, sentence)
+    modes = tuple(_mode_errors(found))
+    return check.model_copy(update={"modes": modes, "sentence": check.sentence + _drilling(found)})
+
+
+def _drilling(found: MeshChange) -> str:
+    """Part of a sentence on modes without an estimate because of the drilling stiffness."""
+    if not found.drilling:
+        return ""
+    modes = f"mode{'s' if len(found.drilling) > 1 else ''} {', '.join(map(str, found.drilling))}"
+    return f"; no estimate for {modes}, whose drilling stiffness (K6ROT) falls with the size of the elements"
+
+
+def _mode_errors(found: MeshChange) -> Iterator[ModeMeshError]:
+    for i in np.flatnonzero(np.isfinite(found.freq_hz)):
+        known = bool(np.isfinite(found.error[i]))
+        yield ModeMeshError(
+            mode=int(i) + 1,
+            freq_hz=float(found.freq_hz[i]),
+            refined_hz=float(found.refined_hz[i]) if known else None,
+            error_percent=100.0 * float(found.error[i]) if known else None,
+            converged_hz=float(found.converged_hz[i]) if known else None,
+        )
+
+
+def _worst(case: StudyCase, solution: EigenSolution, values: Reals) -> tuple[int, float] | None:
+    """Number and value in % of the worst mode within the frequencies of the test."""
+    top = np.inf if case.modal is None else 1.05 * float(case.modal.test.freq_hz.max(initial=0.0))
+    inside = np.where(solution.freq_hz[: len(values)] <= top, np.abs(values), np.nan)
+    if not np.isfinite(inside).any():
+        return None
+    # modes in two planes change alike: the first of them is named, whatever rounding adds to the others
+    mode = int(np.flatnonzero(inside >= (1.0 - _SAME) * np.nanmax(inside))[0])
+    return mode + 1, 100.0 * float(values[mode])
+
+
+def _tested(case: StudyCase, check: str, limit: float, value: float, sentence: str) -> ModelCheck:
+    passed = abs(value) <= limit
+    tail = "" if passed else f", more than {limit:.2g} %: {_IN_PARAMETERS}"
+    return ModelCheck(
+        configuration=case.name, check=check, measured=value, limit=limit,
+        verdict="pass" if passed else "fail", sentence=f"{sentence}{tail}",
+    )  # fmt: skip
+
+
+def _untested(case: StudyCase, check: str, limit: float, reason: str) -> ModelCheck:
+    return ModelCheck(
+        configuration=case.name, check=check, measured=None, limit=limit, verdict="not tested", sentence=reason
+    )

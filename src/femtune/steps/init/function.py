@@ -1,0 +1,60 @@
+"""The steps around a new study: init and check."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from femtune.arguments import checked
+from femtune.study.described import units_word
+from femtune.study.progress import silent
+
+if TYPE_CHECKING:
+    from femtune.steps.init.run import InitResult
+    from femtune.study.progress import Progress
+    from femtune.units import UnitSystem
+
+
+@checked
+def init(
+    deck: Path | str,
+    test: Path | str,
+    folder: Path | str = ".",
+    *,
+    units: str | UnitSystem | None = None,
+    force: bool = False,
+    progress: Progress = silent,
+) -> InitResult:
+    """Write a first study, ``study.toml``, from a deck and a test; its comments give the reasons for each value.
+
+    Units are guessed from materials, coordinates and mass; sensors are assigned by coordinates, after a change of axes
+    or by number; parameters are proposed by what the test modes could determine. If the test has functions or records
+    instead of modes, the modes are identified first, and ``identify.toml`` is written too.
+
+    Parameters
+    ----------
+    deck : Nastran deck
+    test : Universal File with modes or FRFs, or a record
+    folder : for the files; it is made where it is not there
+    units : length-mass-s of the deck; guessed where nothing is said
+    force : replace files that are there
+    progress : receives progress reports
+
+    Raises
+    ------
+    FemtuneError : ``init.exists``, ``init.no-modes``, ``run.unwritable``, and errors in deck and test
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> made = ft.init(example_deck(), example_test())
+    >>> made
+    InitResult: study.toml: units m-kg-s, 4 test modes, 4 paired, 3 parameters
+    >>> ft.correlate(made.path).pairs.column("mac").round(2)
+    array([1., 1., 1., 1.])
+    """
+    # numerical packages that a check does without
+    from femtune.steps.init.run import init_study  # noqa: PLC0415
+
+    return init_study(Path(deck), Path(test), Path(folder), units_word(units) or None, force, progress)

@@ -1,0 +1,616 @@
+"""The step init: a commented study from a deck and a test."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from femtune.correlation.guessed_sensors import GuessedSensors, guess_sensors
+from femtune.correlation.unit_factor import unit_factor
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError, FemtuneErrors, Where
+from femtune.fem.checks import mass_properties
+from femtune.files.study_file import Given, frozen, study_from_data
+from femtune.files.study_file.source import StudyLines
+from femtune.files.uff import read_uff
+from femtune.files.whole_file import write_whole
+from femtune.modal import ModeSet
+from femtune.model.configured import grid_matrix
+from femtune.model.response.rigid import is_rigid
+from femtune.residuals import ComparedCase, modes_at_sensors, pair_case
+from femtune.steps.init.guessed_units import GuessedUnits, guess_units, unit_words
+from femtune.steps.init.proposed_parameters import FREQUENCY_SD, SHAPE_SD, FieldCandidate, Proposed, candidates, ranked
+from femtune.steps.init.written import StudyText
+from femtune.steps.result import StepResult
+from femtune.steps.run_folder import check_writable, unwritable
+from femtune.study.described import model_of_deck
+from femtune.study.measured import BEYOND_TEST
+from femtune.study.progress import silent
+from femtune.study.record import Record
+from femtune.study.rows import Rows, rows_of
+from femtune.study.solved import nominal, solve
+from femtune.study.study import load_study
+from femtune.testdata import convert_units
+from femtune.units import SI, unit_system
+
+if TYPE_CHECKING:
+    from femtune.arrays import Integers, Reals
+    from femtune.correlation import Pairing
+    from femtune.files.study_file import StudyFile
+    from femtune.model import EigenSolution
+    from femtune.study.described import Model
+    from femtune.study.progress import Progress
+    from femtune.study.study import Study
+    from femtune.testdata import ModalTest
+    from femtune.units import UnitSystem
+
+STUDY_FILE, IDENTIFY_FILE, IDENTIFIED_FOLDER = "study.toml", "identify.toml", "identified"
+_UFF = (".uff", ".unv")
+_MOST_GRIDS = 60
+"""Grid points at which shapes are taken as measured where no sensor could be assigned."""
+_MOST_OFF = 15
+"""Candidates that are not proposed and are listed one by one."""
+
+
+class ProposedParameter(Record):
+    """A field of the deck that the study updates, or that it could update."""
+
+    name: str
+    """Name of the parameter."""
+    field: str
+    """The field of the deck."""
+    what: str
+    """What the field is: a material, a property, a joint or a mass."""
+    value: float
+    """Its value in the deck, in units of the deck."""
+    lower: float
+    """Lower bound of the factor on the value."""
+    upper: float
+    """Upper bound."""
+    proposed: bool
+    """Whether the study updates it."""
+    sd_percent: float | None
+    """Expected standard deviation from the measured modes beside the other proposed parameters, in % of the value; None
+    if they leave it open."""
+    alone_percent: float | None
+    """The same if all others were known; None without effect."""
+    like: str
+    """A proposed parameter with nearly the same effect; "" if there is none."""
+
+
+class FirstStudy(Record):
+    """What `init` found and wrote."""
+
+    files: tuple[str, ...]
+    """The files that were written, the study first."""
+    units: str
+    """Units of the deck: length-mass-s."""
+    unit_reasons: tuple[str, ...]
+    """Why these units."""
+    test_units: str | None
+    """Units of the test; None if its file states them."""
+    sensors: str
+    """How test points are assigned to grid points."""
+    supports: str
+    """What was found of the supports."""
+    rigid_body_modes: int
+    """Number of rigid-body modes of the model, which are not compared."""
+    test_modes: int
+    """Number of test modes."""
+    paired: int | None
+    """Number of test modes that are paired with modes of the deck as it is; None if they were not compared."""
+    agreement: str
+    """How the modes of the deck as it is agree with those of the test; "" if they were not compared."""
+    max_hz: float | None
+    """Highest frequency up to which modes of the model are solved; None without test modes."""
+    parameters: tuple[ProposedParameter, ...]
+    """The proposed parameters in the order of selection, and then the others that were compared."""
+    doubts: tuple[str, ...]
+    """What should be checked before the study is run."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InitResult(StepResult):
+    """A first study.
+
+    Parameters
+    ----------
+    path : the study file
+    record : what was found
+    """
+
+    path: Path
+    record: FirstStudy
+
+    @property
+    def parameters(self) -> Rows:
+        """One line for each field that was compared."""
+        return rows_of(self.record.parameters, *ProposedParameter.model_fields)
+
+    @property
+    def overview(self) -> str:
+        """What was found, line by line."""
+        found = self.record
+        said = [*self._sentences()[:1], f"  units: {'; '.join(found.unit_reasons)}", f"  sensors: {found.sensors}"]
+        said += [f"  supports: {found.supports}", f"  modes: {found.agreement}"]
+        for p in found.parameters:
+            if p.proposed:
+                bounds = f"{p.lower:g} to {p.upper:g}, ±{_percent(p.sd_percent)}"
+                said.append(f"  parameter {p.name}: {p.field} ({p.what}), {bounds}")
+        return "\n".join([*said, *(f"check: {doubt}" for doubt in found.doubts)])
+
+    def _sentences(self) -> list[str]:
+        found = self.record
+        n = sum(p.proposed for p in found.parameters)
+        paired = "" if found.paired is None else f", {found.paired} paired"
+        return [
+            f"{self.path.name}: units {found.units}, {found.test_modes} test modes{paired}, {n} parameters",
+            *found.doubts,
+        ]
+
+    def _table(self) -> Rows:
+        return self.parameters
+
+
+def init_study(
+    deck: Path, test: Path, folder: Path, units: str | None, force: bool, progress: Progress = silent
+) -> InitResult:
+    """Write a first study into a folder.
+
+    Raises
+    ------
+    FemtuneError : ``init.exists``, ``init.no-modes``, ``run.unwritable``, and errors in the deck and in the test
+    """
+    _check_absent(folder, force)
+    progress.step("reading the deck", 0, None)
+    model = model_of_deck(deck, units, ())
+    check_writable(folder)
+    progress.step("reading the test", 0, None)
+    measured = _measured(test, folder, force, units, progress)
+    draft = _Draft(model, deck, measured, folder, units)
+    draft.guess()
+    draft.compare(progress)
+    text = draft.text()
+    path = folder / STUDY_FILE
+    try:
+        write_whole(path, text.encode())
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    return InitResult(path, draft.record(path))
+
+
+def _check_absent(folder: Path, force: bool) -> None:
+    if not force and os.path.lexists(folder / STUDY_FILE):
+        raise FemtuneError("init.exists", where=Where(str(folder / STUDY_FILE)))
+
+
+# ----------------------------------------------------------------------------------------------------
+# The test: modes as they are in the file, or identified from functions and records.
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """A test with modes.
+
+    Parameters
+    ----------
+    file : the file that the study names
+    units : of the test; None where its file states none
+    of : words on where the modes come from
+    files : written beside
+    source : the functions or the record from which the modes were identified
+    """
+
+    test: ModalTest
+    file: Path
+    units: UnitSystem | None
+    of: str
+    files: tuple[Path, ...] = ()
+    source: Path | None = None
+
+
+def _measured(path: Path, folder: Path, force: bool, units: str | None, progress: Progress) -> _Measured:
+    if path.suffix.lower() in _UFF:
+        test, own = _read(path)
+        if test.modes is not None:
+            return _Measured(test, path, own, f"the modes of {path.name}")
+        if test.frfs is not None and own is None:
+            # functions need units; those of the deck are as good as any for the identification
+            own = unit_system(units) if units else SI
+    else:
+        own = unit_system(units) if units else None
+    return _identified(path, folder, force, own, progress)
+
+
+def _read(path: Path) -> tuple[ModalTest, UnitSystem | None]:
+    try:
+        test = read_uff(path, units=None).test
+        return test, test.units
+    except FemtuneError as error:
+        if error.code != "uff.no-units":
+            raise
+    return read_uff(path, units=None, file_units=SI).test, None
+
+
+def _identified(path: Path, folder: Path, force: bool, units: UnitSystem | None, progress: Progress) -> _Measured:
+    """Modes identified from functions or a record, with the identification file that repeats it."""
+    from femtune.steps.identify.request import asked_of  # noqa: PLC0415
+    from femtune.steps.identify.run import identify  # noqa: PLC0415
+    from femtune.steps.identify.write import MODES_FILE  # noqa: PLC0415
+
+    target = folder / IDENTIFY_FILE
+    if not force and os.path.lexists(target):
+        raise FemtuneError("init.exists", where=Where(str(target)))
+    kind = "frfs" if asked_of(path, {}).identify.frfs else "record"
+    text = StudyText()
+    text.say(f"Identification of modes from {path.name}: femtune identify {IDENTIFY_FILE}")
+    text.table("[identify]")
+    text.key(kind, _relative(path, folder))
+    if units is not None and path.suffix.lower() not in _UFF:
+        text.key("units", units.name)
+    text.off(["band_hz = [2.0, 60.0]    # frequency range of the modes", "largest_order = 40"])
+    if kind == "record":
+        text.off(
+            ["", "[[channel]]    # one for each column of a table: sensor and quantity", "column = 1", 'dof = "1Z+"']
+        )
+    text.table("[output]")
+    text.key("folder", IDENTIFIED_FOLDER)
+    try:
+        write_whole(target, text.text.encode())
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    made = identify(target, None, progress)
+    modes = made.folder / MODES_FILE
+    if MODES_FILE not in made.files or not len(made.modes):
+        raise FemtuneError("init.no-modes", where=Where(str(path)), identification=str(target))
+    test, own = _read(modes)
+    return _Measured(test, modes, own, f"modes identified from {path.name}", (target, modes), path)
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """A path as the study names it: relative where it is on the same drive."""
+    try:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    except ValueError:
+        return path.resolve().as_posix()
+
+
+# ----------------------------------------------------------------------------------------------------
+# What is found, and the text.
+
+
+@dataclass(eq=False)
+class _Draft:
+    """A study as far as it is known."""
+
+    model: Model
+    deck: Path
+    measured: _Measured
+    folder: Path
+    stated: str | None
+    units: GuessedUnits | None = None
+    sensors: GuessedSensors | None = None
+    pairing: Pairing | None = None
+    proposed: tuple[Proposed, ...] = ()
+    skipped: int = 0
+    notices: tuple[str, ...] = ()
+    rigid: int = 0
+    solved_hz: float = 0.0
+    supports: str = ""
+    mass: float = 0.0
+    errors: tuple[str, ...] = ()
+    range: str = ""
+
+    def guess(self) -> None:
+        """Units and sensors."""
+        structure, measured = self.model.structure, self.measured
+        numbers, points = _points(measured.test)
+        found = guess_units(structure, points, measured.units)
+        if self.stated is not None:
+            found = replace(found, units=unit_system(self.stated), reasons=("as stated",), doubts=())
+        self.units = found
+        test = _in_units(measured.test, found)
+        numbers, points = _points(test)
+        self.sensors = guess_sensors(structure, numbers, points)
+
+    def compare(self, progress: Progress) -> None:
+        """Modes of the model as the deck has it, beside those of the test; the parameters ranked."""
+        assert self.sensors is not None
+        progress.step("assigning the sensors", 0, None)
+        fields = candidates(self.model.built)
+        try:
+            study = load_study(self._file(fields, True), progress)
+        except FemtuneError as error:
+            self.errors = tuple(_folded(error.errors if isinstance(error, FemtuneErrors) else (error,)))
+            study = load_study(self._file(fields, False), progress)
+        progress.step("modes of the model", 0, None)
+        case = study.cases[0]
+        solution = solve(study, case, nominal(study))
+        self.solved_hz = float(np.max(solution.freq_hz, initial=0.0))
+        self.rigid = int(is_rigid(solution)[: solution.wanted].sum())
+        self._describe(study)
+        if case.compared is not None and len(case.compared.test):
+            model_modes = modes_at_sensors(case.compared, solution)
+            self.pairing = pair_case(case.compared, solution)
+            self.notices = tuple(n.what for n in unit_factor(case.compared.test, model_modes, self.pairing))
+            self.range = _agreement(self.pairing, case.compared.test, model_modes)
+        if fields:
+            progress.step("ranking the parameters", 0, None)
+            own = _own_test(study, solution, self._highest)
+            if len(own.test):
+                found, self.skipped = ranked(fields, study.parameters, own, solution)
+                self.proposed = tuple(found)
+        solution.forget_factors()
+
+    @property
+    def _highest(self) -> float:
+        modes = self.measured.test.modes
+        assert modes is not None
+        return float(np.max(modes.freq_hz))
+
+    @property
+    def max_hz(self) -> float:
+        """Upper frequency of the modes of the model, three digits."""
+        return float(f"{BEYOND_TEST * self._highest:.3g}")
+
+    def _file(self, fields: Sequence[FieldCandidate], with_test: bool) -> StudyFile:
+        """The study with all candidates as parameters."""
+        assert self.units is not None
+        assert self.sensors is not None
+        data: dict[str, Any] = {
+            "study": {
+                "title": self.deck.name,
+                "deck": os.path.abspath(self.deck),
+                "units": self.units.units.name,
+                "journal": False,
+            },
+            "parameter": [one.table for one in fields],
+        }
+        if with_test:
+            data["test"] = self._test_table(str(self.measured.file.resolve()))
+            data["sensors"] = self.sensors.sensors
+        given = Given(model=self.model.built)
+        return study_from_data(frozen(data), self.folder / STUDY_FILE, StudyLines(STUDY_FILE), given)
+
+    def _test_table(self, name: str) -> dict[str, Any]:
+        assert self.units is not None
+        assert self.sensors is not None
+        table: dict[str, Any] = {"file": name}
+        if self.units.of_test is not None:
+            table["units"] = self.units.of_test.name
+        return table | self.sensors.test
+
+    def _describe(self, study: Study) -> None:
+        assert self.units is not None
+        structure, case = self.model.structure, study.cases[0]
+        configuration = case.configured.configuration
+        self.mass = mass_properties(structure.nodes, grid_matrix(study.model, configuration, "mass")).mass
+        held = structure.default_support_set
+        if self.rigid:
+            self.supports = (
+                f"the model has {self.rigid} rigid-body modes, which are not compared: the test must be free likewise"
+            )
+        else:
+            self.supports = "the deck holds the structure"
+        if held is not None:
+            self.supports += f" (SPC set {held} of the case control)"
+        elif structure.support_sets:
+            sets = ", ".join(map(str, sorted(structure.support_sets)))
+            self.supports += f"; the deck has SPC sets that its case control does not select: {sets}"
+
+    # ------------------------------------------------------------------------------------------------
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What should be checked."""
+        assert self.units is not None
+        assert self.sensors is not None
+        few: tuple[str, ...] = ()
+        if self.pairing is not None and 2 * len(self.pairing.pairs) < self._test_modes:
+            few = (
+                f"only {len(self.pairing.pairs)} of {self._test_modes} test modes are paired: compare the pictures of "
+                "femtune correlate before the update",
+            )
+        return (*self.units.doubts, *self.sensors.doubts, *self.notices, *self.errors, *few)
+
+    @property
+    def _test_modes(self) -> int:
+        modes = self.measured.test.modes
+        return 0 if modes is None else len(modes)
+
+    def text(self) -> str:
+        """The study file."""
+        assert self.units is not None
+        assert self.sensors is not None
+        text = StudyText()
+        text.say(
+            f"Written by femtune init from {self.deck.name} and {self.measured.of}. Lines that begin with # are "
+            "remarks."
+        )
+        text.say("Check it with: femtune check study.toml; run it with: femtune run study.toml")
+        if self.doubts:
+            text.say("", "Check before the first run:")
+            text.listed(self.doubts)
+        text.table("[study]")
+        text.key("title", self.deck.stem)
+        text.key("deck", _relative(self.deck, self.folder))
+        text.say(f"Units of the deck, {unit_words(self.units.units)}:")
+        text.listed(
+            (
+                *self.units.reasons,
+                f"the mass of the model is {self.mass:.4g} ({self.mass * self.units.units.mass:.4g} kg)",
+            )
+        )
+        text.key("units", self.units.units.name)
+        self._modes(text)
+        self._test(text)
+        self._parameters(text)
+        text.table("[residuals]")
+        text.key("frequency_sd", FREQUENCY_SD, "relative: measurement and what the model cannot represent")
+        text.key("shape_sd", SHAPE_SD, "of an entry of a shape, relative to its largest entry")
+        return text.text
+
+    def _modes(self, text: StudyText) -> None:
+        modes = self.measured.test.modes
+        assert modes is not None
+        text.table("[modes]")
+        text.say(
+            f"The test has {len(modes)} modes from {np.min(modes.freq_hz):.4g} to {np.max(modes.freq_hz):.4g} Hz; the "
+            f"model is solved up to {BEYOND_TEST:g} times that. {self.supports[:1].upper()}{self.supports[1:]}."
+        )
+        if self.solved_hz >= self._highest:
+            text.key("max_hz", self.max_hz)
+
+    def _test(self, text: StudyText) -> None:
+        assert self.units is not None
+        assert self.sensors is not None
+        text.table("[test]")
+        text.say(f"Sensors: {self.sensors.words}.")
+        if self.range:
+            text.say(f"The deck as it is: {self.range}")
+        for name, value in self._test_table(_relative(self.measured.file, self.folder)).items():
+            text.key(name, value, "the file states none" if name == "units" else "")
+        if self.measured.source is not None:
+            text.say(
+                f"The functions themselves can be compared too: name {_relative(self.measured.source, self.folder)} as "
+                'the test of a [[configuration]] and add a [[residual]] with kind = "frf".'
+            )
+        if self.sensors.sensors:
+            text.table("[sensors]")
+            for name, value in self.sensors.sensors.items():
+                text.key(name, value)
+
+    def _parameters(self, text: StudyText) -> None:
+        taken = [p for p in self.proposed if p.proposed]
+        others = [p for p in self.proposed if not p.proposed]
+        text.lines.append("")
+        text.say(
+            "Parameters: factors on fields of the deck, within bounds that are usual for materials, properties, joints "
+            "and masses. The order is that of the information that the test modes give (frequencies of "
+            f"{100 * FREQUENCY_SD:g} %, shapes of {100 * SHAPE_SD:g} %); ± is the expected standard deviation beside "
+            "the other parameters of the study."
+        )
+        if not taken:
+            text.say("No field of the deck is determined by the test modes: add [[parameter]] tables of your own.")
+        for one in taken:
+            c = one.candidate
+            text.table("[[parameter]]")
+            text.say(
+                f"{c.kind.what}, {c.value:.5g} in the deck; ±{_percent(one.sd_percent)}, alone "
+                f"±{_percent(one.alone_percent)}"
+            )
+            for name, value in c.table.items():
+                text.key(name, value)
+        if others:
+            text.lines.append("")
+            text.say("Not proposed, because the test modes do not determine them beside the parameters above:")
+        for one in others[:_MOST_OFF]:
+            text.say(_not_proposed(one), indent="- ")
+        left = len(others[_MOST_OFF:]) + self.skipped
+        if left:
+            text.say(f"and {left} more fields with less effect.", indent="- ")
+
+    def record(self, path: Path) -> FirstStudy:
+        """The same as data."""
+        assert self.units is not None
+        assert self.sensors is not None
+        return FirstStudy(
+            files=(str(path), *map(str, self.measured.files)),
+            units=self.units.units.name,
+            unit_reasons=self.units.reasons,
+            test_units=None if self.units.of_test is None else self.units.of_test.name,
+            sensors=self.sensors.words,
+            supports=self.supports,
+            rigid_body_modes=self.rigid,
+            test_modes=self._test_modes,
+            paired=None if self.pairing is None else len(self.pairing.pairs),
+            agreement=self.range,
+            max_hz=self.max_hz,
+            parameters=tuple(map(_recorded, self.proposed)),
+            doubts=self.doubts,
+        )
+
+
+def _folded(errors: Sequence[FemtuneError]) -> Iterator[str]:
+    """The first error of each kind, with the number of the others."""
+    counts = Counter(error.code for error in errors)
+    for error in {one.code: one for one in reversed(errors)}.values():
+        more = f"; and {counts[error.code] - 1} more of this kind" if counts[error.code] > 1 else ""
+        yield f"[{error.code}] {error.what}{more}"
+
+
+def _recorded(one: Proposed) -> ProposedParameter:
+    c = one.candidate
+    return ProposedParameter(
+        name=c.name, field=str(c.ref), what=c.kind.what, value=c.value, lower=c.kind.lower, upper=c.kind.upper,
+        proposed=one.proposed, sd_percent=one.sd_percent, alone_percent=one.alone_percent, like=one.like,
+    )  # fmt: skip
+
+
+def _not_proposed(one: Proposed) -> str:
+    c = one.candidate
+    if one.alone_percent is None:
+        return f"{c.ref} ({c.kind.what}): without effect"
+    if one.like:
+        return f"{c.ref} ({c.kind.what}): nearly the same effect as {one.like}"
+    return f"{c.ref} ({c.kind.what}): ±{_percent(one.sd_percent)} beside them, ±{_percent(one.alone_percent)} alone"
+
+
+def _percent(value: float | None) -> str:
+    return "∞" if value is None else f"{value:.2g} %"
+
+
+def _points(test: ModalTest) -> tuple[Integers, Reals]:
+    """Numbers of the points that have sensors of modes, and their places; NaN without geometry."""
+    modes = test.modes
+    assert modes is not None
+    numbers = np.array(sorted({dof.node for dof in modes.dofs if dof.component}), dtype=np.int64)
+    frame = test.geometry
+    points = [frame.position(int(n)) if int(n) in frame else np.full(3, np.nan) for n in numbers]
+    return numbers, np.array(points, float).reshape(-1, 3)
+
+
+def _in_units(test: ModalTest, found: GuessedUnits) -> ModalTest:
+    if found.of_test is not None:
+        test = replace(test, units=found.of_test)
+    return convert_units(test, found.units)
+
+
+def _own_test(study: Study, solution: EigenSolution, highest: float) -> ComparedCase:
+    """The model at the sensors of the test, with its own elastic modes up to the highest test frequency as the test."""
+    case = study.cases[0]
+    if case.compared is not None and case.compared.sensors.shape[0] > 1:
+        rows, dofs = case.compared.sensors, case.compared.test.dofs
+    else:
+        nodes = case.configured.model.structure.nodes
+        some = np.unique(np.linspace(0, len(nodes.ids) - 1, min(_MOST_GRIDS, len(nodes.ids))).astype(int))
+        at = (6 * some[:, None] + np.arange(3)).ravel()
+        rows = sp.csr_array(case.configured.transformation[at])
+        dofs = DofSet(nodes.describe(int(i)) for i in at)
+    rigid = is_rigid(solution)[: solution.wanted]
+    inside = np.flatnonzero(~rigid & (solution.freq_hz <= 1.05 * highest))
+    if not len(inside):
+        inside = np.flatnonzero(~rigid)
+    shapes = rows @ solution.shapes[:, inside]
+    seen = np.abs(shapes).max(axis=0, initial=0.0) > 0.0
+    test = ModeSet(solution.freq_hz[inside[seen]], shapes[:, seen], dofs, source="model")
+    return ComparedCase(case.configured, test, rows, max_hz=None)
+
+
+def _agreement(pairing: Pairing, test: ModeSet, model: ModeSet) -> str:
+    """How test and model agree, in words."""
+    pairs = pairing.pairs
+    if not pairs:
+        return f"no test mode of {len(test)} is paired."
+    errors = [100.0 * (model.freq_hz[p.model] / test.freq_hz[p.test] - 1.0) for p in pairs]
+    return (
+        f"{len(pairs)} of {len(test)} test modes are paired; errors of the frequencies {min(errors):+.2g} to "
+        f"{max(errors):+.2g} %, MAC {min(p.mac for p in pairs):.2f} to {max(p.mac for p in pairs):.2f}."
+    )

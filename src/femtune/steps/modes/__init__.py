@@ -1,0 +1,1 @@
+"""Natural modes, their shapes and files."""

@@ -1,0 +1,95 @@
+"""Files of a plan: geometry for the test system as a Universal File, and a table of the sensors."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.errors import FemtuneError, Where
+from femtune.files.uff import write_uff_geometry
+from femtune.files.whole_file import write_whole
+from femtune.steps.respond.run import check_places
+from femtune.testdata import WireFrame
+
+if TYPE_CHECKING:
+    from femtune.steps.plan.record import PlannedExciter, PlannedSensor, PlanResults
+    from femtune.study.study import Study
+
+_COLUMNS = ("name", "kind", "node", "dofs", "x", "y", "z", "direction_x", "direction_y", "direction_z", "independence")
+
+
+@dataclass(frozen=True)
+class PlanFiles:
+    """Paths of the Universal File and of the table (CSV); None for a file that is not wanted."""
+
+    uff: Path | None = None
+    csv: Path | None = None
+
+    @property
+    def written(self) -> tuple[Path, ...]:
+        """The files that are wanted."""
+        return tuple(path for path in (self.uff, self.csv) if path is not None)
+
+
+NO_FILES = PlanFiles()
+
+
+def check_plan_files(study: Study, files: PlanFiles, page: Path | None) -> None:
+    """Refuse, before anything is solved, what cannot be written.
+
+    Raises
+    ------
+    FemtuneError : ``response.units-needed``, ``uff.cannot-write``, ``write.overwrites-input``
+    """
+    if files.uff is not None and not study.units_known:
+        raise FemtuneError("response.units-needed", where=Where(str(study.file.path)))
+    wanted = [path for path in (page, *files.written) if path is not None]
+    if wanted:
+        check_places(study, wanted, files.uff)
+
+
+def write_plan_files(study: Study, record: PlanResults, files: PlanFiles) -> None:
+    """Write them (errors ``uff.cannot-write``, ``run.unwritable``)."""
+    if files.uff is not None:
+        write_uff_geometry(files.uff, sensor_frame(record), study.file.study.unit_system)
+    if files.csv is not None:
+        try:
+            write_whole(files.csv, sensor_table(record).encode())
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise FemtuneError("run.unwritable/table", where=Where(str(files.csv)), reason=reason) from error
+
+
+def sensor_frame(record: PlanResults) -> WireFrame:
+    """Measured points with their local axes, and the trace lines."""
+    points: dict[int, PlannedSensor | PlannedExciter] = {}
+    everything: tuple[PlannedSensor | PlannedExciter, ...] = (*record.sensors, *record.exciters)
+    for one in everything:
+        points.setdefault(one.node, one)
+    found = [points[node] for node in sorted(points)]
+    return WireFrame(
+        np.array([s.node for s in found], np.int64),
+        np.array([s.position for s in found]),
+        np.array([s.axes for s in found]),
+        lines=record.lines,
+    )
+
+
+def sensor_table(record: PlanResults) -> str:
+    """Sensors and exciters as CSV, one a line; a triaxial sensor has no direction but its three degrees of freedom."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_COLUMNS)
+    for s in record.sensors:
+        direction = ("", "", "") if s.direction is None else tuple(f"{v:.9g}" for v in s.direction)
+        place = tuple(f"{v:.9g}" for v in s.position)
+        writer.writerow((s.name, s.kind, s.node, " ".join(s.dofs), *place, *direction, f"{s.independence:.6g}"))
+    for e in record.exciters:
+        numbers = (f"{v:.9g}" for v in (*e.position, *e.direction))
+        writer.writerow((e.name, "exciter", e.node, e.dof, *numbers, ""))
+    return text.getvalue()

@@ -1,0 +1,92 @@
+"""Intervals of the parameters from the smallest and largest frequencies of repeated tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.errors import FemtuneError
+from femtune.steps.quantify.record import IntervalResults, OutputInterval, ParameterInterval
+from femtune.uncertainty import Counted, definite_signs, interval_update
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.uncertainty import FrequencyOutputs, IntervalResult, StochasticResult
+
+_HALF_WIDTH, _LEAST, _MOST = 2.0, 1e-3, 8
+
+
+def parameter_intervals(outputs: FrequencyOutputs, found: StochasticResult, hz: Reals) -> IntervalResults:
+    """The box whose extrema are the smallest and largest frequencies of the repeats `hz` (n, m), from mean ± 2 σ.
+
+    A box that cannot be found is a result with a sentence.
+
+    Raises
+    ------
+    FemtuneError : ``quantify.interval`` for more than eight parameters whose effect is not known to be monotone
+    """
+    if outputs.paired.states[0].case.configured.model.tables:
+        return _without("they are not computed for values that depend on frequency ([[frequency_table]])", 0)
+    measured = np.nanmin(hz, axis=0), np.nanmax(hz, axis=0)
+    half = np.maximum(_HALF_WIDTH * found.sd, _LEAST * found.start_sd)
+    signs, counted = _signs(outputs), Counted(outputs)
+    if len(half) > _MOST and not signs.all():
+        raise FemtuneError("quantify.interval/parameters", values={"parameters": len(half)}, most=_MOST)
+    try:
+        box = interval_update(counted, measured, (found.mean - half, found.mean + half), signs)
+    except FemtuneError as error:
+        return _without(error.what, counted.solutions)
+    return _record(outputs, found, box, measured)
+
+
+def _without(reason: str, solutions: int) -> IntervalResults:
+    sentence = f"No intervals of the parameters were found: {reason}."
+    return IntervalResults(ok=False, proven=False, sentence=sentence, solutions=solutions, parameters=(), outputs=())
+
+
+def _signs(outputs: FrequencyOutputs) -> Reals:
+    """(k,) +1 or −1 where every frequency grows or falls with a parameter, 0 where that is not known.
+
+    A frequency of close modes is a mean over their subspace, for which nothing is proven.
+    """
+    state = outputs.paired.states[0]
+    if any(len(tests) > 1 for tests, _ in state.groups):
+        return np.zeros(len(outputs.problem.parameters.free))
+    return definite_signs(state.case.configured)
+
+
+def _record(
+    outputs: FrequencyOutputs, found: StochasticResult, box: IntervalResult, measured: tuple[Reals, Reals]
+) -> IntervalResults:
+    bounds = box.bounds
+    target = np.concatenate(measured)
+    error = float(np.abs(np.concatenate([bounds.lower, bounds.upper]) / target - 1.0).max())
+    return IntervalResults(
+        ok=box.status.ok,
+        proven=bounds.proven,
+        sentence=_sentence(box, error),
+        solutions=box.solutions,
+        parameters=tuple(
+            ParameterInterval(parameter=n, lower=float(a), upper=float(b))
+            for n, a, b in zip(found.names, box.lower, box.upper)
+        ),
+        outputs=tuple(
+            OutputInterval(
+                label=label, measured_lower_hz=float(a), measured_upper_hz=float(b),
+                model_lower_hz=float(c), model_upper_hz=float(d),
+            )
+            for label, a, b, c, d in zip(outputs.modes, *measured, bounds.lower, bounds.upper)
+        ),
+    )  # fmt: skip
+
+
+def _sentence(box: IntervalResult, error: float) -> str:
+    if not box.status.ok:
+        return f"The intervals of the parameters did not converge: {box.status.value}."
+    proof = "proven by monotony" if box.bounds.proven else "found by a search, which is no proof"
+    known = "" if box.status.name == "CONVERGED" else " The frequencies do not determine all ends of the intervals."
+    return (
+        f"The extreme frequencies of the box differ from those of the repeats by {100 * error:.2g} % at most; they are "
+        f"{proof}.{known}"
+    )

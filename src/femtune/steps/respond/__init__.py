@@ -1,0 +1,1 @@
+"""Frequency responses, complex modes, static displacements."""

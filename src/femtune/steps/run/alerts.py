@@ -1,0 +1,238 @@
+"""Alerts: remarks that the reader of the results should see first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from femtune.residuals.frf.antiresonance import AntiresonanceResidual
+from femtune.residuals.frf.model_way import AtFirstState
+from femtune.residuals.frf.residual import FrfResidual
+from femtune.status import Status
+from femtune.steps.info.checks import LUMPING, MASS, MESH
+from femtune.steps.info.facts import alert_of
+from femtune.steps.quantify.record import HELD_OUT, ORDER, OUTLIERS
+from femtune.steps.validate.facts import compares_frfs, responses_not_tested
+from femtune.study.record import alert
+from femtune.validation.goodness import Finding
+
+if TYPE_CHECKING:
+    from femtune.steps.correlate.record.correlation import CorrelationResults
+    from femtune.steps.results import Results
+    from femtune.steps.update.record.stages import StageResults
+    from femtune.steps.update.record.update import UpdateResults
+    from femtune.steps.validate.record.validation import GoodnessResults
+    from femtune.study.record import Alert
+    from femtune.study.study import Study
+
+_CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
+_REPEAT_CHECKS = {
+    ORDER: "quantify.order-dependence",
+    OUTLIERS: "quantify.outlier/found",
+    HELD_OUT: "quantify.held-out-differ",
+}
+_WRITTEN_PERCENT = 0.05
+FEWEST_SAMPLES = 1000
+"""Effective number of samples below which intervals are not accurate: a quantile varies by 0.1 standard deviations."""
+_MOST_UNPAIRED = 8
+
+
+_MISFITS = {
+    Finding.SYSTEMATIC.name: "update.misfit/systematic",
+    Finding.BOUNDED.name: "update.misfit/bounded",
+}
+"""Other wordings of the alert by finding."""
+
+
+def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> tuple[Alert, ...]:
+    """Alerts of a finished run with `others` among them, the most serious first."""
+    found = [
+        *_of_update(results),
+        *_of_quantify(results),
+        *_of_writing(results),
+        *_of_model(results),
+        *_of_modes(results),
+        *_of_correlation(results),
+        *_of_silent_modes(study),
+        *_of_residuals(study),
+        *_of_truncation(results),
+        *_of_left_out_modes(results),
+        *_of_frfs_alone(study, results),
+        *(told for r in results.responses for told in r.alerts),
+        *(alert_of(n) for n in study.built.notices if n.level != "info"),
+        *(alert_of(n) for n in study.notices),
+        *others,
+    ]
+    order = {"problem": 0, "warning": 1, "info": 2}
+    return tuple(sorted(dict.fromkeys(found), key=lambda a: order[a.level]))
+
+
+def _of_residuals(study: Study) -> Iterable[Alert]:
+    """Notices on residuals that were left out when the comparisons were set up."""
+    for case in study.cases:
+        for residual in () if case.compared is None else case.compared.residuals:
+            if isinstance(residual, AtFirstState):
+                yield from map(alert_of, residual.notices)
+
+
+def _of_truncation(results: Results) -> Iterable[Alert]:
+    """FRFs of residuals that lack modes."""
+    for found in () if results.update is None else results.update.frf_truncation:
+        if not found.small:
+            yield alert("warning", "residual.frf-truncated", configuration=found.configuration, outcome=found.sentence)
+
+
+def _of_left_out_modes(results: Results) -> Iterable[Alert]:
+    """Modes that are left out of FRFs and changed their shapes."""
+    for one in () if results.update is None else results.update.left_out_modes:
+        if not one.resembles:
+            yield alert(
+                "warning", "residual.left-out-mode-lost", configuration=one.configuration, before=one.before,
+                before_hz=one.before_hz, after=one.after, after_hz=one.after_hz, correlation=one.correlation,
+            )  # fmt: skip
+
+
+def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:
+    """An update by FRFs alone looks as if damping and levels were tested by it."""
+    update, found = results.update, results.validation
+    if update is None or found is None or not compares_frfs(study):
+        return
+    if all(r.kind in (FrfResidual.label, AntiresonanceResidual.label) for r in update.residual_counts):
+        missing = responses_not_tested(study, bool(found.frfs), results.responses)
+        if missing:
+            yield alert("info", "update.frfs-alone", missing="; ".join(missing))
+
+
+def _of_update(results: Results) -> Iterable[Alert]:
+    update = results.update
+    if update is None:
+        return
+    if not update.ok:
+        yield alert("problem", "update.no-optimum", ending=update.message)
+    if update.status == Status.UNDETERMINED.name:
+        yield alert("warning", "update.undetermined")
+    at_bound = [p.name for p in update.parameters if p.at_bound]
+    if at_bound:
+        yield alert("warning", "update.at-bound", parameters=", ".join(at_bound))
+    if update.reduction is not None and not update.reduction.certified:
+        yield alert("problem", "update.not-certified", last_round=update.reduction.rounds[-1])
+    if update.weight_choice is not None and not update.weight_choice.found:
+        yield alert("problem", "update.no-weight", reason=update.weight_choice.sentence)
+    if update.starts is not None and not update.starts.unique:
+        yield alert("warning", "update.not-unique", sentences=" ".join(update.starts.sentences))
+    if update.pairing_events:
+        iterations = len({event.iteration for event in update.pairing_events})
+        code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
+        yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
+    yield from _of_intervals(update)
+    yield from _of_stages(update.stages)
+    if update.goodness is not None:
+        yield from _of_goodness(update.goodness)
+
+
+def _of_goodness(found: GoodnessResults) -> Iterable[Alert]:
+    """Residuals that are no noise, and data too few to show what the model neglects."""
+    if found.verdict == "fail":
+        code = _MISFITS.get(found.finding, "update.misfit")
+        yield alert("warning", code, outcome=found.sentence)
+    if found.values is None or found.rank is None or not found.rank:
+        return
+    spare = found.values - found.rank
+    if spare < found.rank:
+        code = "update.few-data" if spare > 0 else "update.few-data/none-spare"
+        yield alert("warning", code, values=found.values, rank=found.rank, spare=spare)
+
+
+def _of_intervals(update: UpdateResults) -> Iterable[Alert]:
+    if update.interval_samples is not None and update.interval_samples < FEWEST_SAMPLES:
+        yield alert("warning", "update.few-samples", number=update.interval_samples)
+
+
+def _of_stages(stages: Iterable[StageResults]) -> Iterable[Alert]:
+    for stage in stages:
+        if not stage.ok:
+            yield alert("problem", "update.stage-unfinished", stage=stage.name, ending=stage.message)
+        if stage.reduction is not None and not stage.reduction.certified:
+            last = stage.reduction.rounds[-1]
+            yield alert("problem", "update.not-certified/in-stage", stage=stage.name, last_round=last)
+        apart = sum(not run.agrees for run in stage.runs)
+        if apart:
+            yield alert("warning", "update.starts-differ", stage=stage.name, apart=apart, starts=len(stage.runs))
+        for misfit in stage.misfit:
+            if misfit.larger_than_noise:
+                facts = {"stage": stage.name, "kind": misfit.kind, "ratio": misfit.size}
+                yield alert("warning", "update.stage-misfit", **facts)
+
+
+def _of_quantify(results: Results) -> Iterable[Alert]:
+    found = results.quantify
+    if found is None:
+        return
+    if not found.ok:
+        yield alert("problem", "quantify.no-distribution", ending=found.message)
+    elif not found.agrees:
+        yield alert("warning", "quantify.disagrees", outcome=found.sentences[0])
+    for check in found.checks:
+        if check.verdict == "fail":
+            yield alert("warning", _REPEAT_CHECKS[check.check], found=check.sentence)
+
+
+def _of_writing(results: Results) -> Iterable[Alert]:
+    written, update = results.write_back, results.update
+    if written is None or update is None:
+        return
+    for sentence in written.without_field:
+        yield alert("warning" if sentence in written.lost else "info", "write.without-field", reason=sentence)
+    as_written = update.objective_as_written_percent
+    if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
+        code = "write.incomplete" if written.lost else "write.rounding"
+        errors = {"error_percent": as_written, "updated_percent": update.objective_after_percent}
+        yield alert("warning", code, **errors)
+
+
+def _of_model(results: Results) -> Iterable[Alert]:
+    if results.model is None:
+        return
+    for check in results.model_checks:
+        if check.verdict == "fail":
+            yield alert("warning", _CHECKS[check.check], configuration=check.configuration, found=check.sentence)
+    for test in results.model.element_shapes.tests if results.model.element_shapes else ():
+        if test.degenerate:
+            worst = ", ".join(f"{e.card} {e.element}" for e in test.worst)
+            yield alert("warning", "model.element-degenerate", count=test.beyond, test=test.test, worst=worst)
+    for c in results.model.configurations:
+        if c.rigid_body_check.verdict == "fail":
+            found = c.rigid_body_check.sentence
+            yield alert("warning", "model.grounded", configuration=c.configuration, found=found)
+
+
+def _of_silent_modes(study: Study) -> Iterable[Alert]:
+    """Measured modes that the update could use and that no residual compares."""
+    for case in study.cases:
+        if case.modal is None or case.entry.use != "update":
+            continue
+        if not any(r.of_modes for r in case.modal.residuals):
+            yield alert("info", "residual.modes-unused", configuration=case.name)
+
+
+def _of_correlation(results: Results) -> Iterable[Alert]:
+    stages = [c.stage for c in results.correlations]
+    for c in results.correlations:
+        if stages and c.stage == stages[-1]:
+            yield from _of_unpaired(c)
+            yield from c.alerts
+
+
+def _of_modes(results: Results) -> Iterable[Alert]:
+    for m in results.modes:
+        if m.stage == results.modes[-1].stage:
+            yield from m.alerts
+
+
+def _of_unpaired(c: CorrelationResults) -> Iterable[Alert]:
+    for mode in c.unpaired_test[:_MOST_UNPAIRED]:
+        facts = {"mode": mode.test_label, "reason": mode.reason}
+        yield alert("warning", "correlate.unpaired", configuration=c.configuration, **facts)
+    more = len(c.unpaired_test) - _MOST_UNPAIRED
+    if more > 0:
+        yield alert("warning", "correlate.unpaired/more", configuration=c.configuration, count=more)

@@ -1,0 +1,140 @@
+"""One run at a time in a run folder: a lock file that the system lets go of when its run ends, however it ends."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from femtune.errors import FemtuneError, Where
+from femtune.journal.run_files import LOCK_FILE
+from femtune.runs.process import is_alive
+from femtune.steps.run_folder import unwritable
+
+# far behind the text, which others must be able to read where a lock forbids that
+_LOCKED_BYTE = 1 << 30
+_MOST_TEXT = 4096
+# a link is not followed, a pipe not waited for
+_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold the run folder; the file says who holds it. What a killed run left behind is taken over.
+
+    Raises
+    ------
+    FemtuneError : ``run.locked`` where another run is at work there, ``run.unwritable``
+    """
+    path = folder / LOCK_FILE
+    try:
+        handle = _hold(path)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            _let_go(path, handle)
+
+
+def _let_go(path: Path, handle: int) -> None:
+    """Remove the file while it is held, so that nobody's else is removed; Windows removes no open file."""
+    if sys.platform != "win32" and _in_place(path, handle):
+        os.unlink(path)
+    os.close(handle)
+    if sys.platform == "win32":
+        os.unlink(path)
+
+
+def _hold(path: Path) -> int:
+    """An open lock file that is ours and still in its place."""
+    while True:
+        handle = os.open(path, _FLAGS, 0o666)
+        try:
+            holder = _holder(handle)
+            if not _is_free(handle, holder):
+                raise _taken(path, holder)
+            if _in_place(path, handle):
+                _sign(handle)
+                return handle
+        except BaseException:
+            os.close(handle)
+            raise
+        # its holder ended, and removed the file, between our opening and our locking
+        os.close(handle)
+
+
+def _is_free(handle: int, holder: dict[str, str]) -> bool:
+    """Locked for us now. A run on another machine counts as alive: not every shared disk carries locks between them."""
+    try:
+        return _try_lock(handle) and _is_here(holder)
+    except OSError:
+        # a disk without locks: what is signed has to do
+        return _is_here(holder) and not is_alive(holder.get("pid", ""))
+
+
+def _is_here(holder: dict[str, str]) -> bool:
+    return holder.get("host", platform.node()) == platform.node()
+
+
+def _in_place(path: Path, handle: int) -> bool:
+    try:
+        return os.path.samestat(os.lstat(path), os.fstat(handle))
+    except FileNotFoundError:
+        return False
+
+
+def _sign(handle: int) -> None:
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    os.ftruncate(handle, 0)
+    os.lseek(handle, 0, os.SEEK_SET)
+    os.write(handle, json.dumps({"pid": str(os.getpid()), "host": platform.node(), "since": now}).encode())
+
+
+def _holder(handle: int) -> dict[str, str]:
+    """Who has signed; nobody where the text is none of ours."""
+    try:
+        text = json.loads(os.read(handle, _MOST_TEXT))
+    except (ValueError, RecursionError):
+        return {}
+    signed = isinstance(text, dict) and set(text) == {"pid", "host", "since"}
+    return text if signed and all(isinstance(v, str) for v in text.values()) else {}
+
+
+def _taken(path: Path, holder: dict[str, str]) -> FemtuneError:
+    return FemtuneError(
+        "run.locked" if _is_here(holder) else "run.locked/other-host",
+        where=Where(str(path)),
+        values={"process": holder.get("pid", "not known"), **{k: v for k, v in holder.items() if k != "pid"}},
+        host=holder.get("host"),
+        lock=path.name,
+    )
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _try_lock(handle: int) -> bool:
+        os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
+        try:
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+
+else:
+    import fcntl
+
+    def _try_lock(handle: int) -> bool:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True

@@ -1,0 +1,1 @@
+"""Effects of the parameters by designed runs."""

@@ -1,0 +1,318 @@
+"""What a screening calculates from its runs: main effects of levels, elementary effects, or Sobol's indices.
+
+A method has a name, the points of its runs in the unit cube, and the publications behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from femtune.experiments import (
+    Design,
+    elementary_effects,
+    full_factorial,
+    latin_hypercube,
+    main_effects,
+    morris_design,
+    orthogonal_design,
+    plackett_burman,
+    sobol_design,
+    variance_indices,
+)
+from femtune.steps.screen.record import ElementaryEffect, MainEffect, SobolIndices
+from femtune.study.record import alert
+from femtune.surrogates import KrigingRules, fit_surrogate
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.files.study_file import ScreenTable
+    from femtune.study.record import Alert
+
+LITTLE = 0.01
+"""Contribution to every mode below which a parameter is said to matter little."""
+MUCH = 0.1
+"""Contribution from which a parameter is said to matter for a mode."""
+_UNEXPLAINED = 0.05
+"""Part of the variation from which an alert says that it is not explained."""
+_CURVED = 0.5
+"""σ relative to μ* from which an effect is said to depend on where it is taken."""
+_LEVELS, _MORRIS_LEVELS, _PER_PARAMETER = 3, 4, 10
+_MOST_NAMED = 6
+_STILL = 1e-10
+"""Relative variation of a frequency below which it is rounding."""
+
+
+@dataclass(frozen=True)
+class ResponseLabels:
+    """What the rows and columns of the responses are: names of the parameters, configuration and mode."""
+
+    names: tuple[str, ...]
+    modes: tuple[tuple[str, int], ...]
+
+    def each(self) -> Iterator[tuple[int, int, dict[str, Any]]]:
+        """Index of the parameter and of the mode, and what they are called in a record."""
+        for i, name in enumerate(self.names):
+            for j, (configuration, mode) in enumerate(self.modes):
+                yield i, j, {"parameter": name, "configuration": configuration, "mode": mode}
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What a method found.
+
+    Parameters
+    ----------
+    unexplained : (m,) part of the variation of each frequency that it does not explain; None where it says nothing
+    error_freedom : degrees of freedom of the error of main effects
+    """
+
+    sentences: tuple[str, ...]
+    effects: tuple[MainEffect, ...] = ()
+    elementary: tuple[ElementaryEffect, ...] = ()
+    indices: tuple[SobolIndices, ...] = ()
+    unexplained: Reals | None = None
+    error_freedom: int | None = None
+    alerts: tuple[Alert, ...] = ()
+
+
+class ScreenMethod(Protocol):
+    """See the module."""
+
+    @property
+    def name(self) -> str:
+        """For messages and results."""
+
+    @property
+    def points(self) -> Reals:
+        """(runs, n) points of the unit cube; a point may occur several times."""
+
+    @property
+    def papers(self) -> list[str]:
+        """Keys of the publications."""
+
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
+        """Of the frequencies (runs, m) of the runs in Hz; NaN where a run failed."""
+
+
+def method_of_screen(table: ScreenTable, parameters: int) -> ScreenMethod:
+    """The method that a table asks for (errors ``design.*``)."""
+    if table.design == "morris":
+        return _Morris(morris_design(parameters, table.trajectories, table.levels or _MORRIS_LEVELS, table.seed))
+    if table.design == "sobol":
+        design = sobol_design(parameters, table.points, table.seed)
+        if table.on == "model":
+            return _Sobol(design, table.seed)
+        return _SobolOfSurrogate(
+            design, table.seed, latin_hypercube(parameters, table.runs or _PER_PARAMETER * parameters, table.seed)
+        )
+    if table.design == "plackett-burman":
+        return _ByLevels(plackett_burman(parameters))
+    counts = [table.levels or _LEVELS] * parameters
+    if table.design == "factorial":
+        return _ByLevels(full_factorial(counts))
+    return _ByLevels(orthogonal_design(counts, table.array))
+
+
+@dataclass(frozen=True, eq=False)
+class _ByLevels:
+    """Range analysis and analysis of variance of a design by levels."""
+
+    design: Design
+
+    @property
+    def name(self) -> str:
+        return self.design.name
+
+    @property
+    def points(self) -> Reals:
+        return self.design.points
+
+    @property
+    def papers(self) -> list[str]:
+        array, two = self.name.startswith("L"), "Burman" in self.name
+        return ["montgomery2017", *(["hedayat1999"] if array else []), *(["plackett1946"] if two else [])]
+
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
+        assert self.design.levels is not None
+        good = np.isfinite(values).all(axis=1)
+        found = main_effects(self.design.levels[good], values[good])
+        alerts = _unexplained("screen.interactions", found.error_contribution, places)
+        if found.error_freedom == 0:
+            alerts = (*alerts, alert("info", "screen.saturated", runs=len(values)))
+        left = 100.0 * (1.0 - found.error_contribution.max())
+        return Findings(
+            (
+                *_sorted(found.contribution, places, "of the variation"),
+                f"Main effects explain at least {left:.1f} % of the variation of each frequency.",
+            ),
+            effects=tuple(
+                MainEffect(
+                    **place,
+                    contribution=float(found.contribution[i, j]),
+                    f_value=_finite(found.f_values[i, j]),
+                    p_value=_finite(found.p_values[i, j]),
+                    range_hz=float(found.ranges[i, j]),
+                    means_hz=tuple(found.level_means[i][:, j].tolist()),
+                )
+                for i, j, place in places.each()
+            ),
+            unexplained=found.error_contribution,
+            error_freedom=found.error_freedom,
+            alerts=alerts,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Morris:
+    """Elementary effects along trajectories (r, n + 1, n)."""
+
+    paths: Reals
+
+    @property
+    def name(self) -> str:
+        return f"Morris, {len(self.paths)} trajectories"
+
+    @property
+    def points(self) -> Reals:
+        return self.paths.reshape(-1, self.paths.shape[2])
+
+    @property
+    def papers(self) -> list[str]:
+        return ["morris1991", "campolongo2007"]
+
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
+        found = elementary_effects(self.paths, values.reshape(*self.paths.shape[:2], -1))
+        largest = found.absolute.max(axis=0)
+        share = found.absolute / np.where(largest > 0.0, largest, np.inf)
+        varies = (share >= MUCH) & (found.spread > _CURVED * found.absolute)
+        curved = [name for name, row in zip(places.names, varies) if row.any()]
+        told = [f"Effects that depend on the values of the parameters (σ above {_CURVED:g} μ*): {_named(curved)}."]
+        return Findings(
+            (*_sorted(share, places, "of the largest effect μ*"), *(told if curved else [])),
+            elementary=tuple(
+                ElementaryEffect(
+                    **place,
+                    mean_hz=float(found.mean[i, j]),
+                    absolute_hz=float(found.absolute[i, j]),
+                    absolute_margin_hz=_finite(found.margin[i, j]),
+                    spread_hz=_finite(found.spread[i, j]),
+                )
+                for i, j, place in places.each()
+            ),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Sobol:
+    """Sobol's indices by runs of the model at all points of the design (n + 2, points, n)."""
+
+    design: Reals
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"Sobol's indices by {self.design.shape[1]} points"
+
+    @property
+    def points(self) -> Reals:
+        return self.design.reshape(-1, self.design.shape[2])
+
+    @property
+    def papers(self) -> list[str]:
+        return ["sobol2001", "saltelli2010"]
+
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
+        found = variance_indices(values.reshape(*self.design.shape[:2], -1), self.seed)
+        assert found.first_interval is not None
+        assert found.total_interval is not None
+        varying = found.total.sum(axis=0) > 0.0
+        alone = min(100.0 * float(found.first.sum(axis=0)[varying].min(initial=1.0)), 100.0)
+        return Findings(
+            (
+                *_sorted(found.total, places, "of the variance, with interactions,"),
+                f"Single parameters explain at least {alone:.1f} % of the variance of each frequency; the rest is "
+                "interactions.",
+            ),
+            indices=tuple(
+                SobolIndices(
+                    **place,
+                    first=float(found.first[i, j]),
+                    first_interval=(float(found.first_interval[0, i, j]), float(found.first_interval[1, i, j])),
+                    total=float(found.total[i, j]),
+                    total_interval=(float(found.total_interval[0, i, j]), float(found.total_interval[1, i, j])),
+                )
+                for i, j, place in places.each()
+            ),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _SobolOfSurrogate:
+    """Sobol's indices of Kriging of runs at the points of a Latin hypercube."""
+
+    design: Reals
+    seed: int
+    runs: Design
+
+    @property
+    def name(self) -> str:
+        return f"{_Sobol(self.design, self.seed).name} of Kriging"
+
+    @property
+    def points(self) -> Reals:
+        return self.runs.points
+
+    @property
+    def papers(self) -> list[str]:
+        return [*_Sobol(self.design, self.seed).papers, "sacks1989"]
+
+    def findings(self, values: Reals, places: ResponseLabels) -> Findings:
+        good = np.isfinite(values).all(axis=1)
+        x, y = self.points[good], values[good]
+        edges = np.zeros(x.shape[1]), np.ones(x.shape[1])
+        fitted = fit_surrogate(x, y, KrigingRules("linear", seed=self.seed), edges, places.names)
+        on = _Sobol(self.design, self.seed)
+        found = on.findings(fitted.predict(on.points), places)
+        error, spread = np.mean((fitted.left_out - y) ** 2, axis=0), np.var(y, axis=0)
+        varies = spread > (_STILL * y.mean(axis=0)) ** 2
+        unexplained = np.where(varies, error / np.where(varies, spread, 1.0), 0.0)
+        left = 100.0 * (1.0 - unexplained.max())
+        return Findings(
+            (*found.sentences, f"Kriging predicts at least {left:.1f} % of the variance of each frequency in runs that "
+             "are left out."),
+            indices=found.indices,
+            unexplained=unexplained,
+            alerts=_unexplained("screen.surrogate-error", unexplained, places),
+        )  # fmt: skip
+
+
+def _unexplained(code: str, parts: Reals, places: ResponseLabels) -> tuple[Alert, ...]:
+    mixed = [f"{mode} ({100 * part:.0f} %)" for (_, mode), part in zip(places.modes, parts) if part > _UNEXPLAINED]
+    return (alert("info", code, modes=", ".join(mixed[:_MOST_NAMED])),) if mixed else ()
+
+
+def _sorted(share: Reals, places: ResponseLabels, of: str) -> list[str]:
+    """Sentences that name the parameters by their largest share (n, m) in any frequency."""
+    largest = share.max(axis=1)
+    order = np.argsort(-largest, kind="stable")
+    much = [places.names[i] for i in order if largest[i] >= MUCH]
+    little = [places.names[i] for i in order if largest[i] < LITTLE]
+    between = [places.names[i] for i in order if LITTLE <= largest[i] < MUCH]
+    out = [f"More than {100 * MUCH:.0f} % {of} of at least one frequency: {_named(much)}."]
+    if between:
+        out.append(f"Between {100 * LITTLE:.0f} and {100 * MUCH:.0f} %: {_named(between)}.")
+    if little:
+        out.append(f"Less than {100 * LITTLE:.0f} % {of} of every frequency: {_named(little)}.")
+    return out
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _named(names: Sequence[str]) -> str:
+    return ", ".join(names) or "none"

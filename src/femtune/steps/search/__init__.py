@@ -1,0 +1,1 @@
+"""The minimum of the residuals in the whole box."""

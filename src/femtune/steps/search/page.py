@@ -1,0 +1,163 @@
+"""A global search: what it found, how it converged, and how good the surrogate is."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from femtune.document.alert_boxes import alert_boxes
+from femtune.document.document import Cell, Figure, KeyNumber, KeyNumbers, Listing, Paragraph, Table, columns, row
+from femtune.document.figures.effects import front_svg, search_svg
+from femtune.document.numbers import NONE, counted, short, value
+
+if TYPE_CHECKING:
+    from femtune.document.document import Block
+    from femtune.steps.report_source import ReportSource
+    from femtune.steps.search.record import GlobalSearchResults, SurrogateFacts
+
+_MOST_DRAWN = 6
+
+
+def _of(source: ReportSource) -> GlobalSearchResults:
+    assert source.results.search is not None
+    return source.results.search
+
+
+def search_summary(source: ReportSource) -> list[Block]:
+    """Numbers, sentences, and what should be known."""
+    return summary_blocks(_of(source))
+
+
+def summary_blocks(found: GlobalSearchResults) -> list[Block]:
+    """Numbers, sentences, and alerts, for page and terminal."""
+    alerts = alert_boxes(found.alerts)
+    numbers = KeyNumbers(
+        (
+            KeyNumber("χ²", short(found.chi2_initial), short(found.chi2), remark=counted(found.residuals, "residual")),
+            KeyNumber("Runs of the model", str(found.runs), remark=f"{found.method} on the {found.on}"),
+        )
+    )
+    return [numbers, Listing((*found.sentences, f"{found.status}: {found.message}.")), *alerts]
+
+
+def search_parameters(source: ReportSource) -> list[Block]:
+    """The table of parameters."""
+    return [parameter_table(_of(source))]
+
+
+def parameter_table(found: GlobalSearchResults) -> Table:
+    """A line each parameter."""
+    known = any(p.variance_total is not None for p in found.parameters)
+    extra = (">Variance alone", ">Total") if known else ()
+    heads = columns("Parameter", "Unit", ">Lower", ">Upper", ">Initial", ">Found", ">Value", *extra, "")
+    rows = tuple(
+        row(
+            p.name, p.unit, value(p.lower), value(p.upper), value(p.initial), value(p.found), value(p.value),
+            *((_share(p.variance_alone), _share(p.variance_total)) if known else ()),
+            Cell("at its bound", tone="poor") if p.at_bound else "",
+        )
+        for p in found.parameters
+    )  # fmt: skip
+    note = "Variance: part of that of all residuals over the box which the parameter explains alone, and with others."
+    return Table("", heads, rows, note if known else "")
+
+
+def _share(part: float | None) -> str:
+    return NONE if part is None else f"{100.0 * part:.1f} %"
+
+
+def search_convergence(source: ReportSource) -> list[Block]:
+    """The picture, and a line each seed."""
+    found, history = _of(source), source.arrays[_of(source).history_key]
+    lines = []
+    for seed in found.seeds[:_MOST_DRAWN]:
+        mine = history[history[:, 0] == seed.seed]
+        lines.append((f"seed {seed.seed}", mine[:, 1].tolist(), mine[:, 2].tolist()))
+    caption = f"Smallest χ² on the {found.on} against the number of evaluations. Dotted: where the searches ended."
+    draw = partial(search_svg, lines, [seed.chi2 for seed in found.seeds])
+    return [Figure(draw, caption, f"{caption} {found.sentences[0]}", wide=True), seed_table(found)]
+
+
+def seed_table(found: GlobalSearchResults) -> Table:
+    """A line each seed."""
+    heads = columns(">Seed", ">Evaluations", ">χ²", "Same minimum", "Converged")
+    words = {True: "yes", False: "no"}
+    rows = tuple(
+        row(str(s.seed), str(s.evaluations), short(s.chi2), words[s.same], words[s.converged]) for s in found.seeds
+    )
+    return Table("", heads, rows)
+
+
+def search_front(source: ReportSource) -> list[Block]:
+    """The front: picture and table; nothing where it was not requested."""
+    found = _of(source).front
+    if found is None:
+        return []
+    whole = source.arrays[found.front_key][:, -2:]
+    confirmed = [(p.frequency_model, p.other_model) for p in found.points]
+    known = [(f, o) for f, o in confirmed if f is not None and o is not None]
+    caption = (
+        f"Sum of squared relative errors of the frequencies against the {found.label}. Line: front on the "
+        f"{_of(source).on}. Dots: the model at points of the front. Cross: initial values."
+    )
+    draw = partial(
+        front_svg, whole.tolist(), known, (found.initial_frequency, found.initial_other), found.label,
+    )  # fmt: skip
+    return [Figure(draw, caption, caption, wide=True), front_table(_of(source))]
+
+
+def front_table(found: GlobalSearchResults) -> Table:
+    """A line each point of the front that the model has confirmed."""
+    assert found.front is not None
+    heads = columns(
+        *(f">{p.name}" for p in found.parameters), ">Frequencies", ">model", f">{found.front.label}", ">model"
+    )
+    rows = tuple(
+        row(
+            *map(value, p.parameters), short(p.frequency), _or_none(p.frequency_model), short(p.other),
+            _or_none(p.other_model),
+        )
+        for p in found.front.points
+    )  # fmt: skip
+    note = "Frequencies: sum of the squared relative errors. Both errors on what was searched, and of the model there."
+    return Table("", heads, rows, note)
+
+
+def _or_none(number: float | None) -> str:
+    return NONE if number is None else short(number)
+
+
+def _form(s: SurrogateFacts) -> tuple[str, str]:
+    """Method, and what it consists of."""
+    if s.method == "kriging":
+        return "Kriging", f"{s.trend} trend, correlation {s.correlation}"
+    if s.method == "radial-basis":
+        return "radial basis functions", f"{s.kernel}, {s.trend} trend"
+    few, many = min(s.terms), max(s.terms)
+    return "polynomial chaos", counted(many, "term") if few == many else f"{few} to {many} terms"
+
+
+def search_surrogate(source: ReportSource) -> list[Block]:
+    """The surrogate and its errors."""
+    return surrogate_blocks(_of(source))
+
+
+def surrogate_blocks(found: GlobalSearchResults) -> list[Block]:
+    """The surrogate and its errors, for page and terminal."""
+    s = found.surrogate
+    if s is None:
+        return [Paragraph("The model itself was searched.")]
+    heads = columns(
+        "Surrogate", "Form", ">Runs", ">Responses", "Further runs by", ">Number", ">Leaving out a run before σ",
+        ">Leaving out a run σ", ">Fresh runs σ", ">Error / predicted",
+    )  # fmt: skip
+    line = row(
+        *_form(s), str(s.runs), str(s.responses), s.infill_by or NONE, str(s.infill_runs),
+        _or_none(s.left_out_rms_before), short(s.left_out_rms), _or_none(s.fresh_rms), short(s.left_out_ratio),
+    )  # fmt: skip
+    note = (
+        "Root mean square errors of the residuals, in standard deviations σ of the data, before and after the further "
+        "runs. The last column compares the errors of leaving out a run with their predicted standard deviation; it is "
+        "near 1 if the intervals are right."
+    )
+    return [Table("", heads, (line,), note)]

@@ -1,0 +1,1 @@
+"""Nominally identical specimens beside each other."""

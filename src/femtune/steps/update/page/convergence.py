@@ -1,0 +1,270 @@
+"""How the update went."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from femtune.document.document import Cell, Figure, Listing, Paragraph, Table, columns, row
+from femtune.document.figures.convergence import convergence_svg
+from femtune.document.numbers import NONE, counted, freq, percent, short, value
+from femtune.steps.update.page.parameters import places
+from femtune.steps.update.page.stages import stages
+from femtune.steps.update.page.starts import reduced_models, starts, weight_choice
+from femtune.steps.validate.page import goodness
+
+if TYPE_CHECKING:
+    from femtune.document.document import Block
+    from femtune.steps.report_source import ReportSource
+    from femtune.steps.update.record.search import SmallestChangeResults
+    from femtune.steps.update.record.truncation import FrfTruncation
+    from femtune.steps.update.record.update import ComparisonResults, ParameterFacts, ResidualCount, UpdateResults
+
+# ----------------------------------------------------------------------------------------------------
+# What was compared, by kind of residual, before and after the update.
+
+
+_UNFOLDED = 12
+"""Comparisons that are shown at once."""
+_POLES_NOTE = (
+    "Of a pole λ the frequency is |λ|/2π, and the damping ratio −Re λ/|λ|. Close modes that are paired together have "
+    "one mean pole."
+)
+_TRUNCATION_NOTE = (
+    "The FRFs of a residual are superposed from modes and residual vectors, and compared with solutions of "
+    "K + iωC − ω²M at a few frequency lines; σ is the standard deviation of the measured values."
+)
+_LEFT_OUT_NOTE = (
+    "Their terms in the modal sum are taken away, before and after the update. Correlation: square of the product of "
+    "the mass-normalised shapes, weighted by the mass; 1 for the same shape."
+)
+_NOTE = (
+    "Mean error: √(Σr²/Σσ⁻²) of one kind, relative to the measured values. Root mean square: of the residuals r, in "
+    "units of the standard deviations that the study states; it is about 1 if only measurement noise is left."
+)
+
+
+def residual_kinds(update: UpdateResults) -> list[Block]:
+    """A table of kinds; nothing where the results do not have it."""
+    known = [kind for kind in update.residual_counts if kind.rms_after is not None]
+    if not known:
+        return []
+    heads = columns("Residuals", ">Number", ">Mean error % before", ">after", ">Root mean square before", ">after")
+    by_kind = Table("Residuals by kind", heads, tuple(_row(kind) for kind in known))
+    note = Paragraph(_NOTE, tone="muted")
+    return [by_kind, note, *_poles(update), *_comparisons(update), *_truncation(update), *_left_out(update)]
+
+
+def _row(kind: ResidualCount) -> tuple[Cell, ...]:
+    return row(
+        kind.kind,
+        str(kind.count),
+        _percent(kind.error_before_percent),
+        _percent(kind.error_after_percent),
+        short(kind.rms_before),
+        short(kind.rms_after),
+    )
+
+
+def _comparisons(update: UpdateResults) -> list[Block]:
+    """Every comparison by itself, unfolded where they are few."""
+    heads = columns("Configuration", "Compared", ">Values", ">Error % before", ">after", ">Root mean square after")
+    rows = tuple(_comparison(c) for c in update.comparisons)
+    return [Table("All residuals", heads, rows, folded=len(rows) > _UNFOLDED)] if rows else []
+
+
+def _poles(update: UpdateResults) -> list[Block]:
+    """Measured and computed damping ratios and natural frequencies of the poles that were compared."""
+    heads = columns(
+        "Configuration", "Test mode", ">Damping ratio % measured", ">before", ">after", ">Frequency Hz measured",
+        ">before", ">after",
+    )  # fmt: skip
+    rows = tuple(
+        row(p.configuration, p.label, *map(_ratio, (p.measured_ratio, p.before_ratio, p.after_ratio)),
+            freq(p.measured_hz), NONE if p.before_hz is None else freq(p.before_hz), freq(p.after_hz))
+        for p in update.poles
+    )  # fmt: skip
+    return [Table("Poles of test and damped model", heads, rows, _POLES_NOTE)] if rows else []
+
+
+def _ratio(ratio: float | None) -> str:
+    return NONE if ratio is None else short(100.0 * ratio)
+
+
+def _truncation(update: UpdateResults) -> list[Block]:
+    """Error of the FRFs by truncation of their modes."""
+    if not update.frf_truncation:
+        return []
+    heads = columns(
+        "Configuration", "Stage", ">Modes", ">up to Hz", ">Highest line Hz", ">Lines compared", ">Largest error σ",
+        ">RMS σ", ">Largest error %", "Missing",
+    )  # fmt: skip
+    rows = tuple(_truncated(t) for t in update.frf_truncation)
+    return [Table("FRFs of the model: superposition of modes beside direct solutions", heads, rows, _TRUNCATION_NOTE)]
+
+
+def _left_out(update: UpdateResults) -> list[Block]:
+    """Modes of the model that FRFs are compared without."""
+    if not update.left_out_modes:
+        return []
+    heads = columns("Configuration", ">Mode before", ">Hz", ">Mode after", ">Hz", ">Correlation")
+    rows = tuple(
+        row(m.configuration, str(m.before), freq(m.before_hz), str(m.after), freq(m.after_hz), short(m.correlation))
+        for m in update.left_out_modes
+    )
+    return [Table("Modes that are left out of the FRFs of the model", heads, rows, _LEFT_OUT_NOTE)]
+
+
+def _truncated(t: FrfTruncation) -> tuple[Cell, ...]:
+    missing = Cell(f"{t.missing} ({t.limit})" if t.limit else t.missing, tone="poor")
+    return row(
+        t.configuration,
+        t.stage,
+        NONE if t.modes is None else str(t.modes),
+        freq(t.modes_to_hz),
+        freq(t.highest_line_hz),
+        str(len(t.lines_hz)),
+        short(t.largest_sd),
+        short(t.rms_sd),
+        short(t.largest_percent),
+        Cell("none") if t.small else missing,
+    )
+
+
+def _comparison(c: ComparisonResults) -> tuple[Cell, ...]:
+    return row(
+        c.configuration,
+        f"{c.kind} {c.label}",
+        str(c.count),
+        _percent(c.error_before_percent),
+        percent(c.error_after_percent),
+        short(c.rms_after),
+    )
+
+
+def _percent(value: float | None) -> str:
+    return NONE if value is None else percent(value)
+
+
+def convergence(source: ReportSource) -> list[Block]:
+    """Status, picture, pairing events, table of iterations."""
+    update = source.results.update
+    if update is None:
+        return [Paragraph("The update was not run.")]
+    history = [_table(update)] if update.history else [Paragraph("The history of the iterations was not stored.")]
+    return [
+        Paragraph(f"Outcome: {update.message} ({update.status})."),
+        *([_figure(update, source.results.parameters)] if len(update.history) > 1 else []),
+        *_optimality(update),
+        *_long_steps(update),
+        _events(update),
+        *goodness(source),
+        *residual_kinds(update),
+        *weight_choice(update, source.results.parameters),
+        *starts(update, source.results.parameters),
+        *reduced_models(update.reduction),
+        *stages(update.stages),
+        *history,
+    ]
+
+
+def _optimality(update: UpdateResults) -> list[Block]:
+    """Which point the result is, what it costs, and how well it meets the conditions of a minimum."""
+    if not update.ok or update.certificate is None:
+        return []
+    found, small = update.certificate, update.smallest_change
+    negative = [m for m in found.multipliers if m.value < 0.0]
+    bounds = f"{counted(len(found.multipliers), 'parameter')} at a bound, {len(negative)} with a negative multiplier"
+    conditions = (
+        f"Conditions of a minimum: projected gradient {short(found.projected_gradient)}; a further Gauss-Newton step "
+        f"would reduce the sum of squares by {short(found.predicted_decrease)} of its value; {bounds}."
+    )
+    if small is None:
+        which = f"The result is the minimum within the bounds: χ² = {value(update.chi_square)}."
+        return [Paragraph(f"{which} {conditions}")]
+    return [Paragraph(f"{_smallest_change(update, small)} {conditions}")]
+
+
+def which_point(update: UpdateResults) -> list[str]:
+    """A short sentence on which point the result is; none without an optimum."""
+    if not update.ok or update.certificate is None:
+        return []
+    found, small = update.certificate, update.smallest_change
+    negative = sum(m.value < 0.0 for m in found.multipliers)
+    signs = f", {negative} of {counted(len(found.multipliers), 'multiplier')} negative" if found.multipliers else ""
+    conditions = f"projected gradient {short(found.projected_gradient)}{signs}"
+    if small is None:
+        return [f"Result: the minimum within the bounds, χ² = {value(update.chi_square)} ({conditions})."]
+    return [
+        f"Result: the smallest change whose χ² is at most {short(small.allowed)} above the minimum within the bounds, "
+        f"{value(small.chi_square)}; it is {short(small.increase)} above ({conditions})."
+    ]
+
+
+def _long_steps(update: UpdateResults) -> list[Block]:
+    numbers = [i.iteration for i in update.history if i.long_step]
+    if not numbers:
+        return []
+    text = (
+        "No short step reduced the objective function any more, although the linear model predicted a decrease, as "
+        f"where modes nearly cross. {counted(len(numbers), 'long step')} followed, at iteration "
+        f"{', '.join(map(str, numbers))}; the objective function may have increased there. The best end is the result."
+    )
+    return [Paragraph(text)]
+
+
+def _smallest_change(update: UpdateResults, small: SmallestChangeResults) -> str:
+    last = [i.iteration for i in update.history if not i.to_smallest_change]
+    at_bound = ", ".join(small.optimum_at_bound) or "no parameter"
+    return (
+        "At the minimum of χ² within the bounds the data leave combinations of the parameters undetermined, those of "
+        "parameters at a bound included, so that noise decides where it lies. The result is the smallest "
+        "change from the nominal values, in prior standard deviations, whose χ² "
+        f"exceeds the minimum within the bounds by at most {short(small.allowed)}: χ² is {value(small.chi_square)} at "
+        f"the minimum, and {short(small.increase)} more in the result. The change is {short(small.size)} "
+        f"prior standard deviations long, against {short(small.optimum_size)} at the minimum (iteration {last[-1]}), "
+        f"where {at_bound} would be at a bound."
+    )
+
+
+def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
+    between = [places(update.history_parameters, i.parameters, facts) for i in update.history]
+    draw = partial(
+        convergence_svg,
+        [i.iteration for i in update.history],
+        [i.objective_percent for i in update.history],
+        update.history_parameters,
+        between,
+        sorted({e.iteration for e in update.pairing_events}),
+    )
+    caption = "Weighted mean error, and the parameters relative to their bounds. Dotted lines: the pairing changed."
+    first, last = update.history[0], update.history[-1]
+    alt = (
+        f"Weighted mean error from {percent(first.objective_percent)} % to {percent(last.objective_percent)} % "
+        f"in {counted(last.iteration, 'iteration')}, and the parameters relative to their bounds"
+    )
+    return Figure(draw, caption, alt, wide=True)
+
+
+def _events(update: UpdateResults) -> Block:
+    events = tuple(
+        f"After iteration {e.iteration}, {e.configuration}: {e.sentence}".removesuffix(".") + "."
+        for e in update.pairing_events
+    )
+    return Listing(events) if events else Paragraph("The pairing of modes did not change during the update.")
+
+
+def _table(update: UpdateResults) -> Block:
+    heads = columns(">Iteration", ">Weighted mean error %", ">Step", ">Damping", "At a bound", "Pairing")
+    rows = [
+        row(
+            str(i.iteration),
+            percent(i.objective_percent),
+            short(i.step_length),
+            short(i.damping),
+            ", ".join(i.active_bounds) or NONE,
+            "; ".join(i.events) or NONE,
+        )
+        for i in update.history
+    ]
+    return Table("Iterations", heads, tuple(rows))

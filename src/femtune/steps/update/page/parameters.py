@@ -1,0 +1,211 @@
+"""Parameters with their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from femtune.document.document import Cell, Figure, Paragraph, Table, columns, row
+from femtune.document.figures.parameters import ForestRow, forest_svg
+from femtune.document.numbers import NONE, counted, listed, short, signed_percent, value
+
+if TYPE_CHECKING:
+    from femtune.document.document import Block
+    from femtune.steps.report_source import ReportSource
+    from femtune.steps.update.record.update import DerivedResult, ParameterFacts, ParameterResult, PhysicalValue
+
+# ----------------------------------------------------------------------------------------------------
+# Quantities that follow from the parameters, with their uncertainty.
+
+
+def derived_quantities(found: Sequence[DerivedResult]) -> list[Block]:
+    """A table of them; nothing where the study defines none."""
+    heads = columns("Quantity", "Unit", ">Initial", ">Updated", ">± σ", ">95 %", "Expression")
+    return [Table("Derived quantities", heads, tuple(_derived_row(d) for d in found))] if found else []
+
+
+def _derived_row(found: DerivedResult) -> tuple[Cell, ...]:
+    spread = Cell(short(found.sd)) if found.sd is not None else Cell(found.sd_reason, tone="poor")
+    nominal, updated = ("not finite" if v is None else value(v) for v in (found.nominal, found.value))
+    ends = interval_ends(found.interval_95)
+    return row(found.name, found.unit or NONE, nominal, updated, spread, ends, found.expression)
+
+
+def interval_ends(interval: tuple[float, float] | None) -> str:
+    """The two ends of an interval."""
+    return NONE if interval is None else " … ".join(value(end) for end in interval)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Values of the fields that factors multiply.
+
+
+def physical_values(found: Sequence[ParameterResult], most: int | None = None) -> list[Block]:
+    """A table of them; fields of one parameter with the same value and unit share a row."""
+    rows = [r for p in found for r in _physical_rows(p)]
+    heads = columns("Parameter", "Field", "Unit", ">Initial", ">Updated", ">95 %")
+    more = 0 if most is None else len(rows) - most
+    note = f"and {counted(more, 'more field')} in the section on parameters of the report" if more > 0 else ""
+    return [Table("Physical values of the factors", heads, tuple(rows[:most]), note)] if rows else []
+
+
+def _physical_rows(found: ParameterResult) -> Iterator[tuple[Cell, ...]]:
+    alike: dict[tuple[float, str], list[PhysicalValue]] = {}
+    for one in found.physical:
+        alike.setdefault((one.nominal, one.unit), []).append(one)
+    for same in alike.values():
+        first = same[0]
+        yield row(
+            found.name, _named(tuple(one.field for one in same)), first.unit or NONE, value(first.nominal),
+            value(first.value), interval_ends(first.interval_95),
+        )  # fmt: skip
+
+
+def interval_remarks(found: Sequence[ParameterResult]) -> list[Block]:
+    """How intervals follow from the bounds, if some do."""
+    cut, left_open = ([p.name for p in found if p.interval_kind == kind] for kind in ("truncated", "bounds"))
+    said = []
+    if cut or left_open:
+        said.append(
+            "The 95 % intervals are equal-tailed and within the bounds: the distribution of the linearised problem, "
+            "truncated to the bounds."
+        )
+        if any(p.at_bound for p in found):
+            said.append("A value on its bound is at an end of this distribution, outside its interval.")
+        if outside := [p.name for p in found if _outside(p)]:
+            one = len(outside) == 1
+            said.append(
+                f"The {'value' if one else 'values'} of {listed(outside)} {'lies' if one else 'lie'} outside "
+                f"{'its interval' if one else 'their intervals'}: bounds cut off a part of the distribution, "
+                "which moves its mean and median (results.json) away from the updated values."
+            )
+    if left_open:
+        these = "its interval is" if len(left_open) == 1 else "their intervals are"
+        said.append(f"The data hardly narrow {listed(left_open)}: {these} nearly as wide as the bounds allow.")
+    return [Paragraph(" ".join(said))] if said else []
+
+
+def _outside(found: ParameterResult) -> bool:
+    """Whether a value that is not on a bound lies outside its interval."""
+    ends = found.interval_95
+    return ends is not None and not found.at_bound and not ends[0] <= found.value <= ends[1]
+
+
+_CAPTION = (
+    "Each line runs from the lower to the upper bound. Grey: prior ± one standard deviation about the nominal value. "
+    "Blue: the updated value ± one standard deviation, and thin the 95 % interval. Orange square: at a bound, where no "
+    "standard deviation is given."
+)
+
+_MOST_FIELDS = 6
+
+
+def parameters(source: ReportSource) -> list[Block]:
+    """Forest plot and table."""
+    facts, update = source.results.parameters, source.results.update
+    if not facts:
+        return [Paragraph("The study has no parameters.")]
+    if update is None:
+        return [Paragraph("The update was not run; these are the parameters of the study."), _table(facts, {})]
+    results = {p.name: p for p in update.parameters}
+    rows = [r for f in facts if (r := _forest_row(f, results.get(f.name))) is not None]
+    return [
+        *([_figure(rows)] if rows else []),
+        _table(facts, results),
+        *interval_remarks(update.parameters),
+        *physical_values(update.parameters),
+        *derived_quantities(update.derived),
+    ]
+
+
+def _figure(rows: list[ForestRow]) -> Figure:
+    alt = f"Updated parameters between their bounds: {listed(f'{r.name} {value(r.final)}' for r in rows)}"
+    return Figure(partial(forest_svg, rows), _CAPTION, alt, wide=True)
+
+
+def _forest_row(fact: ParameterFacts, result: ParameterResult | None) -> ForestRow | None:
+    """None for tied parameters, which have no bounds of their own."""
+    if result is None or fact.lower is None or fact.upper is None or fact.lower >= fact.upper:
+        return None
+    return ForestRow(
+        fact.name, fact.unit, fact.lower, fact.upper, fact.nominal, fact.prior_sd,
+        result.value, result.sd, bool(result.at_bound), result.interval_95,
+    )  # fmt: skip
+
+
+def _table(facts: tuple[ParameterFacts, ...], results: dict[str, ParameterResult]) -> Block:
+    heads = columns(
+        "Parameter",
+        "Unit",
+        ">Nominal",
+        ">Updated",
+        ">± σ",
+        ">95 %",
+        ">Change %",
+        ">Bounds",
+        ">Prior σ",
+        "Fields or tie",
+    )  # fmt: skip
+    return Table("Values", heads, tuple(_row(f, results.get(f.name)) for f in facts))
+
+
+def _row(fact: ParameterFacts, result: ParameterResult | None) -> tuple[Cell, ...]:
+    return row(
+        fact.name,
+        fact.unit or NONE,
+        value(fact.nominal),
+        value(result.value) if result else "not updated",
+        _spread(result),
+        _interval(fact, result),
+        signed_percent(result.change_percent) if result else NONE,
+        f"{value(fact.lower)} … {value(fact.upper)}" if fact.lower is not None else NONE,
+        short(fact.prior_sd),
+        _fields(fact),
+    )
+
+
+def _spread(result: ParameterResult | None) -> Cell:
+    if result is None:
+        return Cell(NONE)
+    if result.sd is None:
+        return Cell(result.sd_reason or "not given", tone="poor")
+    return Cell(short(result.sd))
+
+
+def _interval(fact: ParameterFacts, result: ParameterResult | None) -> str:
+    if result is None or result.interval_95 is None:
+        return NONE
+    low, high = result.interval_95
+    # with few degrees of freedom Student's t interval can be wider than the bounds
+    if fact.lower is not None and fact.upper is not None and low < fact.lower and high > fact.upper:
+        return "wider than the bounds"
+    return interval_ends(result.interval_95)
+
+
+def _fields(fact: ParameterFacts) -> str:
+    named = _named(fact.fields)
+    if fact.tie:
+        return f"tied: {fact.tie}" + (f"; {named}" if named else "")
+    return named + (f", in {fact.elements} elements" if fact.elements is not None else "") or "no field in the model"
+
+
+def _named(fields: tuple[str, ...]) -> str:
+    more = len(fields) - _MOST_FIELDS
+    return ", ".join(fields[:_MOST_FIELDS]) + (f" and {more} more" if more > 0 else "")
+
+
+# ----------------------------------------------------------------------------------------------------
+# Where a value lies between its bounds.
+
+
+def places(names: Sequence[str], values: Sequence[float], facts: Sequence[ParameterFacts]) -> list[float]:
+    """0 at the lower bound, 1 at the upper one; a half where there are none."""
+    by_name = {f.name: f for f in facts}
+    return [_place(by_name.get(name), x) for name, x in zip(names, values, strict=True)]
+
+
+def _place(fact: ParameterFacts | None, x: float) -> float:
+    if fact is None or fact.lower is None or fact.upper is None or fact.lower >= fact.upper:
+        return 0.5
+    return (x - fact.lower) / (fact.upper - fact.lower)

@@ -1,0 +1,1 @@
+"""Comparison with data that the update did not use."""

@@ -1,0 +1,1 @@
+"""Sweeps and random vibration tests beside the model."""

@@ -1,0 +1,1 @@
+"""A moving mode in a window."""

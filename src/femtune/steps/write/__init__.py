@@ -1,0 +1,1 @@
+"""The updated deck."""

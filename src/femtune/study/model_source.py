@@ -1,0 +1,292 @@
+"""What the model of a study is made of, and what can be done with it: a deck, matrices, runs, or an external solver."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+from femtune.errors import FemtuneError, Notice
+from femtune.files.built_model import BuiltModel
+from femtune.files.nastran.build import BuiltDeck, build_allowing
+from femtune.files.nastran.deck import read_deck
+from femtune.files.nastran.inventory import MISSING
+from femtune.files.nastran.left_out import preloads
+from femtune.files.study_file import ConfigurationSolver
+from femtune.files.study_file.matrices import MatrixEntry
+from femtune.files.study_file.runs import RunsModelTable
+from femtune.files.study_file.solver import SolverTable
+from femtune.files.study_file.step_tables import StudyTable
+from femtune.study.cases import ModesOfDeck
+
+if TYPE_CHECKING:
+    from femtune.fem import NodeTable
+    from femtune.files.study_file import ConfigurationEntry, StudyFile
+    from femtune.study.drawn_mesh import DrawnMesh
+    from femtune.study.progress import Progress
+
+
+Built = TypeVar("Built", bound="BuiltModel")
+
+
+@dataclass(frozen=True, eq=False)
+class ModelSource(ABC, Generic[Built]):
+    """What the model of a study is made of.
+
+    Each variant says what its models can do. Nothing else asks which variant a study has.
+    """
+
+    file: StudyFile
+
+    title: ClassVar[str] = "Matrices of"
+    """Word before the name in titles."""
+    writes_back: ClassVar[bool] = False
+    """True where updated values are written to a copy of what the model is made of, which is then read and solved."""
+    no_write_back: ClassVar[str] = ""
+    """Code of the alert that nothing is written back, where nothing is."""
+    has_elements: ClassVar[bool] = False
+    """True for a model of elements with cards and properties."""
+    has_structure: ClassVar[bool] = True
+    """True where mass and stiffness are those of the structure, so that it can be weighed and moved as a rigid body."""
+    moves_fields: ClassVar[bool] = True
+    """True where a parameter changes fields of cards or factors of matrices; else it is a variable of the runs."""
+    needs_runs: ClassVar[bool] = False
+    """True where other values of the parameters take another run, and derivatives are differences of runs."""
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Name in the study: the deck, the first matrix, the table of runs or the first template."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that the model is read from, the first of which names it, without those that they include."""
+        return (self.file.path_of(self.name),)
+
+    def input_of(self, entry: ConfigurationEntry) -> Hashable:
+        """What the model of a configuration is made of; equal for configurations that share it."""
+        return self.name
+
+    def prepared(self) -> StudyFile:
+        """The study with what has to be known before the model is built."""
+        return self.file
+
+    @abstractmethod
+    def built(self, progress: Progress, fresh: bool, around: bool) -> Built:
+        """The model, unless the study was given it.
+
+        Parameters
+        ----------
+        fresh : runs that are known are run again
+        around : False for the model at the initial values alone, where the step runs other points
+        """
+
+    def completed(self, built: Built) -> StudyFile:
+        """The study with what the model itself tells."""
+        return self.file
+
+    def doubts(self, built: Built) -> tuple[Notice, ...]:
+        """Warnings where what was read contradicts itself: often the cause of what fails later."""
+        return ()
+
+    def mesh(self, nodes: NodeTable) -> DrawnMesh | None:
+        """The mesh to be drawn where the model has no elements; None where there is none."""
+        from femtune.study.imported_model import mesh_of_grid  # noqa: PLC0415  of models without elements
+
+        return mesh_of_grid(self.file, nodes)
+
+
+def model_source(file: StudyFile) -> ModelSource[Any]:
+    """What the model of a study is made of."""
+    return SOURCES[type(file.source)](file)
+
+
+LARGE_DEVIATION = 0.2
+"""Relative standard deviation of a frequency from which it is asked whether per cent are meant."""
+
+
+class FromDeck(ModelSource[BuiltDeck]):
+    """The deck of [study]."""
+
+    title = "Deck"
+    writes_back = True
+    has_elements = True
+
+    @property
+    def name(self) -> str:
+        assert self.file.study.deck is not None
+        return self.file.study.deck
+
+    def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltDeck:
+        from femtune.study.named_fields import with_named_fields  # noqa: PLC0415  of elements
+
+        progress.step("reading the deck", 0, None)
+        allowed = self.file.study.allow_ignored
+        built = self.file.given.model or build_allowing(read_deck(self.file.path_of(self.name)), allowed)
+        assert isinstance(built, BuiltDeck)
+        self._check_allowed(built)
+        return with_named_fields(self.file, built)
+
+    def _check_allowed(self, built: BuiltDeck) -> None:
+        """Cards that the model lacks must be among those that the study allows to be ignored."""
+        allowed = {name.upper() for name in self.file.study.allow_ignored}
+        if allowed and (loaded := [error for name, error in preloads(built.deck).items() if name not in allowed]):
+            raise loaded[0]
+        missing = [c for c in built.cards if c.use == MISSING and c.name not in allowed]
+        if missing:
+            names = ", ".join(f"{c.name} ({c.count})" for c in missing)
+            raise FemtuneError("deck.unsupported-element/not-allowed", where=missing[0].where, names=names)
+
+    def completed(self, built: BuiltDeck) -> StudyFile:
+        """With the number of modes of the deck's METHOD, where the study does not say how many."""
+        asked, method = self.file.modes, built.eigen_method
+        if asked.count is not None or asked.max_hz is not None or method is None:
+            return self.file
+        if method.wanted:
+            return self.file.model_copy(update={"modes": ModesOfDeck(count=method.wanted)})
+        if method.upper_hz and method.upper_hz > 0.0:
+            return self.file.model_copy(update={"modes": ModesOfDeck(max_hz=method.upper_hz)})
+        return self.file
+
+    def doubts(self, built: BuiltDeck) -> tuple[Notice, ...]:
+        """Where units and dimensions contradict each other."""
+        from femtune.study.plausible_sections import section_notices  # noqa: PLC0415
+        from femtune.study.plausible_units import unit_notices  # noqa: PLC0415
+
+        of_units = unit_notices(self.file, built) if self.file.given.units_known else ()
+        return (*of_units, *section_notices(built.structure), *self._large_deviation())
+
+    def _large_deviation(self) -> tuple[Notice, ...]:
+        stated = self.file.residuals.frequency_sd
+        if not isinstance(stated, float | int) or stated < LARGE_DEVIATION:
+            return ()
+        where, meant = self.file.where("residuals", "frequency_sd"), stated / 100.0
+        return (Notice("study.large-sd", where=where, value=stated, percent=100.0 * stated, meant=meant),)
+
+    def mesh(self, nodes: NodeTable) -> DrawnMesh | None:
+        """None: the elements are drawn."""
+        return None
+
+
+_WITH_DOF_LIST = (".sti", ".mas")
+"""Suffixes of the matrices of CalculiX, which writes the DOFs to a file beside them."""
+
+
+class FromMatrices(ModelSource[BuiltModel]):
+    """Matrices of another solver, [[matrix]]."""
+
+    no_write_back = "write.no-deck/run"
+
+    @property
+    def name(self) -> str:
+        return self.file.matrix[0].file
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Matrices, with the lists of their DOFs, and what [model] names."""
+        asked = self.file.model
+        names = [m.file for m in self.file.matrix] + [n for n in (asked.grid, asked.dofs, asked.listing) if n]
+        paths = [self.file.path_of(name) for name in names]
+        lists = [p.with_suffix(".dof") for p in paths if p.suffix in _WITH_DOF_LIST]
+        return tuple(dict.fromkeys([*paths, *(p for p in lists if p.is_file())]))
+
+    def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
+        """The model, whose modes are compared with those that the solver listed."""
+        # readers of the matrices of other solvers, which few studies have
+        from femtune.study.imported_model import build_imported, compare_listed  # noqa: PLC0415
+
+        progress.step("reading the matrices", 0, None)
+        built = self.file.given.model or build_imported(self.file)
+        progress.step("comparing their modes with the listed ones", 0, None)
+        return replace(built, notices=(*built.notices, compare_listed(self.file, built.structure)))
+
+
+class FromRuns(ModelSource[BuiltModel]):
+    """A table of runs of another solver, [runs]."""
+
+    no_write_back = "write.no-deck/runs"
+    has_structure = False
+    moves_fields = False
+
+    @property
+    def table(self) -> RunsModelTable:
+        """[runs]."""
+        assert self.file.runs is not None
+        return self.file.runs
+
+    @property
+    def name(self) -> str:
+        return self.table.file
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The tables of the configurations, and the grid points."""
+        return self._with_grid(str(self.input_of(entry)) for entry in self.file.configurations)
+
+    def _with_grid(self, names: Iterable[str]) -> tuple[Path, ...]:
+        grid = self.file.model.grid
+        return tuple(dict.fromkeys(map(self.file.path_of, (*names, *([] if grid is None else [grid])))))
+
+    def input_of(self, entry: ConfigurationEntry) -> Hashable:
+        """Its table."""
+        return entry.runs or self.table.file
+
+    def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
+        from femtune.study.runs_model import build_of_runs  # noqa: PLC0415  few studies have runs
+
+        progress.step("fitting the runs", 0, None)
+        return self.file.given.model or build_of_runs(self.file)
+
+    def completed(self, built: BuiltModel) -> StudyFile:
+        """With the modes that the runs have, and measured frequencies as a test."""
+        from femtune.study.runs_model import with_modes_of_runs  # noqa: PLC0415  few studies have runs
+
+        return with_modes_of_runs(self.file, built)
+
+
+class FromSolver(FromRuns):
+    """An external solver, [solver]: runs at the values of the parameters that are asked for."""
+
+    no_write_back = "write.no-deck/solver"
+    needs_runs = True
+
+    @property
+    def solver(self) -> SolverTable:
+        """[solver]."""
+        assert self.file.solver is not None
+        return self.file.solver
+
+    @property
+    def name(self) -> str:
+        return self.file.study.deck or self.solver.templates[0]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The deck or the first template, and the grid points."""
+        return self._with_grid([self.name])
+
+    def input_of(self, entry: ConfigurationEntry) -> Hashable:
+        """What it has of its own beside the inputs of the study."""
+        return (entry.solver or ConfigurationSolver()).model_dump_json()
+
+    def prepared(self) -> StudyFile:
+        """With initial values for all parameters, and the polynomials that are fitted to the runs."""
+        from femtune.study.external import of_solver  # noqa: PLC0415  few studies have a solver
+
+        return of_solver(self.file)
+
+    def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
+        from femtune.study.external import build_of_solver  # noqa: PLC0415  few studies have a solver
+
+        return self.file.given.model or build_of_solver(self.file, progress, fresh, around)
+
+
+SOURCES: dict[type[Any], type[ModelSource[Any]]] = {
+    StudyTable: FromDeck,
+    MatrixEntry: FromMatrices,
+    RunsModelTable: FromRuns,
+    SolverTable: FromSolver,
+}
+"""By the table of the study that describes it."""

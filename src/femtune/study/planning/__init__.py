@@ -1,1 +1,0 @@
-"""The step plan: a test planned from the model."""

@@ -1,0 +1,233 @@
+"""Residuals of a configuration, from what the study compares in it."""
+
+from __future__ import annotations
+
+import math
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, cast
+
+import scipy.sparse as sp
+
+from femtune.correlation import sensor_placement
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, did_you_mean
+from femtune.identification import InputKnown, equalised_test
+from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
+from femtune.residuals.kinds import RESIDUALS
+from femtune.study.axes import named_axis, sensor_axis
+from femtune.study.error_places import errors_at
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from femtune.correlation import SensorPlacement
+    from femtune.dofs import DofSet
+    from femtune.files.study_file import Comparison, StudyFile
+    from femtune.identification import EqualisedTest
+    from femtune.modal import FrfSet, ModeSet
+    from femtune.model import ModalDamping
+    from femtune.residuals import ComparedCase
+    from femtune.study.cases import StudyCase
+
+
+@dataclass(frozen=True, eq=False)
+class AskedOf:
+    """One comparison of a study in one configuration, as `femtune.residuals.asked.Asked` describes it."""
+
+    file: StudyFile
+    case: StudyCase
+    comparison: Comparison
+    damping: ModalDamping | None = None
+    shared: dict[str, EqualisedTest] = field(default_factory=dict, repr=False)
+
+    @property
+    def entry(self) -> Any:
+        """The table, of its kind."""
+        return self.comparison.entry
+
+    @property
+    def name(self) -> str:
+        """Name of the configuration."""
+        return self.case.name
+
+    @property
+    def short(self) -> bool:
+        """Whether [residuals] says it."""
+        return self.comparison.short
+
+    @property
+    def of_largest(self) -> bool:
+        """Whether the standard deviation of shapes is relative to the largest entry of each."""
+        return self.comparison.of_largest
+
+    @property
+    def modes(self) -> ModeSet:
+        """The modes of the configuration's test (error ``study.no-test``)."""
+        if self.tested is None:
+            raise FemtuneError("study.no-test/residual", where=self.where(), configuration=self.case.name)
+        return self.tested
+
+    @property
+    def tested(self) -> ModeSet | None:
+        """The same; None where there are none."""
+        return None if self.case.modal is None else self.case.modal.test
+
+    @property
+    def frfs(self) -> FrfSet | None:
+        """The measured FRFs, NaN where they are held out."""
+        return self.case.used_frfs
+
+    def equalised(self) -> EqualisedTest | None:
+        """These FRFs with one damping ratio, where [equalise] is in the study; they are identified once."""
+        table, test = self.file.equalise, self.case.test
+        if table is None or test is None or test.frfs is None:
+            return None
+        if "equalised" not in self.shared:
+            asked = InputKnown(table.band_hz, table.largest_order, take=table.take_hz, drop=table.drop_hz)
+            with errors_at(self.file.where("equalise")):
+                found = equalised_test(test.frfs, table.damping, asked, table.lines, table.leave_out_hz)
+            self.shared["equalised"] = replace(found, frfs=self.case.without_held(found.frfs))
+        return self.shared["equalised"]
+
+    @property
+    def placement(self) -> SensorPlacement | None:
+        """Errors in the placement of the sensors."""
+        return self.case.placement
+
+    def in_band(self, low_hz: float, high_hz: float) -> AskedOf:
+        """The table with `from_hz` and `to_hz` limited to a band."""
+        entry = self.entry
+        top = high_hz if entry.to_hz is None else min(entry.to_hz, high_hz)
+        limits = {"from_hz": max(entry.from_hz, low_hz), "to_hz": top if math.isfinite(top) else None}
+        return replace(self, comparison=replace(self.comparison, entry=entry.model_copy(update=limits)))
+
+    def where(self, *keys: str | int) -> Where:
+        """Place of the table, or of one of its keys."""
+        return self.file.where(*self.comparison.place, *keys)
+
+    def errors_at(self, *keys: str | int) -> AbstractContextManager[None]:
+        """Errors that are raised inside without a place get this one."""
+        return errors_at(self.where(*keys))
+
+    def rows(self, key: str) -> sp.csr_array:
+        """(n, n_g) the DOFs that the labels under a key name."""
+        return named_axis(self.file, self.case, tuple(getattr(self.entry, key)), *self.comparison.place, key).rows
+
+    def seen(self, wanted: DofSet) -> tuple[DofSet, sp.csr_array, tuple[Notice, ...]]:
+        """DOFs of the test that have a place in the model and can move, their rows, and remarks on the others."""
+        axis, notices = sensor_axis(self.case, wanted)
+        return axis.labels, axis.rows, notices
+
+
+def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | None = None) -> StudyCase:
+    """The configuration with the residuals that the study asks for in it; `damping` of modes is that of the deck.
+
+    Raises
+    ------
+    FemtuneError : ``study.no-test``, ``study.unknown-mode``, ``residual.*``, ``response.held-port``,
+        ``model.unknown-node`` …; several are shown together
+    """
+    case = replace(case, placement=placement_of(file, case))
+    errors, short, own = ErrorCollector(), list[Residual](), list[Residual]()
+    shared: dict[str, EqualisedTest] = {}
+    mine = [c for c in file.comparisons if _is_of(c, case)]
+    for comparison in mine:
+        asked = AskedOf(file, case, comparison, damping, shared)
+        with errors.catch(), asked.errors_at():
+            (short if comparison.short else own).append(_built(asked))
+    errors.raise_if_any()
+    if len(file.configurations) == 1:
+        own.extend(file.given.residuals)
+    # [residuals] compares what it names mode by mode, before all others
+    by_mode = ByMode(tuple(cast(PairResidual, r) for r in short))
+    found = (by_mode, *own) if short else tuple(own)
+    if not found:
+        return case
+    scaled = any(getattr(c.entry, "mass_scaled", False) for c in mine)
+    return replace(case, compared=_compared(file, case, found, scaled))
+
+
+_QUANTITIES = {
+    "frequency": "frequencies", "shape": "shapes", "strain": "strain shapes", "damping": "damping ratios",
+    "complex-eigenvalue": "frequencies and damping ratios",
+}  # fmt: skip
+
+
+def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:
+    """A warning for each residual with the deviations of the test, which lacks those of modes that may be paired."""
+    if case.compared is None:
+        return ()
+    test, found = case.compared.test, []
+    for residual in case.compared.residuals:
+        lacking = residual.without_sd(test) if isinstance(residual, OfPairs) else ()
+        labels = [test.labels[i] for i in lacking if i not in case.compared.left_out]
+        if labels:
+            some = ", ".join(labels[:8]) + (" …" if len(labels) > 8 else "")
+            place = Where(str(file.path))
+            quantity = _QUANTITIES.get(residual.key, residual.label)
+            found.append(
+                Notice(
+                    "residual.no-scatter/of-modes", where=place, configuration=case.name, modes=some, quantity=quantity
+                )
+            )
+    return tuple(dict.fromkeys(found))
+
+
+def placement_of(file: StudyFile, case: StudyCase) -> SensorPlacement | None:
+    """Errors in the placement of the sensors of the modes, where [sensors] states them."""
+    table = file.sensors
+    if (
+        case.modal is None
+        or case.sensors is None
+        or not case.sensors.matches
+        or (not table.position_sd and not table.angle_sd_deg)
+    ):
+        return None
+    return sensor_placement(case.configured, case.sensors, table.position_sd, _radians(table.angle_sd_deg))
+
+
+def check_placement(file: StudyFile, cases: Sequence[StudyCase]) -> None:
+    """Refuse test nodes in [sensors] that have no sensor in any configuration (error ``sensor.placement-unknown``)."""
+    known = {m.label.node for case in cases if case.modal and case.sensors for m in case.sensors.matches}
+    for key in ("position_sd", "angle_sd_deg"):
+        given = getattr(file.sensors, key)
+        unknown = sorted(set(given) - known) if isinstance(given, dict) else []
+        if unknown:
+            nodes = ", ".join(map(str, unknown[:10]))
+            raise FemtuneError("sensor.placement-unknown", where=file.where("sensors", key), nodes=nodes)
+
+
+def _radians(degrees: float | dict[int, float]) -> float | dict[int, float]:
+    factor = math.pi / 180.0
+    return {n: factor * d for n, d in degrees.items()} if isinstance(degrees, dict) else factor * degrees
+
+
+def _is_of(comparison: Comparison, case: StudyCase) -> bool:
+    """[residuals] holds for all configurations with modes that the update uses, a [[residual]] for its own."""
+    if comparison.short:
+        return case.modal is not None and case.entry.use == "update"
+    several, used = case.entry.specimen is not None, case.entry.use == "update"
+    return comparison.entry.is_in(case.name, several, used)
+
+
+def _compared(file: StudyFile, case: StudyCase, residuals: tuple[Residual, ...], scaled: bool) -> ComparedCase:
+    """What the update uses; `scaled` where the study says that the test's shapes are of unit modal mass."""
+    if case.modal is None:
+        return case_without_modes(case.configured, residuals, count=file.modes.count, max_hz=file.modes.max_hz)
+    test = replace(case.modal.test, normalisation="mass") if scaled else case.modal.test
+    return replace(case.modal, test=test, residuals=residuals)
+
+
+def _built(asked: AskedOf) -> Residual:
+    built: Residual = RESIDUALS[asked.entry.kind].load().of_study(asked)
+    labels = asked.entry.modes if isinstance(built, OfPairs) or built.of_modes else None
+    for i, label in enumerate(labels or ()):
+        if label not in asked.modes.labels:
+            raise FemtuneError(
+                "study.unknown-mode/residual",
+                where=asked.where("modes", i),
+                hint=did_you_mean(label, asked.modes.labels),
+                configuration=asked.name,
+                label=label,
+            )
+    return OfModes(built, labels) if labels is not None and isinstance(built, OfPairs) else built
