@@ -24,7 +24,7 @@ author = "the femtune developers"
 project_copyright = "2026, the femtune developers"
 version = release = femtune.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "plain_docstrings"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "plain_docstrings", "key_tables"]
 _INTERNALS = tags.has("internals")  # noqa: F821 - Sphinx provides the tags
 _PUBLIC = ("plot", "testing")  # packages whose functions users call by the name of the package
 exclude_patterns = ["_build", "_ext"]

@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from femtune import plot, testing
     from femtune.dofs import Dof, DofSet
     from femtune.errors import FemtuneError
-    from femtune.files.study_file.objects import (
+    from femtune.files.study_file.objects import Configuration
+    from femtune.files.study_file.parameter import Parameter
+    from femtune.files.study_file.residual import (
         AntiresonanceResidual,
         CentreOfGravityResidual,
         ComplexEigenvalueResidual,
-        Configuration,
         DampingResidual,
         DynamicResidual,
         FlexibilityResidual,
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
         InertiaResidual,
         MacResidual,
         MassResidual,
-        Parameter,
         ShapeResidual,
         StaticDisplacementResidual,
         StaticForceResidual,

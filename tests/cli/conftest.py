@@ -42,14 +42,13 @@ def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     module.report = lambda path, progress: Path(path) / "report.html"
     monkeypatch.setattr(running, "load", lambda name: getattr(module, name.partition(":")[2]))
     monkeypatch.setattr(output, "load", _tables)
+    monkeypatch.setattr("femtune.reporting.terminal.print_terminal", lambda document, _: click.echo(document.name))
     monkeypatch.setattr(output, "document_of", lambda run, progress: run.results)
     return module
 
 
 def _tables(name: str) -> Callable[..., Any]:
-    """In place of the subject, of the document of a step, and of printing it."""
-    if name.endswith(":print_terminal"):
-        return lambda document, console: click.echo(document.name)
+    """In place of the subject, and of the document of a step."""
     return lambda *arguments: arguments[-1]
 
 

@@ -146,7 +146,7 @@ CASES: dict[str, Callable[[], object]] = {
         (iteration, "_MOST_RESTARTS", 1),
     ),
     "eigen.other-start": _other_start,
-    "derivative.not-converged": patched(_derivative, (derivatives, "_MAX_STEPS", 1)),
+    "derivative.not-converged": patched(_derivative, (derivatives, "_MOST_STEPS", 1)),
     "residual.no-scatter": _no_scatter,
     "residual.no-damping": _no_damping,
     "residual.no-complex-mode": _overdamped,

@@ -101,7 +101,7 @@ def test_the_bound_from_above_is_one():
 def test_what_cannot_be_shown_is_sought_from_below(monkeypatch: pytest.MonkeyPatch):
     old = solve_modes(model().at(np.zeros(1)), 20)
     point = model().at(np.array([0.1]))
-    monkeypatch.setattr(nearby, "SMALL", 0.0)
+    monkeypatch.setattr(nearby, "NEGLIGIBLE_RESIDUAL", 0.0)
     new = solve_modes(point, 20, start=old)
     assert new.known_factor is not None
     np.testing.assert_allclose(new.freq_hz[6:], solve_modes(point, 20).freq_hz[6:], rtol=1e-9)

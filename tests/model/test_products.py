@@ -36,8 +36,8 @@ def test_projections_add_up_to_the_projected_matrix(point: ModelPoint, kind: str
 
 @pytest.mark.parametrize("same", [True, False])
 def test_projections_on_more_vectors_than_are_multiplied_at_a_time(point: ModelPoint, same: bool) -> None:
-    left = _vectors(point, 2 * products._COLUMNS + 5, 6)
-    right = left if same else _vectors(point, products._COLUMNS + 3, 7)
+    left = _vectors(point, 2 * products._COLUMNS_AT_ONCE + 5, 6)
+    right = left if same else _vectors(point, products._COLUMNS_AT_ONCE + 3, 7)
     total = np.zeros((left.shape[1], right.shape[1]))
     for at, sandwich in projections(point.configured, "stiffness", left, right).items():
         c = point.coefficients[at]
@@ -62,7 +62,7 @@ def test_derivative_products_equal_those_of_assembled_derivatives(point: ModelPo
 
 @pytest.mark.parametrize("many", [0, 10**6])
 def test_columns_one_by_one_or_summed_first(point: ModelPoint, monkeypatch: pytest.MonkeyPatch, many: int) -> None:
-    monkeypatch.setattr(products, "MANY", many)
+    monkeypatch.setattr(products, "MANY_COLUMNS", many)
     vectors = _vectors(point, 4, 5)
     own = np.array([np.einsum("ij,ij->j", vectors, m @ vectors) for m in point.stiffness_derivatives])
     size = np.abs(own).max()

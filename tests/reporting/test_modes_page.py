@@ -18,7 +18,7 @@ from femtune.reporting.html import html_text
 from femtune.steps.modes import run as natural_modes
 from femtune.steps.modes import shapes as record_shapes
 from femtune.steps.modes.page import mode_shapes
-from femtune.steps.report.build import build_page, section_texts
+from femtune.steps.report.build import build_page, pages
 from femtune.steps.results import Results
 from femtune.study.drawn_mesh import thinned
 
@@ -164,7 +164,7 @@ def test_results_of_before_have_no_masses_and_no_faces(data: dict[str, Any], arr
     assert "the model has 9000 lines" in _said(page, "pictures")
 
 
-@pytest.mark.parametrize("section", sorted({t.id for t in section_texts("modes")} - {"provenance"}))
+@pytest.mark.parametrize("section", sorted({t.id for t in pages()["modes"].sections} - {"provenance"}))
 def test_absent_data_are_said(data: dict[str, Any], section: str) -> None:
     bare = {key: data[key] for key in ("provenance", "study")}
     document = build_page("modes", Results.model_validate(bare), {})

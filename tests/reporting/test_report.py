@@ -21,7 +21,8 @@ from femtune.document.figures.matrix import MatrixPicture, matrix_svg
 from femtune.errors import FemtuneError
 from femtune.reporting.html import html_text, write_html
 from femtune.reporting.terminal import print_terminal
-from femtune.steps.report.build import build_report, section_texts
+from femtune.steps import report_sections
+from femtune.steps.report.build import build_report
 from femtune.steps.report_source import ReportSource
 from femtune.steps.results import Results
 from femtune.steps.run.page.short_form import verdict
@@ -65,7 +66,7 @@ class _Page(HTMLParser):
 
 def test_the_sections_stand_in_their_order(document: Document) -> None:
     ids = [s.id for s in document.sections]
-    assert ids == [t.id for t in section_texts()]
+    assert ids == [t.id for t in report_sections()]
     assert (ids[0], ids[-1]) == ("summary", "provenance")
     assert all(s.blocks for s in document.sections)
 
@@ -190,7 +191,7 @@ def test_each_section_says_what_it_must(document: Document, section: str, words:
     assert [w for w in words if w not in text] == []
 
 
-@pytest.mark.parametrize("section", sorted({t.id for t in section_texts()} - {"provenance", "summary", "compared"}))
+@pytest.mark.parametrize("section", sorted({t.id for t in report_sections()} - {"provenance", "summary", "compared"}))
 def test_absent_data_are_said(data: dict[str, Any], section: str) -> None:
     text = _texts(_section(build_report(_minimal(data), {}), section))
     absent = r"[Nn]ot (tested|run|built|compared|computed|matched)|not available|No updated deck|no parameters"

@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from femtune.docstrings import attribute_docstrings
 from femtune.steps.results import SCHEMA_VERSION, Results, json_schema, record_types
 from femtune.steps.schema_page import schema_page
 from femtune.steps.validate.record.frf_validation import PredictedCurves
 from femtune.steps.validate.record.validation import ValidationResults
-from femtune.study.record import Alert, Record, descriptions
+from femtune.study.record import Alert, Record
 
 _PAGE = Path(__file__).resolve().parents[2] / "docs" / "results-schema.md"
 
@@ -20,7 +21,7 @@ _PAGE = Path(__file__).resolve().parents[2] / "docs" / "results-schema.md"
 @pytest.mark.parametrize("record", record_types(), ids=lambda r: r.__name__)
 def test_each_field_is_on_the_page_with_its_meaning(record: type[Record]) -> None:
     section = _PAGE.read_text("utf-8").split(f"\n## {record.__name__}\n")[1].split("\n## ")[0]
-    texts = descriptions(record)
+    texts = attribute_docstrings(record)
     for name in record.model_fields:
         assert texts[name], name
         assert f"| `{name}` |" in section

@@ -21,9 +21,10 @@ import click
 
 from femtune import __version__
 from femtune.cli.log import RESULTS
-from femtune.errors import FemtuneError, Notice, printable
+from femtune.errors import FemtuneError, printable
+from femtune.steps.step import BAD_INPUT, coloured
 
-BAD_INPUT, FAULT, INTERRUPTED, TERMINATED = 2, 70, 130, 143
+FAULT, INTERRUPTED, TERMINATED = 70, 130, 143
 
 CRASH_FILE = "femtune-crash.txt"
 
@@ -169,11 +170,6 @@ def _out_of_memory(short: MemoryError) -> FemtuneError:
     if not str(short):
         return FemtuneError("model.memory/exhausted", values=values)
     return FemtuneError("model.memory/exhausted-at", values=values, allocation=str(short).splitlines()[0])
-
-
-def coloured(said: FemtuneError | Notice) -> str:
-    """Its text with codes in red; click removes the colour where no terminal shows it."""
-    return said.text(lambda code: click.style(code, fg="red", bold=True))
 
 
 def _interrupted(ctx: click.Context, asked: KeyboardInterrupt) -> NoReturn:

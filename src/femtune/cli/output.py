@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from femtune.cli.guard import coloured
 from femtune.cli.log import alerts_of, log_results
-from femtune.cli.running import load
 from femtune.errors import printable
+from femtune.steps.step import coloured, load
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
     from rich.console import Console
 
     from femtune.document.document import Document
     from femtune.steps.run.result import RunResult
+    from femtune.steps.step import Command
     from femtune.study.progress import Progress
 
 PIPE_WIDTH = 160
@@ -44,21 +43,14 @@ def warn(result: Any, quiet: bool) -> None:
             click.echo(coloured(alert), err=True)
 
 
-def show(document: str, path: Path, record: Any, *more: Any, as_json: bool, quiet: bool, data: Any = None) -> None:
-    """A result as JSON or as tables.
-
-    Parameters
-    ----------
-    document : ``module:function`` below `femtune.steps` that makes the tables
-    path : the study or deck
-    record, more : arguments of the function after the subject
-    data : record, or records, for JSON; that of the tables where None
-    """
-    if as_json:
-        click.echo(as_text(record if data is None else data))
-    elif not quiet:
-        subject = load("femtune.steps.info.terminal:subject_of")(path)
-        show_document(load(f"femtune.steps.{document}")(subject, record, *more))
+def show(command: Command, path: Path, result: Any) -> None:
+    """The tables of a result; `path` is the study or deck."""
+    document = load(command.document)
+    if command.shown is None:
+        show_document(document(result))
+    else:
+        # the function of the subject reads the study file, which help does without
+        show_document(document(load("info.terminal:subject_of")(path), *command.shown(result)))
 
 
 def name_page(page: Path | None, as_json: bool) -> None:
@@ -67,8 +59,10 @@ def name_page(page: Path | None, as_json: bool) -> None:
         click.echo(f"report: {printable(str(page.resolve()))}", err=as_json)
 
 
-def as_text(result: BaseModel | Sequence[BaseModel]) -> str:
-    """A result as JSON: an object, or an array where a step gives several records."""
+def as_text(result: Any) -> str:
+    """A record as JSON object, several records as an array; text that is JSON already as it is."""
+    if isinstance(result, str):
+        return result
     if isinstance(result, Sequence):
         data: Any = [record.model_dump(mode="json") for record in result]
     else:
@@ -78,7 +72,9 @@ def as_text(result: BaseModel | Sequence[BaseModel]) -> str:
 
 def show_document(document: Document) -> None:
     """Print the short form of a report."""
-    load("femtune.reporting.terminal:print_terminal")(document, _console())
+    from femtune.reporting.terminal import print_terminal  # noqa: PLC0415
+
+    print_terminal(document, _console())
 
 
 def _console() -> Console:
@@ -114,12 +110,3 @@ def document_of(run: RunResult, progress: Progress) -> Document:
     names = (*((run.report.name,) if run.report else ()), *run.files)
     files = Section("files", "Files", (Paragraph(f"{run.folder}: {', '.join(names)}"),))
     return replace(document, short=(*document.short, files))
-
-
-def missed_optimum(run: RunResult) -> bool:
-    """Whether the update ended without an optimum, which is said on standard error."""
-    outcome = run.results.update
-    if outcome is None or outcome.ok:
-        return False
-    click.echo(f"{outcome.status}: {outcome.message}", err=True)
-    return True

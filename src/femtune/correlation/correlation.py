@@ -28,7 +28,8 @@ from femtune.modal.shape_criteria import (
 REDUCTION_TOLERANCE = 0.05
 """Cross-orthogonality is refused for modes whose frequency the reduced mass and stiffness miss by more."""
 
-_AGAINST = -0.9
+_INVERTED = -0.9
+"""Agreement of a sensor with the model over all pairs, from −1 to 1, below which its sign is inverted."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ def _inverted(dofs: DofSet, psi: NDArray, phi: Reals) -> tuple[Notice, ...]:
     if keep.sum() < 2:
         return ()
     agreement = motion_agreement(psi[:, keep], phi[:, keep])
-    labels = [str(dofs[int(k)]) for k in np.flatnonzero(np.nan_to_num(agreement) < _AGAINST)]
+    labels = [str(dofs[int(k)]) for k in np.flatnonzero(np.nan_to_num(agreement) < _INVERTED)]
     return (Notice("correlate.sensor-inverted", pairs=keep.sum(), sensors=", ".join(labels)),) if labels else ()
 
 
@@ -234,11 +235,11 @@ def _inaccurate(mass: ReducedMass, modes: Sequence[int]) -> NotTested | None:
     off = [f"{mass.labels[i]} ({100 * e:+.1f} %)" for i, e in errors.items() if abs(e) > REDUCTION_TOLERANCE]
     misses = f"the frequency error of the reduced model exceeds {100 * REDUCTION_TOLERANCE:.0f} % for mode "
     shapes = f"the reduced model has no mode with the shape of mode {', '.join(lost)}"
-    found = ([misses + ", ".join(off)] if off else []) + ([shapes] if lost else [])
-    if not found:
+    reasons = ([misses + ", ".join(off)] if off else []) + ([shapes] if lost else [])
+    if not reasons:
         return None
     needed = "more sensors are needed at points where these modes have large displacements"
-    return NotTested(f"{', and '.join(found)}; {needed}")
+    return NotTested(f"{', and '.join(reasons)}; {needed}")
 
 
 def _noise(test: ModeSet, pairing: Pairing) -> tuple[NoiseShare, ...] | NotTested:

@@ -47,7 +47,13 @@ FEWEST_NODES = 3
 """With fewer test nodes than this single sensors are left out: without a node too little would remain."""
 
 _DEPENDENT = 1e-8
-_OFF_RESONANCE, _RIGID = 1e-9, 1e-8
+"""Singular value relative to the largest, below which modes cannot be told apart at the sensors: half of the digits of
+a double."""
+_OFF_RESONANCE = 1e-9
+"""Relative distance of λ from an eigenvalue at or below which it is moved by ten times as much: K − λM is singular
+there, and the expansion does not change in digits that count."""
+_RIGID = 1e-8
+"""Lowest eigenvalue relative to the largest solved one, at or below which the structure moves as a rigid body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,14 +300,14 @@ def expand_shapes(
         if not np.nan_to_num(psi).any():
             continue
         for name in dict.fromkeys((method, *compare)):
-            found = _at(name, solution, sensors, float(freq), basis, noise)
-            if found is None:
+            expansion = _at(name, solution, sensors, float(freq), basis, noise)
+            if expansion is None:
                 continue
             if name in errors:
-                errors[name][j] = held_out_error(found, psi, groups)
+                errors[name][j] = held_out_error(expansion, psi, groups)
             if name == method:
-                shapes[:, j] = found.shape(psi)
-                gap = found.predicted(psi) - psi
+                shapes[:, j] = expansion.shape(psi)
+                gap = expansion.predicted(psi) - psi
                 misfit[j] = np.sqrt(np.nansum(gap**2) / np.nansum(psi**2)) if np.isfinite(shapes[0, j]) else np.nan
     return ExpandedShapes(method, shapes, misfit, errors, len(groups), tuple(basis))
 

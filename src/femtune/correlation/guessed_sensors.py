@@ -1,4 +1,4 @@
-"""Where the sensors of a test sit on a model: by coordinates, after a change of axes, or by number."""
+"""Places of the sensors of a test on a model: by coordinates, after a change of axes, or by number."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ _TIGHT = 1e-3
 _LOOSE = 0.05
 """The largest tolerance over the diagonal that is proposed."""
 _LEAST_POINTS = 3
+"""Points that fix a rigid motion."""
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ def map_meshes(first: Reals, second: Reals, tolerance: float, most: int) -> Mesh
     """
     from scipy.spatial import cKDTree  # noqa: PLC0415  slow to import, and wanted here alone
 
-    if tolerance < 0.0 or most < _LEAST:
+    if tolerance < 0.0 or most < _LEAST_POINTS:
         raise FemtuneError("correlate.no-common-points/options", tolerance=tolerance, most=most)
     if not len(first) or not len(second):
         raise FemtuneError("correlate.no-common-points/empty")
@@ -57,14 +57,15 @@ def map_meshes(first: Reals, second: Reals, tolerance: float, most: int) -> Mesh
     back = cKDTree(first).query(second)[1]
     mutual = back[nearest] == np.arange(len(first))
     near = np.flatnonzero(mutual & (distance <= tolerance))
-    if len(near) < _LEAST:
-        facts = {"tolerance": tolerance, "nearest points": np.sort(distance[mutual])[:_LEAST].max()}
+    if len(near) < _LEAST_POINTS:
+        facts = {"tolerance": tolerance, "nearest points": np.sort(distance[mutual])[:_LEAST_POINTS].max()}
         raise FemtuneError("correlate.no-common-points", values=facts, count=len(near))
     chosen = near[_spread(first[near], most)]
     return MeshMap(chosen, nearest[chosen], distance[chosen])
 
 
-_LEAST = 3
+_LEAST_POINTS = 3
+"""Common points that fix a rigid motion."""
 
 
 def _spread(points: Reals, count: int) -> Integers:

@@ -13,7 +13,7 @@ from femtune.modal import ModeSet
 def paired_damping(test: ModeSet, pairing: Pairing, count: int, others: float | None = None) -> Reals:
     """(count,) damping ratios of the modes of a model: the measured one where a mode is paired.
 
-    An update with equalised damping says nothing of the damping of single modes. For FRFs to be compared with measured
+    An update with equalised damping gives no damping of single modes. For FRFs to be compared with measured
     ones afterwards, each paired mode gets that of its partner. Give the result to `damping_by_mode`.
 
     Parameters

@@ -78,11 +78,11 @@ def orthogonality_noise(psi: NDArray, phi: Reals, sd: Reals, mass: Reals) -> tup
     scale = 1.0 / np.sqrt(np.einsum("ni,nm,mi->i", psi.conj(), mass, psi).real)
     variance = (sd * scale) ** 2
     cross = variance.T @ np.abs(mass @ unit_model) ** 2
-    own = variance.T @ np.abs(mass @ unit_test) ** 2
+    test_variance = variance.T @ np.abs(mass @ unit_test) ** 2
     total = np.sum(variance * np.diag(mass)[:, None], axis=0)
     spread = np.sqrt(cross)
     np.fill_diagonal(spread, 0.5 * np.maximum(total - np.diag(cross), 0.0))
-    return spread, np.sqrt(own + own.T)
+    return spread, np.sqrt(test_variance + test_variance.T)
 
 
 def _unit_mass(shapes: NDArray, mass: Reals) -> NDArray:

@@ -290,7 +290,7 @@ def pair_modes(
     test, model : modes at the same DOFs; the model's real and mass-normalised over the whole model
     frequency_gate : largest |model − test|/test
     mac_gate : smallest MAC (after rotation, within clusters)
-    fixed : (test, model) positions paired by hand whatever the gates say
+    fixed : (test, model) positions paired by hand, regardless of the gates
     left_out : reason for each test position that is not to be paired
     relative_gap : neighbours this close belong to one cluster, see `femtune.modal.clusters`
 
@@ -302,19 +302,23 @@ def pair_modes(
     left_out = dict(left_out or {})
     _check_gates(frequency_gate, mac_gate)
     _check_requests(len(test), len(model), fixed, left_out)
-    found = candidates(test, model, relative_gap)
-    allowed = (np.abs(found.frequency_error) <= frequency_gate) & (np.nan_to_num(found.score) >= mac_gate)
+    comparison = candidates(test, model, relative_gap)
+    allowed = (np.abs(comparison.frequency_error) <= frequency_gate) & (np.nan_to_num(comparison.score) >= mac_gate)
     allowed[list(left_out)] = False
-    chosen, matches, refused = _settle(test, model, found, allowed, dict(fixed), mac_gate)
-    pairs = _pairs(test, model, found, chosen, matches, dict(fixed))
+    chosen, matches, refused = _settle(test, model, comparison, allowed, dict(fixed), mac_gate)
+    pairs = _pairs(test, model, comparison, chosen, matches, dict(fixed))
     gates = (frequency_gate, mac_gate)
     unpaired = tuple(
-        Unpaired(i, left_out.get(i) or reason_unpaired(i, test, model, found, chosen, refused, gates), i in left_out)
+        Unpaired(
+            i,
+            left_out.get(i) or reason_unpaired(i, test, model, comparison, chosen, refused, gates),
+            i in left_out,
+        )
         for i in range(len(test))
         if i not in chosen
     )
     alone = tuple(j for j in range(len(model)) if j not in chosen.values())
-    return Pairing(pairs, unpaired, alone, matches, *gates, found.notices)
+    return Pairing(pairs, unpaired, alone, matches, *gates, comparison.notices)
 
 
 def _check_gates(frequency_gate: float, mac_gate: float) -> None:

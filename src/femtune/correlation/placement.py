@@ -58,11 +58,11 @@ class SensorPlacement:
 
     def covariance(self, motion: Reals) -> Reals:
         """(s, s) covariance of the readings of a motion (n_g,), in the square of its unit."""
-        found = np.zeros((len(self.nodes),) * 2)
+        covariance = np.zeros((len(self.nodes),) * 2)
         for rows, sd in ((self.gradient, self.position_sd), (self.tilt, self.angle_sd)):
             slopes = np.asarray(rows @ motion).reshape(-1, 3) * sd[:, None]
-            found += slopes @ slopes.T
-        return np.where(self.nodes[:, None] == self.nodes[None, :], found, 0.0)
+            covariance += slopes @ slopes.T
+        return np.where(self.nodes[:, None] == self.nodes[None, :], covariance, 0.0)
 
 
 def sensor_placement(
@@ -123,10 +123,10 @@ class _Neighbours:
 
     def of(self, at: int) -> list[int]:
         """Their rows."""
-        found: set[int] = set()
+        neighbours: set[int] = set()
         for nodes in self._batches:
-            found |= set(nodes[(nodes == at).any(axis=1)].ravel().tolist())
-        return sorted(found - {at, -1})
+            neighbours |= set(nodes[(nodes == at).any(axis=1)].ravel().tolist())
+        return sorted(neighbours - {at, -1})
 
 
 def _rows(

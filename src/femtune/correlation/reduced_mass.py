@@ -21,8 +21,12 @@ Sparse: TypeAlias = spmatrix | sparray
 Solve = Callable[[Reals], Reals]
 
 _INDEPENDENT = 1e-10
+"""Pivot relative to the largest one, at or below which a sensor repeats what others measure."""
 _SHIFT = 1e-2
+"""Shift of the eigenvalues of a free structure relative to the lowest elastic one: far above rounding, far below the
+elastic eigenvalues."""
 _SAME_SHAPE = 0.8
+"""Likeness of a mode of the reduced and of the full model, from which they are one."""
 
 
 @dataclass(frozen=True)

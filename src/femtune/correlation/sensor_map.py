@@ -43,7 +43,11 @@ _FACTORS = {
     1.0 / 304.8: "millimetres where the model has feet",
 }
 # how near to a factor the ratio of places must be, and their least number
-_NEAR_FIT, _LEAST_PLACES = 0.03, 4
+_UNIT_TOLERANCE = 0.03
+"""Error of a fitted scale of coordinates up to which a factor between units explains it. Factors of length differ from
+each other by far more."""
+_LEAST_PLACES = 4
+"""Points from which coordinates are judged: three always fit some motion and scale."""
 # extents differ by a factor of this size or more; the sensors cover 45 to 110 % of the extent of the model
 _LARGE_FACTOR, _COVERED = 9.9, (0.9, 2.2)
 
@@ -120,7 +124,7 @@ _UNKNOWN = np.full(3, np.nan)
 
 @dataclass(frozen=True)
 class Match:
-    """Where a sensor sits in the model.
+    """Place of a sensor in the model.
 
     `how` is "nearest", "by id", "given" or "combination"; `node` is None for a combination; `distance` is NaN
     where the test gives no position.
@@ -164,7 +168,7 @@ class SensorMap:
 
 @dataclass(frozen=True, eq=False)
 class _Request:
-    """What the user requested, as one bundle."""
+    """The options of the user."""
 
     nodes: NodeTable
     search: NodeSearch
@@ -216,11 +220,11 @@ def map_sensors(
     nowhere: list[Sensor] = []
     for sensor in sensors:
         with errors.catch():
-            found = _place(sensor, request)
-            if found is None:
+            placement = _place(sensor, request)
+            if placement is None:
                 nowhere.append(sensor)
             else:
-                unmatched.append(found) if isinstance(found, Unmatched) else placed.append(found)
+                unmatched.append(placement) if isinstance(placement, Unmatched) else placed.append(placement)
     if nowhere:
         errors.errors.append(_no_position(nowhere, same_place, request))
     if unmatched and not leave_unmatched:
@@ -287,7 +291,7 @@ def _needs_no_place(dof: Dof, request: _Request) -> bool:
 
 
 def _by_number(dof: Dof, request: _Request) -> bool:
-    """Whether equal numbers decide: for scalar points of the model always, since they have no place."""
+    """True if equal numbers decide: always for scalar points of the model, which have no coordinates."""
     if dof.direction == "S":
         return request.by_id or request.nodes.has_scalar(dof.node)
     return request.by_id and request.nodes.has_grid(dof.node)
@@ -326,7 +330,7 @@ def _check_combinations(labels: DofSet, wanted: DofSet) -> None:
 
 
 def _place(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched | None:
-    """Match and row of one sensor; None where nothing tells its place."""
+    """Match and row of one sensor; None if its place is unknown."""
     label, nodes = sensor.label, request.nodes
     combination = request.combinations.get((label.node, label.direction))
     if combination is not None:
@@ -364,6 +368,7 @@ def _no_position(nowhere: Sequence[Sensor], same_place: Reals | None, request: _
 
 
 _LISTED = 8
+"""Names in a message; it stays one line or two."""
 
 
 def _at_node(sensor: Sensor, node: int, how: str, nodes: NodeTable) -> tuple[Match, Row]:
@@ -407,11 +412,11 @@ def _build(
 def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> tuple[Notice, ...]:
     """One notice of the first sensor with several equally near nodes, with the number of the others."""
     place = {(s.label.node, s.label.direction): s.position for s in sensors}
-    found: dict[int, Near] = {}
+    ties_of_nodes: dict[int, Near] = {}
     for match in matches:
-        if match.how == "nearest" and match.label.node not in found:
-            found[match.label.node] = request.search.near(place[match.label.node, match.label.direction])
-    ties = [(test_node, near) for test_node, near in found.items() if near.others]
+        if match.how == "nearest" and match.label.node not in ties_of_nodes:
+            ties_of_nodes[match.label.node] = request.search.near(place[match.label.node, match.label.direction])
+    ties = [(test_node, near) for test_node, near in ties_of_nodes.items() if near.others]
     if not ties:
         return ()
     test_node, near = ties[0]
@@ -473,12 +478,12 @@ def _scaled(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Reque
 
 
 def _fitted_ratio(points: Reals, grids: Reals) -> float:
-    """Ratio of the places of grid points to those of their test points; 1 where there is no common one."""
+    """Ratio of the coordinates of grid points to those of their test points; 1 without a common ratio."""
     points, grids = points - points.mean(axis=0), grids - grids.mean(axis=0)
     square = float((points * points).sum())
     ratio = float((points * grids).sum()) / square if square > 0.0 else 1.0
     left = np.linalg.norm(grids - ratio * points)
-    return ratio if ratio > 0.0 and left <= _NEAR_FIT * np.linalg.norm(grids) else 1.0
+    return ratio if ratio > 0.0 and left <= _UNIT_TOLERANCE * np.linalg.norm(grids) else 1.0
 
 
 def unit_ratio(points: Reals, grids: Reals) -> str:
@@ -488,7 +493,7 @@ def unit_ratio(points: Reals, grids: Reals) -> str:
     """
     ratio = _fitted_ratio(points, grids)
     factor = min(_FACTORS, key=lambda known: abs(np.log(ratio / known)))
-    near = abs(np.log(ratio / factor)) <= _NEAR_FIT
+    near = abs(np.log(ratio / factor)) <= _UNIT_TOLERANCE
     return _in_words(_FACTORS[factor], factor, "X, Y, Z") if near else ""
 
 
@@ -508,7 +513,7 @@ def _extent_words(points: Reals, grids: Reals) -> str:
 
 
 def _extent_factor(points: Reals, grids: Reals) -> tuple[float, str]:
-    """The factor that the ratio of the largest extents of model and test belongs to; 1 and "" where there is none."""
+    """The factor that the ratio of the largest extents of model and test belongs to; 1 and "" without one."""
     of_test, of_model = (float(np.ptp(x, axis=0).max()) if len(x) else 0.0 for x in (points, grids))
     if not (0.0 < of_test < np.inf and of_model > 0.0):
         return 1.0, ""

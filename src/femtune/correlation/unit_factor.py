@@ -37,30 +37,39 @@ _OF_MASS = {
     2.20462: "pounds and kilograms",
 }
 """Ratios of masses, or their inverses, and what causes them."""
-_NEAR_MASS = 0.05
+_MASS_TOLERANCE = 0.05
+"""Logarithm of a ratio of masses over a factor between units, up to which the factor explains it."""
 
 
 def mass_factor_words(ratio: float) -> str:
-    """What causes a ratio of the mass of the model to the measured one, with the mend; "" where no factor is near."""
+    """Cause of a ratio of the mass of the model to the measured one, and how to correct it; "" if no factor is near."""
     if not ratio > 0.0:
         return ""
     size = max(ratio, 1.0 / ratio)
     factor = min(_OF_MASS, key=lambda known: abs(np.log(size / known)))
-    if abs(np.log(size / factor)) > _NEAR_MASS:
+    if abs(np.log(size / factor)) > _MASS_TOLERANCE:
         return ""
     wtmass = 1.0 / factor if ratio > 1.0 else factor
     return f"the ratio {ratio:.4g} is caused by {_OF_MASS[factor]}: multiply PARAM,WTMASS of the deck by {wtmass:.5g}"
 
 
-_NEAR, _SPREAD = 0.12, 0.15
-_LEAST_MAC, _LEAST_PAIRS = 0.7, 2
+_FREQUENCY_TOLERANCE = 0.12
+"""Logarithm of the median ratio of frequencies over a factor between units, up to which the factor explains it: models
+are wrong by as much."""
+_LARGEST_SPREAD = 0.15
+"""Logarithm of the ratio of a single mode over the median, beyond which no common factor explains all modes."""
+_LEAST_MAC = 0.7
+"""MAC of pairs that are found by shape alone, the frequencies being in doubt: above the usual gate of 0.5."""
+_LEAST_PAIRS = 2
+"""Pairs without which a common factor cannot be told from a single error."""
 _RIGID = 1e-3
+"""Frequency relative to the highest one, at or below which a mode is a rigid-body motion."""
 
 
 def unit_factor(test: ModeSet, model: ModeSet, pairing: Pairing) -> tuple[Notice, ...]:
     """A warning where modes of the same shapes have frequencies in one ratio, and mistaken units cause that ratio.
 
-    At least two test modes must have a MAC of 0.7 with a mode of the model, whatever its frequency; their ratios must
+    At least two test modes must have a MAC of 0.7 with a mode of the model of any frequency; their ratios must
     agree within 15 % and be within 12 % of one of the factors. Where half of the test modes are paired, no ratio is
     looked for.
     """
@@ -70,11 +79,11 @@ def unit_factor(test: ModeSet, model: ModeSet, pairing: Pairing) -> tuple[Notice
     if len(ratios) < _LEAST_PAIRS:
         return ()
     ratio = float(np.median(ratios))
-    if np.abs(np.log(ratios / ratio)).max() > _SPREAD:
+    if np.abs(np.log(ratios / ratio)).max() > _LARGEST_SPREAD:
         return ()
     size = max(ratio, 1.0 / ratio)
     factor = min(FACTORS, key=lambda known: abs(np.log(size / known)))
-    if abs(np.log(size / factor)) > _NEAR:
+    if abs(np.log(size / factor)) > _FREQUENCY_TOLERANCE:
         return ()
     word = "higher" if ratio > 1.0 else "lower"
     cause, mend = FACTORS[factor], _mend(factor, ratio)

@@ -40,7 +40,7 @@ class Cluster:
 
     @property
     def words(self) -> str:
-        """What it is."""
+        """Name in results and reports."""
         return f"the Dask cluster at {self.address}"
 
     def run(

@@ -27,7 +27,7 @@ class Executor(Protocol):
 
     @property
     def words(self) -> str:
-        """What it is, for results and reports."""
+        """Name in results and reports."""
         ...
 
     def run(
@@ -39,7 +39,7 @@ class Executor(Protocol):
         finished: Callable[[int, R], None] = nothing,
         remark: Callable[[Notice], None] = nothing,
     ) -> list[R]:
-        """What the runs return, in the order of the tasks.
+        """Results of the runs, in the order of the tasks.
 
         Parameters
         ----------
@@ -76,16 +76,16 @@ class Serial:
         remark: Callable[[Notice], None] = nothing,
     ) -> list[R]:
         """See `Executor`."""
-        found = []
+        results = []
         for i, task in enumerate(tasks):
             try:
-                found.append(work(task))
+                results.append(work(task))
             except FemtuneError as error:
                 raise of_run(error, name, i) from error
             except Exception as error:
                 raise failed(name, i, f"{type(error).__name__}: {error}") from error
-            finished(i, found[-1])
-        return found
+            finished(i, results[-1])
+        return results
 
 
 def of_run(error: FemtuneError, name: str, position: int) -> FemtuneError:

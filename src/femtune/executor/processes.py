@@ -26,7 +26,9 @@ _THREADS = (
     "NUMEXPR_NUM_THREADS",
 )  # fmt: skip
 _MOST_DEATHS = 2
-_LOOKS_S = 0.2
+"""Deaths of workers on the same run after which the run is to blame."""
+_POLL_INTERVAL_S = 0.2
+"""Time in s between looks for workers that died; users do not notice it, and it costs nothing."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Processes:
 
     @property
     def words(self) -> str:
-        """What it is."""
+        """Name in results and reports."""
         number = self.workers or usable_cores()
         return f"{number} worker {'process' if number == 1 else 'processes'} of this machine"
 
@@ -135,7 +137,7 @@ class _Pool:
         """Position and answer of the next run that ends; it can be interrupted."""
         while True:
             try:
-                return self.answers.get(timeout=_LOOKS_S)
+                return self.answers.get(timeout=_POLL_INTERVAL_S)
             except queue.Empty:
                 continue
 
@@ -228,7 +230,7 @@ def _program() -> str:
 
 
 def _asked(process: subprocess.Popen[bytes], message: bytes) -> Answer | None:
-    """The answer to the work or to a task; None where the worker is gone."""
+    """The answer to the work or to a task; None if the worker is gone."""
     inlet, outlet = process.stdin, process.stdout
     assert inlet is not None
     assert outlet is not None

@@ -32,7 +32,7 @@ class Threads:
 
     @property
     def words(self) -> str:
-        """What it is."""
+        """Name in results and reports."""
         number = self.workers or usable_cores()
         return f"{number} run{'' if number == 1 else 's'} at a time on this machine"
 

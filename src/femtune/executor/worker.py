@@ -71,7 +71,7 @@ def main() -> None:
 
 
 def answer(work: Any, task: bytes) -> bytes:
-    """What became of a task, to be sent back."""
+    """Outcome of a task, to be sent back."""
     try:
         return pickle.dumps(("done", work(pickle.loads(task))), protocol=5)
     except FemtuneError as error:

@@ -68,7 +68,7 @@ def _linear(prime: int, dimension: int) -> Integers:
 
 @cache
 def _disjoint_lines(dimension: int) -> tuple[tuple[int, int, int], ...]:
-    """As many disjoint lines of the projective space over two elements as there are, as positions of their points."""
+    """A largest set of disjoint lines of the projective space over two elements, as positions of their points."""
     points = _points(2, dimension)
     place = {p: i for i, p in enumerate(points)}
     lines = sorted(

@@ -18,6 +18,7 @@ from femtune.errors import FemtuneError
 from femtune.experiments.arrays import columns_for, hadamard, orthogonal_array, smallest_array
 
 _MOST_RUNS = 1_000_000
+"""Runs of a full factorial at most: more could not be made."""
 _FACES = 1.0
 """Distance of the axial points of a face-centred design from the centre, in half edges."""
 

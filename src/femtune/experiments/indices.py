@@ -27,7 +27,7 @@ _RESAMPLED = 500
 
 @dataclass(frozen=True, eq=False)
 class ElementaryEffects:
-    """Of n factors on m responses, per edge of the unit cube.
+    """Elementary effects of n factors on m responses, per edge of the unit cube.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class ElementaryEffects:
 
 @dataclass(frozen=True, eq=False)
 class VarianceIndices:
-    """Of n factors on m responses.
+    """Variance-based indices of n factors on m responses.
 
     Parameters
     ----------

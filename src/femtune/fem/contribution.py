@@ -107,5 +107,5 @@ def joined(pieces: Iterable[list[Contribution]]) -> list[Contribution]:
 
 def _join(group: list[Contribution]) -> Contribution:
     facts = {name: np.concatenate([p.facts[name] for p in group]) for name in group[0].facts}
-    at, matrices = (np.concatenate([getattr(p, name) for p in group]) for name in ("at", "matrices"))
-    return replace(group[0], at=at, stored=matrices, facts=facts)
+    at = np.concatenate([p.at for p in group])
+    return replace(group[0], at=at, stored=np.concatenate([p.matrices for p in group]), facts=facts)

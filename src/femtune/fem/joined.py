@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,8 +16,6 @@ from femtune.fem.structure import ConstraintRows, ElementBatch, NodeTable, Struc
 from femtune.fem.values import Derived, ValueTable
 
 S = TypeVar("S")
-# settings that the element kernels read from a structure and that may differ among the parts
-_SETTINGS = ("mass_factor", "consistent_mass", "lumped_along", "drilling", "normals_within")
 _LARGEST_INCREASE = 2**62
 """Largest increase of a number: half of the range of 64-bit integers, so that the sum with any number fits."""
 _SAME_PLACE = 1e-6
@@ -67,6 +65,9 @@ class StructurePart:
         # a value of the whole part: PARAM G, the factor of a matrix
         return replace(ref, name=f"{ref.name}.{self.number}")
 
+
+Selection = Callable[[StructurePart], int | None]
+"""The number of the set that a part selects."""
 
 Point = tuple[int, int]
 """Index of a part, and number of a point in it."""
@@ -222,36 +223,36 @@ class _Joining:
             multipoint_sets=self._equations(),
             support_sets=self._supports(),
             permanent=np.unique(np.concatenate([place.dof(p.structure.permanent) for p, _, place, _ in each])),
-            default_support_set=self._default("support_set"),
-            default_multipoint_set=self._default("multipoint_set"),
+            default_support_set=self._default(_support_set),
+            default_multipoint_set=self._default(_multipoint_set),
             element_kinds={n: kind for some in reversed(kinds) for n, kind in some.items()},
             dof_sets={name: np.sort(self.places[0].dof(at)) for name, at in main.structure.dof_sets.items()},
             assembled=tuple(self._assembled(m, *of[2:]) for of in each for m in of[0].structure.assembled),
         )
 
-    def _default(self, name: str) -> int | None:
+    def _default(self, selected: Selection) -> int | None:
         """Number of the selected set: that of the residual structure, or else of the first part that selects one."""
-        return next((n for part in self.parts if (n := getattr(part, name)) is not None), None)
+        return next((n for part in self.parts if (n := selected(part)) is not None), None)
 
     def _supports(self) -> dict[int, Integers]:
-        sets = self._by_number("support_set", lambda part: part.structure.support_sets, _Places.dof)
+        sets = self._by_number(_support_set, lambda part: part.structure.support_sets, _Places.dof)
         return {n: np.unique(np.concatenate([np.zeros(0, np.int64), *dofs])) for n, dofs in sets.items()}
 
     def _equations(self) -> dict[int, ConstraintRows]:
         sets = self._by_number(
-            "multipoint_set", lambda part: part.structure.multipoint_sets, lambda place, rows: _rows(rows, place)
+            _multipoint_set, lambda part: part.structure.multipoint_sets, lambda place, rows: _rows(rows, place)
         )
         return {n: join_constraints(rows) for n, rows in sets.items()}
 
     def _by_number(
-        self, name: str, sets: Callable[[StructurePart], Mapping[int, S]], placed: Callable[[_Places, S], S]
+        self, selected: Selection, sets: Callable[[StructurePart], Mapping[int, S]], placed: Callable[[_Places, S], S]
     ) -> dict[int, list[S]]:
         """Sets of all parts by number; selected sets get the number of the default, whatever theirs was."""
-        chosen = self._default(name)
+        chosen = self._default(selected)
         gathered: dict[int, list[S]] = {} if chosen is None else {chosen: []}
         for part, place in zip(self.parts, self.places):
             for number, members in sets(part).items():
-                active = number == getattr(part, name)
+                active = number == selected(part)
                 if active or number != chosen:
                     key = chosen if active and chosen is not None else number
                     gathered.setdefault(key, []).append(placed(place, members))
@@ -295,15 +296,14 @@ class _Joining:
     def _batch(
         self, batch: ElementBatch, part: StructurePart, more: Increase, place: _Places, start: int
     ) -> ElementBatch:
-        whole = self.parts[0].structure
-        settings = {name: getattr(part.structure, name) for name in _SETTINGS}
+        whole = _settings(self.parts[0].structure)
         return replace(
             batch,
             ids=batch.ids + more.elements,
             nodes=place.row(batch.nodes),
             dofs=place.dof(batch.dofs),
             roles={name: at + start for name, at in batch.roles.items()},
-            settings={name: value for name, value in settings.items() if value != getattr(whole, name)},
+            settings={name: value for name, value in _settings(part.structure).items() if value != whole[name]},
         )
 
     def _assembled(self, matrix: AssembledMatrix, place: _Places, start: int) -> AssembledMatrix:
@@ -312,6 +312,25 @@ class _Joining:
         upper = sp.csr_array((entries.data, (np.minimum(row, col), np.maximum(row, col))), shape=(n, n))
         upper.sort_indices()
         return replace(matrix, upper=upper, roles={name: at + start for name, at in matrix.roles.items()})
+
+
+def _settings(structure: Structure) -> dict[str, Any]:
+    """Settings that the element kernels read from a structure and that may differ among the parts."""
+    return {
+        "mass_factor": structure.mass_factor,
+        "consistent_mass": structure.consistent_mass,
+        "lumped_along": structure.lumped_along,
+        "drilling": structure.drilling,
+        "normals_within": structure.normals_within,
+    }
+
+
+def _support_set(part: StructurePart) -> int | None:
+    return part.support_set
+
+
+def _multipoint_set(part: StructurePart) -> int | None:
+    return part.multipoint_set
 
 
 def _rows(rows: ConstraintRows, place: _Places, more: int = 0) -> ConstraintRows:

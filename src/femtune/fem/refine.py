@@ -787,5 +787,11 @@ def _joined(parts: list[ElementBatch]) -> ElementBatch:
     first = parts[0]
     roles = {k: np.concatenate([np.asarray(p.roles[k]) for p in parts]) for k in first.roles}
     facts = {k: np.concatenate([np.asarray(p.facts[k]) for p in parts]) for k in first.facts}
-    ids, nodes, dofs = (np.concatenate([getattr(p, name) for p in parts]) for name in ("ids", "nodes", "dofs"))
-    return replace(first, ids=ids, nodes=nodes, dofs=dofs, roles=roles, facts=facts)
+    return replace(
+        first,
+        ids=np.concatenate([p.ids for p in parts]),
+        nodes=np.concatenate([p.nodes for p in parts]),
+        dofs=np.concatenate([p.dofs for p in parts]),
+        roles=roles,
+        facts=facts,
+    )

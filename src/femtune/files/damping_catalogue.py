@@ -14,7 +14,10 @@ from femtune.errors import ErrorCollector, FemtuneError, Where, did_you_mean
 from femtune.files.whole_file import write_whole
 
 KINDS = ("material", "joint", "structure", "mode")
-_LARGEST, _LONGEST = 1_000_000, 500
+_LARGEST_BYTES = 1_000_000
+"""Size of a catalogue; an entry takes some 300 bytes."""
+_LONGEST_TEXT = 500
+"""Characters of a text in an entry."""
 _HEAD = """\
 # Damping that was identified: value and standard deviation of a field of a deck, with where it comes from.
 # A study uses an entry as prior of a parameter:  prior = "damping.toml"  in a [[parameter]] of the same name.
@@ -75,19 +78,19 @@ def read_catalogue(path: Path) -> Mapping[str, DampingEntry]:
 
     Raises
     ------
-    FemtuneError : ``catalogue.file`` for what is no TOML, ``catalogue.entry`` for entries that are not as they should
-        be; several of these are shown together
+    FemtuneError : ``catalogue.file`` for a file that is not TOML, ``catalogue.entry`` for entries with errors;
+        several of these are shown together
     """
     data = _parsed(path)
-    errors, found = ErrorCollector(), dict[str, DampingEntry]()
+    errors, entries = ErrorCollector(), dict[str, DampingEntry]()
     for i, table in enumerate(_tables(data, path), start=1):
         with errors.catch():
             entry = _entry(table, i, path)
-            if entry.name in found:
+            if entry.name in entries:
                 raise _bad(path, i, "catalogue.entry/repeated-name", entry_name=entry.name)
-            found[entry.name] = entry
+            entries[entry.name] = entry
     errors.raise_if_any()
-    return found
+    return entries
 
 
 def look_up(path: Path, name: str) -> DampingEntry:
@@ -109,7 +112,7 @@ def _parsed(path: Path) -> dict[str, Any]:
         content = path.read_bytes()
     except OSError as error:
         raise _no_catalogue(path, f"it cannot be read: {error.strerror}") from error
-    if len(content) > _LARGEST:
+    if len(content) > _LARGEST_BYTES:
         raise _no_catalogue(path, f"{len(content) / 1e6:.3g} MB are too large for a catalogue")
     try:
         return tomllib.loads(content.decode("utf-8").removeprefix("\ufeff"))
@@ -145,7 +148,11 @@ def _entry(table: Any, i: int, path: Path) -> DampingEntry:
     for key in ("name", "of", "unit", "source", "date", "study"):
         _check_text(table[key], key, i, path)
     names = table["fields"]
-    if not isinstance(names, list) or not names or not all(isinstance(t, str) and len(t) <= _LONGEST for t in names):
+    if (
+        not isinstance(names, list)
+        or not names
+        or not all(isinstance(t, str) and len(t) <= _LONGEST_TEXT for t in names)
+    ):
         raise _bad(path, i, "catalogue.entry/fields")
     value, sd = (_number(table[key], key, i, path) for key in ("value", "sd"))
     _check_meaning(table, sd, i, path)
@@ -154,8 +161,8 @@ def _entry(table: Any, i: int, path: Path) -> DampingEntry:
 
 
 def _check_text(value: object, key: str, i: int, path: Path) -> None:
-    if not isinstance(value, str) or len(value) > _LONGEST:
-        raise _bad(path, i, "catalogue.entry/text", key=key, longest=_LONGEST)
+    if not isinstance(value, str) or len(value) > _LONGEST_TEXT:
+        raise _bad(path, i, "catalogue.entry/text", key=key, longest=_LONGEST_TEXT)
 
 
 def _number(value: object, key: str, i: int, path: Path) -> float:

@@ -28,7 +28,7 @@ UNIVERSAL = RECORD_FORMATS["uff"].suffixes
 
 @dataclass(frozen=True, eq=False)
 class DescribedFunctions:
-    """Functions and wire frame in the units of the identification file, and what was found while they were read."""
+    """Functions and wire frame in the units of the identification file, and the notices of reading them."""
 
     frfs: FrfSet
     geometry: WireFrame = NO_GEOMETRY
@@ -46,16 +46,16 @@ def read_described(file: IdentifyFile) -> DescribedFunctions:
     paths, units = file.measured_paths, unit_system(file.identify.units)
     universal = [path.suffix.lower() in UNIVERSAL or file.identify.format == "uff" for path in paths]
     if not all(universal):
-        found = DescribedFunctions(read_frfs(paths[0], _layout(file)))
+        functions = DescribedFunctions(read_frfs(paths[0], _layout(file)))
         if len(paths) > 1:
             raise FemtuneError("identify.several-arrays", where=file.where("identify", "frfs"))
     else:
         content = read_universal(UffFile(paths[0], paths[1:]), units)
         frfs = _only(content.frf_sets, ", ".join(map(str, paths)))
-        found = DescribedFunctions(frfs, content.test.geometry, content.notices)
+        functions = DescribedFunctions(frfs, content.test.geometry, content.notices)
     stated = read_described_geometry(file)
-    notices = (*found.notices, *_same_values(found.frfs))
-    return DescribedFunctions(found.frfs, found.geometry if stated is None else stated, notices)
+    notices = (*functions.notices, *_same_values(functions.frfs))
+    return DescribedFunctions(functions.frfs, functions.geometry if stated is None else stated, notices)
 
 
 def _same_values(frfs: FrfSet) -> Iterator[Notice]:
@@ -104,11 +104,21 @@ def described_test(path: Path, name: str, units: UnitSystem) -> ModalTest:
     file = read_identify_file(path)
     if file.identify.frfs is None:
         raise FemtuneError("test.described", where=Where(str(path)))
-    found = read_described(file)
-    dofs = [*found.frfs.responses, *found.frfs.references]
-    own = unit_system(file.identify.units)
-    sensors = sensors_at(found.geometry, dofs)
-    test = ModalTest(name, own, found.geometry, sensors, None, found.frfs, (), str(path), found.notices)
+    functions = read_described(file)
+    dofs = [*functions.frfs.responses, *functions.frfs.references]
+    units_of_file = unit_system(file.identify.units)
+    sensors = sensors_at(functions.geometry, dofs)
+    test = ModalTest(
+        name=name,
+        units=units_of_file,
+        geometry=functions.geometry,
+        sensors=sensors,
+        modes=None,
+        frfs=functions.frfs,
+        conditions=(),
+        source=str(path),
+        notices=functions.notices,
+    )
     return convert_units(test, units)
 
 
@@ -121,10 +131,20 @@ def _layout(file: IdentifyFile) -> FunctionLayout:
         for f in file.function
     )
     return FunctionLayout(
-        stated.kind, tuple(map(parse_dof, stated.responses)), tuple(map(parse_dof, stated.references)), columns,
-        stated.axes, stated.variable or file.identify.variable, stated.imaginary, stated.coherence, stated.frequency,
-        stated.start_hz, stated.step_hz, stated.factor, file.identify.format,
-    )  # fmt: skip
+        kind=stated.kind,
+        responses=tuple(map(parse_dof, stated.responses)),
+        references=tuple(map(parse_dof, stated.references)),
+        functions=columns,
+        axes=stated.axes,
+        variable=stated.variable or file.identify.variable,
+        imaginary=stated.imaginary,
+        coherence=stated.coherence,
+        frequency=stated.frequency,
+        start_hz=stated.start_hz,
+        step_hz=stated.step_hz,
+        factor=stated.factor,
+        format=file.identify.format,
+    )
 
 
 def _only(sets: tuple[FrfSet, ...], path: str) -> FrfSet:

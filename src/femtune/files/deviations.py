@@ -1,4 +1,4 @@
-"""Standard deviations of measured modes in a file of their own, because Universal Files hold none."""
+"""Standard deviations of measured modes in a file of their own, because Universal Files have none."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from femtune.files.table_text import NotATable, TableText, read_table_text
 from femtune.modal import ModeSet, entry_deviations, largest_entries
 
 _SAME_FREQUENCY = 1e-4
-_LARGEST = 50_000_000
+"""Relative difference up to which modes are the same: Universal Files keep six digits of a frequency."""
+_LARGEST_BYTES = 50_000_000
+"""Size of a file; a thousand modes at a thousand sensors take 20 MB."""
 _NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _SdOrNone = _NotNegative | None
@@ -76,28 +78,27 @@ def with_deviations(modes: ModeSet, path: Path, labels: Sequence[str] | None = N
     """
     if path.suffix.lower() != ".json":
         return _with_table(modes, path, modes.labels if labels is None else labels)
-    found = _read(path)
-    m, n = len(found.freq_hz), len(found.dofs)
-    if m != len(modes) or not np.allclose(found.freq_hz, modes.freq_hz, rtol=_SAME_FREQUENCY, atol=0.0):
-        raise _other(path, "frequencies in Hz", found.freq_hz, modes.freq_hz)
+    file = _read(path)
+    m, n = len(file.freq_hz), len(file.dofs)
+    if m != len(modes) or not np.allclose(file.freq_hz, modes.freq_hz, rtol=_SAME_FREQUENCY, atol=0.0):
+        raise _other(path, "frequencies in Hz", file.freq_hz, modes.freq_hz)
     shapes_sd = None
-    if found.shape_sd is not None:
-        if any(len(row) != n for row in found.shape_sd) or len(found.shape_sd) != m:
+    if file.shape_sd is not None:
+        if any(len(row) != n for row in file.shape_sd) or len(file.shape_sd) != m:
             raise _bad(path, f"shape_sd must have {m} rows of {n} entries")
-        at = _positions(path, found.dofs, modes.dofs)
-        shapes_sd = entry_deviations(np.array([_numbers(row) for row in found.shape_sd]).T[at], modes.shapes)
-    for key in ("freq_sd_hz", "damping_sd"):
-        values = getattr(found, key)
+        at = _positions(path, file.dofs, modes.dofs)
+        shapes_sd = entry_deviations(np.array([_numbers(row) for row in file.shape_sd]).T[at], modes.shapes)
+    for key, values in (("freq_sd_hz", file.freq_sd_hz), ("damping_sd", file.damping_sd)):
         if values is not None and len(values) != m:
             raise _bad(path, f"{key} must have {m} entries")
-    covariance = found.covariance
+    covariance = file.covariance
     if covariance is not None and (len(covariance) != 2 * m or any(len(row) != 2 * m for row in covariance)):
         raise _bad(path, f"covariance must have {2 * m} rows of {2 * m} entries")
     try:
         return replace(
             modes,
-            freq_sd_hz=None if found.freq_sd_hz is None else _numbers(found.freq_sd_hz),
-            damping_sd=None if found.damping_sd is None else _numbers(found.damping_sd),
+            freq_sd_hz=None if file.freq_sd_hz is None else _numbers(file.freq_sd_hz),
+            damping_sd=None if file.damping_sd is None else _numbers(file.damping_sd),
             shapes_sd=shapes_sd,
             covariance=None if covariance is None else np.array(covariance),
         )
@@ -123,8 +124,8 @@ def _positions(path: Path, labels: list[str], dofs: DofSet) -> list[int]:
 
 def _read(path: Path) -> _File:
     try:
-        if path.stat().st_size > _LARGEST:
-            raise _bad(path, f"it is larger than {_LARGEST // 1_000_000} MB")
+        if path.stat().st_size > _LARGEST_BYTES:
+            raise _bad(path, f"it is larger than {_LARGEST_BYTES // 1_000_000} MB")
         return _File.model_validate_json(path.read_bytes())
     except OSError as error:
         raise FemtuneError("test.deviations/unreadable", where=Where(str(path)), reason=error.strerror or "") from error
@@ -147,9 +148,9 @@ def _other(path: Path, what: str, of_file: object, of_test: object) -> FemtuneEr
 
 
 def _shown(values: object) -> str:
-    found = list(values)  # type: ignore[call-overload]
-    text = ", ".join(v if isinstance(v, str) else f"{v:.5g}" for v in found[:8])
-    return text + (" …" if len(found) > 8 else "")
+    entries = list(values)  # type: ignore[call-overload]
+    text = ", ".join(v if isinstance(v, str) else f"{v:.5g}" for v in entries[:8])
+    return text + (" …" if len(entries) > 8 else "")
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -157,15 +158,17 @@ def _shown(values: object) -> str:
 
 
 _COLUMNS = ("mode", "dof", "sigma")
-_FREQUENCY, _DAMPING = "frequency", "damping"
+_FREQUENCY = "frequency"
+_DAMPING = "damping"
 _MOST_LINES = 1_000_000
+"""Lines of a table; a thousand modes at a thousand sensors have as many."""
 
 
 def _with_table(modes: ModeSet, path: Path, labels: Sequence[str]) -> ModeSet:
-    """The modes with the standard deviations of a table; what the table does not state is not known (NaN)."""
+    """The modes with the standard deviations of a table; those that it does not state are unknown (NaN)."""
     rows = {(dof.node, dof.direction): i for i, dof in enumerate(modes.dofs)}
     measured = ~np.isnan(modes.shapes)
-    found: dict[str | tuple[int, str], Reals] = {}
+    deviations: dict[str | tuple[int, str], Reals] = {}
     lines: dict[tuple[str, str | tuple[int, str]], int] = {}
     entry = _table(path)
 
@@ -183,13 +186,13 @@ def _with_table(modes: ModeSet, path: Path, labels: Sequence[str]) -> ModeSet:
         return at, column, _sigma(path, line, cell, entry.text)
 
     for at, column, sigma in each(value, entry.rows):
-        found.setdefault(at, np.full(len(modes), np.nan))[column] = sigma
-    shapes = np.array([found.get(at, np.full(len(modes), np.nan)) for at in rows])
-    of_shapes = any(at in rows for at in found)
+        deviations.setdefault(at, np.full(len(modes), np.nan))[column] = sigma
+    shapes = np.array([deviations.get(at, np.full(len(modes), np.nan)) for at in rows])
+    of_shapes = any(at in rows for at in deviations)
     return replace(
         modes,
-        freq_sd_hz=found.get(_FREQUENCY, modes.freq_sd_hz),
-        damping_sd=found.get(_DAMPING, modes.damping_sd),
+        freq_sd_hz=deviations.get(_FREQUENCY, modes.freq_sd_hz),
+        damping_sd=deviations.get(_DAMPING, modes.damping_sd),
         shapes_sd=entry_deviations(shapes, modes.shapes) if of_shapes else modes.shapes_sd,
     )
 
@@ -217,7 +220,7 @@ class _Table:
 
 def _table(path: Path) -> _Table:
     try:
-        text = read_table_text(path, _LARGEST)
+        text = read_table_text(path, _LARGEST_BYTES)
     except NotATable as error:
         raise _of_line(path, error.line, "test.deviations/unreadable", reason=str(error)) from error
     if not 2 <= len(text.rows) <= _MOST_LINES:

@@ -31,37 +31,79 @@ class IdentifyTable(TomlTable):
     """[identify]: measurement and options of the identification."""
 
     title: Text | None = None
+    """Title of the report. Default: the name of the file. Example: `"Building, state BC"`"""
     record: RecordName | None = None
+    """Time histories: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5 (`pip install "femtune[hdf5]"`), WAV. Example:
+    `"bc.csv"`"""
     frfs: FrfsName | tuple[FrfsName, ...] | None = None
+    """Instead of `record`: measured FRFs (motion over force): UFF 58, ASCII or binary, one or several files of one
+    test; or arrays and tables with [`[functions]`](#functions): .mat, .npy, .npz, HDF5, CSV and other text. Example:
+    `"frf.unv"`"""
     geometry: Annotated[Text, NamesFile("geometry")] | None = None
+    """Points and directions of the sensors: a Universal File, or a [table](guide/tests-in.md#tables-of-points) with the
+    heading `node,x,y,z`. Default: those of the Universal File. Example: `"points.csv"`"""
     lines: Annotated[tuple[NodePath, ...], Field(max_length=100_000)] = ()
+    """Trace lines between points, each a list of nodes. Example: `[[1, 2, 3], [3, 4]]`"""
     units: Units = "m-kg-s"
+    """Units of length, mass and time, if a Universal File does not state them. Example: `"mm-t-s"`"""
     format: RecordFormatKey | None = None
+    """Format of the record: `"text"`, `"numpy"`, `"matlab"`, `"hdf5"`, `"wav"` or `"uff"`. Default: from the extension.
+    Example: `"text"`"""
     variable: Text | None = None
+    """Name of the array in a file with several arrays. Example: `"acc"`"""
     sampling_hz: Positive | None = None
+    """Sampling frequency, if the file does not state it; if it does, both values must agree. Example: `200.0`"""
     band_hz: tuple[Hertz, Hertz] | None = None
+    """Frequency band of the identification, Hz; required for time histories. Default for FRFs: all lines. Example:
+    `[2.0, 22.0]`"""
     largest_order: Annotated[int, Field(ge=4, le=200)] | None = None
+    """Largest order of the state-space models and polynomials, up to 200. Default: 60. Example: `40`"""
     methods: Annotated[tuple[MethodWord, ...], Field(min_length=1)] | None = None
+    """For FRFs `"N4SID"` and `"pLSCF"`; for records without measured forces `"SSI-cov"`, `"SSI-data"`, `"ERA"`, `"FDD"`
+    and `"TFIE"`. The first method gives the modes of a record without forces, the others are for comparison. Default:
+    both methods for FRFs; otherwise `"SSI-cov"`, `"ERA"` and `"FDD"`. Example: `["SSI-cov", "FDD"]`"""
     estimator: FrfEstimator = "H1"
+    """FRF estimator for records with measured forces: `"H1"` (noise on the responses), `"H2"` (noise on the force),
+    `"Hv"` (noise on both). Example: `"Hv"`"""
     resolution_hz: Positive | None = None
+    """Frequency resolution of the FRFs that are computed from a record with measured forces, Hz. Default: 400 lines in
+    the band. Example: `0.05`"""
     period_s: Positive | None = None
+    """Period of a periodic force, s: no window and no leakage; the standard deviations are computed from the variation
+    between the periods. Example: `10.0`"""
     fragments: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Number of fragments into which the record is divided; each method is applied to each fragment, and the result is
+    their mean, with standard deviations. Example: `4`"""
     real: bool = True
+    """Real shapes; `false`: complex shapes, for FRFs. Example: `false`"""
     take_hz: tuple[Positive, ...] = ()
+    """Clusters of stable poles that are accepted manually, Hz; the first method must have found them in at least one
+    fragment. Example: `[7.8]`"""
     drop_hz: tuple[Positive, ...] = ()
+    """Clusters of stable poles that are rejected manually, Hz. Example: `[7.8]`"""
 
 
 class ChannelEntry(TomlTable):
     """[[channel]]: DOF, quantity and role of one column of the record."""
 
     column: Annotated[int, Field(ge=1)] | Text
+    """Column of the record: its number from 1 (a time column is not counted), or its name in the file. Example: `"acc
+    top"`"""
     dof: DofLabel
+    """Node, direction and sign. Example: `"11X+"`"""
     quantity: Literal[
         "displacement", "velocity", "acceleration", "force", "strain", "pressure", "voltage", "unknown"
     ] = "acceleration"
+    """`"acceleration"`, `"displacement"`, `"velocity"`, `"force"`, `"strain"`, `"pressure"`, `"voltage"` or
+    `"unknown"`; shapes of records with displacements, velocities and accelerations are [converted to one
+    quantity](guide/identify.md). Example: `"velocity"`"""
     role: Literal["response", "reference", "input"] = "response"
+    """`"response"`; `"reference"`: a response that all set-ups have in common, used as reference (past outputs);
+    `"input"`: the excitation. Example: `"input"`"""
     unit: str = ""
+    """Unit shown in tables; responses of different quantities must have the same unit of length. Example: `"m/s2"`"""
     factor: float = 1.0
+    """Factor on the values. Example: `9.81`"""
 
 
 Column = Annotated[int, Field(ge=1)] | Text
@@ -72,71 +114,124 @@ class SetupEntry(TomlTable):
     """[[setup]]: one of several measurements of the same structure with sensors at other places."""
 
     name: Text | None = None
+    """Name of the set-up in messages. Default: its number. Example: `"roof"`"""
     record: RecordName | None = None
+    """Time histories of this set-up; either this or `frfs`. Example: `"setup1.npy"`"""
     frfs: FrfsName | None = None
+    """FRFs of this set-up; either this or `record`. Example: `"setup1.unv"`"""
     sampling_hz: Positive | None = None
+    """Sampling frequency of this set-up, Hz. Default: that of `[identify]`. Example: `200.0`"""
     variable: Text | None = None
+    """Name of the array of this set-up in a file with several arrays. Default: that of `[identify]`. Example:
+    `"acc"`"""
     take_hz: tuple[Positive, ...] = ()
+    """Clusters of stable poles of this set-up that are accepted manually, Hz; the first method must have found them in
+    at least one fragment. Example: `[7.8]`"""
     drop_hz: tuple[Positive, ...] = ()
+    """Clusters of stable poles of this set-up that are rejected manually, Hz. Example: `[7.8]`"""
     channel: tuple[ChannelEntry, ...] = ()
+    """Quantities in the columns of the record of this set-up, as `[[channel]]`. Default: those of `[[channel]]`.
+    Example: `[{ column = 1, dof = "11X+" }]`"""
 
 
 class RigidBodyEntry(TomlTable):
     """[[rigid_body]]: sensors on a rigid body, such as a floor, that are reduced to its motions."""
 
     node: Annotated[int, Field(ge=1, le=2**31)]
+    """Node of the body, with a place in the geometry: the motions are those of this point. Example: `101`"""
     sensors: Annotated[tuple[DofLabel, ...], Field(min_length=1)]
+    """DOFs of channels on this body. Example: `["11X+", "12X+", "12Y+"]`"""
     motions: Annotated[str, Field(min_length=1, pattern="^1?2?3?4?5?6?$")] = "126"
+    """Components of the motion in ascending order. Example: `"345"`"""
 
 
 class FunctionsTable(TomlTable):
     """[functions]: what the axes of a file of FRFs mean, if it is not a Universal File."""
 
     kind: Literal["receptance", "mobility", "accelerance"]
+    """`"receptance"`, `"mobility"` or `"accelerance"`. Example: `"accelerance"`"""
     responses: tuple[DofLabel, ...] = ()
+    """Response DOFs in the order of the array. Required without `[[function]]`. Example: `["1Z+", "2Z+"]`"""
     references: tuple[DofLabel, ...] = ()
+    """Reference DOFs in the order of the array. Required without `[[function]]`. Example: `["1Z+"]`"""
     axes: Annotated[tuple[Axis, ...], Field(max_length=4)] = ()
+    """What the axes are: `"frequency"`, `"response"`, `"reference"`; `"function"`, if responses and references share
+    one axis, with a `[[function]]` for each; `"part"` for an axis of length 2 with real and imaginary part. Default: by
+    their lengths, if only one order fits. Example: `["frequency", "function"]`"""
     variable: Text | None = None
+    """Name of the array, or of its real part. Default: the only (complex) array. Example: `"test.H"`"""
     imaginary: Text | None = None
+    """Name of the array of imaginary parts. Example: `"Hi"`"""
     coherence: Text | None = None
+    """Name of the array of the coherence, with the same axes. Example: `"coh"`"""
     frequency: Column | None = None
+    """Array, or column of a table, with the frequency lines in Hz. Example: `"test.f"`"""
     start_hz: Hertz | None = None
+    """First frequency line, Hz, instead of `frequency`. Default: 0. Example: `0.0`"""
     step_hz: Positive | None = None
+    """Distance of the frequency lines, Hz, instead of `frequency`. Example: `0.25`"""
     factor: float = 1.0
+    """Factor on the values, for example for responses in g. Example: `9.80665`"""
 
 
 class FunctionEntry(TomlTable):
     """[[function]]: DOFs of one function of a table, or along the axis "function" of an array."""
 
     column: Column
+    """Column of the real part, number from 1 or name in the heading; position from 1 along the axis `"function"`.
+    Example: `2`"""
     imaginary: Column | None = None
+    """Column of the imaginary part. Example: `3`"""
     coherence: Column | None = None
+    """Column of the coherence. Example: `"coh 1"`"""
     response: DofLabel
+    """Response DOF of the function. Example: `"12Z-"`"""
     reference: DofLabel
+    """Reference DOF of the function. Example: `"1Z+"`"""
 
 
 class LevelEntry(TomlTable):
     """[[level]]: the same measurement at another level of the force."""
 
     record: RecordName | None = None
+    """Time histories of this level, if `[identify]` has a `record`, with the same channels. Example:
+    `"sweep_5N.csv"`"""
     frfs: FrfsName | None = None
+    """FRFs of this level, if `[identify]` has `frfs`. Example: `"frf_5N.unv"`"""
     force: Positive
+    """Level of the force, positive, in any unit; only the ratios of the levels are used. Example: `5.0`"""
     name: Text | None = None
+    """Name shown in the report. Default: file and force. Example: `"5 N"`"""
 
 
 class LinearityTable(TomlTable):
     """[linearity]: force of the measurement of [identify], and accepted differences between the levels."""
 
     force: Positive | None = None
+    """Level of the force of the measurement in `[identify]`. Required with `[[level]]`. Example: `1.0`"""
     largest_frequency_change: Annotated[float, Field(gt=0, lt=1)] = 0.005
+    """Accepted relative change of a natural frequency between the levels. Example: `0.002`"""
     largest_damping_change: Positive = 0.2
+    """Accepted relative change of a damping ratio. Example: `0.1`"""
     least_frac: Annotated[float, Field(gt=0, lt=1)] = 0.9
+    """Accepted FRAC of FRFs between the levels. Example: `0.95`"""
+
+
+class IdentifyOutputTable(OutputTable):
+    """[output] of an identification: the folder of what was identified."""
+
+    folder: Text = "identified"
+    """Output folder for `report.html`, `modes.uff` (for a study), `deviations.json` (their standard deviations, for the
+    key `deviations` of a study), `modes.csv`, `poles.csv`, `identified.json` and, for FRFs, the state-space model
+    `system.npz`. Example: `"bc_modes"`"""
 
 
 class IdentifyFile(TomlTable):
     """The whole file; names of files are relative to it."""
 
     schema_version: SchemaVersion = 1
+    """Version of the identification file, an integer before the first table. A file of a later version is refused.
+    Example: `1`"""
     identify: IdentifyTable
     channel: tuple[ChannelEntry, ...] = ()
     setup: tuple[SetupEntry, ...] = ()
@@ -145,7 +240,7 @@ class IdentifyFile(TomlTable):
     function: tuple[FunctionEntry, ...] = ()
     level: tuple[LevelEntry, ...] = ()
     linearity: LinearityTable = Field(default_factory=LinearityTable)
-    output: OutputTable = Field(default_factory=lambda: OutputTable(folder="identified"))
+    output: IdentifyOutputTable = Field(default_factory=IdentifyOutputTable)
 
     _path: Path = PrivateAttr(default=Path("identify.toml"))
     _source: StudyLines = PrivateAttr(default=StudyLines("identify.toml"))
@@ -207,12 +302,12 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
     unfit = missing_files(IdentifyFile, data, source, file.parent, absent=False)
     errors = [*_rules(data, source), *unfit]
     try:
-        found = IdentifyFile.model_validate(data)
+        settings = IdentifyFile.model_validate(data)
     except ValidationError as findings:
         errors = [*problems(findings, source, IdentifyFile), *errors]
     ErrorCollector(sorted(errors, key=lambda e: (e.where and e.where.line) or 0)).raise_if_any()
-    found._path, found._source = file, source
-    return found
+    settings._path, settings._source = file, source
+    return settings
 
 
 def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:

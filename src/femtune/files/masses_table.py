@@ -15,7 +15,8 @@ _MASSES = {"mass": 0.0, "mass_g": 1e-3, "mass_kg": 1.0}
 """Headings of the mass with the size of the unit in kg; 0: the unit of the study."""
 _OFFSETS = ("x", "y", "z")
 _KNOWN = ("node", *_MASSES, *_OFFSETS, "label")
-_MOST = 100_000
+_MOST_LINES = 100_000
+"""Lines of a table; no test has so many sensors."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ def read_masses_table(path: Path, mass_unit_kg: float) -> tuple[TableMass, ...]:
         text = read_table_text(path)
     except NotATable as error:
         raise _error(path, error.line, "configuration.masses-file", reason=str(error)) from error
-    if not 2 <= len(text.rows) <= _MOST:
-        raise _error(path, None, "configuration.masses-file/lines", lines=len(text.rows), most=_MOST)
+    if not 2 <= len(text.rows) <= _MOST_LINES:
+        raise _error(path, None, "configuration.masses-file/lines", lines=len(text.rows), most=_MOST_LINES)
     heads = list(text.rows[0])
     unit = _check_heads(path, text.lines[0], heads) / mass_unit_kg or 1.0
     rows = zip(text.lines[1:], text.rows[1:])

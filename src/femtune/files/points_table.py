@@ -14,8 +14,12 @@ from femtune.testdata import WireFrame
 
 _PLACE = ("node", "x", "y", "z")
 _DIRECTIONS = tuple(f"{direction}_{axis}" for direction in "XYZ" for axis in "xyz")
-_MOST = 1_000_000
+_MOST_LINES = 1_000_000
+"""Lines of a table: the points of a scan of a large surface."""
 _LEAST_LENGTH = 1e-6
+"""Length of a direction below which it is no direction but a mistake."""
+_LARGEST = 1e30
+"""Coordinates above this are no lengths in any units, and their squares overflow in single precision."""
 
 
 def read_points(path: Path) -> WireFrame:
@@ -34,19 +38,19 @@ def read_points(path: Path) -> WireFrame:
     except NotATable as error:
         raise _error(path, error.line, "test.points", reason=str(error)) from error
     lines, rows = text.lines, text.rows
-    if not 2 <= len(rows) <= _MOST:
+    if not 2 <= len(rows) <= _MOST_LINES:
         raise _error(path, None, "test.points", reason=f"the table has {len(rows)} lines")
     heads = list(rows[0])
     _check_heads(path, lines[0], heads)
     first: dict[float, int] = {}
 
     def numbers(row: tuple[int, tuple[str, ...]]) -> list[float]:
-        found = _numbers(path, row[0], heads, row[1], text)
-        node = found[heads.index("node")]
+        cells = _numbers(path, row[0], heads, row[1], text)
+        node = cells[heads.index("node")]
         if node in first:
             raise _error(path, row[0], "test.points/node-twice", node=int(node), first=first[node])
         first[node] = row[0]
-        return found
+        return cells
 
     table = np.array(each(numbers, zip(lines[1:], rows[1:])))
     column = {head: table[:, i] for i, head in enumerate(heads)}
@@ -82,7 +86,7 @@ def _numbers(path: Path, line: int, heads: list[str], cells: Sequence[str], text
 def _number(path: Path, line: int, head: str, cell: str, text: TableText) -> float:
     value = text.number(cell)
     no_node = head == "node" and not (cell.isascii() and cell.isdigit() and 0 < int(cell[:18]) < 2**31)
-    if no_node or not abs(value) < 1e30:
+    if no_node or not abs(value) < _LARGEST:
         raise _error(path, line, "test.points/number", text=cell[:40], head=head)
     return value
 

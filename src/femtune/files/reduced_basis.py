@@ -17,7 +17,7 @@ from femtune.model.reduce import SavedBasis, Trained
 Arrays = dict[str, NDArray]
 
 _VERSION = 1
-_ARRAYS = ("basis", "x", "eigenvalues", "known", "points", "estimates")
+"""Of the form of the file."""
 _TROUBLES = (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, OverflowError, zipfile.BadZipFile)
 
 
@@ -29,10 +29,22 @@ def save_basis(trained: Trained, path: Path | str) -> None:
     OSError : the disk is full or refuses
     """
     saved = SavedBasis.of(trained)
-    arrays = {name: np.asarray(getattr(saved, name)) for name in ("shift", *_ARRAYS)}
+    arrays = {"shift": np.asarray(saved.shift), **_arrays(saved)}
     digest = np.frombuffer(trained.model.configured.terms_digest.encode("ascii"), np.uint8)
     arrays |= {"version": np.asarray(_VERSION), "digest": digest}
     write_whole_by(Path(path), lambda stream: _pack(stream, arrays))
+
+
+def _arrays(saved: SavedBasis) -> Arrays:
+    """Its arrays of real numbers, by name."""
+    return {
+        "basis": np.asarray(saved.basis),
+        "x": np.asarray(saved.x),
+        "eigenvalues": np.asarray(saved.eigenvalues),
+        "known": np.asarray(saved.known),
+        "points": np.asarray(saved.points),
+        "estimates": np.asarray(saved.estimates),
+    }
 
 
 def _pack(stream: IO[bytes], arrays: Arrays) -> None:
@@ -54,7 +66,13 @@ def load_basis(path: Path | str, configured: ConfiguredModel) -> SavedBasis:
     try:
         arrays = _read(path)
         saved = SavedBasis(
-            float(arrays["shift"]), *(arrays[name] for name in list(SavedBasis.__dataclass_fields__)[1:])
+            shift=float(arrays["shift"]),
+            basis=arrays["basis"],
+            x=arrays["x"],
+            eigenvalues=arrays["eigenvalues"],
+            known=arrays["known"],
+            points=arrays["points"],
+            estimates=arrays["estimates"],
         )
         _check(arrays, saved)
     except _TROUBLES as error:
@@ -70,14 +88,14 @@ def _read(path: Path) -> Arrays:
         # stored parts can hold no more than the file's own size
         if any(m.compress_type != zipfile.ZIP_STORED for m in archive.infolist()):
             raise ValueError("a part of it is compressed")
-    with np.load(path, allow_pickle=False) as found:
-        return {name: found[name] for name in found.files}
+    with np.load(path, allow_pickle=False) as members:
+        return {name: members[name] for name in members.files}
 
 
 def _check(arrays: Arrays, saved: SavedBasis) -> None:
     if int(arrays["version"]) != _VERSION:
         raise ValueError("it is of another version")
-    for name in _ARRAYS:
-        if getattr(saved, name).dtype != np.float64:
+    for name, array in _arrays(saved).items():
+        if array.dtype != np.float64:
             raise ValueError(f"{name} holds no numbers")
     saved.check()

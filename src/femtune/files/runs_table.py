@@ -32,7 +32,7 @@ _PARQUET = (".parquet", ".pq")
 STATE = "state"
 
 LARGEST_HZ = 1e12
-"""Frequencies beyond it are mistakes: their squares leave no digits for other modes."""
+"""Frequencies beyond it are mistakes: their squares would leave no digits for other modes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,8 @@ class RunsTable:
     @property
     def usable(self) -> Flags:
         """(n,) True for runs with frequencies, and shapes where the table has some."""
-        found = np.isfinite(self.freq_hz).all(axis=1)
-        return np.asarray(found if self.shapes is None else found & np.isfinite(self.shapes).all(axis=(1, 2)))
+        complete = np.isfinite(self.freq_hz).all(axis=1)
+        return np.asarray(complete if self.shapes is None else complete & np.isfinite(self.shapes).all(axis=(1, 2)))
 
     def points(self, names: Sequence[str]) -> Reals:
         """(n, k) values of parameters."""
@@ -176,13 +176,13 @@ def _parquet_columns(path: Path, arrow: Any, file: Any, texts: list[str]) -> tup
     # a small file can hold a great many equal rows
     _check_size(path, 8 * n_runs * (len(wanted) + 1))
     table = file.read(columns=[*wanted, *texts])
-    found = {n: np.array(table.column(n).cast(arrow.float64(), safe=False).to_numpy(), float) for n in wanted}
-    found.pop(STATE, None)
+    columns = {n: np.array(table.column(n).cast(arrow.float64(), safe=False).to_numpy(), float) for n in wanted}
+    columns.pop(STATE, None)
     if not texts:
-        return found, ()
+        return columns, ()
     coded = table.column(STATE).dictionary_encode().unify_dictionaries().combine_chunks()
     states = coded.dictionary.to_pylist()
-    return found, tuple("" if i is None else states[i] for i in coded.indices.to_pylist())
+    return columns, tuple("" if i is None else states[i] for i in coded.indices.to_pylist())
 
 
 def _check_size(path: Path, n_bytes: int) -> None:

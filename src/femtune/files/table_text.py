@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 LARGEST_BYTES = 1_000_000_000
+"""Size of the largest table that is read; as text in memory it takes several times as much."""
 _SEPARATORS = ",;\t"
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
 
 
 class NotATable(ValueError):  # noqa: N818  the readers make their own errors of it
-    """The file is no table of text; the message says why, and `line` where, if it is one line."""
+    """The file is not a table of text; the message says why, and `line` where, if it is one line."""
 
     def __init__(self, reason: str, line: int | None = None) -> None:
         self.line = line

@@ -12,6 +12,9 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Where, each
 from femtune.files.table_text import NotATable, TableText, read_table_text
 
+_UNEVEN = 0.1
+"""Deviation of a time from even spacing, relative to the step, that rounding of the written digits does not explain."""
+
 
 def read_vibration_table(path: Path, outputs: int, *, history: bool = False) -> tuple[Reals, Reals]:
     """Frequencies (n,) in Hz, and values (outputs, n): amplitudes of a sweep, or power spectral densities.
@@ -33,8 +36,8 @@ def read_vibration_table(path: Path, outputs: int, *, history: bool = False) -> 
         # a file without a heading would lose its first line
         raise _error(path, text.lines[0], "vibration.file/heading")
     rows = zip(text.lines[1:], text.rows[1:])
-    found = each(lambda row: _numbers(path, *row, text, outputs), rows)
-    values = np.array(found).reshape(-1, outputs + 1)
+    numbers = each(lambda row: _numbers(path, *row, text, outputs), rows)
+    values = np.array(numbers).reshape(-1, outputs + 1)
     if len(values) < 2 or np.any(np.diff(values[:, 0]) <= 0.0) or (not history and np.any(values <= 0.0)):
         raise _error(path, None, "vibration.file/times" if history else "vibration.file")
     return values[:, 0], values[:, 1:].T
@@ -50,7 +53,7 @@ def read_signal(path: Path) -> tuple[Reals, Reals]:
     times, values = read_vibration_table(path, 1, history=True)
     steps = np.diff(times)
     # times may be rounded to the digits that are written
-    if np.abs(times - np.linspace(times[0], times[-1], len(times))).max() > 0.1 * steps.mean():
+    if np.abs(times - np.linspace(times[0], times[-1], len(times))).max() > _UNEVEN * steps.mean():
         raise _error(path, None, "vibration.signal", least=float(steps.min()), most=float(steps.max()))
     return times, values[0]
 
@@ -62,10 +65,10 @@ def _is_number(text: TableText, cell: str) -> bool:
 def _numbers(path: Path, line: int, row: Sequence[str], text: TableText, outputs: int) -> list[float]:
     if len(row) != outputs + 1:
         raise _error(path, line, "vibration.file/columns", given=len(row), outputs=outputs)
-    found = [text.number(cell) for cell in row]
-    if not np.all(np.isfinite(found)):
+    numbers = [text.number(cell) for cell in row]
+    if not np.all(np.isfinite(numbers)):
         raise _error(path, line, "vibration.file/number")
-    return found
+    return numbers
 
 
 def _error(path: Path, line: int | None, code: str, **facts: Any) -> FemtuneError:

@@ -12,7 +12,7 @@ from typing import IO
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """As `write_whole_by`, for content that is at hand."""
+    """As `write_whole_by`, for content that is available."""
     write_whole_by(path, lambda stream: stream.write(content))
 
 

@@ -87,15 +87,15 @@ def front_of(objectives: Objective, lower: Reals, upper: Reals, rules: SearchRul
 def ranks(values: Reals) -> Integers:
     """(k,) 0 for points that no other is better than; 1 for those that only points of rank 0 are better than …"""
     worse = _dominates(values)
-    found = np.full(len(values), -1)
+    rank_of = np.full(len(values), -1)
     left: Flags = np.ones(len(values), bool)
     rank = 0
     while left.any():
         best = left & ~worse[left].any(axis=0)
-        found[best] = rank
+        rank_of[best] = rank
         left &= ~best
         rank += 1
-    return found
+    return rank_of
 
 
 def _dominates(values: Reals) -> Flags:

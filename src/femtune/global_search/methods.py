@@ -21,8 +21,10 @@ from femtune.global_search.kinds import METHODS, SearchWord
 
 Objective = Callable[[Reals], Reals]
 
-_CROSSOVER_INDEX, _MUTATION_INDEX = 15.0, 20.0
-"""Distribution indices of simulated binary crossover and of polynomial mutation: how near children are to parents."""
+_CROSSOVER_INDEX = 15.0
+"""Distribution index of simulated binary crossover: the larger, the nearer children are to their parents (Deb 2001)."""
+_MUTATION_INDEX = 20.0
+"""Distribution index of polynomial mutation, likewise."""
 _ELITE = 2
 """Best points that pass to the next generation unchanged."""
 
@@ -131,7 +133,7 @@ def _spread_is_small(values: Reals, tolerance: float) -> bool:
 
 
 def by_differential_evolution(counted: _Counted, factors: int, rules: SearchRules) -> bool:
-    found = differential_evolution(
+    minimum = differential_evolution(
         lambda x: counted(x.T if x.ndim == 2 else x[None]),
         [(0.0, 1.0)] * factors,
         popsize=max(1, round(rules.population / factors)),
@@ -143,7 +145,7 @@ def by_differential_evolution(counted: _Counted, factors: int, rules: SearchRule
         vectorized=True,
         updating="deferred",
     )
-    return bool(found.success)
+    return bool(minimum.success)
 
 
 def by_genetic_algorithm(counted: _Counted, factors: int, rules: SearchRules) -> bool:

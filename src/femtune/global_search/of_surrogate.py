@@ -44,7 +44,7 @@ class SurrogateMinimum:
 
     @property
     def same(self) -> int:
-        """How many seeds ended at the best minimum."""
+        """Number of seeds that ended at the best minimum."""
         return int(np.sum(np.abs((self.ends - self.x) / self.edges).max(axis=1) <= _SAME))
 
 
@@ -77,14 +77,14 @@ def surrogate_minimum(
     bounds = (lower[free], upper[free])
     searches, ends, values = [], [], []
     for seed in seeds:
-        found = global_minimum(lambda p: objective(surrogate.predict(whole(p))), *bounds, replace(rules, seed=seed))
+        minimum = global_minimum(lambda p: objective(surrogate.predict(whole(p))), *bounds, replace(rules, seed=seed))
         width = bounds[1] - bounds[0]
-        start = np.clip(found.x, bounds[0] + 1e-6 * width, bounds[1] - 1e-6 * width)
+        start = np.clip(minimum.x, bounds[0] + 1e-6 * width, bounds[1] - 1e-6 * width)
         fine = least_squares(
             residuals, start, slopes, bounds, x_scale=width, xtol=1e-12, ftol=1e-14, gtol=1e-14, max_nfev=500
         )
-        end, value = (fine.x, float(fine.cost)) if fine.cost <= found.value else (found.x, found.value)
-        searches.append(found)
+        end, value = (fine.x, float(fine.cost)) if fine.cost <= minimum.value else (minimum.x, minimum.value)
+        searches.append(minimum)
         ends.append(whole(end)[0])
         values.append(value)
     best = int(np.argmin(values))

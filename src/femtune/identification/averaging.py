@@ -163,10 +163,10 @@ def no_lost_samples(record: TimeSeries) -> None:
 
 
 def _one_quantity(record: TimeSeries, rows: Sequence[int]) -> str:
-    found = {record.channels[i].quantity for i in rows}
-    if len(found) != 1:
-        raise FemtuneError("identify.records-differ", values={"quantities": ", ".join(sorted(found))})
-    return found.pop()
+    quantities = {record.channels[i].quantity for i in rows}
+    if len(quantities) != 1:
+        raise FemtuneError("identify.records-differ", values={"quantities": ", ".join(sorted(quantities))})
+    return quantities.pop()
 
 
 def _window(averaging: Averaging, rate: float) -> Reals:

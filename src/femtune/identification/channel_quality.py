@@ -33,7 +33,7 @@ class Quality:
 
     @property
     def words(self) -> str:
-        """What ranks them."""
+        """The name of the measure that ranks them."""
         return "the lowest coherence" if self.rule == "coherence" else "the highest relative noise"
 
 

@@ -28,7 +28,7 @@ class Limits:
     Parameters
     ----------
     freq : relative change of frequency
-    damping : relative change of the damping ratio; changes below .001 of critical count as none
+    damping : relative change of the damping ratio; changes below 0.001 of critical count as none
     mac : of the two shapes
     largest_damping : ratio above which a pole is not looked at; those that do not decay never are
     band_hz : frequencies that are looked at
@@ -50,22 +50,22 @@ def possible(table: PoleTable, limits: Limits) -> Flags:
 
 def stable(table: PoleTable, limits: Limits) -> Flags:
     """(p,) true for possible poles that the next lower order of their method has too."""
-    found = np.zeros(len(table), bool)
+    is_stable = np.zeros(len(table), bool)
     may = possible(table, limits)
     for now, before in _neighbouring_orders(table):
         here, there = now[may[now]], before[may[before]]
         if len(here) and len(there):
-            found[here] = _matches(table, here, there, limits).any(axis=1)
-    return found
+            is_stable[here] = _matches(table, here, there, limits).any(axis=1)
+    return is_stable
 
 
 def _neighbouring_orders(table: PoleTable) -> Iterator[tuple[NDArray, NDArray]]:
     methods = np.array(table.method)
     for method in dict.fromkeys(table.method):
-        own = np.flatnonzero(methods == method)
-        orders = np.unique(table.order[own])
+        of_method = np.flatnonzero(methods == method)
+        orders = np.unique(table.order[of_method])
         for low, high in pairwise(orders):
-            yield own[table.order[own] == high], own[table.order[own] == low]
+            yield of_method[table.order[of_method] == high], of_method[table.order[of_method] == low]
 
 
 def _matches(table: PoleTable, here: NDArray, there: NDArray, limits: Limits) -> Flags:
@@ -82,7 +82,7 @@ def cluster(table: PoleTable, farthest: float = 0.05) -> list[NDArray[np.int64]]
     """Positions of poles that are the same one in other orders and methods, by ascending frequency.
 
     The distance of two poles is |λ_i − λ_j| / max(|λ_i|, |λ_j|) + 1 − MAC, clustered by average linkage; with one
-    response the MAC says nothing and is left out.
+    response the MAC has no meaning and is left out.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ class Rule:
         in half of that
     alone : share that is enough where one method alone has it
     collinearity : smallest phase collinearity of the shape
-    same : of two clusters whose frequencies differ by less than this fraction, and whose shapes have a MAC above .8 or
+    same : of two clusters whose frequencies differ by less than this fraction, and whose shapes have a MAC above 0.8 or
         which no order of any method has side by side, one is a mode, that of the larger share
     """
 

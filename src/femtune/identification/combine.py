@@ -145,7 +145,7 @@ class _ModePool:
         return {m: np.array([_mean(self.freq_hz[g[of[g] == m]]) for g in groups]) for m in dict.fromkeys(methods)}
 
     def _sd_of_mean(self, values: Reals, group: NDArray[np.int64]) -> Reals:
-        """Of values (…, members): standard deviation of the means of fragments over the root of their number."""
+        """Standard errors of means of values (…, members) over fragments."""
         fragment = np.array([self.estimates[i].fragment for i in self.source[group]])
         known = ~np.isnan(values).any(axis=tuple(range(values.ndim - 1)))
         numbers = np.unique(fragment[known])

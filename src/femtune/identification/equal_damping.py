@@ -28,7 +28,7 @@ class EqualisedTest:
     identified : the identification
     left_out_hz : bands without lines
     largest_order : of the models of the identification
-    redrawn : how the FRFs follow the measured ones; None where rigid-body modes were taken away first
+    redrawn : how the FRFs follow the measured ones; None if rigid-body modes were taken away first
     """
 
     frfs: FrfSet

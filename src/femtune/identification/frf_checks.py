@@ -18,8 +18,10 @@ POWER_IN = 0.95
 """Part of a driving point's power that must go into the structure, lines weighted by their mobility."""
 DEAD = 1e-6
 """A response whose functions are below this part of the median is dead."""
-RECIPROCAL, COUPLED = 0.25, 0.02
-"""Relative difference of H_ij and H_ji that is reported, and their least size relative to the driving points."""
+RECIPROCAL = 0.25
+"""Relative difference of H_ij and H_ji that is reported."""
+COUPLED = 0.02
+"""Size of H_ij relative to the driving points, at or below which it is not compared: noise would decide."""
 KNOWN_FACTORS = {
     "g instead of m/s²": 9.80665,
     "mm instead of m": 1000.0,
@@ -61,7 +63,7 @@ class Levels:
 
 
 def check_frfs(frfs: FrfSet) -> tuple[Notice, ...]:
-    """What is wrong with a set of functions, as far as they tell themselves.
+    """Errors in a set of functions that the functions themselves reveal.
 
     Returns
     -------
@@ -98,7 +100,7 @@ def power_in(frfs: FrfSet, point: DrivingPoint, kind: str | None = None) -> floa
 def reciprocity(frfs: FrfSet) -> tuple[Reciprocity, ...]:
     """Every pair of DOFs that are both responses and references."""
     points = driving_points(frfs)
-    found = []
+    pairs = []
     for a, p in enumerate(points):
         for q in points[a + 1 :]:
             one = frfs.values[p.response, q.reference] * p.sign
@@ -109,8 +111,8 @@ def reciprocity(frfs: FrfSet) -> tuple[Reciprocity, ...]:
             own = [np.linalg.norm(np.nan_to_num(frfs.values[r.response, r.reference])[known]) for r in (p, q)]
             coupling = float(0.5 * size / np.sqrt(own[0] * own[1])) if all(own) else float("inf")
             first, second = (str(frfs.references[r.reference]) for r in (p, q))
-            found.append(Reciprocity(first, second, gap, coupling))
-    return tuple(found)
+            pairs.append(Reciprocity(first, second, gap, coupling))
+    return tuple(pairs)
 
 
 def apparent_mass(frfs: FrfSet, to_hz: float) -> Reals:
@@ -135,14 +137,14 @@ def check_mass(frfs: FrfSet, mass: float, to_hz: float) -> tuple[Notice, ...]:
     ----------
     mass : that of the structure, where the driving points act through its centre of mass; else a lower one shows
     """
-    found = []
+    masses = []
     for dof, seen in zip(frfs.references, apparent_mass(frfs, to_hz)):
         ratio = mass / seen if seen else np.inf
         if np.isfinite(seen) and not 0.5 < ratio < 5.0 / 3.0:
             near = [w for w, f in KNOWN_FACTORS.items() for r in (f, 1 / f) if abs(np.log(abs(ratio) * r)) < 0.2]
             guess = f"; the cause may be {' or '.join(near)}" if near else ""
-            found.append(Notice("frf.mass-line", to_hz=to_hz, dof=dof, apparent_mass=seen, mass=mass, guess=guess))
-    return tuple(found)
+            masses.append(Notice("frf.mass-line", to_hz=to_hz, dof=dof, apparent_mass=seen, mass=mass, guess=guess))
+    return tuple(masses)
 
 
 def exchanged(frfs: FrfSet, other: FrfSet, margin: float = 0.1) -> tuple[Notice, ...]:
@@ -162,13 +164,13 @@ def exchanged(frfs: FrfSet, other: FrfSet, margin: float = 0.1) -> tuple[Notice,
     inner = _unit(a) @ _unit(b).conj().T
     rows, columns = linear_sum_assignment(-np.abs(inner))
     labels = frfs.responses.labels()
-    found = []
+    exchanges = []
     for i, j in zip(rows, columns):
         if i != j and abs(inner[i, j]) > abs(inner[i, i]) + margin:
-            found.append(Notice("frf.exchanged", label=labels[i], measured_at=labels[j]))
+            exchanges.append(Notice("frf.exchanged", label=labels[i], measured_at=labels[j]))
         if abs(inner[i, j]) > 0.5 and inner[i, j].real < -0.5 * abs(inner[i, j]):
-            found.append(Notice("frf.inverted", label=labels[i]))
-    return tuple(found)
+            exchanges.append(Notice("frf.inverted", label=labels[i]))
+    return tuple(exchanges)
 
 
 def compare_levels(levels: Sequence[FrfSet], sd: Sequence[Reals] | None = None) -> Levels:
@@ -197,7 +199,7 @@ def compare_levels(levels: Sequence[FrfSet], sd: Sequence[Reals] | None = None) 
         return Levels(change, np.full(change.shape, np.nan), bool(np.nanmax(change) < 0.05))
     beyond = np.array([np.abs(g) > 3.0 * np.hypot(s, sd[0]) for g, s in zip(gaps, sd)])
     significant = beyond.mean(axis=3)
-    # of complex normal errors e^{-9} = .0001 lie beyond three √E|error|²
+    # of complex normal errors e^{-9} = 0.0001 lie beyond three √E|error|²
     return Levels(change, significant, bool(significant[1:].max(initial=0.0) < 0.01))
 
 
@@ -225,8 +227,8 @@ def _dead(frfs: FrfSet) -> Iterator[Notice]:
 def _driving(frfs: FrfSet) -> Iterator[Notice]:
     for p in driving_points(frfs):
         shares = {kind: power_in(frfs, p, kind) for kind in KINDS}
-        own, label = shares[frfs.kind], frfs.references[p.reference]
-        if own >= POWER_IN or not np.isfinite(own):
+        expected_share, label = shares[frfs.kind], frfs.references[p.reference]
+        if expected_share >= POWER_IN or not np.isfinite(expected_share):
             continue
         better = [kind for kind, share in shares.items() if share >= POWER_IN]
         opposite = KINDS[2 - KINDS.index(frfs.kind)]
@@ -236,7 +238,7 @@ def _driving(frfs: FrfSet) -> Iterator[Notice]:
         elif better:
             yield Notice("frf.kind-contradicts", label=label, better=" or ".join(better), kind=frfs.kind)
         else:
-            yield Notice("frf.driving-point", label=label, share=own)
+            yield Notice("frf.driving-point", label=label, share=expected_share)
 
 
 def _not_reciprocal(frfs: FrfSet) -> Iterator[Notice]:

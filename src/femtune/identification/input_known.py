@@ -43,7 +43,7 @@ class InputKnown:
     largest_order : of N4SID, in steps of two; polynomials of pLSCF go to half of it
     methods : out of KNOWN_INPUT
     limits, rule : of stable poles and of modes among them
-    take, drop : frequencies in Hz of candidates that are modes, or none, whatever the rule says
+    take, drop : frequencies in Hz of candidates that are accepted as modes, or rejected, regardless of the rule
     rigid : mass-normalised rigid-body modes whose motion is taken away first and put back into the system
     low, high : residual modes below and above the band that the system gets
     reciprocal : whether the system is reciprocal
@@ -74,7 +74,7 @@ class InputKnown:
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModes:
-    """What functions tell.
+    """Result of an identification from functions.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def _poles(frfs: FrfSet, method: str, order: int, sd: NDArray[np.float64] | None
 
 
 def terms_outside(asked: InputKnown) -> tuple[str, ...]:
-    """Without rigid-body motion below the band there is no mass left there; with it the term stands for that."""
+    """Out-of-band terms: a mass line below the band only if rigid-body motion remains there."""
     return OUT_OF_BAND if asked.rigid is None else ("upper",)
 
 
@@ -171,17 +171,17 @@ def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: In
 
 def _ends(fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:
     """How the iterations ended, and candidates that came near to being modes."""
-    found = [Notice("identify.no-noise")] if without_noise(fit) else []
+    remarks = [Notice("identify.no-noise")] if without_noise(fit) else []
     if not fit.converged:
-        found.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
+        remarks.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
     if fit.outside.any():
         freq = freq_and_damping(fit.poles[fit.outside])[0]
         names = " and ".join(f"{f:.4g} Hz" for f in freq)
-        found.append(Notice("identify.near-band", level="info", count=len(freq), frequencies=names))
+        remarks.append(Notice("identify.near-band", level="info", count=len(freq), frequencies=names))
     if not system.converged:
-        found.append(Notice("identify.system-not-converged", steps=system.steps, gradient=system.gradient))
+        remarks.append(Notice("identify.system-not-converged", steps=system.steps, gradient=system.gradient))
     near = [c for c in candidates if not c.chosen and max(c.share.values()) >= 0.25 and "same mode" not in c.reason]
     if near:
         names = ", ".join(f"{c.freq_hz:.4g} Hz ({c.reason})" for c in near[:5])
-        found.append(Notice("identify.near-miss", level="info", names=names))
-    return tuple(found)
+        remarks.append(Notice("identify.near-miss", level="info", names=names))
+    return tuple(remarks)

@@ -12,8 +12,9 @@ from femtune.arrays import Reals
 from femtune.identification.averaging import CrossSpectra
 
 STANDS_OUT_DB = 6.0
-"""A line of the ground counts as one of its own from here above its neighbourhood."""
+"""Level above its neighbourhood from which a line of the ground counts as a peak."""
 _NEIGHBOURHOOD = 0.08
+"""Distance relative to a frequency within which lines around a peak are its surroundings."""
 
 
 @dataclass(frozen=True)

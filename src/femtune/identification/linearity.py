@@ -19,11 +19,16 @@ from femtune.modal import FrfSet, ModeSet, frac
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.modal.shape_criteria import mac_where_defined
 
-_LARGEST_SHIFT, _LEAST_MAC = 0.2, 0.5
-"""A mode is looked for at another level within this relative distance of its frequency, and above this MAC."""
-_SIGNIFICANT, _BEYOND = 3.0, 0.01
-"""A change is significant beyond this many standard deviations, a function if this fraction of its lines is."""
+_LARGEST_SHIFT = 0.2
+"""Relative distance of frequencies within which a mode is looked for at another level."""
+_LEAST_MAC = 0.5
+"""MAC from which it may be the same mode, as in the pairing of test and model."""
+_SIGNIFICANT = 3.0
+"""Standard deviations beyond which a change is significant (0.3 % by chance)."""
+_SIGNIFICANT_LINES = 0.01
+"""Fraction of the lines with a significant change from which a function has changed: above the 0.3 % by chance."""
 _SAME_LINE = 1e-6
+"""Relative difference of two frequency lines that is rounding of a written number."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +42,7 @@ class LinearityLimits:
 
 @dataclass(frozen=True, eq=False)
 class ForceLevel:
-    """What was identified at one level.
+    """Modes and functions identified at one level.
 
     Parameters
     ----------
@@ -85,7 +90,7 @@ class ModeAtLevels:
     freq_hz, freq_sd_hz, damping_ratio, damping_sd, mac : (levels,) NaN where the mode was not found or no deviation is
         known; MAC with the first level
     frequency, damping : their trends
-    linear : None where the mode was found at the first level only
+    linear : None if the mode was found at the first level only
     """
 
     label: str
@@ -136,7 +141,7 @@ class Linearity:
     names, forces : of the levels, in their order
     modes : those of the first level
     functions : one a further level
-    linear : None where neither modes nor functions could be compared
+    linear : None if neither modes nor functions could be compared
     limits : what was asked for
     """
 
@@ -270,7 +275,7 @@ def _functions(first: ForceLevel, other: ForceLevel, limits: LinearityLimits) ->
     if sds is None:
         differing = int(whole < limits.frac)
     else:
-        differing = int(np.sum((np.nan_to_num(fracs, nan=1.0) < limits.frac) & (significant >= _BEYOND)))
+        differing = int(np.sum((np.nan_to_num(fracs, nan=1.0) < limits.frac) & (significant >= _SIGNIFICANT_LINES)))
     i, j = np.unravel_index(int(np.nanargmin(fracs)), fracs.shape)
     return FunctionsAtLevel(
         functions=int(np.isfinite(fracs).sum()),

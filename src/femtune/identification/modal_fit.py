@@ -25,6 +25,7 @@ from femtune.identification.modal_solve import OUT_OF_BAND, Solved, modal_basis,
 from femtune.modal import FrfSet
 
 MOST_STEPS = 30
+"""Gauss-Newton steps of a fit at most."""
 SMALL = 1e-9
 """Steps of all poles below this fraction of their modulus end the iteration."""
 NO_POLES: Complexes = np.zeros(0, complex)
@@ -101,11 +102,11 @@ def fit_modes(
     kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
     problem = _Problem(used, kept, terms)
     outside = np.arange(len(poles)) >= len(poles) - len(neighbours)
-    found, now, steps, converged = _iterate(problem, poles, most_steps)
-    order = np.argsort(np.abs(found))
+    fitted_poles, now, steps, converged = _iterate(problem, poles, most_steps)
+    order = np.argsort(np.abs(fitted_poles))
     if (np.diff(order) < 0).any():
-        found, now, outside = found[order], problem.solve(found[order]), outside[order]
-    return _as_fit(problem, found, now, steps, converged, outside)
+        fitted_poles, now, outside = fitted_poles[order], problem.solve(fitted_poles[order]), outside[order]
+    return _as_fit(problem, fitted_poles, now, steps, converged, outside)
 
 
 def deviance_at(frfs: FrfSet, poles: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> float:

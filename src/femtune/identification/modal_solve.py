@@ -78,7 +78,7 @@ class _WeightGroup:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """F functions at given poles, q columns. What only the end of a fit asks for is made when it is asked for.
+    """F functions at given poles, q columns. What only the end of a fit needs is computed when it is requested.
 
     Parameters
     ----------

@@ -19,9 +19,11 @@ KNOWN_DAMPING = 2.0
 the noise is fitted to single lines, with hardly any damping."""
 NEGATIVE_MASS = 0.0
 """Share of the driving-point residues that has the sign of a modal mass; a mode with less is reported."""
-QUADRATURE_DEG, QUADRATURE_MODES = 70.0, 2
-"""A channel is reported if its phase is that far from those of the others, on average over the modes in which it moves,
-and if these are so many at least."""
+QUADRATURE_DEG = 70.0
+"""Mean distance in degrees of the phase of a channel from those of the others, over the modes in which it moves, from
+which it is reported: a channel of another quantity has 90°."""
+QUADRATURE_MODES = 2
+"""Modes in which it must move; a single one may be complex."""
 _DOUBTFUL = ("identify.damping", "identify.driving-point-sign")
 
 
@@ -47,7 +49,7 @@ def damping_remarks(
     """
     if damping_ratio is None:
         return ()
-    found = []
+    remarks = []
     for i, (hz, ratio) in enumerate(zip(freq_hz, damping_ratio)):
         error = 0.0 if sd is None else float(sd[i])
         if ratio > LARGE_DAMPING:
@@ -58,8 +60,8 @@ def damping_remarks(
             notice = Notice("identify.damping/not-above-zero", frequency_hz=float(hz), ratio=float(ratio), sd=error)
         else:
             continue
-        found.append(ModeRemark(i, notice))
-    return tuple(found)
+        remarks.append(ModeRemark(i, notice))
+    return tuple(remarks)
 
 
 def collinearity_remarks(

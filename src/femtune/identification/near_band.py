@@ -24,9 +24,11 @@ CHANCE = 1e-4
 MOST = 3
 """Modes on one side of the band."""
 _LEAST_DAMPING = 1e-3
+"""Damping ratio of a trial pole beyond the band at least, where the poles of the band have next to none."""
 _APART = 0.1
 """Distance of two neighbours in half bandwidths below which they are one."""
 _FARTHEST = 2.0
+"""Factor on the ends of the band within which a pole beyond it is accepted; others act as a static or mass line."""
 
 
 def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> ModalFit:
@@ -62,7 +64,7 @@ def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms:
 
 
 def _number(fit: ModalFit, *, above: bool) -> int:
-    """Of the modes on one side of the band."""
+    """Number of modes on one side of the band."""
     freq, lines = freq_and_damping(fit.poles[fit.outside])[0], fit.measured.freq_hz
     return int(np.sum(freq > lines[-1]) if above else np.sum(freq < lines[0]))
 
@@ -75,21 +77,21 @@ class _Search:
     terms: tuple[str, ...]
 
     def fit(self, inside: Complexes, neighbours: Complexes) -> ModalFit | None:
-        """None where neighbours come so close to each other that their residues are not unique."""
+        """None if neighbours come so close to each other that their residues are not unique."""
         try:
             return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours)
         except np.linalg.LinAlgError:
             return None
 
     def _deviance(self, poles: Complexes) -> float:
-        """Of the poles as they are; infinite where their residues are not unique."""
+        """Deviance of the fit with these poles; infinite if their residues are not unique."""
         try:
             return deviance_at(self.frfs, poles, self.sd, self.terms)
         except np.linalg.LinAlgError:
             return float("inf")
 
     def refined(self, fit: ModalFit, sides: tuple[bool, ...]) -> ModalFit | None:
-        """The fit with a mode on each of the sides (True: above); None where they explain no more than noise does."""
+        """The fit with a mode on each of the sides (True: above); None if they explain no more than noise does."""
         lines = fit.measured.freq_hz
         if 2 * len(lines) <= 2 * (len(fit.poles) + len(sides)) + len(self.terms):
             return None

@@ -1,4 +1,4 @@
-"""Modes of records whose excitation nobody measured, each method from a record to a ModeSet."""
+"""Modes of records with unmeasured excitation; each method turns a record into a ModeSet."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from femtune.modal.shape_criteria import turn_to_real_axis
 from femtune.testdata.checks import mean_phase_deviation_deg, phase_collinearity
 
 _LEAST_SEGMENTS = 8
+"""Segments of spectra in a record at least: the relative standard deviation of a spectrum of eight averages is 35 %."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Operational:
 
 @dataclass(frozen=True, eq=False)
 class OperationalModes:
-    """What a method found.
+    """Result of one method.
 
     Parameters
     ----------
@@ -178,11 +179,11 @@ def by_decomposition(record: TimeSeries, asked: Operational) -> OperationalModes
 def by_steady_phases(record: TimeSeries, asked: Operational) -> OperationalModes:
     """TFIE; no damping."""
     record = prepared(record, asked)
-    found = phase_scatter(record.values, record.even_hz, segment_of(record, asked))
-    at = steady_lines(found, asked.band_hz)
-    modes = [mode_at(found, line) for line in at]
+    scatter = phase_scatter(record.values, record.even_hz, segment_of(record, asked))
+    at = steady_lines(scatter, asked.band_hz)
+    modes = [mode_at(scatter, line) for line in at]
     freq = np.array([f for f, _ in modes])
-    return _of_lines(record, "TFIE", found.freq_hz[at], [s for _, s in modes], freq, None)
+    return _of_lines(record, "TFIE", scatter.freq_hz[at], [s for _, s in modes], freq, None)
 
 
 def segment_of(record: TimeSeries, asked: Operational) -> int:
@@ -204,10 +205,10 @@ def _of_orders(
 ) -> OperationalModes:
     """Modes out of the poles of all orders."""
     orders = range(2, min(asked.largest_order, seen.matrix.shape[1]) + 1, 2)
-    found, derivatives = list(seen.poles(orders)), derivatives_of(record.channels)
-    shapes = [in_one_quantity(p.shapes, p.poles, derivatives) for p in found]
+    poles_of_orders, derivatives = list(seen.poles(orders)), derivatives_of(record.channels)
+    shapes = [in_one_quantity(p.shapes, p.poles, derivatives) for p in poles_of_orders]
     dofs = DofSet(c.dof for c in record.channels)
-    table = table_of([p.poles for p in found], shapes, list(orders), method, dofs)
+    table = table_of([p.poles for p in poles_of_orders], shapes, list(orders), method, dofs)
     candidates = choose(table, replace(asked.limits, band_hz=asked.band_hz), asked.rule)
     nothing = ModeSet(np.zeros(0), np.zeros((0, 0)), DofSet(()))
     made = OperationalModes(method, nothing, np.zeros((0, 0), complex), table, candidates, model, derivatives)

@@ -145,8 +145,8 @@ def _frfs(record: TimeSeries, repeats: Sequence[Complexes], lines: Reals) -> Per
 
 def _noise(repeats: Sequence[Complexes], H: Complexes, rows: Sequence[int], columns: Sequence[int]) -> Reals:
     """(k, n, experiments) variance of the mean of Y − HX."""
-    found = []
+    variances = []
     for r in repeats:
         left = r[:, rows].transpose(2, 1, 0) - H @ r[:, columns].transpose(2, 1, 0)
-        found.append(left.var(axis=2, ddof=1) / left.shape[2])
-    return np.array(found).transpose(1, 2, 0)
+        variances.append(left.var(axis=2, ddof=1) / left.shape[2])
+    return np.array(variances).transpose(1, 2, 0)

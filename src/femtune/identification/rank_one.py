@@ -26,14 +26,17 @@ from femtune.identification.shapes import DrivingPoint
 from femtune.modal import FrfSet
 
 MOST_STEPS = 200
+"""Steps of a descent at most."""
 STEPS_OF_A_CHART = 50
 """After so many, unknowns are taken about the present participations again."""
 ENOUGH = 1e-4
 """Relative projected gradient of a solution; its square is the relative decrease that a further step predicts."""
 DECREASE = 1e-8
 """Relative decrease of the sum of squares in a step that ends a descent."""
-ROUGH_DECREASE, ROUGH_STEPS = 1e-4, 30
-"""Of descents that only show whether there is another minimum."""
+ROUGH_DECREASE = 1e-4
+"""Relative decrease that ends a descent that only shows whether there is another minimum."""
+ROUGH_STEPS = 30
+"""Steps of such a descent at most."""
 ROUNDING = 1e-9
 """Errors below this part of the functions count as none."""
 RANK = 1e-13
@@ -94,12 +97,12 @@ class Problem:
     def shapes(self, L: Complexes) -> Complexes:
         """(n, m) of least squares; those of driving points are the participations."""
         n = sum(len(g.members) for g in self.groups + self.tied)
-        found = np.empty((n, len(L)), complex)
+        columns = np.empty((n, len(L)), complex)
         for g in self.groups:
-            found[list(g.members)] = _shapes(g, L)
+            columns[list(g.members)] = _shapes(g, L)
         for i, g in enumerate(self.tied):
-            found[list(g.members)] = self.signs[i] * L[:, i]
-        return found
+            columns[list(g.members)] = self.signs[i] * L[:, i]
+        return columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +124,7 @@ class RankOne:
 
     @property
     def converged(self) -> bool:
-        """Whether no step is left that would decrease the errors notably."""
+        """True if no step would decrease the errors notably."""
         return self.gradient <= ENOUGH
 
 
@@ -184,7 +187,7 @@ def _group(members: list[int], Z: Complexes, values: Reals, weights: Reals) -> G
 
 
 def _columns(Z: Complexes) -> Reals:
-    """Of Re x and Im x in Re(Z x)."""
+    """Columns of Re x and Im x in Re(Z x)."""
     return np.concatenate([Z.real, -Z.imag], axis=-1)
 
 
@@ -221,7 +224,7 @@ def _derivative(g: Group, L: Complexes) -> Reals:
     psi = V @ (part / s[:, None])
     left = (g.data - U @ part).reshape(u, q, n)
     back = (U / s) @ V.T
-    found = np.empty((u * q, n, 2 * m, u))
+    derivative = np.empty((u * q, n, 2 * m, u))
     for j in range(u):
         rows = slice(j * q, (j + 1) * q)
         change = _columns(g.Z[j] * (psi[:m] + 1j * psi[m:]).T[:, None, :]).transpose(1, 0, 2)
@@ -230,19 +233,19 @@ def _derivative(g: Group, L: Complexes) -> Reals:
         v = left[j].T @ g.Z[j]
         of_re = back[:, None, :m] * v.real - back[:, None, m:] * v.imag
         of_im = back[:, None, :m] * v.imag + back[:, None, m:] * v.real
-        found[..., j] = across + np.concatenate([-of_re, of_im], axis=2)
-    return found.reshape(u * q, n, 2, m, u)
+        derivative[..., j] = across + np.concatenate([-of_re, of_im], axis=2)
+    return derivative.reshape(u * q, n, 2, m, u)
 
 
 def _tied_derivative(g: Group, L: Complexes, i: int) -> Reals:
     """(u q, 2, m, u)."""
     u, q, m = g.Z.shape
-    found = np.zeros((u, q, 2 * m, u))
+    derivative = np.zeros((u, q, 2 * m, u))
     change = _columns(g.Z * L[:, i])
     for j in range(u):
-        found[j, :, :, j] = -change[j]
-    found[..., i] -= _columns(g.Z * L.T[:, None, :])
-    return found.reshape(u * q, 2, m, u)
+        derivative[j, :, :, j] = -change[j]
+    derivative[..., i] -= _columns(g.Z * L.T[:, None, :])
+    return derivative.reshape(u * q, 2, m, u)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -330,10 +333,10 @@ def _descent(problem: Problem, L: Complexes, decrease: float, most_steps: int) -
         return _End(L, problem.rest, 1, 0.0)
     while True:
         chart = _chart(problem, L)
-        found = _in_chart(problem, chart, decrease, min(STEPS_OF_A_CHART, most_steps - steps))
-        L, steps = chart.participations(found.x), steps + found.nfev
-        squares = 2.0 * found.cost + problem.rest
-        gradient = _relative_gradient(found, max(squares, ROUNDING**2 * problem.size))
+        descent = _in_chart(problem, chart, decrease, min(STEPS_OF_A_CHART, most_steps - steps))
+        L, steps = chart.participations(descent.x), steps + descent.nfev
+        squares = 2.0 * descent.cost + problem.rest
+        gradient = _relative_gradient(descent, max(squares, ROUNDING**2 * problem.size))
         if gradient <= max(ENOUGH, np.sqrt(decrease)) or steps >= most_steps:
             return _End(L, squares, steps, gradient)
 

@@ -16,15 +16,23 @@ DEAD = 1e-3
 """A channel whose rms is below this part of the median of its quantity is dead."""
 CLIPPED_RUNS = 3
 """Runs of equal extreme samples that are more than chance."""
-CLIPPED, PILED, NEXT = 10, 4, 5
-"""Samples at an extreme that are more than chance: this many, and this many times those of any of the next values."""
+CLIPPED_SAMPLES = 10
+"""Samples at an extreme beyond which it may be clipped."""
+CLIPPED_RATIO = 4
+"""Samples at an extreme relative to those of any of the next values, beyond which they are more than chance."""
+NEXT_LEVELS = 5
+"""Next values that the extreme is compared with."""
 DRIFT = 0.5
 """Part of a channel's power in its trend (a polynomial of third degree) above which it drifts."""
 CUT = 0.02
 """Part of a record at its end in which nothing changes on any channel, above which it was cut short."""
-SPIKE, SPIKE_SAMPLES, AROUND = 10.0, 2, 50
-"""A spike is this many times larger than all samples around it, lasts so many samples, and is compared with so many
-on each side. Of Gaussian noise the largest of a hundred samples is 2.5 standard deviations: 25 make a spike."""
+SPIKE_RATIO = 10.0
+"""Size of a spike relative to all samples around it. Of Gaussian noise the largest of a hundred samples is 2.5 standard
+deviations: 25 make a spike."""
+SPIKE_SAMPLES = 2
+"""Samples that a spike lasts."""
+SPIKE_SURROUNDINGS = 50
+"""Samples on each side that it is compared with."""
 SPIKES = 1e-3
 """Part of the samples up to which spikes are errors; more are a signal of impacts."""
 OTHER_UNIT = 200.0
@@ -89,25 +97,25 @@ def _spikes(record: TimeSeries) -> NDArray[np.bool_]:
 
     Not of inputs: a short impact of a hammer is such a sample.
     """
-    found = np.zeros(record.values.shape, bool)
+    at_spike = np.zeros(record.values.shape, bool)
     for i, row in enumerate(_filled(record)):
-        if record.channels[i].role != "input" and len(row) > 2 * AROUND:
-            found[i] = _spikes_of(row)
-    return found
+        if record.channels[i].role != "input" and len(row) > 2 * SPIKE_SURROUNDINGS:
+            at_spike[i] = _spikes_of(row)
+    return at_spike
 
 
 def _spikes_of(row: Reals) -> NDArray[np.bool_]:
     """Against the medians of pieces, so that a slow motion does not count."""
-    pieces = len(row) // AROUND
-    middles = np.median(row[: pieces * AROUND].reshape(pieces, AROUND), axis=1)
-    away = np.abs(row - np.interp(np.arange(len(row)), AROUND * (np.arange(pieces) + 0.5), middles))
-    shift = SPIKE_SAMPLES + AROUND // 2
-    largest = maximum_filter1d(np.pad(away, shift), AROUND, mode="constant")
+    pieces = len(row) // SPIKE_SURROUNDINGS
+    middles = np.median(row[: pieces * SPIKE_SURROUNDINGS].reshape(pieces, SPIKE_SURROUNDINGS), axis=1)
+    away = np.abs(row - np.interp(np.arange(len(row)), SPIKE_SURROUNDINGS * (np.arange(pieces) + 0.5), middles))
+    shift = SPIKE_SAMPLES + SPIKE_SURROUNDINGS // 2
+    largest = maximum_filter1d(np.pad(away, shift), SPIKE_SURROUNDINGS, mode="constant")
     before, after = largest[: len(row)], largest[2 * shift :]
     # single steps of a converter between equal samples are no spikes
     moving = away[away > 0.0]
     least = np.median(moving) if len(moving) else np.inf
-    at = away > SPIKE * np.maximum(np.maximum(before, after), least)
+    at = away > SPIKE_RATIO * np.maximum(np.maximum(before, after), least)
     return at if at.sum() <= max(SPIKES * len(row), 1.0) else np.zeros(len(row), bool)
 
 
@@ -132,7 +140,7 @@ def _level_ratios(record: TimeSeries, values: Reals) -> Reals:
     ratios = np.ones(len(kinds))
     for i, kind in enumerate(kinds):
         others = [rms[j] for j, other in enumerate(kinds) if other == kind and j != i and rms[j] > 0.0]
-        # of two channels nobody knows which one is wrong
+        # of two channels it is not known which one is wrong
         if len(others) > 1 and rms[i] > OTHER_UNIT * np.median(others):
             ratios[i] = rms[i] / np.median(others)
     return ratios
@@ -162,19 +170,23 @@ def _clipped(values: Reals) -> NDArray[np.bool_]:
     Several runs of three or more: a wave has one such sample, coarse steps a few. Or single samples, where the signal
     is fast, that are far more than those of the values next to the extreme.
     """
-    found = []
+    clipped = []
     for row in values:
         levels, counts = np.unique(row, return_counts=True)
-        ends = [(levels[-1], counts[-1], counts[-1 - NEXT : -1]), (levels[0], counts[0], counts[1 : 1 + NEXT])]
-        found.append(
+        ends = [
+            (levels[-1], counts[-1], counts[-1 - NEXT_LEVELS : -1]),
+            (levels[0], counts[0], counts[1 : 1 + NEXT_LEVELS]),
+        ]
+        clipped.append(
             len(levels) > 16
             and any(
-                _runs(row == extreme) >= CLIPPED_RUNS or (count >= CLIPPED and count > PILED * beside.max())
+                _runs(row == extreme) >= CLIPPED_RUNS
+                or (count >= CLIPPED_SAMPLES and count > CLIPPED_RATIO * beside.max())
                 for extreme, count, beside in ends
                 if extreme != 0.0
             )
         )
-    return np.array(found)
+    return np.array(clipped)
 
 
 def _runs(at: NDArray[np.bool_]) -> int:

@@ -34,8 +34,11 @@ from femtune.modal import FrfSet, ModeSet, freq_and_damping, pole_of
 from femtune.modal.equalise import residue_factors
 
 _RANK = 1e-13
-_TURNS = 1e-10
+"""Singular value relative to the largest that is rounding of a double."""
+_TURN_RANK = 1e-10
+"""Singular value relative to the largest, of the turns of shapes, at or below which a turn is not determined."""
 _MOST_LEVERAGE = 0.95
+"""Leverage of a value at most, so that its error is not divided by nearly zero: factors 1/√(1 − h) end at 4.5."""
 _NEAR = 10
 """Noise of a line is the mean square of the errors at so many lines on each side."""
 
@@ -65,7 +68,7 @@ class RedrawnTest:
     again: Callable[[FrfSet], Complexes]
 
     def __getstate__(self) -> dict[str, Any]:
-        """For another process, which makes the matrices of the steps again."""
+        """State for another process, which computes the matrices of the steps again."""
         return {name: self.__dict__[name] for name in self.__dataclass_fields__}
 
     @cached_property
@@ -323,11 +326,11 @@ def _end_steps(columns: Complexes, system: SystemFit, weights: Reals) -> _EndSte
     across = by_turns - U @ (U.T @ by_turns)
     root = np.sqrt(weights)[:, None, None]
     rows = (root * across).reshape(across.shape[0] * across.shape[1], d)
-    turns = np.linalg.pinv(rows, rcond=_TURNS) if d else rows.T
+    turns = np.linalg.pinv(rows, rcond=_TURN_RANK) if d else rows.T
     turns = turns * np.repeat(root.ravel(), across.shape[1])
     return _EndSteps(columns, Q, U, back, turns, by_turns, directions, shapes, ends, scale)
 
 
 def _columns(Z: Complexes) -> Reals:
-    """Of Re x and Im x in Re(Z x)."""
+    """Columns of Re x and Im x in Re(Z x)."""
     return np.concatenate([Z.real, -Z.imag], axis=-1)

@@ -85,13 +85,13 @@ def _merged(shapes: NDArray, mode: int, setups: Sequence[ModeSet]) -> NDArray:
     known = np.isfinite(shapes)
     shared = known & (known.sum(axis=0) > 1)
     filled = np.where(known, shapes, 0.0)
-    own = np.where(shared, filled, 0.0)
-    size, whole = np.linalg.norm(own, axis=1), np.linalg.norm(filled, axis=1)
+    filled_shared = np.where(shared, filled, 0.0)
+    size, whole = np.linalg.norm(filled_shared, axis=1), np.linalg.norm(filled, axis=1)
     if (still := np.flatnonzero(size <= 1e-6 * whole)).size and len(setups) > 1:
         raise FemtuneError(
             "identify.setups/no-motion-at-references", mode=setups[0].labels[mode], number=int(still[0]) + 1
         )
-    unit = own / np.where(size > 0.0, size, 1.0)[:, None]
+    unit = filled_shared / np.where(size > 0.0, size, 1.0)[:, None]
     matrix = np.eye(len(setups)) - (unit.conj() / np.maximum(known.sum(axis=0), 1)) @ unit.T
     if len(setups) == 1:
         return np.asarray(filled[0])
@@ -111,7 +111,14 @@ _SINGULAR = 1e-9
 # The same modes in every set-up: alike in frequency, and in shape where enough sensors are shared.
 
 
-_GAP, _LEAST_MAC, _ENOUGH, _NEVER = 0.03, 0.5, 3, 1e3
+_LARGEST_GAP = 0.03
+"""Relative distance of the frequencies of one mode in two set-ups at most."""
+_LEAST_MAC = 0.5
+"""MAC at the common sensors, below which modes of two set-ups are not one."""
+_LEAST_COMMON = 3
+"""Common sensors without which shapes are not compared."""
+_NEVER_JOINED = 1e3
+"""Distance of two modes of the same set-up: far beyond 1, the largest distance within a group."""
 
 
 @dataclass(frozen=True)
@@ -126,15 +133,15 @@ def same_modes(setups: Sequence[ModeSet]) -> tuple[list[ModeSet], list[PartlyFou
     """The modes that all set-ups have, in one order, and the others.
 
     Modes of two set-ups are one if their frequencies differ by less than 3 % and, where they share at least three DOFs,
-    their MAC there is above .5; groups are formed by average linkage, so that of close modes the nearest are joined.
+    their MAC there is above 0.5; groups are formed by average linkage, so that of close modes the nearest are joined.
     """
     freq = np.concatenate([s.freq_hz for s in setups])
     source = np.repeat(np.arange(len(setups)), [len(s) for s in setups])
     if len(freq) < 2:
         return list(setups), []
-    apart = np.abs(freq[:, None] - freq) / np.minimum(freq[:, None], freq) / _GAP
+    apart = np.abs(freq[:, None] - freq) / np.minimum(freq[:, None], freq) / _LARGEST_GAP
     distance = np.maximum(apart, _unlike(setups))
-    distance[(source[:, None] == source) & ~np.eye(len(freq), dtype=bool)] = _NEVER
+    distance[(source[:, None] == source) & ~np.eye(len(freq), dtype=bool)] = _NEVER_JOINED
     groups = [_one_of_each(g, freq, source) for g in joined_by_average(distance, 1.0)]
     groups.sort(key=lambda g: float(freq[g].mean()))
     whole = [g for g in groups if len(g) == len(setups)]
@@ -159,7 +166,7 @@ def _unlike(setups: Sequence[ModeSet]) -> Reals:
     for i, a in enumerate(setups):
         for j, b in enumerate(setups):
             common = a.dofs.common(b.dofs)
-            if i != j and len(common) >= _ENOUGH:
+            if i != j and len(common) >= _LEAST_COMMON:
                 one, other = a.select_dofs(common).shapes, b.select_dofs(common).shapes
                 moving = np.linalg.norm(one, axis=0).min() > 0.0 and np.linalg.norm(other, axis=0).min() > 0.0
                 blocks[i][j] = (1.0 - mac(one, other)) / (1.0 - _LEAST_MAC) if moving else blocks[i][j]

@@ -53,12 +53,12 @@ class ScaledShapes:
 
 def driving_points(frfs: FrfSet) -> tuple[DrivingPoint, ...]:
     """Every reference whose DOF is among the responses."""
-    found = []
+    points = []
     for j, dof in enumerate(frfs.references):
         if dof in frfs.responses:
             at, sign = DofSet([dof]).align(frfs.responses)
-            found.append(DrivingPoint(int(at[0]), j, float(sign[0])))
-    return tuple(found)
+            points.append(DrivingPoint(int(at[0]), j, float(sign[0])))
+    return tuple(points)
 
 
 def scaled_shapes(fit: ModalFit, points: Sequence[DrivingPoint] = (), real: bool = True) -> ScaledShapes:
@@ -131,10 +131,12 @@ def _sd(fit: ModalFit, r: int, points: Sequence[DrivingPoint], real: bool) -> Re
     """First order: errors of residues that each function has of its own, and of the poles, which all share."""
     by_residue, by_pole = _slopes(fit.residues[:, :, r], fit.poles[r], points, real)
     m = len(fit.poles)
-    own = np.einsum("ncap,cpq,ncaq->n", by_residue, _flat(fit.own_covariance[:, :, r]), by_residue, optimize=True)
+    residue_variance = np.einsum(
+        "ncap,cpq,ncaq->n", by_residue, _flat(fit.own_covariance[:, :, r]), by_residue, optimize=True
+    )
     shared = np.einsum("ncap,cpx->nax", by_residue, _flat(fit.pole_effect[:, :, r]), optimize=True)
     shared[:, :, [r, m + r]] += by_pole
-    return np.sqrt(own + np.einsum("nax,xy,nay->n", shared, fit.pole_covariance, shared, optimize=True))
+    return np.sqrt(residue_variance + np.einsum("nax,xy,nay->n", shared, fit.pole_covariance, shared, optimize=True))
 
 
 def _flat(array: Reals) -> Reals:
@@ -188,13 +190,16 @@ def _differences(
 
 NOT_ONE_SHAPE = 0.95
 """Residues of several references that one shape explains to less than this share are more than one mode, or wrong."""
-NOT_QUITE_ONE, BEYOND_NOISE = 0.98, 10.0
-"""The same for a larger share, if what is left is this many times what errors of the residues alone leave."""
+NOT_QUITE_ONE = 0.98
+"""The same for a larger share, if noise does not explain what is left."""
+BEYOND_NOISE = 10.0
+"""What is left relative to what errors of the residues alone leave, beyond which noise does not explain it."""
 
 
-NO_NOISE, NO_NOISE_LINES = 1e-5, 5e-6
-"""Noise relative to the functions below which they were not measured: what a fit leaves, and from line to line.
-Good measurements have 1e-4, and values that were written with six digits 1e-6."""
+NO_NOISE = 1e-5
+"""Misfit of functions relative to their size, below which they were not measured. Good measurements have 1e-4."""
+NO_NOISE_LINES = 5e-6
+"""Noise from line to line, likewise. Values that were written with six digits have 1e-6."""
 LARGE_SPREAD = 4.0
 """Spread of a pole between the functions above which it is reported."""
 
@@ -221,7 +226,7 @@ def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> 
     # a response that is zero throughout was not measured: no shape, and above all no shape without error
     dead = ~np.any(fit.measured.values != 0.0, axis=(1, 2))
     shapes, shapes_sd = (np.where(dead[:, None], np.nan, x) for x in (made.shapes, made.sd))
-    found = ModeSet(
+    modes = ModeSet(
         freq,
         shapes,
         fit.measured.responses,
@@ -235,7 +240,7 @@ def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> 
         covariance=covariance,
         modal_a=modal_a if made.mass_normalised else None,
     ).select_modes(~fit.outside)
-    return replace(found, labels=labels)
+    return replace(modes, labels=labels)
 
 
 def freq_damping_covariance(fit: ModalFit) -> Reals:
@@ -267,7 +272,7 @@ def fit_remarks(fit: ModalFit, made: ScaledShapes) -> tuple[ModeRemark, ...]:
     damping_sd = np.sqrt(np.diag(freq_damping_covariance(fit)))[len(inside) :][inside]
     shapes = leading_shapes(fit).T
     collinearity, deviation = ([f(s) for s in shapes] for f in (phase_collinearity, mean_phase_deviation_deg))
-    found = [
+    remarks = [
         *damping_remarks(freq, damping, damping_sd),
         *collinearity_remarks(freq, collinearity, deviation),
         *mass_remarks(freq, made.mass_sign[inside]),
@@ -276,11 +281,11 @@ def fit_remarks(fit: ModalFit, made: ScaledShapes) -> tuple[ModeRemark, ...]:
     for r, (f, share, spread) in enumerate(zip(freq, made.rank_share[inside], fit.spread[inside])):
         if share < (NOT_QUITE_ONE if beyond[r] else NOT_ONE_SHAPE):
             notice = Notice("identify.references-disagree", frequency_hz=float(f), share=float(share))
-            found.append(ModeRemark(r, notice))
+            remarks.append(ModeRemark(r, notice))
         if spread > LARGE_SPREAD and not no_noise:
             notice = Notice("identify.functions-disagree", frequency_hz=float(f), times=float(np.sqrt(spread)))
-            found.append(ModeRemark(r, notice))
-    return tuple(sorted(found, key=lambda remark: remark.mode))
+            remarks.append(ModeRemark(r, notice))
+    return tuple(sorted(remarks, key=lambda remark: remark.mode))
 
 
 def without_noise(fit: ModalFit) -> bool:

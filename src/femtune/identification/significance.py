@@ -19,19 +19,26 @@ from femtune.identification.choice import Candidate
 from femtune.identification.pole_table import PoleTable
 from femtune.modal import FrfSet
 
-LEAST_GAIN, CHANCE = 8.0, 1e-6
+LEAST_GAIN = 8.0
 """What a pole explains, in variances of the noise a function, below which it is taken for one of the noise: the poles
-of noise had 7 at most. For few functions, where chance reaches more, by the probability of chance."""
-_LINES, _HALF_BANDS, _MOST_LINES = 16, 8.0, 400
-"""Lines on each side of a pole, those within so many half bandwidths at least, and as many of them as are used."""
+of noise had 7 at most."""
+CHANCE = 1e-6
+"""Probability of a larger gain by chance; it decides for few functions, where chance reaches more."""
+_LEAST_LINES = 16
+"""Lines on each side of a pole at least."""
+_HALF_BANDS = 8.0
+"""Half bandwidths on each side within which lines are used."""
+_MOST_LINES = 400
+"""Lines that are used at most, evenly spaced among these: the cost is proportional to their number."""
 _SMOOTH = 5
 """Terms of the polynomial for everything that is not near."""
 _ROUNDING = 1e-6
 """Noise relative to the functions that is assumed at least: what the polynomial leaves, and what text files round."""
-_DEPENDENT, _OWN = 1e-10, 0.1
-"""Columns of the other poles that are no further from those before are left out; a pole whose own column is no further
-from the others cannot be told from them by its size at the lines, as one of two modes that are much closer than their
-bandwidth: their shapes tell."""
+_DEPENDENT = 1e-10
+"""Columns of the other poles that are no further from those before are left out."""
+_DISTINCT = 0.1
+"""A pole whose column is no further from the others cannot be told from them by its size at the lines, as one of two
+modes that are much closer than their bandwidth: their shapes tell."""
 
 
 def without_poles_of_noise(
@@ -95,7 +102,7 @@ def stands_out(frfs: FrfSet, pole: complex, others: Complexes) -> bool:
         return True
     whole = 1.0 / (1j * omega - pole)[:, None] / weights
     column = _across(whole, span)
-    if np.linalg.norm(column) < _OWN * np.linalg.norm(whole):
+    if np.linalg.norm(column) < _DISTINCT * np.linalg.norm(whole):
         return True
     errors = _across(values / weights, span)
     taken = column.conj().T @ errors / np.linalg.norm(column)
@@ -110,7 +117,7 @@ def _near(freq_hz: np.ndarray, pole: complex) -> np.ndarray:
     """Positions of the lines near a pole; at an end of the band as many on its other side."""
     away = np.abs(freq_hz - abs(pole) / (2.0 * np.pi))
     inside = int(np.sum(away <= _HALF_BANDS * abs(pole.real) / (2.0 * np.pi)))
-    near = np.sort(np.argsort(away, kind="stable")[: max(2 * _LINES + 1, inside)])
+    near = np.sort(np.argsort(away, kind="stable")[: max(2 * _LEAST_LINES + 1, inside)])
     return near[np.linspace(0, len(near) - 1, min(len(near), _MOST_LINES)).astype(int)]
 
 

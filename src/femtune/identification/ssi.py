@@ -1,6 +1,6 @@
 """Stochastic subspace identification, driven by covariances or by data (Van Overschee and De Moor 1996).
 
-Responses to noise that nobody measured: x(t+1) = A x + w, y = C x + v. Frequencies, damping and shapes come with their
+Responses to unmeasured noise: x(t+1) = A x + w, y = C x + v. Frequencies, damping and shapes come with their
 standard deviations (covariance-driven form) from the variance of the correlations over segments of the record.
 """
 
@@ -18,6 +18,7 @@ from femtune.identification.realisation import Observability, Poles, block_hanke
 from femtune.modal.shape_criteria import turn_to_real_axis
 
 _CHUNK = 4096
+"""Rows of a block of the stepwise QR decomposition: it bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -174,7 +174,7 @@ def _with_direct(columns: Complexes, direct: bool) -> Complexes:
 
 def _least_squares(basis: Complexes, values: Complexes) -> Reals:
     """(F, q) coefficients of each row of values, at its own lines; rows of the same lines go together."""
-    found = np.empty((len(values), basis.shape[1]))
+    coefficients = np.empty((len(values), basis.shape[1]))
     for known, rows in _patterns(values):
         if 2 * known.sum() < basis.shape[1]:
             raise FemtuneError(
@@ -185,8 +185,8 @@ def _least_squares(basis: Complexes, values: Complexes) -> Reals:
         right = real_rows(values[rows][:, known].T)
         Q, R = qr(left / size, mode="economic", check_finite=False)
         # by singular values, since residual modes and the direct term may be nearly dependent
-        found[rows] = (np.linalg.lstsq(R, Q.T @ right, rcond=1e-13)[0] / size[:, None]).T
-    return found
+        coefficients[rows] = (np.linalg.lstsq(R, Q.T @ right, rcond=1e-13)[0] / size[:, None]).T
+    return coefficients
 
 
 def _patterns(values: Complexes) -> Iterator[tuple[NDArray[np.bool_], list[int]]]:
@@ -210,11 +210,11 @@ def _rank_one(
     """B, C and D of least squares, from those of free residues."""
     columns = _columns(near, np.ones(near.shape[1] // 2))
     start = _of_driving_points(parts, points) if points else parts.participations
-    found = solve_rank_one(rank_one_problem(frfs, columns, direct, points), start, outside)
-    residues = found.shapes[:, None, :] * found.participations.T
+    solution = solve_rank_one(rank_one_problem(frfs, columns, direct, points), start, outside)
+    residues = solution.shapes[:, None, :] * solution.participations.T
     model = np.concatenate([residues.real, residues.imag], axis=2) @ columns.T
     D = np.nanmean((frfs.values - model).real, axis=2) if direct else np.zeros(residues.shape[:2])
-    return _Parts(found.shapes, found.participations, D), found
+    return _Parts(solution.shapes, solution.participations, D), solution
 
 
 def _of_driving_points(parts: _Parts, points: Sequence[DrivingPoint]) -> Complexes:

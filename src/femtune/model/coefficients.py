@@ -1,7 +1,7 @@
 """Coefficient functions of the parameters, those that are proportional to each other kept once.
 
 Whether two are proportional is decided by numbers: analytic functions whose ratio is the same at several random points
-are the same function but for a factor, which goes into the matrices.
+are the same function except for a factor, which goes into the matrices.
 """
 
 from __future__ import annotations
@@ -20,21 +20,19 @@ from femtune.fem.values import TableJet
 from femtune.parameters import jet
 from femtune.parameters.jet import Jet
 
-# relative difference below which two ratios are equal; a coefficient carries a few roundings of 1e-16
 PROPORTIONAL = 1e-13
-
-# below this part of its largest value, the nominal value of a coefficient is no measure of it
-SMALL = 1e-3
-
-# a multiple this much larger than the one that stands for a function takes its place
-CLEARLY = 10.0
-
-# part of a coefficient that combinations of functions may miss at the samples; what is no polynomial, such as shear
-# with residual bending flexibility, would need ever more functions
-SPANNED, NEARLY_SPANNED = 3e-13, 1e-11
-
+"""Relative difference below which two ratios are equal; a coefficient carries a few roundings of 1e-16."""
+VANISHING = 1e-3
+"""Nominal value relative to the largest one at the samples below which it is no measure of a coefficient."""
+CLEARLY_LARGER = 10.0
+"""Factor by which a multiple must exceed the one that represents a function to take its place."""
+SPANNED = 3e-13
+"""Part of a coefficient that combinations of functions may miss at the samples before further functions are added."""
+NEARLY_SPANNED = 1e-11
+"""The same in the end: coefficients that are no polynomials, such as shear with residual bending flexibility, would
+need more and more functions."""
 NOTHING = -1
-"""The number of a coefficient that is zero whatever the parameters are."""
+"""The number of a coefficient that is zero for all values of the parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +58,8 @@ class CoefficientGroup:
         roles = {r: jet.constant(table[:, p].ravel(), 0) for r, p in self.roles.items()}
         facts = {f: np.concatenate([v] * count) for f, v in self.facts.items()}
         with np.errstate(all="ignore"):
-            found = np.asarray(self.function(roles, facts).value)
-        return np.broadcast_to(found, (count * len(self),)).reshape(count, len(self))
+            values = np.asarray(self.function(roles, facts).value)
+        return np.broadcast_to(values, (count * len(self),)).reshape(count, len(self))
 
     @property
     def kind(self) -> tuple[object, ...]:
@@ -85,11 +83,12 @@ def _independent(columns: Reals) -> Integers:
     """Columns (s, m) that span all of them, by pivoting, the largest first."""
     _, R, order = la.qr(columns, mode="economic", pivoting=True)
     size = np.abs(np.diag(R))
-    # pivots of a rest that is noise beside the largest one are left to the next round
-    return np.asarray(order[: len(size)][size > max(SPANNED, _CLEAR * size[:1].max(initial=0.0))])
+    # smaller pivots are rounding of the largest one and are left to the next round
+    return np.asarray(order[: len(size)][size > max(SPANNED, _SMALLEST_PIVOT * size[:1].max(initial=0.0))])
 
 
-_CLEAR = 1e-6
+_SMALLEST_PIVOT = 1e-6
+"""Pivot relative to the largest one below which a column is left to the next round: its rest is mostly rounding."""
 
 
 @dataclass(eq=False)
@@ -122,19 +121,19 @@ class CoefficientBook:
         values = source.values(self.samples)
         size = self._size(values)
         ratios = (values / size).T
-        found = self._known(ratios)
-        found[(values == 0.0).all(axis=0)] = NOTHING
-        new = np.flatnonzero(found == _NEW)
+        numbers = self._known(ratios)
+        numbers[(values == 0.0).all(axis=0)] = NOTHING
+        new = np.flatnonzero(numbers == _UNKNOWN)
         if new.size:
-            found[new] = self._add(source, new, ratios[new], size[new])
-        self._improve(source, found, size)
-        return found, np.where(found == NOTHING, 0.0, size)
+            numbers[new] = self._add(source, new, ratios[new], size[new])
+        self._improve(source, numbers, size)
+        return numbers, np.where(numbers == NOTHING, 0.0, size)
 
     def spanned(self, source: CoefficientGroup) -> Spanned | None:
         """Coefficients as combinations of few functions: what varies over elements by a few functions of position.
 
         A thickness t·(1 + Σ a_j f_j) of each element gives t and t³, polynomials of the amplitudes with as many terms
-        as amplitudes allow, whatever the number of elements. None where samples cannot tell or it does not pay.
+        as amplitudes allow, whatever the number of elements. None if the samples do not suffice or nothing is saved.
         """
         values = source.values(self.samples)
         size = self._size(values)
@@ -155,7 +154,7 @@ class CoefficientBook:
 
     def _size(self, values: Reals) -> Reals:
         """(m,) what coefficients (s, m) are multiples by: their nominal values, so that functions are 1 there."""
-        vanishes = np.abs(values[0]) <= SMALL * np.abs(values).max(axis=0)
+        vanishes = np.abs(values[0]) <= VANISHING * np.abs(values).max(axis=0)
         size = np.where(vanishes, self._mean @ values, values[0])
         size[size == 0.0] = 1.0
         return size
@@ -164,14 +163,14 @@ class CoefficientBook:
         """What the functions that stand for others are divided by, so that the factors above are right."""
         return np.asarray(self._sizes[numbers])
 
-    def _improve(self, source: CoefficientGroup, found: Integers, size: Reals) -> None:
-        """Let the largest of the multiples stand for a function: a small one may be what a cancellation left of it."""
+    def _improve(self, source: CoefficientGroup, numbers: Integers, size: Reals) -> None:
+        """Let the largest of the multiples represent a function: a small one may be the result of a cancellation."""
         order = np.argsort(np.abs(size), kind="stable")
-        order = order[found[order] != NOTHING]
+        order = order[numbers[order] != NOTHING]
         # the last of a kind in ascending order is the largest
-        kinds, last = np.unique(found[order][::-1], return_index=True)
+        kinds, last = np.unique(numbers[order][::-1], return_index=True)
         rows = order[::-1][last]
-        better = np.abs(size[rows]) > CLEARLY * np.abs(self._sizes[kinds])
+        better = np.abs(size[rows]) > CLEARLY_LARGER * np.abs(self._sizes[kinds])
         if better.any():
             for i, kind in enumerate(kinds[better]):
                 self.places[kind] = (len(self.sources), i)
@@ -179,15 +178,15 @@ class CoefficientBook:
             self._sizes[kinds[better]] = size[rows[better]]
 
     def _known(self, ratios: Reals) -> Integers:
-        """(m,) number of the function with the same ratios, _NEW without one."""
-        found = np.full(len(ratios), _NEW)
+        """(m,) number of the function with the same ratios, _UNKNOWN without one."""
+        numbers = np.full(len(ratios), _UNKNOWN)
         at = np.searchsorted(self._keys, ratios @ self._key)
         for near in (at - 1, at):
             some = np.flatnonzero((near >= 0) & (near < len(self._keys)))
             candidate = self._order[near[some]]
             same = _alike(ratios[some], self._ratios[candidate])
-            found[some[same]] = candidate[same]
-        return found
+            numbers[some[same]] = candidate[same]
+        return numbers
 
     def _add(self, source: CoefficientGroup, rows: Integers, ratios: Reals, size: Reals) -> Integers:
         """Number new functions; (r,) their numbers."""
@@ -208,7 +207,8 @@ class CoefficientBook:
         return numbers
 
 
-_NEW = -2
+_UNKNOWN = -2
+"""The number of a coefficient whose function is not in the book yet."""
 
 
 def _alike(a: Reals, b: Reals) -> NDArray[np.bool_]:
@@ -231,18 +231,18 @@ class Coefficients:
         out = jet.constant(np.zeros(len(self.numbers), kind), table.moving.n_variables)
         scale = self.book.scale(self.numbers)
         for (_, places), part in zip(self._plan, parts):
-            own = part / scale[places]
-            out.value[places], out.grad[places], out.hess[places] = own.value, own.grad, own.hess
+            scaled = part / scale[places]
+            out.value[places], out.grad[places], out.hess[places] = scaled.value, scaled.grad, scaled.hess
         return out
 
     @cached_property
     def _plan(self) -> list[tuple[CoefficientGroup, Integers]]:
         """Sources of the numbers and their places in the result, those of one function together."""
-        own = np.array([self.book.places[i] for i in self.numbers], np.int64).reshape(-1, 2)
+        entries = np.array([self.book.places[i] for i in self.numbers], np.int64).reshape(-1, 2)
         by_function: dict[tuple[object, ...], list[tuple[CoefficientGroup, Integers]]] = {}
-        for s in np.unique(own[:, 0]):
-            places = np.flatnonzero(own[:, 0] == s)
-            source = self.book.sources[s].rows(own[places, 1])
+        for s in np.unique(entries[:, 0]):
+            places = np.flatnonzero(entries[:, 0] == s)
+            source = self.book.sources[s].rows(entries[places, 1])
             by_function.setdefault((source.function, *source.roles, *source.facts), []).append((source, places))
         return [_joined(group) for group in by_function.values()]
 

@@ -137,8 +137,8 @@ def mass_terms(nodes: NodeTable, masses: tuple[AddedMass, ...]) -> list[Term]:
 
 def mass_matrices(nodes: NodeTable, masses: tuple[AddedMass, ...]) -> NDArray[np.float64]:
     """(a, 6, 6) matrices of added masses at their grid points, in the displacement frames of these."""
-    found = [_mass_matrix(m, nodes.frames[nodes.position(m.node)]) for m in masses]
-    return np.stack(found) if found else np.zeros((0, 6, 6))
+    matrices = [_mass_matrix(m, nodes.frames[nodes.position(m.node)]) for m in masses]
+    return np.stack(matrices) if matrices else np.zeros((0, 6, 6))
 
 
 def _mass_matrix(added: AddedMass, frame: NDArray[np.float64]) -> NDArray[np.float64]:

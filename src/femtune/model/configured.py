@@ -25,7 +25,7 @@ from femtune.model.linear.memory import require_memory
 from femtune.model.linear.symmetric import BothTriangles, SymmetricMatrix
 from femtune.model.parametric import ParametricModel
 from femtune.model.prestress import StaticStep, differential_terms
-from femtune.model.projection import SORTED, FreeElements, ProjectedTerm, free_elements, project, upper_of
+from femtune.model.projection import SORTED_AT_ONCE, FreeElements, ProjectedTerm, free_elements, project, upper_of
 from femtune.model.terms import MatrixTerm, Term, TermFunction, TermLayout, combined
 from femtune.parameters.jet import Jet
 
@@ -80,12 +80,12 @@ class ConfiguredModel:
 
     @cached_property
     def identity(self) -> Identity:
-        """What the matrices are made of, but for the values in the table."""
+        """Digests of what the matrices are made of, except the values in the table."""
         return identity(self.model.structure, self.configuration, self.transformation)
 
     @cached_property
     def terms_digest(self) -> str:
-        """Digest of the pattern and of every term on it; of a coefficient counts here only whether it is there."""
+        """Digest of the pattern and of every term on it; coefficients count only as present or absent."""
         parts: list[Part] = [self.n_free, self.indptr, self.indices]
         for p in self.projected:
             parts += [p.term.matrix, p.term.coefficient is None, p.spread.indptr, p.spread.indices, p.spread.data]
@@ -132,12 +132,14 @@ class ModelPoint:
         for p in configured.projected:
             if p.term.matrix == kind and p.term.coefficient is not None:
                 data += p.spread @ p.term.coefficient(table).grad[:, 0]
-        own = configured.both_triangles.matrix(data)
+        of_elements = configured.both_triangles.matrix(data)
         eta = configured.model.structure.damping.loss_factor
         if kind != "hysteretic" or eta is None:
-            return own
+            return of_elements
         overall = table[eta]
-        return sp.csr_array(own + overall.value * self.by_frequency("stiffness") + overall.grad[0] * self.stiffness)
+        return sp.csr_array(
+            of_elements + overall.value * self.by_frequency("stiffness") + overall.grad[0] * self.stiffness
+        )
 
     @cached_property
     def _table(self) -> TableJet:
@@ -153,7 +155,7 @@ class ModelPoint:
 
     @cached_property
     def _values(self) -> list[NDArray | None]:
-        """Values of the coefficients: much less work than with derivatives where parameters are many."""
+        """Values of the coefficients: much less work than with derivatives if there are many parameters."""
         table = self._table.without_derivatives()
         terms = (p.term for p in self.configured.projected)
         return [t.coefficient(table).value if t.coefficient else None for t in terms]
@@ -214,8 +216,8 @@ class ModelPoint:
     def hysteretic(self) -> sp.csr_array:
         """H of K + iH: stiffness times loss factors of materials, elements and the whole structure; real."""
         eta = self.loss_factor
-        own = self.element_hysteretic
-        return own if eta is None else sp.csr_array(own + eta.value * self.stiffness)
+        of_elements = self.element_hysteretic
+        return of_elements if eta is None else sp.csr_array(of_elements + eta.value * self.stiffness)
 
     @cached_property
     def element_hysteretic(self) -> sp.csr_array:
@@ -235,11 +237,11 @@ class ModelPoint:
     @cached_property
     def hysteretic_derivatives(self) -> tuple[sp.csr_array, ...]:
         """∂H/∂x_i of every free parameter."""
-        own = self.element_hysteretic_derivatives
+        of_elements = self.element_hysteretic_derivatives
         eta = self.loss_factor
         if eta is None:
-            return own
-        pairs = zip(own, self.stiffness_derivatives, eta.grad)
+            return of_elements
+        pairs = zip(of_elements, self.stiffness_derivatives, eta.grad)
         return tuple(sp.csr_array(h + eta.value * k + d * self.stiffness) for h, k, d in pairs)
 
     @property
@@ -278,12 +280,12 @@ class ModelPoint:
 
     def hysteretic_second_derivative(self, i: int, j: int) -> sp.csr_array:
         """∂²H/∂x_i∂x_j."""
-        own, eta = self._matrix("hysteretic", (i, j)), self.loss_factor
+        of_elements, eta = self._matrix("hysteretic", (i, j)), self.loss_factor
         if eta is None:
-            return own
+            return of_elements
         k, second = self.stiffness_derivatives, self.stiffness_second_derivative(i, j)
         overall = eta.value * second + eta.grad[i] * k[j] + eta.grad[j] * k[i] + eta.hess[i, j] * self.stiffness
-        return sp.csr_array(own + overall)
+        return sp.csr_array(of_elements + overall)
 
     @cached_property
     def symmetric_stiffness(self) -> SymmetricMatrix:
@@ -296,7 +298,7 @@ class ModelPoint:
         return self._upper("mass")
 
     def release(self) -> None:
-        """Give the memory of all matrices back; whoever asks for one gets it made again."""
+        """Release the memory of all matrices; they are assembled again when they are next needed."""
         for name in _MATRICES:
             self.__dict__.pop(name, None)
 
@@ -327,16 +329,16 @@ def node_blocks(terms: Sequence[TermFunction], elimination: Elimination, n_grid:
     # the three DOFs of a block share a number, a scalar point's has its own; the last stands for no DOF
     group = np.append(np.where(free < n_grid, free // 3, n_grid + free), -1)
     layouts: dict[TermLayout, list[tuple[Term, Reals]]] = {}
-    found: list[Entries] = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
+    entries: list[Entries] = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     for term in terms:
         c = term.coefficient(table).value if term.coefficient else np.ones(1)
         if isinstance(term, Term):
             layouts.setdefault(term.layout, []).append((term, c))
         elif isinstance(term, MatrixTerm):
-            found.append(_of_matrix(upper_of(term.upper, elimination.T), float(c[0]), group))
-    for layout, own in layouts.items():
-        found += [e for some in free_elements(layout, elimination.T) for e in _of_elements(some, own, group)]
-    rows, cols, values = (np.concatenate(parts) for parts in zip(*found))
+            entries.append(_of_matrix(upper_of(term.upper, elimination.T), float(c[0]), group))
+    for layout, same_layout in layouts.items():
+        entries += [e for some in free_elements(layout, elimination.T) for e in _of_elements(some, same_layout, group)]
+    rows, cols, values = (np.concatenate(parts) for parts in zip(*entries))
     upper = sp.csr_array((values, (rows, cols)), shape=(n, n))
     return sp.csr_array(upper + sp.triu(upper, 1).T)
 
@@ -347,29 +349,30 @@ def _of_elements(elements: FreeElements, terms: Sequence[tuple[Term, Reals]], gr
     for chunk in elements.chunks():
         groups = group[elements.dofs[chunk]]
         a, b = groups[:, elements.pairs[:, 0]], groups[:, elements.pairs[:, 1]]
-        own = (a == b) & (a >= 0)
-        used = np.flatnonzero(own.any(axis=0))
-        own, values = own[:, used], np.zeros((len(own), len(used)))
+        within_node = (a == b) & (a >= 0)
+        used = np.flatnonzero(within_node.any(axis=0))
+        within_node, values = within_node[:, used], np.zeros((len(within_node), len(used)))
         for own_values, factors in whole:
             values += elements.entries(own_values, chunk)[:, used] * factors[elements.rows[chunk], None]
         dofs, pairs = elements.dofs[chunk], elements.pairs[used]
-        first, second = (dofs[:, column][own] for column in pairs.T)
-        yield np.minimum(first, second), np.maximum(first, second), values[own]
+        first, second = (dofs[:, column][within_node] for column in pairs.T)
+        yield np.minimum(first, second), np.maximum(first, second), values[within_node]
 
 
 def _of_matrix(upper: sp.csr_array, c: float, group: Integers) -> Entries:
     coo = upper.tocoo()
-    own = group[coo.row] == group[coo.col]
-    return coo.row[own], coo.col[own], c * coo.data[own]
+    within_node = group[coo.row] == group[coo.col]
+    return coo.row[within_node], coo.col[within_node], c * coo.data[within_node]
 
 
 # ----------------------------------------------------------------------------------------------------
 # From a parametric model and a configuration to matrices on free DOFs.
 
 
-# part of the entries of all element matrices that is left in the pattern of a mesh: shells .55, solids less
-SHARED = 0.6
-_NO_ENERGY = 1e-11  # of a motion that meets neither stiffness nor mass, to what its entries alone would have
+SHARED_ENTRIES = 0.6
+"""Entries in the pattern of a mesh over the entries of all element matrices: 0.55 for shells, less for solids."""
+_NO_ENERGY = 1e-11
+"""Energy of a motion, relative to what the diagonal entries alone would give, that is rounding of zero."""
 
 
 def configure(model: ParametricModel, configuration: Configuration) -> ConfiguredModel:
@@ -414,7 +417,7 @@ def _differential(model: ParametricModel, configuration: Configuration, terms: S
         raise FemtuneError("configuration.preload-tables", request=preload.request)
     sets = configuration.support_set, configuration.multipoint_set
     given = (preload.support_set, preload.multipoint_set)
-    support, multipoint = (own if own is not None else other for own, other in zip(sets, given))
+    support, multipoint = (selected if selected is not None else other for selected, other in zip(sets, given))
     bare = replace(model.structure, preload=None, default_support_set=support, default_multipoint_set=multipoint)
     static = configure(replace(model, structure=bare), configuration)
     step = StaticStep(static.transformation, static.indptr, static.indices, static.projected)
@@ -440,17 +443,17 @@ def _without_energy(configured: ConfiguredModel, lines: Sequence[Spin]) -> list[
 def _forecast(terms: Sequence[TermFunction], T: sp.csr_array) -> int:
     """Bytes that the projection takes at its peak: places of entries, and sums of all terms or room to sort.
 
-    About SHARED of the entries of a mesh's element matrices are left when those of neighbours are added.
+    About SHARED_ENTRIES of the entries of a mesh's element matrices are left when those of neighbours are added.
     """
-    own = [t for t in terms if isinstance(t, Term)]
-    layouts = {id(t.layout): len(t.elements) * len(t.layout.pairs) for t in own}
+    element_terms = [t for t in terms if isinstance(t, Term)]
+    layouts = {id(t.layout): len(t.elements) * len(t.layout.pairs) for t in element_terms}
     places = sum(layouts.values())
-    sums = sum(len(t.elements) * len(t.layout.pairs) for t in own) + sum(
+    sums = sum(len(t.elements) * len(t.layout.pairs) for t in element_terms) + sum(
         t.upper.nnz for t in terms if isinstance(t, MatrixTerm)
     )
     largest = max(layouts.values(), default=0)
-    sorting = 24 * min(places, max(SORTED, SHARED * places))
-    return int(5 * places + max(sorting, 12 * SHARED * (sums + largest)) + 8 * T.shape[1])
+    sorting = 24 * min(places, max(SORTED_AT_ONCE, SHARED_ENTRIES * places))
+    return int(5 * places + max(sorting, 12 * SHARED_ENTRIES * (sums + largest)) + 8 * T.shape[1])
 
 
 def grid_matrix(model: ParametricModel, configuration: Configuration, matrix: MatrixKind) -> sp.csr_array:

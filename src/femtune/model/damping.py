@@ -1,4 +1,4 @@
-"""Damping that is no matrix of elements: ratios of modes, and what stands in for loss factors in the time domain."""
+"""Damping that is no element matrix: modal damping ratios, and the viscous equivalent of loss factors."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def damping_by_mode(ratios: Sequence[float]) -> ModalDamping:
 def damping_table(
     freq_hz: ArrayLike, values: ArrayLike, unit: DampingUnit = "CRIT", flat: bool = False
 ) -> ModalDamping:
-    """Damping over frequency; frequencies rise, or fall throughout, and may stand twice but for the ends.
+    """Damping over frequency; frequencies rise, or fall throughout, and may stand twice except at the ends.
 
     Raises
     ------
@@ -141,22 +141,22 @@ def _too_few(given: int, modes: int) -> FemtuneError:
 
 
 def viscous_equivalent(point: ModelPoint) -> sp.csr_array:
-    """C + G/W3·K + H/W4: what stands for all damping in responses that are not harmonic.
+    """C + G/W3·K + H/W4: the viscous equivalent of all damping, for responses that are not harmonic.
 
     G is the overall loss factor, H the elements' own hysteretic stiffness; W3 and W4 are the frequencies in rad/s at
     which dashpot and loss factor dissipate the same. A loss factor without its frequency is left out, as in Nastran.
     """
-    overall, own = _weights(point)
-    out = point.viscous + own * point.element_hysteretic
+    overall, of_elements = _weights(point)
+    out = point.viscous + of_elements * point.element_hysteretic
     eta = point.loss_factor
     return sp.csr_array(out if eta is None else out + (overall * eta.value) * point.stiffness)
 
 
 def viscous_equivalent_derivatives(point: ModelPoint) -> tuple[sp.csr_array, ...]:
     """Derivatives of `viscous_equivalent` by every free parameter."""
-    overall, own = _weights(point)
+    overall, of_elements = _weights(point)
     pairs = zip(point.viscous_derivatives, point.element_hysteretic_derivatives)
-    out = [c + own * h for c, h in pairs]
+    out = [c + of_elements * h for c, h in pairs]
     eta = point.loss_factor
     if eta is not None:
         pairs = zip(point.stiffness_derivatives, eta.grad)
@@ -168,8 +168,8 @@ def _weights(point: ModelPoint) -> tuple[float, float]:
     """1/W3 and 1/W4, zero without them."""
     damping = point.configured.model.structure.damping
     omegas = (damping.overall_omega, damping.element_omega)
-    overall, own = (1.0 / omega if omega else 0.0 for omega in omegas)
-    return overall, own
+    overall, of_elements = (1.0 / omega if omega else 0.0 for omega in omegas)
+    return overall, of_elements
 
 
 # ----------------------------------------------------------------------------------------------------

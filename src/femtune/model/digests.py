@@ -1,4 +1,4 @@
-"""Digests of arrays: equal ones mean equal arrays, to the last bit."""
+"""Digests of arrays: equal digests mean equal arrays, to the last bit."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Part: TypeAlias = "NDArray[Any] | sp.sparray | str | float | None"
 
 def digest(*parts: Part) -> str:
     """SHA-256, in hexadecimal digits, of texts, numbers and arrays with their types, shapes and order."""
-    found = hashlib.sha256()
+    sha = hashlib.sha256()
     for part in parts:
         for piece in _pieces(part):
-            found.update(piece)
-    return found.hexdigest()
+            sha.update(piece)
+    return sha.hexdigest()
 
 
 def _pieces(part: Part) -> Iterable[bytes | memoryview]:
@@ -43,12 +43,13 @@ def _pieces(part: Part) -> Iterable[bytes | memoryview]:
 # What matrices are made of, as digests: everything but the values that parameters may move.
 
 
-# parts of a structure that act through others here, or on no matrix; all others are settings that kernels may read
 _NO_SETTINGS = frozenset({
     "nodes", "values", "batches", "assembled", "rigid", "multipoint_sets", "support_sets", "permanent",
     "default_support_set", "default_multipoint_set", "hold_singular", "element_kinds", "damping", "dof_sets",
     "preload",
 })  # fmt: skip
+"""Fields of a structure that act through others here, or on no matrix. All others, also those that are added later, are
+settings that kernels may read, and count."""
 
 
 @dataclass(frozen=True)
@@ -91,4 +92,4 @@ def _of_batch(batch: ElementBatch) -> Iterator[Part]:
 def _shared(batch: ElementBatch) -> NDArray[np.uint16]:
     """(k, e) the first role that has an element's value too: kernels look at what is one value."""
     columns = np.array(list(batch.roles.values()), np.int64).reshape(len(batch.roles), len(batch))
-    return np.array([(columns == own).argmax(axis=0) for own in columns], np.uint16)
+    return np.array([(columns == role).argmax(axis=0) for role in columns], np.uint16)

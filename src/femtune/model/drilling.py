@@ -12,8 +12,9 @@ from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
 
 MOST_ENERGY = 0.02
-"""Share of the strain energy up to which drilling is no matter: K6ROT twice as large changes the frequency by 1 %."""
-_MAINLY = 0.9
+"""Share of the strain energy up to which drilling is negligible: twice the K6ROT changes the frequency by 1 %."""
+_MAIN_PART = 0.9
+"""Part of the drilling energy of a mode whose grid points are named."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ def drilling_modes(solution: EigenSolution) -> Iterator[DrillingMode]:
     shares = energies.sum(axis=0)[elastic] / solution.eigenvalues[: solution.wanted][elastic]
     for mode, share in zip(np.flatnonzero(elastic), shares):
         if share > MOST_ENERGY:
-            own = energies[:, mode]
-            order = np.argsort(own)[::-1]
-            count = int(np.searchsorted(np.cumsum(own[order]), _MAINLY * own.sum())) + 1
+            energy = energies[:, mode]
+            order = np.argsort(energy)[::-1]
+            count = int(np.searchsorted(np.cumsum(energy[order]), _MAIN_PART * energy.sum())) + 1
             grids = tuple(int(n) for n in structure.nodes.ids[order[:count]])
             yield DrillingMode(int(mode) + 1, float(solution.freq_hz[mode]), float(share), grids)

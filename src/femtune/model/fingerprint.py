@@ -14,7 +14,7 @@ from femtune.model.imported.model import factor_at
 
 
 def matrices_digest(point: ModelPoint, *kinds: MatrixKind) -> str:
-    """Digest of all that the matrices of some kinds are made of, without making them.
+    """Digest of all that the matrices of some kinds are made of, without assembling them.
 
     How they depend on the parameters is no part of it: another choice of parameters splits the same sums in another
     way, and the last bits of the matrices may differ.
@@ -40,7 +40,7 @@ def _values(point: ModelPoint, kinds: set[MatrixKind]) -> Iterator[Part]:
     model = point.configured.model
     needed, other = _used(point, kinds), _used(point, set(model.used) - kinds)
     here = np.where(needed, point.table, 0.0)
-    # what no matrix needs may have decided that
+    # values that no matrix needs may have decided that
     deck = np.where(needed | ~other, model.structure.values.values, 0.0)
     for batch in model.structure.batches:
         for at in batch.roles.values():
@@ -54,9 +54,9 @@ def _used(point: ModelPoint, kinds: set[MatrixKind]) -> NDArray[np.bool_]:
 
 
 def _assembled(point: ModelPoint, kinds: set[MatrixKind]) -> Iterator[Part]:
-    for matrix, own in zip(point.configured.model.structure.assembled, point.configured.identity.assembled):
+    for matrix, matrix_digest in zip(point.configured.model.structure.assembled, point.configured.identity.assembled):
         if matrix.kind in kinds:
-            yield from (matrix.kind, own, factor_at(matrix, point.table))
+            yield from (matrix.kind, matrix_digest, factor_at(matrix, point.table))
 
 
 def derivatives_digest(point: ModelPoint) -> str:

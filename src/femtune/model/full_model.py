@@ -1,4 +1,4 @@
-"""Who solves the full model: its own functions, or whatever stands before them (a journal, what is remembered)."""
+"""The solver of the full model: its own functions, or what is put before them (a journal, a memory)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ModelSolver(Protocol):
     def modes(
         self, point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None = None
     ) -> EigenSolution:
-        """Modes of a model point; where they are solved for, modes nearby shorten the way."""
+        """Modes of a model point; `start` has modes of a point nearby, from which the iteration starts."""
         ...
 
     def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
@@ -32,7 +32,7 @@ class ModelSolver(Protocol):
 
 
 class _Direct:
-    """The model's own functions, imported by those who solve."""
+    """The functions of the model itself, imported when they are called."""
 
     def modes(
         self, point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None = None

@@ -1,4 +1,4 @@
-"""What small added masses do to modes, from the modes with them: Rayleigh's quotient without a further solution.
+"""The effect of small added masses on modes, by Rayleigh's quotient and without a further solution.
 
 With λ, φ of the model with the masses, φᵀ(M + ΔM)φ = 1, the quotient of the model without them at the same shape is
 λ/(1 − φᵀΔMφ). Its error is of second order in the change of the shape, and it is never too low for the lowest mode.

@@ -1,4 +1,4 @@
-"""Massless mechanisms: motions that meet neither stiffness nor mass make the eigenproblem singular."""
+"""Massless mechanisms: motions with neither stiffness nor mass make the eigenproblem singular."""
 
 from __future__ import annotations
 
@@ -11,7 +11,16 @@ from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import Factor
 
-_SUSPECT, _NOTHING = 1e-9, 1e-12
+_SUSPECT = 1e-9
+"""Smallest eigenvalue of the scaled matrix below which its motion is examined."""
+_NO_ENERGY = 1e-12
+"""Energy of a motion, relative to the sum of the magnitudes of its terms, that is rounding of zero."""
+_PERTURBATION = 1e-13
+"""Relative change of the diagonal by which a singular matrix can be factorised: some roundings of it."""
+_INVERSE_ITERATIONS = 3
+"""They separate a mechanism, which is nine decades below the other eigenvalues, completely."""
+_MOVES_MOST = 0.3
+"""Displacement relative to the largest one of DOFs that are named."""
 
 
 def check_mechanisms(point: ModelPoint, shifted: SymmetricMatrix, factor: Factor | None) -> None:
@@ -36,9 +45,9 @@ def check_mechanisms(point: ModelPoint, shifted: SymmetricMatrix, factor: Factor
 
 
 def _nearly(shifted: SymmetricMatrix, diagonal: NDArray) -> Factor:
-    """Factors of a matrix that misses the singular one by rounding."""
+    """Factors of a matrix that differs from the singular one by rounding."""
     data = shifted.data.copy()
-    data[shifted.indptr[:-1]] += 1e-13 * diagonal
+    data[shifted.indptr[:-1]] += _PERTURBATION * diagonal
     return factorise(SymmetricMatrix(data, shifted.indices, shifted.indptr))
 
 
@@ -46,7 +55,7 @@ def _smallest(factor: Factor, scale: NDArray) -> tuple[float, NDArray]:
     """Smallest eigenvalue of D^-½ A D^-½ and its vector, by three inverse iterations."""
     v = np.random.default_rng(2).standard_normal(len(scale))
     value = np.inf
-    for _ in range(3):
+    for _ in range(_INVERSE_ITERATIONS):
         v /= np.linalg.norm(v)
         w = factor.solve(v / scale) / scale
         value, v = float(1.0 / np.linalg.norm(w)), w
@@ -59,12 +68,12 @@ def _is_massless_mechanism(point: ModelPoint, v: NDArray) -> bool:
     u = np.abs(v)
     strain, strain_parts = v @ (K @ v), u @ (SymmetricMatrix(np.abs(K.data), K.indices, K.indptr) @ u)
     kinetic, kinetic_size = v @ (M @ v), (u.max() ** 2) * M.diagonal().max()
-    return bool(strain <= _NOTHING * strain_parts and kinetic <= _NOTHING * kinetic_size)
+    return bool(strain <= _NO_ENERGY * strain_parts and kinetic <= _NO_ENERGY * kinetic_size)
 
 
 def _largest(motion: NDArray) -> NDArray[np.int64]:
     size = np.abs(motion)
-    return np.flatnonzero(size > 0.3 * size.max())
+    return np.flatnonzero(size > _MOVES_MOST * size.max())
 
 
 def _mechanism(point: ModelPoint, free: NDArray[np.int64]) -> FemtuneError:

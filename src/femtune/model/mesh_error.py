@@ -25,14 +25,15 @@ from femtune.model.solvers.interface import SingularMatrixError
 from femtune.parameters import ParameterSet
 
 MOST_DOFS = 300_000
-"""Refined models with more DOFs are never solved."""
+"""Refined models with more DOFs are never solved, since their factors may not fit into the memory."""
 USUAL_DOFS = 30_000
 """Refined models with more DOFs are solved on request only: up to here it takes one or two seconds."""
 RICHARDSON = 4.0 / 3.0
 """Error over change for convergence of second order in the size of the elements, which linear shells have."""
-_DRILLING = 0.2
-"""Share of drilling in the strain energy from which a mode has no frequency of a converged mesh."""
-_ZERO = 1e-3
+_MOSTLY_DRILLING = 0.2
+"""Share of drilling in the strain energy from which on a mode has no frequency of a converged mesh."""
+_RIGID = 1e-3
+"""Frequency relative to the highest one below which a mode counts as a rigid-body mode."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class MeshChange:
 
 
 def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChange | str:
-    """Modes of a mesh of half the size at the deck's values; a reason in words where they cannot be had.
+    """Modes of a mesh of half the size at the deck's values; a reason in words if they cannot be computed.
 
     The shapes are interpolated to the refined mesh. One step of inverse iteration with all of them, including those
     beyond the wanted ones, takes what the coarse mesh could not represent into account; the Ritz values in their span
@@ -108,7 +109,7 @@ def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChan
         refined = _refined_hz(Pencil(point.symmetric_stiffness, point.symmetric_mass), start, solution)
     except (SingularMatrixError, la.LinAlgError):
         return "the stiffness of the refined model is singular"
-    drilling = tuple(mode.number for mode in drilling_modes(solution) if mode.share > _DRILLING)
+    drilling = tuple(mode.number for mode in drilling_modes(solution) if mode.share > _MOSTLY_DRILLING)
     refined[[number - 1 for number in drilling]] = np.nan
     return MeshChange(_elastic(solution), refined, there.n_free, finer.whole, drilling)
 
@@ -149,7 +150,7 @@ def _shift(solution: EigenSolution) -> float:
 def _elastic(solution: EigenSolution) -> Reals:
     """(m,) frequencies, NaN for rigid-body modes."""
     freq_hz = solution.freq_hz
-    rigid = is_rigid(solution)[: solution.wanted] | (freq_hz <= _ZERO * freq_hz.max(initial=0.0))
+    rigid = is_rigid(solution)[: solution.wanted] | (freq_hz <= _RIGID * freq_hz.max(initial=0.0))
     return np.where(rigid, np.nan, freq_hz)
 
 
@@ -167,7 +168,7 @@ def mass_change(solution: EigenSolution) -> Reals | str:
         return f"the model has {structure.nodes.n_dofs} DOFs, more than {MOST_DOFS}"
     other = replace(structure, consistent_mass=not structure.consistent_mass)
     models = (parametric_model(s, ParameterSet(()), ()) for s in (structure, other))
-    own, changed = (grid_matrix(model, configuration, "mass") for model in models)
+    present, changed = (grid_matrix(model, configuration, "mass") for model in models)
     shapes = configured.transformation @ solution.shapes[:, : solution.wanted]
-    share = np.einsum("ij,ij->j", shapes, (changed - own) @ shapes)
+    share = np.einsum("ij,ij->j", shapes, (changed - present) @ shapes)
     return np.where(np.isnan(_elastic(solution)), np.nan, 1.0 / np.sqrt(1.0 + share) - 1.0)

@@ -1,4 +1,4 @@
-"""How far frequencies depend on where the mass of beams lies whose neutral axis is beside the shear centre."""
+"""Effect of the position of the mass of beams whose neutral axis differs from the line of shear centres."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from femtune.model.resembling import resembling_hz
 from femtune.model.response.rigid import is_rigid
 
 _DEPENDENT = 1e-8
+"""Singular value of unit vectors, relative to the largest, below which they are dependent: half of the digits."""
 
 
 @dataclass(frozen=True)

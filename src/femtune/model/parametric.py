@@ -23,12 +23,14 @@ from femtune.model.terms import CompiledTerms, KeptTerms, TermFunction, compile_
 from femtune.parameters import ParameterSet
 from femtune.parameters.jet import Jet, constant
 
-# points of the parameters at which coefficients are compared, and how far around the nominal one they are
 SAMPLES = 6
-AROUND = 0.1
-# the same where values vary over elements: polynomials of amplitudes are told by more points, that are farther apart
+"""Points of the parameters at which coefficients are compared; two analytic functions that agree at all are equal."""
+SAMPLE_RANGE = 0.1
+"""Largest distance of these points from the nominal one, in normalised parameters."""
 VARIED_SAMPLES = 400
-VARIED = 0.4
+"""Points if values vary over elements: polynomials of many amplitudes are determined by more points."""
+VARIED_SAMPLE_RANGE = 0.4
+"""Largest distance of these points, which must be farther apart to determine the powers."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class ParametricModel:
         return self.kept.every
 
     def release_terms(self) -> None:
-        """Give the memory of the element matrices back; configurations that are made already do not need them."""
+        """Release the memory of the element matrices; existing configurations do not need them."""
         self.kept.release()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -86,8 +88,8 @@ class ParametricModel:
         """Parameters that belong to other specimens and have no effect on this model."""
         if self.shared is None:
             return frozenset()
-        own = {self.name_of(p.name) for p in self.shared.parameters.parameters}
-        return frozenset(p.name for p in self.parameters.parameters if p.name not in own)
+        of_specimen = {self.name_of(p.name) for p in self.shared.parameters.parameters}
+        return frozenset(p.name for p in self.parameters.parameters if p.name not in of_specimen)
 
     def name_of(self, placed: str) -> str:
         """Name in `parameters` of a parameter of `placed` or of an assignment."""
@@ -126,9 +128,9 @@ class ParametricModel:
         for table, at in zip(self.tables, self.tabled):
             value, slope = table.at(freq_hz)
             rates[at] += slope / value
-        own = np.union1d([i for _, i, _ in self.placed], self._only_tabled).astype(np.int64)
-        moved = Jet(values[own], (values * rates)[own, None], np.zeros((len(own), 1, 1)))
-        return self.structure.values.assign([(own, moved)], 1)
+        changed = np.union1d([i for _, i, _ in self.placed], self._only_tabled).astype(np.int64)
+        moved = Jet(values[changed], (values * rates)[changed, None], np.zeros((len(changed), 1, 1)))
+        return self.structure.values.assign([(changed, moved)], 1)
 
     @cached_property
     def tabled(self) -> list[NDArray[np.int64]]:
@@ -186,7 +188,7 @@ def parametric_model(
     errors = ErrorCollector()
     with errors.catch():
         _check_regions(structure, parameters, assignments)
-    # what a parameter sets does not follow from other values
+    # a value that a parameter sets does not follow from other values
     structure = replace(structure, values=structure.values.with_own(_own(structure, assignments, tables)))
     placed: dict[int, tuple[str, int, bool]] = {}
     for assignment in assignments:
@@ -212,9 +214,9 @@ def parametric_model(
     compiled = compiled_terms()
     kept = KeptTerms(compiled.terms, lambda: compiled_terms().terms)
     _check_effect(structure, parameters, dict(zip(placed, assignments)), compiled)
-    found = replace(bare, structure=structure, kept=kept, used=compiled.used, given=given)
-    _check_tables_act(found)
-    return found
+    model = replace(bare, structure=structure, kept=kept, used=compiled.used, given=given)
+    _check_tables_act(model)
+    return model
 
 
 def of_specimen(model: ParametricModel, parameters: ParameterSet, names: Mapping[str, str]) -> ParametricModel:
@@ -223,7 +225,7 @@ def of_specimen(model: ParametricModel, parameters: ParameterSet, names: Mapping
     Parameters
     ----------
     parameters : those of all specimens; derivatives by what belongs to other specimens are zero
-    names : what a parameter of `model` is called there, where it has another name
+    names : what a parameter of `model` is called there, if its name is different
     """
     return replace(model, parameters=parameters, names=dict(names), shared=model)
 
@@ -268,9 +270,11 @@ def _samples(model: ParametricModel) -> NDArray[np.float64]:
     value is moved towards the nominal one, where all have.
     """
     random, n = np.random.default_rng(2026), len(model.parameters.free)
-    count, width = (VARIED_SAMPLES, VARIED) if varied_entries(model.structure.values) else (SAMPLES, AROUND)
+    count, width = (
+        (VARIED_SAMPLES, VARIED_SAMPLE_RANGE) if varied_entries(model.structure.values) else (SAMPLES, SAMPLE_RANGE)
+    )
     around = random.uniform(-width, width, (count - 1, n))
-    tabled = random.uniform(1.0 - AROUND, 1.0 + AROUND, (count - 1, len(model.tables)))
+    tabled = random.uniform(1.0 - SAMPLE_RANGE, 1.0 + SAMPLE_RANGE, (count - 1, len(model.tables)))
     nominal = _sample(model, np.zeros(n))
     return np.array([nominal, *(_sample(model, x, tuple(f)) for x, f in zip(around, tabled))])
 

@@ -31,12 +31,16 @@ from femtune.parameters.jet import Jet
 
 Weights = Callable[[TermFunction], NDArray]
 
-# entries of the element matrices whose differential stiffness is made at once
-_AT_ONCE = 1_000_000
-# internal forces of a solid with mid-side nodes, and of other shells and solids; rows of each among the terms
-_OF_QUADRATIC, _OF_OTHERS, _ROWS = 24, 6, 4
-# part of a load that may be left after the solution, which is refined once
-_LEFT = 1e-7
+_ENTRIES_AT_ONCE = 1_000_000
+"""Entries of the element matrices whose differential stiffness is computed together: 8 MB."""
+_FORCES_OF_QUADRATIC_SOLID = 24
+"""Internal forces of a solid with mid-side nodes: six stresses at four points."""
+_FORCES_OF_OTHERS = 6
+"""Internal forces of other solids and of shells."""
+_ROWS_OF_A_FORCE = 4
+"""Rows that are kept for each internal force: one for every term of the stiffness that contributes to it."""
+_LARGEST_RESIDUAL = 1e-7
+"""Residual of the static solution relative to the load, after one refinement; above, a motion is not held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,17 +108,17 @@ class InternalForces:
         value = self._forces(jets.value, u)
         grad, hess = np.zeros((self.count, n), value.dtype), np.zeros((self.count, n, n), value.dtype)
         by = [jets.by(i) for i in range(n)]
-        slopes = [self.step.stiffness(own) for own in by]
-        firsts = [solve(self._weight(own, u.dtype) - slope @ u) for own, slope in zip(by, slopes)]
+        slopes = [self.step.stiffness(weights) for weights in by]
+        firsts = [solve(self._weight(weights, u.dtype) - slope @ u) for weights, slope in zip(by, slopes)]
         for i in range(n):
             grad[:, i] = self._forces(by[i], u) + self._forces(jets.value, firsts[i])
             for j in range(i, n):
                 both = jets.by(i, j)
                 load = self._weight(both, u.dtype) - self.step.stiffness(both) @ u
                 load = load - slopes[i] @ firsts[j] - slopes[j] @ firsts[i]
-                found = self._forces(both, u) + self._forces(jets.value, solve(load))
-                found += self._forces(by[i], firsts[j]) + self._forces(by[j], firsts[i])
-                hess[:, i, j] = hess[:, j, i] = found
+                second = self._forces(both, u) + self._forces(jets.value, solve(load))
+                second += self._forces(by[i], firsts[j]) + self._forces(by[j], firsts[i])
+                hess[:, i, j] = hess[:, j, i] = second
         return Jet(value, grad, hess)
 
     def _solved(self, jets: _Jets) -> tuple[Callable[[NDArray], NDArray], NDArray]:
@@ -133,7 +137,7 @@ class InternalForces:
         probe = np.random.default_rng(4).standard_normal(len(load)).astype(K.data.dtype)
         for b in (probe, load):
             x = solve(b)
-            if not np.linalg.norm(b - K @ x) <= _LEFT * np.linalg.norm(b):
+            if not np.linalg.norm(b - K @ x) <= _LARGEST_RESIDUAL * np.linalg.norm(b):
                 raise FemtuneError("configuration.preload-not-held", request=self.request)
         return solve, x
 
@@ -197,7 +201,7 @@ def differential_terms(
     ------
     FemtuneError : ``configuration.preload-offsets`` where parameters move the ends of bars
     """
-    found: list[Term] = []
+    geometric: list[Term] = []
     batches = [b for b in (_present(b, off) for b in structure.batches) if len(b) and KINDS[b.kind].differential]
     patterns: list[tuple[ElementBatch, int, Reals]] = []
     count = 0
@@ -207,28 +211,30 @@ def differential_terms(
         kernel = KINDS[batch.kind].differential
         assert kernel is not None
         _check_memory(batch)
-        size = max(_AT_ONCE // batch.dofs.shape[1] ** 2, 1)
+        size = max(_ENTRIES_AT_ONCE // batch.dofs.shape[1] ** 2, 1)
         for first in range(0, len(batch), size):
             some = batch.some(slice(first, first + size))
-            own = kernel(some, structure)
-            k = own.patterns.shape[1]
-            patterns.append((some, count, own.patterns))
+            result = kernel(some, structure)
+            k = result.patterns.shape[1]
+            patterns.append((some, count, result.patterns))
             for j in range(k):
-                one = constant_term("stiffness", "differential stiffness", some.ids, some.dofs, own.matrices[:, j])
-                found.append(replace(one, columns=count + j + k * np.arange(len(some))))
+                one = constant_term("stiffness", "differential stiffness", some.ids, some.dofs, result.matrices[:, j])
+                geometric.append(replace(one, columns=count + j + k * np.arange(len(some))))
             count += k * len(some)
     rows = tuple(_rows_of(terms, patterns, step.transformation))
     loads = np.asarray(step.transformation.T @ preload.forces)
     forces = InternalForces(step, loads, tuple(_weights(structure, preload, terms, step)), rows, count, preload.request)
-    return [replace(term, n_columns=count, coefficient=forces) for term in found]
+    return [replace(term, n_columns=count, coefficient=forces) for term in geometric]
 
 
 def _check_memory(batch: ElementBatch) -> None:
     """Error ``model.memory`` where the element matrices of a batch, and those of the forces, have no room."""
     kind, d = KINDS[batch.kind], batch.dofs.shape[1]
-    forces = len(batch) * (_OF_QUADRATIC if kind.volume else _OF_OTHERS if kind.faces or kind.sides else 1)
+    forces = len(batch) * (
+        _FORCES_OF_QUADRATIC_SOLID if kind.volume else _FORCES_OF_OTHERS if kind.faces or kind.sides else 1
+    )
     # directions of displacement are apart, and one row of each force is kept for every term of the stiffness
-    needed = 8 * forces * (d * d // 6 + 3 * _ROWS * d)
+    needed = 8 * forces * (d * d // 6 + 3 * _ROWS_OF_A_FORCE * d)
     require_memory(needed, "model.memory/preload", count=forces)
 
 
@@ -246,11 +252,11 @@ def _rows_of(
     for term in terms:
         if not isinstance(term, Term) or term.matrix != "stiffness":
             continue
-        for batch, start, own in patterns:
+        for batch, start, pattern in patterns:
             shared, mine, theirs = np.intersect1d(term.elements, batch.ids, return_indices=True)
             if not len(shared) or term.dofs.shape[1] != batch.dofs.shape[1]:
                 continue
-            forces = own[theirs] @ _matrices(term, mine)
+            forces = pattern[theirs] @ _matrices(term, mine)
             m, k, d = forces.shape
             dofs = np.repeat(term.dofs[mine], k, axis=0)
             local = sp.csr_array(
@@ -289,11 +295,13 @@ def _weights(
             forces = sp.csr_array(whole[:, None])
         else:
             assert isinstance(term, Term)
-            own = np.concatenate(
+            element_forces = np.concatenate(
                 [np.einsum("mij,mj->mi", term.matrices(part), field[term.dofs[part]]) for part in term.parts()]
             )
-            columns = np.repeat(term.columns[:, None], own.shape[1], axis=1)
+            columns = np.repeat(term.columns[:, None], element_forces.shape[1], axis=1)
             there = term.dofs >= 0
-            forces = sp.csr_array((own[there], (term.dofs[there], columns[there])), shape=(n, term.n_columns))
+            forces = sp.csr_array(
+                (element_forces[there], (term.dofs[there], columns[there])), shape=(n, term.n_columns)
+            )
         out.append((term, sp.csr_array(step.transformation.T @ forces)))
     return out

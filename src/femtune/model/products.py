@@ -21,12 +21,12 @@ from femtune.model.linear.dense_products import in_any_order
 from femtune.model.linear.memory import require_memory
 from femtune.parameters.jet import Jet
 
-_ROWS = 1 << 16
-"""Rows of a block of vectors that are copied at once."""
-_COLUMNS = 48
-
-# columns for each parameter above which their sum for that parameter is formed first
-MANY = 8
+_ROWS_AT_ONCE = 1 << 16
+"""Rows of a block of vectors that are copied together, so that no second array of its size is made."""
+_COLUMNS_AT_ONCE = 48
+"""Columns of a product that are computed together: a large model has room for them beside its basis."""
+MANY_COLUMNS = 8
+"""Columns for each parameter above which their sum for that parameter is formed first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,28 +42,28 @@ class Local:
 
     def energies(self, vectors: Reals) -> Reals:
         """(m,) vᵀA v of all columns of (n_free, m)."""
-        own = np.ascontiguousarray(vectors[self.dofs])
-        return np.asarray(2.0 * np.einsum("ij,ij->j", own, self.half @ own))
+        rows = np.ascontiguousarray(vectors[self.dofs])
+        return np.asarray(2.0 * np.einsum("ij,ij->j", rows, self.half @ rows))
 
     def sandwich(self, left: Reals, right: Reals) -> Reals:
         """(a, b) leftᵀA right for (n_free, a) and (n_free, b)."""
         out = np.zeros((left.shape[1], right.shape[1]), np.result_type(left, right, self.half))
         if left is right:
-            own = np.ascontiguousarray(right[self.dofs])
+            local = np.ascontiguousarray(right[self.dofs])
             for part in _parts(right.shape[1]):
-                out[:, part] = in_any_order(own.T, self.half @ np.ascontiguousarray(own[:, part]))
+                out[:, part] = in_any_order(local.T, self.half @ np.ascontiguousarray(local[:, part]))
             return np.asarray(out + out.T)
         for part in _parts(right.shape[1]):
             driven = self.times(np.ascontiguousarray(right[:, part][self.dofs]))
-            for first in range(0, len(driven), _ROWS):
-                rows = slice(first, first + _ROWS)
+            for first in range(0, len(driven), _ROWS_AT_ONCE):
+                rows = slice(first, first + _ROWS_AT_ONCE)
                 out[:, part] += in_any_order(np.ascontiguousarray(left[self.dofs[rows]]).T, driven[rows])
         return out
 
 
 def _parts(count: int) -> list[slice]:
     """Columns of a product at a time: as many as the memory of a large model has room for, beside its basis."""
-    return [slice(i, min(i + _COLUMNS, count)) for i in range(0, count, _COLUMNS)]
+    return [slice(i, min(i + _COLUMNS_AT_ONCE, count)) for i in range(0, count, _COLUMNS_AT_ONCE)]
 
 
 def projections(configured: ConfiguredModel, kind: MatrixKind, left: Reals, right: Reals) -> dict[int, Reals]:
@@ -118,7 +118,7 @@ def _moving_columns(point: ModelPoint, kind: MatrixKind) -> Iterator[tuple[Local
     """Matrices that parameters move, these parameters, and the factors with which they enter the derivatives."""
     for i, jet in _moving(point, kind):
         moved = np.flatnonzero(jet.grad.any(axis=1))
-        if len(moved) > MANY * point.n_parameters:
+        if len(moved) > MANY_COLUMNS * point.n_parameters:
             for k in np.flatnonzero(jet.grad.any(axis=0)):
                 yield _combined(point.configured, i, jet.grad[:, k]), np.array([k]), np.ones(1)
             continue
@@ -160,7 +160,7 @@ def _combined(configured: ConfiguredModel, i: int, weights: Reals) -> Local:
     if len(some) == 1:
         at = slice(spread.indptr[some[0]], spread.indptr[some[0] + 1])
         return _local(configured, spread.indices[at], weights[some[0]] * spread.data[at])
-    own, factors = (spread, weights) if len(some) > MANY else (spread[:, some], weights[some])
-    data = own @ factors
+    columns, factors = (spread, weights) if len(some) > MANY_COLUMNS else (spread[:, some], weights[some])
+    data = columns @ factors
     places = np.flatnonzero(data)
     return _local(configured, places, data[places])

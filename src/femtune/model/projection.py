@@ -19,8 +19,8 @@ from femtune.model.terms import LowRankValues, MatrixTerm, Term, TermFunction, T
 # Pattern of the upper triangle that all matrices of a configuration share.
 
 
-# entries that are sorted at once, at least; or as many as the pattern has so far
-SORTED = 2_000_000
+SORTED_AT_ONCE = 2_000_000
+"""Entries that are sorted together, at least; or as many as the pattern has so far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def upper_pattern(n: int, entries: Iterable[tuple[Places, Places]], count: int) 
     waiting: list[tuple[Places, Places]] = []
     for chunk in entries:
         waiting.append(chunk)
-        if sum(len(rows) for rows, _ in waiting) >= max(SORTED, total.nnz):
+        if sum(len(rows) for rows, _ in waiting) >= max(SORTED_AT_ONCE, total.nnz):
             total, waiting = sp.csr_array(total + _flags(n, waiting)), []
     total = sp.csr_array(total + _flags(n, waiting)) if waiting else total
     total.sort_indices()
@@ -70,8 +70,8 @@ def _flags(n: int, chunks: list[tuple[Places, Places]]) -> sp.csr_array:
 # Element matrices on the free DOFs of a configuration: most DOFs are renumbered, constrained ones are replaced.
 
 
-# matrix entries that are handled at once
 AT_ONCE = 1_000_000
+"""Entries of element matrices that are handled together: 8 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +105,11 @@ class FreeElements:
 
     def entries(self, values: Reals | LowRankValues, at: slice | Integers) -> Reals:
         """(m, q) entries of some of the elements, from the layout's values."""
-        own = values[self._of_layout(len(values), at)]
+        stored = values[self._of_layout(len(values), at)]
         if self.follow is None:
-            return own
+            return stored
         T = self.follow[at]
-        full = np.swapaxes(T, 1, 2) @ unpacked(own, self.source, T.shape[1]) @ T
+        full = np.swapaxes(T, 1, 2) @ unpacked(stored, self.source, T.shape[1]) @ T
         return full[:, self.pairs[:, 0], self.pairs[:, 1]]
 
     def _of_layout(self, count: int, at: slice | Integers) -> slice | Integers:
@@ -121,13 +121,14 @@ def free_elements(layout: TermLayout, T: sp.csr_array) -> list[FreeElements]:
     if not len(layout.elements):
         return []
     simple = _simple(T)
-    own = np.where(layout.dofs >= 0, simple[layout.dofs], -1)
-    renumbered = np.asarray((own != _FOLLOWS).all(axis=1)) & ~_repeated(own)
-    found = [FreeElements(np.flatnonzero(renumbered), own[renumbered], layout.pairs, None, layout.pairs)]
-    return [part for part in [*found, *_replaced(layout, T, np.flatnonzero(~renumbered))] if len(part.rows)]
+    dofs = np.where(layout.dofs >= 0, simple[layout.dofs], -1)
+    renumbered = np.asarray((dofs != _FOLLOWS).all(axis=1)) & ~_repeated(dofs)
+    unconstrained = [FreeElements(np.flatnonzero(renumbered), dofs[renumbered], layout.pairs, None, layout.pairs)]
+    return [part for part in [*unconstrained, *_replaced(layout, T, np.flatnonzero(~renumbered))] if len(part.rows)]
 
 
 _FOLLOWS = -2
+"""Number of a DOF that depends on others, or on one with a factor."""
 
 
 def _simple(T: sp.csr_array) -> Places:
@@ -135,9 +136,9 @@ def _simple(T: sp.csr_array) -> Places:
     count = np.diff(T.indptr)
     out = np.where(count == 0, -1, _FOLLOWS).astype(np.int32)
     one = np.flatnonzero(count == 1)
-    own = T.indptr[one]
-    same = T.data[own] == 1.0
-    out[one[same]] = T.indices[own[same]]
+    place = T.indptr[one]
+    same = T.data[place] == 1.0
+    out[one[same]] = T.indices[place[same]]
     return out
 
 
@@ -192,13 +193,13 @@ def project(terms: Sequence[TermFunction], T: sp.csr_array) -> tuple[Pattern, tu
 
     So are the terms of a kind whose coefficients are of one book, or the same function.
     """
-    own = _Projection.of(terms, T)
-    pattern = upper_pattern(T.shape[1], own.entries(), own.count)
-    own.locate(pattern)
+    projection = _Projection.of(terms, T)
+    pattern = upper_pattern(T.shape[1], projection.entries(), projection.count)
+    projection.locate(pattern)
     groups: dict[object, list[TermFunction]] = {}
     for term in terms:
         groups.setdefault(_together(term), []).append(term)
-    return pattern, tuple(own.joined(group, len(pattern.indices)) for group in groups.values())
+    return pattern, tuple(projection.joined(group, len(pattern.indices)) for group in groups.values())
 
 
 def _together(term: TermFunction) -> object:
@@ -256,10 +257,10 @@ class _Projection:
     def locate(self, pattern: Pattern) -> None:
         """Find the places of all entries in the pattern; −1 for those that go nowhere."""
         for elements, kept in self.some.items():
-            found = np.empty((len(elements.rows), len(elements.pairs)), np.int32)
+            places = np.empty((len(elements.rows), len(elements.pairs)), np.int32)
             for chunk, some in zip(elements.chunks(), kept):
-                found[chunk] = pattern.find(*elements.places(chunk), some)
-            self.places[elements] = found
+                places[chunk] = pattern.find(*elements.places(chunk), some)
+            self.places[elements] = places
         self.some.clear()
         for term, matrix in self.matrices.items():
             coo = matrix.tocoo()

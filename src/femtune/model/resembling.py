@@ -10,11 +10,13 @@ import scipy.linalg as la
 from femtune.arrays import Reals
 from femtune.modal.assignment import linear_sum_assignment
 
-_SAME = 0.5
-_NEAR = 0.01
+_LEAST_LIKENESS = 0.5
+"""Squared cosine of a shape and the Ritz vectors of one frequency from which on they are the same mode: only one
+frequency can exceed it."""
+_EQUAL = 0.01
 """Relative difference of eigenvalues that count as equal where shapes are matched: half a per cent of frequency."""
-_OWN = 1e-3
-"""Weight of a single shape where those of several nearly equal frequencies are equally alike."""
+_TIE_BREAK = 1e-3
+"""Weight of a single shape if those of several nearly equal frequencies are equally similar."""
 
 
 def resembling_hz(shapes: Reals, basis: Reals, stiffness: Any, mass: Any) -> Reals:
@@ -29,13 +31,13 @@ def resembling_hz(shapes: Reals, basis: Reals, stiffness: Any, mass: Any) -> Rea
     heavy, stiff = mass @ basis, basis.T @ (stiffness @ basis)
     across = basis.T @ heavy
     values, vectors = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (across + across.T))
-    own = np.einsum("ij,ij->j", shapes, mass @ shapes)
-    single = ((shapes.T @ heavy) @ vectors) ** 2 / own[:, None]
+    modal_mass = np.einsum("ij,ij->j", shapes, mass @ shapes)
+    single = ((shapes.T @ heavy) @ vectors) ** 2 / modal_mass[:, None]
     # shapes of equal frequencies are any basis of their span: each counts with those of nearly the same frequency
-    near = np.abs(values[:, None] - values) <= _NEAR * np.abs(values)
+    near = np.abs(values[:, None] - values) <= _EQUAL * np.abs(values)
     likeness = single @ near
-    rows, columns = linear_sum_assignment(likeness + _OWN * single, maximize=True)
+    rows, columns = linear_sum_assignment(likeness + _TIE_BREAK * single, maximize=True)
     out = np.full(shapes.shape[1], np.nan)
-    good = likeness[rows, columns] >= _SAME
+    good = likeness[rows, columns] >= _LEAST_LIKENESS
     out[rows[good]] = np.sqrt(np.maximum(values[columns[good]], 0.0)) / (2.0 * np.pi)
     return out

@@ -14,10 +14,10 @@ from femtune.arrays import Integers, Reals
 
 Places = NDArray[np.int32]
 
-# entries that are summed at once
 AT_ONCE = 4_000_000
-# a column is summed by passes over the whole pattern where this many of them cost less than sorting
+"""Entries that are summed together: 32 MB."""
 PASSES = 40
+"""Passes over the pattern per entry up to which they cost less than sorting the entries."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,9 @@ def spread_of(pieces: Sequence[Piece], n_columns: int, nnz: int) -> sp.csc_array
     """(nnz, n_columns) sums of the values."""
     total = sum(p.places.size for p in pieces)
     passes = not pieces or n_columns * nnz <= PASSES * total
-    found = _by_passes(pieces, n_columns, nnz) if passes else _by_sorting(pieces, n_columns, nnz)
+    columns = _by_passes(pieces, n_columns, nnz) if passes else _by_sorting(pieces, n_columns, nnz)
     data, indices, ends = np.empty(total), np.empty(total, np.int32), [0]
-    for places, values in found:
+    for places, values in columns:
         at = slice(ends[-1], ends[-1] + len(places))
         indices[at], data[at] = places, values
         ends.append(at.stop)
@@ -51,7 +51,7 @@ def _by_passes(pieces: Sequence[Piece], n_columns: int, nnz: int) -> Iterator[tu
     rows = [_rows_by_column(piece.columns, n_columns) for piece in pieces]
     touched, local = np.zeros(nnz, bool), np.empty(nnz, np.int32)
     for c in range(n_columns):
-        mine = [(piece, chunk) for piece, own in zip(pieces, rows) for chunk in _chunks(piece, own[c])]
+        mine = [(piece, chunk) for piece, of_column in zip(pieces, rows) for chunk in _chunks(piece, of_column[c])]
         for piece, chunk in mine:
             places = piece.places[chunk].ravel()
             touched[places[places >= 0]] = True

@@ -48,7 +48,7 @@ class ClusterShapes:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationPoint:
-    """What a test would tell of the parameters at one point of the prior.
+    """Information of a test about the parameters at one point of the prior.
 
     Parameters
     ----------
@@ -157,19 +157,19 @@ class CalibrationObjective:
         gains: list[tuple[ClusterShapes, Reals, Reals]] = []
         for j, cluster in enumerate(point.clusters):
             sums = _Sums.of([cluster.select(chosen), *(p.clusters[j] for p in placed)])
-            # while the scale is not known, a sensor tells of nothing else
+            # while the scale is unknown, a sensor only helps to find it
             C = sums.C + self._least[i][j] * np.eye(len(sums.C))
             slope = np.linalg.solve(C, sums.B)
             F = F + np.einsum("tkl,t->kl", sums.A - np.einsum("tqk,tql->tkl", sums.B, slope), cluster.noise**-2.0)
             gains.append((cluster, np.asarray(np.linalg.inv(C)), np.asarray(slope)))
         k = len(F)
-        found = np.empty(len(point.clusters[0].shapes))
+        values = np.empty(len(point.clusters[0].shapes))
         rows = max(1, _CELLS // (k * k + k * sum(c.slopes[0].size // k for c in point.clusters)))
-        for first in range(0, len(found), rows):
+        for first in range(0, len(values), rows):
             some = slice(first, first + rows)
             more = np.asarray(sum(_gain(c.select(some), inverse, slope) for c, inverse, slope in gains))
-            found[some] = score(F + more, self._criterion)
-        return found
+            values[some] = score(F + more, self._criterion)
+        return values
 
 
 def score(with_prior: Reals, criterion: Criterion) -> Reals:

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 
-_ROUNDS = 20
+_MOST_ROUNDS = 20
+"""Rounds of exchanges at most; they end with the first that changes nothing."""
 _TINY = 1e-300
+"""Divisor for entries that are all zero, near the smallest double."""
 
 
 def driving_point_levels(shapes: Reals) -> Reals:
@@ -52,7 +54,7 @@ def place_exciters(levels: Reals, count: int, given: Reals | None = None) -> NDA
     chosen: list[int] = []
     for _ in range(min(count, len(levels))):
         chosen.append(_best(levels, np.maximum(start, levels[chosen].max(axis=0, initial=0.0)), chosen))
-    for _ in range(_ROUNDS):
+    for _ in range(_MOST_ROUNDS):
         before = list(chosen)
         for place in range(len(chosen)):
             rest = chosen[:place] + chosen[place + 1 :]
@@ -88,7 +90,7 @@ def mode_indicator(freq_hz: Reals, eigenvalues: Reals, damping_ratio: float, out
     eigenvalues : (n,) λ of the modes in rad²/s²
     outputs, inputs : (o, n) and (i, n) mass-normalised shapes
     """
-    found = []
+    indicators = []
     for omega in 2.0 * np.pi * np.asarray(freq_hz):
         poles = eigenvalues - omega**2 + 2j * damping_ratio * np.sqrt(np.maximum(eigenvalues, 0.0)) * omega
         H = (outputs / poles) @ inputs.T
@@ -97,5 +99,5 @@ def mode_indicator(freq_hz: Reals, eigenvalues: Reals, damping_ratio: float, out
         scale = 1.0 / np.sqrt(np.maximum(np.diag(total), _TINY))
         regular = total * np.outer(scale, scale) + 1e-12 * np.eye(len(total))
         values = la.eigh(A * np.outer(scale, scale), regular, eigvals_only=True)
-        found.append(float(np.clip(values[0], 0.0, 1.0)))
-    return np.array(found)
+        indicators.append(float(np.clip(values[0], 0.0, 1.0)))
+    return np.array(indicators)

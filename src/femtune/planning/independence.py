@@ -27,10 +27,13 @@ _START = 1e-8
 _LOST = 1e-9
 """Part of the determinant below which a sensor cannot be removed: a target mode would be lost with it."""
 _SINGULAR = 1e-10
+"""Eigenvalue of the scaled information relative to the largest, at or below which target modes are dependent."""
 _STILL = 1e-6
 """Relative singular value of the target modes at all candidates below which they are dependent."""
-_BETTER = 1e-9
+_LEAST_IMPROVEMENT = 1e-9
+"""Score by which an exchange must be better, so that rounding does not exchange sensors for ever."""
 _MOST_ROUNDS = 20
+"""Rounds of exchanges at most; they end with the first that changes nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +257,7 @@ def best_of(objective: Objective, candidates: int, count: int) -> Integers:
 
 
 class Objective(Protocol):
-    """What a set of sensors is chosen for."""
+    """Objective for which a set of sensors is chosen."""
 
     def scores(self, chosen: Sequence[int]) -> Reals:
         """(s,) score of the chosen candidates with each candidate added, on a logarithmic or another fixed scale."""
@@ -327,7 +330,7 @@ class _Search:
         blocked = self.blocked - self._excluded_by(old)
         scores = self._objective.scores(self.chosen[:place] + self.chosen[place + 1 :])
         best = int(np.argmax(np.where(blocked == 0, scores, -np.inf)))
-        if best == old or scores[best] <= scores[old] + _BETTER:
+        if best == old or scores[best] <= scores[old] + _LEAST_IMPROVEMENT:
             return False
         self.chosen[place] = best
         self.blocked = blocked + self._excluded_by(best)

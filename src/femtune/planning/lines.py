@@ -16,7 +16,7 @@ MOST_LINES = 100_000
 """More do not fit into the memory with the functions of many sensors."""
 
 _DECAYED = np.log(1000.0)
-"""Of a free decay to a thousandth (60 dB)."""
+"""Duration of a free decay to a thousandth (60 dB)."""
 
 
 def calibration_lines(low_hz: float, high_hz: float, damping_ratio: float, per_half_band: int) -> Reals:

@@ -1,4 +1,4 @@
-"""What the test itself changes: masses of the sensors, and springs of a suspension."""
+"""Changes of the structure by the test itself: masses of the sensors, and springs of a suspension."""
 
 from __future__ import annotations
 

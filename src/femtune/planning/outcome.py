@@ -1,4 +1,4 @@
-"""What a set of sensors is worth: AutoMAC, condition number and information of the target modes there."""
+"""Quality of a set of sensors: AutoMAC, condition number and information of the target modes there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SINGULAR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SensorOutcome:
-    """Of the target modes at a set of sensors.
+    """Quality of the target modes at a set of sensors.
 
     Parameters
     ----------

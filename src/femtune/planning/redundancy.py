@@ -14,6 +14,7 @@ import numpy as np
 from femtune.arrays import Reals
 
 _RANK = 1e-9
+"""Eigenvalue of the products of a sensor’s rows relative to the largest, at or below which rows are dependent."""
 
 
 def unlike(candidates: Reals, sensor: Reals) -> Reals:

@@ -75,11 +75,11 @@ def trace_lines(distances: Reals) -> list[tuple[int, int]]:
     >>> trace_lines(np.array([[0.0, 1.0, 2.0], [1.0, 0.0, 1.0], [2.0, 1.0, 0.0]]))
     [(0, 1), (1, 2)]
     """
-    found = []
+    traces = []
     for i, j in zip(*np.triu_indices(len(distances), 1)):
         d = distances[i, j]
         between = np.maximum(distances[i], distances[j])
         between[[i, j]] = np.inf
         if np.isfinite(d) and not (between < d * (1.0 - 1e-12)).any():
-            found.append((int(i), int(j)))
-    return found
+            traces.append((int(i), int(j)))
+    return traces

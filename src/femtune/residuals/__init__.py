@@ -1,4 +1,4 @@
-"""What is compared: residuals over configurations, and the update problem."""
+"""Residuals over configurations, and the update problem."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What a kind of residual learns of a study when it is built from a [[residual]] table."""
+"""The data of a study from which a kind of residual is built for a [[residual]] table."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ class Asked(Protocol):
 
     @property
     def tested(self) -> ModeSet | None:
-        """The same; None where the test has none."""
+        """The modes of the configuration's test; None if it has none."""
         ...
 
     @property
     def frfs(self) -> FrfSet | None:
-        """The FRFs of the test; None where it has none."""
+        """The FRFs of the test; None if it has none."""
         ...
 
     def equalised(self) -> EqualisedTest | None:
-        """These FRFs with one damping ratio, where the study asks for that, identified once; errors ``identify.*``."""
+        """These FRFs with one damping ratio, identified once, if the study requests it; errors ``identify.*``."""
         ...
 
     @property
@@ -67,7 +67,7 @@ class Asked(Protocol):
 
     @property
     def placement(self) -> SensorPlacement | None:
-        """Errors in the positions and directions of the sensors of the modes; None where the study states none."""
+        """Errors in the positions and directions of the sensors of the modes; None if the study states none."""
         ...
 
     def in_band(self, low_hz: float, high_hz: float) -> Asked:

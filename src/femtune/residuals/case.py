@@ -34,7 +34,7 @@ from femtune.residuals.weights import ResidualBlock, Weights
 
 
 def seen_only(solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
-    """What `subspace_derivative` gives of a model without parameters: eigenvalues and shapes at the rows."""
+    """Eigenvalues and shapes at the rows, without derivatives; see `subspace_derivative`."""
     members = list(members)
     shapes = np.asarray(rows @ solution.shapes[:, members])
     none = np.zeros((0, len(members), len(members)))
@@ -82,15 +82,15 @@ class Residual(ABC):
 
     @classmethod
     def of_study(cls, asked: Asked) -> Residual:
-        """The residual that a [[residual]] table asks for; errors point to the table or to one of its keys."""
+        """The residual that a [[residual]] table requests; errors point to the table or to one of its keys."""
         raise TypeError(f"{cls.__name__} has no table in a study")
 
     def of_kinds(self, keys: Collection[str]) -> Residual | None:
-        """What of it is of the kinds of some keys; None where nothing is."""
+        """The part of it that is of the kinds with these keys; None if nothing is."""
         return self if self.key in keys else None
 
     def in_band(self, low_hz: float, high_hz: float) -> Residual:
-        """What of it lies in a band; itself where it has no lines. Modes beyond the band are left out by the case."""
+        """The part of it in a band; itself if it has no lines. Modes beyond the band are left out by the case."""
         return self
 
     def block(
@@ -238,7 +238,7 @@ class CaseState:
     known: EigenSolution | None = field(default=None, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """For another process, which solves again what it needs."""
+        """State for another process, which solves again for the modes that it needs."""
         return {"case": self.case, "point": self.point, "groups": self.groups, "known": None}
 
     @cached_property
@@ -248,7 +248,7 @@ class CaseState:
 
     @property
     def solved(self) -> EigenSolution | None:
-        """The modes where they have been solved, None where nothing requested them."""
+        """The modes where they have been solved, None if nothing has requested them."""
         return self.__dict__.get("solution", self.known)
 
     @cached_property
@@ -258,12 +258,12 @@ class CaseState:
 
     @property
     def full(self) -> ModelPoint:
-        """The full model at this point, whatever model the modes come from."""
+        """The full model at this point, even if the modes come from a reduced one."""
         return self.case.on_full_model.configured.at(self.point.x)
 
     @cached_property
     def shared(self) -> dict[object, Any]:
-        """What residuals have computed of this state for each other."""
+        """Quantities of this state that residuals have computed for each other."""
         return {}
 
     @cached_property

@@ -24,7 +24,10 @@ from femtune.residuals.frf.model_way import full_modes
 
 _SAME_MOTION = 0.5
 """Least part of the kinetic energy of a complex mode in the real modes of its group."""
-_MORE, _MOST = 4, 8
+_SPARE_MODES = 4
+"""Complex modes beyond the number of real ones that are solved first: damping changes their order."""
+_MOST_MODES_FACTOR = 8
+"""Times this number after which a partner that is still missing is an error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +53,11 @@ def _at_own_frequency(real: EigenSolution, damping: DampingRatios | None) -> _Po
     """As many poles as there are real modes, each with the tables over frequency at |λ|/2π."""
     if damping is not None or real.point.mode_ratios:
         raise FemtuneError("table.direct/modal-damping")
-    found = complex_modes_at_own_frequency(real.point, real.wanted)
-    slopes = np.array([mode.gradient for mode in found])
-    poles = np.array([mode.eigenvalue for mode in found])
+    complex_modes = complex_modes_at_own_frequency(real.point, real.wanted)
+    slopes = np.array([mode.gradient for mode in complex_modes])
+    poles = np.array([mode.eigenvalue for mode in complex_modes])
     some = np.flatnonzero(poles.imag > 0.0)
-    shapes = np.stack([mode.shape for mode in found], axis=1)
+    shapes = np.stack([mode.shape for mode in complex_modes], axis=1)
     return _Poles(poles, shapes, some, True, lambda members: np.asarray(slopes[list(members)].mean(axis=0)))
 
 
@@ -83,10 +86,10 @@ class DampedModes:
         coincide. Otherwise each test mode is compared with the complex mode whose shape is most similar.
         """
         (group,) = [g for g in self.state.groups if pairs[0].position in g[0]]
-        found = self.members[group]
-        if len(pairs) == len(found):
-            return [self._mean(list(range(len(pairs))), found, derivatives)]
-        partners = self._by_shape(pairs, found)
+        members = self.members[group]
+        if len(pairs) == len(members):
+            return [self._mean(list(range(len(pairs))), members, derivatives)]
+        partners = self._by_shape(pairs, members)
         return [self._mean([i], (j,), derivatives) for i, j in enumerate(partners)]
 
     def _mean(self, at: list[int], members: tuple[int, ...], derivatives: bool) -> tuple[list[int], complex, NDArray]:
@@ -128,14 +131,14 @@ def damped_modes(state: CaseState, damping: DampingRatios | None) -> DampedModes
 def _damped(state: CaseState, damping: DampingRatios | None) -> DampedModes:
     real = full_modes(state, None)
     wanted = [_in_full_model(state, real, models) for _, models in state.groups]
-    size = count = real.wanted + _MORE
+    size = count = real.wanted + _SPARE_MODES
     while True:
-        found = _poles(real, count, damping)
-        members, shares = _partners(real, found, wanted)
+        complex_modes = _poles(real, count, damping)
+        members, shares = _partners(real, complex_modes, wanted)
         worst = int(np.argmin(shares))
         if shares[worst] >= _SAME_MOTION:
-            return DampedModes(state, found, dict(zip(state.groups, members)))
-        if found.complete or count >= _MOST * size:
+            return DampedModes(state, complex_modes, dict(zip(state.groups, members)))
+        if complex_modes.complete or count >= _MOST_MODES_FACTOR * size:
             raise _no_partner(state, worst, float(shares[worst]))
         # real poles of strongly damped motions take the places of others
         count *= 2

@@ -27,7 +27,8 @@ from femtune.residuals.weights import ResidualBlock, Weights
 # another with the same matrix.
 
 
-_ACCURATE = 1e-6
+_SOLUTION_ACCURACY = 1e-6
+"""Relative residual of a saddle-point solution beyond which its matrix is singular."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +95,13 @@ def _factorised(saddle: sp.csc_array) -> SuperLU:
 
 
 def _solved(saddle: sp.csc_array, factor: SuperLU, loads: Reals) -> Reals:
-    """With one step of refinement; what stays wrong then is no solution."""
-    found = factor.solve(loads)
-    found = found + factor.solve(loads - saddle @ found)
-    left = np.linalg.norm(loads - saddle @ found, axis=0)
-    if not (left <= _ACCURATE * np.linalg.norm(loads, axis=0)).all():
+    """Solution with one step of iterative refinement; an error if it is still not accurate."""
+    solution = factor.solve(loads)
+    solution = solution + factor.solve(loads - saddle @ solution)
+    left = np.linalg.norm(loads - saddle @ solution, axis=0)
+    if not (left <= _SOLUTION_ACCURACY * np.linalg.norm(loads, axis=0)).all():
         raise _dependent()
-    return np.asarray(found)
+    return np.asarray(solution)
 
 
 def _dependent() -> FemtuneError:
@@ -154,20 +155,20 @@ class DynamicResidual(Residual):
             raise _no_shape(case.name, case.test.labels[i])
         scaled = shape[known] / shape[known][np.argmax(np.abs(shape[known]))]
         slopes = zip(point.stiffness_derivatives, point.mass_derivatives) if derivatives else ()
-        found = equation_error(
+        equation = equation_error(
             sp.csr_array(point.stiffness - value * point.mass),
             [sp.csr_array(k - value * m) for k, m in slopes],
             sp.csr_array(case.sensors[known]),
             scaled,
         )
-        inertia = value * float(np.linalg.norm(point.mass @ found.shape))
-        return self._block(state, case.test.labels[i], found, inertia, len(known))
+        inertia = value * float(np.linalg.norm(point.mass @ equation.shape))
+        return self._block(state, case.test.labels[i], equation, inertia, len(known))
 
     def _block(
-        self, state: CaseState, label: str, found: LeastEquationError, size: float, measured: int
+        self, state: CaseState, label: str, equation: LeastEquationError, size: float, measured: int
     ) -> ResidualBlock:
         """The block, its error relative to the inertia forces."""
-        values, slopes = found.error / self.sd, found.gradient / self.sd
+        values, slopes = equation.error / self.sd, equation.gradient / self.sd
         # the entries that were not measured take the part of the forces that they can produce
         lost = len(values) - measured
         return self.block(state.case.name, label, values, slopes, self.sd / (size or 1.0), lost=lost)

@@ -35,8 +35,8 @@ def drawn_changes(
     for test in identified_tests(blocks):
         change = test.draw(how, rng)
         functions[id(test)] = test.identified_again(change) if complete else test.functions(change)
-    found: list[Reals | None] = []
+    changes: list[Reals | None] = []
     for block in blocks:
         values = None if block.samples is None else block.samples.identified
-        found.append(None if values is None else values.change(functions[id(values.test)]))
-    return found
+        changes.append(None if values is None else values.change(functions[id(values.test)]))
+    return changes

@@ -1,4 +1,4 @@
-"""Kinds of residual that a study can ask for, and the forms that some of them have.
+"""Kinds of residual that a study can request, and the forms that some of them have.
 
 A further kind is its class in a module of this package, an entry of `RESIDUALS`, and its table in
 `femtune.files.study_file.residual`.

@@ -39,8 +39,11 @@ class MassResidual(Residual):
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         """One value."""
-        found = mass_response(state.full)
-        errors, slopes = np.array([found.properties.mass - self.mass]), _wanted(found.mass[None, :], derivatives)
+        response = mass_response(state.full)
+        errors, slopes = (
+            np.array([response.properties.mass - self.mass]),
+            _wanted(response.mass[None, :], derivatives),
+        )
         return [self.weighted(state.case.name, "total", errors, slopes, self.weights, self.mass)]
 
 
@@ -71,12 +74,12 @@ class CentreResidual(Residual):
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         """One value per coordinate, its error relative to the size of the model."""
-        found, known = mass_response(state.full), np.flatnonzero(~np.isnan(self.centre))
-        errors = (found.properties.centre - self.centre)[known]
+        response, known = mass_response(state.full), np.flatnonzero(~np.isnan(self.centre))
+        errors = (response.properties.centre - self.centre)[known]
         xyz = state.full.configured.model.structure.nodes.xyz
         size = float(np.linalg.norm(np.ptp(xyz, axis=0))) if len(xyz) else 1.0
         label = ", ".join(_AXES[i] for i in known)
-        slopes = _wanted(found.centre[known], derivatives)
+        slopes = _wanted(response.centre[known], derivatives)
         return [self.weighted(state.case.name, label, errors, slopes, self.weights, size)]
 
 
@@ -121,12 +124,12 @@ class InertiaResidual(Residual):
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         """One value per entry, its error relative to the largest measured entry."""
-        found, known = mass_response(state.full, self.about), self._known
+        response, known = mass_response(state.full, self.about), self._known
         rows, columns = (list(part) for part in zip(*known))
-        errors = (found.properties.inertia - self.inertia)[rows, columns]
+        errors = (response.properties.inertia - self.inertia)[rows, columns]
         label = ", ".join(f"I{_AXES[i]}{_AXES[j]}" for i, j in known)
         size = float(np.nanmax(np.abs(self.inertia)))
-        slopes = _wanted(found.inertia[rows, columns], derivatives)
+        slopes = _wanted(response.inertia[rows, columns], derivatives)
         return [self.weighted(state.case.name, label, errors, slopes, self.weights, size)]
 
 

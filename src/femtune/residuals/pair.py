@@ -68,7 +68,7 @@ class ByMode(OfPairs):
         return ByMode(parts) if parts else None
 
     def without_sd(self, test: ModeSet) -> tuple[int, ...]:
-        """Of any of the parts."""
+        """Modes without a standard deviation in any of the parts."""
         return tuple(sorted({i for part in self.parts for i in part.without_sd(test)}))
 
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
@@ -93,7 +93,7 @@ class OfModes(OfPairs):
         return self if self.residual.of_kinds(keys) is not None else None
 
     def without_sd(self, test: ModeSet) -> tuple[int, ...]:
-        """Of the chosen modes."""
+        """Modes without a standard deviation among the chosen ones."""
         return tuple(i for i in self.residual.without_sd(test) if test.labels[i] in self.labels)
 
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:

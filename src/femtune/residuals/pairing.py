@@ -86,14 +86,14 @@ def alternating(changes: Sequence[tuple[tuple[Group, ...], tuple[Group, ...]]]) 
 
     Test modes belong together if they were in one group, or had one partner.
     """
-    found: list[set[int]] = []
+    clusters: list[set[int]] = []
     for before, after in changes:
         changed = set(before) ^ set(after)
         for tests, models in changed:
             near = {i for other, theirs in changed if set(models) & set(theirs) for i in other} | set(tests)
-            touched = [known for known in found if known & near]
-            found = [known for known in found if known not in touched] + [near.union(*touched)]
-    return tuple(frozenset(known) for known in found if len(known) > 1)
+            touched = [known for known in clusters if known & near]
+            clusters = [known for known in clusters if known not in touched] + [near.union(*touched)]
+    return tuple(frozenset(known) for known in clusters if len(known) > 1)
 
 
 def describe_change(case: ComparedCase, before: tuple[Group, ...], after: tuple[Group, ...]) -> list[str]:

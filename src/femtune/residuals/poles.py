@@ -166,7 +166,7 @@ class PoleResidual(OfPairs):
         return replace(block, poles=tuple(PolePair(p.label, p.measured, p.pole) for p in poles))
 
     def _weights(self, pair: PairedMode, poles: Sequence[ComparedPole]) -> Weights:
-        """Of the relative errors, to first order."""
+        """Weights of the relative errors, to first order."""
         if self.covariance is None and self.sd != "test":
             assert self.sd is not None
             return Weights(float(self.sd) / np.sqrt(len(poles[0].at)))

@@ -22,7 +22,7 @@ from femtune.residuals.state import followed, paired_afresh, state_at
 from femtune.residuals.weights import ResidualBlock, without_common_error
 
 _LARGEST = 1e200
-"""Of sums of squares: products of two stay within what numbers can be."""
+"""Largest sum of squares: the product of two does not overflow a double."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class UpdateProblem:
             raise _out_of_range(at)
 
     def follow(self, x: Reals, before: Evaluation, derivatives: bool = True) -> Evaluation:
-        """Solve at another point with the pairing frozen: each motion is tracked, whatever its new number."""
+        """Solve at another point with the pairing frozen: each motion is tracked even if its number changes."""
         return self.assess(x, [followed(state, x) for state in before.states], derivatives)
 
     def pair_again(self, at: Evaluation, joined: Sequence[Joined] = ()) -> Evaluation:

@@ -83,7 +83,7 @@ Places = NDArray[np.int64]
 
 
 def scale_of(test: Reals, scaling: ShapeScaling) -> float:
-    """What the measured entries are divided by: their norm, or their largest entry."""
+    """Divisor of the measured entries: their norm, or their largest entry."""
     known = test[~np.isnan(test)]
     return float(np.abs(known).max() if scaling == "largest-entry" else np.linalg.norm(known))
 
@@ -208,11 +208,13 @@ class ShapeResidual(PairResidual):
         weights.check_size(count, f"the sensors of mode {pair.label}")
         weights = self._with_placement(pair, weights, test)
         errors, slopes, kept = scaled_difference(pair.shape[at], pair.shape_gradient[at], test, self.scaling)
-        own = weights.of(which[kept])
-        values, slopes = own.whiten(errors, slopes)
+        weights_of_pair = weights.of(which[kept])
+        values, slopes = weights_of_pair.whiten(errors, slopes)
         lost = pair.turned + (self.scaling in _FROM_THE_SHAPE)
-        covariance = self._covariance(test, weights, which, own)
-        block = self.block(pair.case.name, pair.label, values, slopes, own.scale, lost=lost, covariance=covariance)
+        covariance = self._covariance(test, weights, which, weights_of_pair)
+        block = self.block(
+            pair.case.name, pair.label, values, slopes, weights_of_pair.scale, lost=lost, covariance=covariance
+        )
         return block.whitened() if self.weights == "test" else block
 
     def _given(self, test: Reals) -> Weights:
@@ -261,7 +263,7 @@ class ShapeResidual(PairResidual):
         return Weights(covariance=root @ root.T + added)
 
     def _covariance(self, test: Reals, weights: Weights, which: Places, own: Weights) -> Reals | None:
-        """Covariance of the residuals; None where it is the identity, but for what is lost to the scale."""
+        """Covariance of the residuals; None if it is the identity, but for what is lost to the scale."""
         if self.scaling == "mass" or (self.scaling in _FROM_THE_SHAPE and weights.size is None):
             return None
         known = np.flatnonzero(~np.isnan(test))
@@ -281,7 +283,7 @@ class ShapeResidual(PairResidual):
 
 
 class StrainResidual(ShapeResidual):
-    """The same of strain shapes: of those sensors of the test that are strain gauges."""
+    """The same for strain shapes, at the sensors of the test that are strain gauges."""
 
     key = "strain"
     label = RESIDUALS[key].label

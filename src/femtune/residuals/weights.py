@@ -52,7 +52,7 @@ class IdentifiedValues:
 
 @dataclass(frozen=True, eq=False)
 class LineSamples:
-    """Where the values of a block come from: measured complex values at frequency lines, which a bootstrap draws from.
+    """Origin of the values of a block: measured complex values at frequency lines, from which a bootstrap draws.
 
     Parameters
     ----------
@@ -94,10 +94,10 @@ class ResidualBlock:
     of_mode : whether the block belongs to a test mode
     lost : number of combinations of the values that are zero whatever the noise, because the data themselves scale or
         complete what is compared
-    covariance : (n, n) covariance of the values where the data have the stated standard deviations; None where that is
+    covariance : (n, n) covariance of the values where the data have the stated standard deviations; None if that is
         the identity, but for the combinations that are lost
     not_normal : why the values have no normal distribution; "" where they have one, to first order
-    common : (n,) change of the values by a relative error of one that all values of the kind share; None where such an
+    common : (n,) change of the values by a relative error of 1 that all values of the kind share; None if such an
         error has no meaning
     poles : measured and computed poles that the values compare; none for other kinds
     """
@@ -190,7 +190,7 @@ class Weights:
             _check_covariance(np.asarray(self.covariance, dtype=float))
 
     def of(self, keep: ArrayLike) -> Weights:
-        """Of some of the values, by position."""
+        """Weights of some of the values, by position."""
         at = np.asarray(keep, dtype=int)
         if self.size is None or np.array_equal(at, np.arange(self.size)):
             return self

@@ -1,4 +1,4 @@
-"""A solver that is a command: one run in a folder of its own, tried again where that may help, and checked."""
+"""A solver that is a command: one run in a folder of its own, repeated if that may help, and checked."""
 
 from __future__ import annotations
 
@@ -28,11 +28,14 @@ from femtune.runs.template import InputFiles
 Values = Mapping[str, float]
 Keep = Literal["none", "failed", "all"]
 
-_LEAST_FREE = 1 << 20
-_MOST_SEARCHED = 1 << 26
+_LEAST_FREE_BYTES = 1 << 20
+"""Free space below which a run that failed did so because the disk is full."""
+_MOST_SEARCHED_BYTES = 1 << 26
 """Bytes at the end of a file in which error texts are searched."""
 _ASCENDING = 1e-6
-_SHOWN = 120
+"""Decrease from one frequency to the next, relative to the highest, that is rounding of the listing."""
+_SHOWN_CHARACTERS = 120
+"""Characters of a line of the output that a message shows."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class Checks:
     mass_tolerance: float = 0.01
 
     def fault(self, modes: SolvedModes) -> str:
-        """What is wrong with the modes; "" where nothing is."""
+        """What is wrong with the modes; "" if nothing is."""
         freq = modes.freq_hz
         if len(freq) < self.count:
             return f"{len(freq)} modes where {self.count} are expected"
@@ -158,10 +161,10 @@ class ExternalSolver:
 
     @cached_property
     def _program(self) -> str:
-        found = shutil.which(self.command[0])
-        if found is None:
+        program = shutil.which(self.command[0])
+        if program is None:
             raise FemtuneError("external.no-program", program=self.command[0])
-        return os.path.abspath(found)
+        return os.path.abspath(program)
 
     def key(self, values: Values) -> str:
         """Digest of all that the result depends on: input files, command, program, version, and what is read.
@@ -191,11 +194,11 @@ class ExternalSolver:
         failures: list[Failure] = []
         licence, others = self.licence_tries, self.retries + 1
         while licence > 0 and others > 0:
-            found = self._attempt(key, values, stop)
-            if isinstance(found, SolvedModes):
-                return RunOutcome(key, found, tuple(failures))
-            failures.append(found)
-            if found.kind is FailureKind.LICENCE:
+            result = self._attempt(key, values, stop)
+            if isinstance(result, SolvedModes):
+                return RunOutcome(key, result, tuple(failures))
+            failures.append(result)
+            if result.kind is FailureKind.LICENCE:
                 licence -= 1
                 if licence:
                     pause(self.licence_wait_s, stop)
@@ -211,15 +214,15 @@ class ExternalSolver:
         except RunInterruptedError:
             shutil.rmtree(folder, ignore_errors=True)
             raise
-        found = self._judged(folder, code)
-        failed = isinstance(found, Failure)
-        if failed and shutil.disk_usage(folder).free < _LEAST_FREE:
+        result = self._judged(folder, code)
+        failed = isinstance(result, Failure)
+        if failed and shutil.disk_usage(folder).free < _LEAST_FREE_BYTES:
             raise FemtuneError("external.folder/full", where=Where(str(folder)))
         if self.keep == "none" or (self.keep == "failed" and not failed):
             shutil.rmtree(folder, ignore_errors=True)
         else:
-            folders.end(folder, str(found) if isinstance(found, Failure) else "")
-        return found
+            folders.end(folder, str(result) if isinstance(result, Failure) else "")
+        return result
 
     def _new_folder(self, key: str, values: Values) -> Path:
         """A folder with the input files; another attempt of a run that was killed may still write into its own."""
@@ -282,7 +285,7 @@ def file_digest(path: str) -> str:
 def _end_of(path: Path) -> str:
     try:
         with path.open("rb") as stream:
-            stream.seek(max(path.stat().st_size - _MOST_SEARCHED, 0))
+            stream.seek(max(path.stat().st_size - _MOST_SEARCHED_BYTES, 0))
             return stream.read().decode("latin-1")
     except OSError:
         return ""
@@ -291,7 +294,7 @@ def _end_of(path: Path) -> str:
 def _last_said(log: str) -> str:
     """The last line that a solver printed, to be added to a sentence; "" where it printed nothing."""
     lines = [line for line in map(str.strip, log.splitlines()) if line]
-    return f"; its last line was: {lines[-1][:_SHOWN]}" if lines else ""
+    return f"; its last line was: {lines[-1][:_SHOWN_CHARACTERS]}" if lines else ""
 
 
 def _line_with(texts: list[str], patterns: tuple[str, ...]) -> str:
@@ -301,7 +304,7 @@ def _line_with(texts: list[str], patterns: tuple[str, ...]) -> str:
             at = text.find(pattern)
             if pattern and at >= 0:
                 begin, end = text.rfind("\n", 0, at) + 1, text.find("\n", at)
-                return text[begin : end if end >= 0 else None].strip()[:_SHOWN]
+                return text[begin : end if end >= 0 else None].strip()[:_SHOWN_CHARACTERS]
     return ""
 
 
@@ -344,8 +347,12 @@ class FunctionSolver:
         """Call the function once; what it raises is a failure."""
         key = self.key(values)
         try:
-            found = self.function({name: float(values[name]) for name in self.names})
-            modes = found if isinstance(found, SolvedModes) else SolvedModes.of_frequencies(np.asarray(found, float))
+            returned = self.function({name: float(values[name]) for name in self.names})
+            modes = (
+                returned
+                if isinstance(returned, SolvedModes)
+                else SolvedModes.of_frequencies(np.asarray(returned, float))
+            )
             fault = self.checks.fault(modes)
         except Exception as error:
             return RunOutcome(key, None, (Failure(FailureKind.EXIT_CODE, f"{type(error).__name__}: {error}"),))

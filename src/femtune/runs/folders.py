@@ -21,9 +21,10 @@ from femtune.runs.process import is_alive
 FACTS_FILE = "femtune_run.json"
 """What femtune writes into the folder of every run, beside its input files."""
 _NAME = re.compile(r"[0-9a-f]{16}-[A-Za-z0-9_]+")
-_MOST_BYTES = 1 << 20
+_LARGEST_FACTS_BYTES = 1 << 20
+"""Size above which a file of that name is not one of femtune."""
 _LATE_S = 3600.0
-"""After the time-out of a run on another machine, when its folder is taken as that of an interrupted run."""
+"""Time beyond twice the time limit after which a run on another machine counts as interrupted."""
 
 
 def begin(folder: Path, key: str, values: Mapping[str, float]) -> None:
@@ -66,10 +67,10 @@ def clean(parent: Path, most_failed: int, timeout_s: float) -> None:
 def _folders(parent: Path) -> Iterator[tuple[Path, Mapping[str, Any]]]:
     """Folders that femtune has made, with what is known of them; nothing else is ever removed."""
     try:
-        found = [p for p in parent.iterdir() if _NAME.fullmatch(p.name) and p.is_dir() and not p.is_symlink()]
+        candidates = [p for p in parent.iterdir() if _NAME.fullmatch(p.name) and p.is_dir() and not p.is_symlink()]
     except OSError:
         return
-    for folder in found:
+    for folder in candidates:
         facts = _facts(folder)
         if str(facts.get("key", ""))[:16] == folder.name[:16]:
             yield folder, facts
@@ -78,12 +79,12 @@ def _folders(parent: Path) -> Iterator[tuple[Path, Mapping[str, Any]]]:
 def _facts(folder: Path) -> Mapping[str, Any]:
     path = folder / FACTS_FILE
     try:
-        if path.is_symlink() or path.stat().st_size > _MOST_BYTES:
+        if path.is_symlink() or path.stat().st_size > _LARGEST_FACTS_BYTES:
             return {}
-        found = json.loads(path.read_text(encoding="utf-8"))
+        facts = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return facts if isinstance(facts, dict) else {}
 
 
 def _number(value: object) -> float:

@@ -8,6 +8,9 @@ from femtune.errors import FemtuneError
 from femtune.runs.external import Solver, Values
 from femtune.runs.outcome import RunOutcome
 
+_RIGID = 1e-3
+"""Frequency relative to the highest below which a difference is relative to this part of the highest."""
+
 
 def check_repeatable(solver: Solver, values: Values, known: RunOutcome, tolerance: float = 1e-6) -> float:
     """Run a point that is known once more; the largest relative difference of its frequencies.
@@ -36,7 +39,7 @@ def compare_repeated(values: Values, known: RunOutcome, again: RunOutcome, toler
         raise FemtuneError(
             "external.not-repeatable/count", values={"point": described(values)}, one=len(one), other=len(other)
         )
-    scale = np.maximum(np.abs(one), 1e-3 * np.abs(one).max(initial=0.0))
+    scale = np.maximum(np.abs(one), _RIGID * np.abs(one).max(initial=0.0))
     noise = np.abs(other - one) / np.where(scale > 0.0, scale, 1.0)
     worst = int(np.argmax(noise))
     if noise[worst] > tolerance:

@@ -1,4 +1,4 @@
-"""Many runs: side by side, each point once, and what the journal has not at all."""
+"""Many runs side by side: each point once, and none that the journal has."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def evaluate(
     keys = [solver.key(values) for values in points]
     known: dict[str, RunOutcome] = {}
     for key in dict.fromkeys(keys):
-        found = None if keeper is None else keeper.recall(key)
-        if found is not None:
-            known[key] = found
+        outcome = None if keeper is None else keeper.recall(key)
+        if outcome is not None:
+            known[key] = outcome
     first = {key: i for i, key in reversed(list(enumerate(keys)))}
     wanted = [key for key in dict.fromkeys(keys) if key not in known]
 

@@ -109,9 +109,9 @@ class Template:
         parts.append(text[at:])
         for line, rest in enumerate(_PLACEHOLDER.sub("", text).split("\n"), start=1):
             if "{{" in rest:
-                found, place = rest[rest.index("{{") :][:40], Where(where.file, line)
+                malformed, place = rest[rest.index("{{") :][:40], Where(where.file, line)
                 with errors.catch():
-                    raise FemtuneError("external.placeholder/malformed", where=place, text=found)
+                    raise FemtuneError("external.placeholder/malformed", where=place, text=malformed)
         errors.raise_if_any()
         return cls(name, tuple(parts), where)
 

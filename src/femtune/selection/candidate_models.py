@@ -31,7 +31,7 @@ Group = tuple[str, ...]
 
 @dataclass(frozen=True, eq=False)
 class CandidateFit:
-    """What a candidate reaches at its optimum.
+    """The optimum of a candidate.
 
     Parameters
     ----------
@@ -159,11 +159,11 @@ def _weights(logarithms: Reals) -> Reals:
 
 def _clusters(distances: Reals, admissible: Flags, chi2: Reals, reach: float) -> Integers:
     """Clusters by average linkage, numbered by their least objective."""
-    found = np.zeros(len(distances), dtype=np.int64)
+    cluster_of = np.zeros(len(distances), dtype=np.int64)
     chosen = np.flatnonzero(admissible)
     if len(chosen) < 2:
-        found[chosen] = 1
-        return found
+        cluster_of[chosen] = 1
+        return cluster_of
     # a tenth of a second that only candidates need
     from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415
     from scipy.spatial.distance import squareform  # noqa: PLC0415
@@ -171,8 +171,8 @@ def _clusters(distances: Reals, admissible: Flags, chi2: Reals, reach: float) ->
     tree = linkage(squareform(distances[np.ix_(chosen, chosen)], checks=False), "average")
     labels = fcluster(tree, reach, "distance")
     order = list(dict.fromkeys(labels[np.argsort(chi2[chosen], kind="stable")]))
-    found[chosen] = [order.index(label) + 1 for label in labels]
-    return found
+    cluster_of[chosen] = [order.index(label) + 1 for label in labels]
+    return cluster_of
 
 
 def subsets(groups: Sequence[Group], least: int, most: int) -> Iterator[tuple[Group, ...]]:
@@ -188,5 +188,5 @@ def subsets(groups: Sequence[Group], least: int, most: int) -> Iterator[tuple[Gr
 
 
 def subset_count(groups: int, least: int, most: int) -> int:
-    """How many sets `subsets` gives."""
+    """Number of sets of `subsets`."""
     return sum(comb(groups, size) for size in range(least, most + 1))

@@ -15,9 +15,15 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 
-NO_EFFECT, NO_SHARE = 0.1, 1e-3
+NO_EFFECT = 0.1
+"""Change of all residuals together, in standard deviations, by one prior standard deviation along a combination, that
+the data do not see."""
+NO_SHARE = 1e-3
+"""The same relative to that of the best determined combination."""
 ROUNDING = 1e-9
-_STARTS = 8
+"""Singular value, and part of a residual, that is rounding."""
+_VARIMAX_STARTS = 8
+"""Random rotations that a varimax rotation starts from: it has local maxima."""
 
 
 def determined(singular_values: Reals) -> NDArray[np.bool_]:
@@ -25,7 +31,8 @@ def determined(singular_values: Reals) -> NDArray[np.bool_]:
 
     One prior standard deviation along an undetermined combination changes all residuals together by less than
     NO_EFFECT of their standard deviation, and by less than NO_SHARE of what the best determined one does (so that
-    residuals with unit weights, whose size says nothing, are not called blind). What is below ROUNDING is none.
+    residuals with unit weights, whose size has no meaning, are not called blind). Singular values below ROUNDING count
+    as zero.
     """
     s = singular_values
     return np.asarray((s > NO_EFFECT) | (s > max(NO_SHARE * s.max(initial=0.0), ROUNDING)))
@@ -54,7 +61,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a Jacobian says about k parameters.
+    """What the data determine about k parameters, from a Jacobian.
 
     Parameters
     ----------
@@ -141,7 +148,7 @@ def sparse_basis(vectors: Reals) -> Reals:
         return np.array([_signed(row) for row in vectors]).reshape(vectors.shape)
     # the criterion has saddles, (1, 1) and (1, −1) for one, so that it is climbed from several turned bases
     rng = np.random.default_rng(0)
-    starts = [np.linalg.qr(rng.standard_normal((m, m)))[0] for _ in range(_STARTS)]
+    starts = [np.linalg.qr(rng.standard_normal((m, m)))[0] for _ in range(_VARIMAX_STARTS)]
     found = [_varimax(vectors, start) for start in starts]
     basis = max(found, key=lambda rows: float((rows**4).sum()))
     basis[np.abs(basis) < 1e-3] = 0.0
@@ -170,14 +177,19 @@ def _signed(v: Reals) -> Reals:
 # Identifiability in sentences.
 
 
-_WELL, _PARTLY, _SMALL = 1 / 3, 2 / 3, 0.1
+_WELL_DETERMINED = 1 / 3
+"""Posterior to prior standard deviation below which the data determine a parameter."""
+_PARTLY_DETERMINED = 2 / 3
+"""The same, below which they determine it partly."""
+_SMALL_COEFFICIENT = 0.1
+"""Coefficient of a combination relative to the largest, below which its parameter is not named."""
 
 
 def verdict(reduction: float) -> str:
     """Verdict on one parameter by its posterior to prior ratio."""
-    if reduction < _WELL:
+    if reduction < _WELL_DETERMINED:
         return "determined by the data"
-    if reduction < _PARTLY:
+    if reduction < _PARTLY_DETERMINED:
         return "partly determined: bounds or prior still affect it"
     return "weakly determined: mostly bounds or prior"
 
@@ -185,7 +197,7 @@ def verdict(reduction: float) -> str:
 def combination_text(names: tuple[str, ...], combination: Combination) -> str:
     """Such as ``+0.71 Icx2 −0.50 Ibx1``, small coefficients left out, in prior standard deviations."""
     c: NDArray = combination.coefficients
-    order = [i for i in np.argsort(-np.abs(c)) if abs(c[i]) >= _SMALL * np.abs(c).max()]
+    order = [i for i in np.argsort(-np.abs(c)) if abs(c[i]) >= _SMALL_COEFFICIENT * np.abs(c).max()]
     return " ".join(f"{'+' if c[i] > 0 else '−'}{abs(c[i]):.2f} {names[i]}" for i in order)
 
 
@@ -210,7 +222,8 @@ def _count(m: int) -> str:
 def undetermined_sentence(result: Identifiability, c: Combination) -> str:
     """What an undetermined combination means for its parameters, and what helps."""
     together = [
-        result.names[i] for i in np.flatnonzero(np.abs(c.coefficients) >= _SMALL * np.abs(c.coefficients).max())
+        result.names[i]
+        for i in np.flatnonzero(np.abs(c.coefficients) >= _SMALL_COEFFICIENT * np.abs(c.coefficients).max())
     ]
     if len(together) == 1:
         return f"{together[0]} has no effect on the measured quantities: fix it, or measure a quantity that it affects."

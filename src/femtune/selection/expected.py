@@ -23,16 +23,19 @@ from femtune.selection.information import KNOWN
 
 TOGETHER = 0.9
 """Absolute correlation from which a combination of parameters is known much better than each."""
-_DRAWS = 200
+_NOISE_DRAWS = 200
+"""Draws of the noise of an identified test: variances are known to 10 %."""
 _BY_CHANCE = 0.01
 """Significance level above which the residuals are larger than the noise of an identified test makes them."""
-_SHARE = 0.1
+_SMALL_COEFFICIENT = 0.1
+"""Coefficient of an undetermined combination, relative to the largest one, below which its parameter is not named."""
 _NO_PART = 1e-6
+"""Coefficient of orthonormal directions that is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExpectedKnowledge:
-    """Of k parameters, in normalised units.
+    """Expected standard deviations of k parameters, in normalised units.
 
     Parameters
     ----------
@@ -68,7 +71,7 @@ class ExpectedKnowledge:
     def groups(self) -> tuple[tuple[str, ...], ...]:
         """Parameters that are correlated by more than TOGETHER with another one of their group."""
         near = np.abs(self.correlation) >= TOGETHER
-        left, found = list(range(len(self.names))), []
+        left, grouped = list(range(len(self.names))), []
         while left:
             group, ahead = {left[0]}, [left[0]]
             while ahead:
@@ -77,14 +80,15 @@ class ExpectedKnowledge:
                 ahead += sorted(new)
             left = [j for j in left if j not in group]
             if len(group) > 1:
-                found.append(tuple(self.names[j] for j in sorted(group)))
-        return tuple(found)
+                grouped.append(tuple(self.names[j] for j in sorted(group)))
+        return tuple(grouped)
 
     @property
     def open(self) -> tuple[tuple[str, ...], ...]:
         """Parameters of each combination that the data leave open."""
         return tuple(
-            tuple(n for n, c in zip(self.names, row) if abs(c) >= _SHARE * np.abs(row).max()) for row in self.null
+            tuple(n for n, c in zip(self.names, row) if abs(c) >= _SMALL_COEFFICIENT * np.abs(row).max())
+            for row in self.null
         )
 
     def select(self, which: Flags) -> ExpectedKnowledge:
@@ -92,14 +96,14 @@ class ExpectedKnowledge:
         if which.all():
             return self
         names = tuple(n for n, w in zip(self.names, which) if w)
-        null = self.null[(np.abs(self.null[:, ~which]) < _SHARE).all(axis=1)][:, which]
+        null = self.null[(np.abs(self.null[:, ~which]) < _SMALL_COEFFICIENT).all(axis=1)][:, which]
         return replace(
             self, names=names, prior_sd=self.prior_sd[which], together=self.together[which], alone=self.alone[which],
             correlation=self.correlation[np.ix_(which, which)], null=null, noise=None,
         )  # fmt: skip
 
     def sentences(self, percent: Reals) -> list[str]:
-        """In words; `percent` (k,) are the standard deviations in % of the values."""
+        """Sentences; `percent` (k,) are the standard deviations in % of the values."""
         if not self.names:
             return []
         known = [f"{n} (±{p:.2g} %)" for n, p, k in zip(self.names, percent, self.known) if k]
@@ -130,7 +134,7 @@ class ExpectedKnowledge:
 def expected_knowledge(
     at: Evaluation, prior_sd: Reals, names: tuple[str, ...], size: float = 1.0, *, updated: bool = False
 ) -> ExpectedKnowledge:
-    """What the data of an evaluation would tell of its parameters.
+    """Information in the data of an evaluation about its parameters.
 
     Parameters
     ----------
@@ -157,7 +161,7 @@ def expected_knowledge(
     lengths = np.sum(S**2, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         alone = np.where(lengths > 0.0, np.sqrt(np.diag(noise)) / lengths, np.inf)
-    # what does not move has no spread, whatever the data tell
+    # what does not move has no spread, whatever the data are
     together, alone = (np.where(prior_sd > 0.0, x, 0.0) * prior_sd for x in (np.where(open_, np.inf, sd), alone))
     correlation = covariance / np.outer(safe, safe)
     own = noise if measured else None
@@ -177,14 +181,14 @@ def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:
     rows, left = np.split(S, ends[1:-1]), np.split(at.residuals, ends[1:-1])
     identified = [b.samples is not None and b.samples.identified is not None for b in at.weighted]
     mine = [i for i, is_so in enumerate(identified) if is_so]
-    own = np.concatenate([rows[i] for i in mine])
+    jacobian_rows = np.concatenate([rows[i] for i in mine])
     # an orthonormal basis of what the parameters can do to these residuals
-    basis = np.linalg.qr(own @ directions.T)[0]
-    sums, squares = np.zeros((_DRAWS, S.shape[1])), np.zeros(_DRAWS)
-    for i in range(_DRAWS):
+    basis = np.linalg.qr(jacobian_rows @ directions.T)[0]
+    sums, squares = np.zeros((_NOISE_DRAWS, S.shape[1])), np.zeros(_NOISE_DRAWS)
+    for i in range(_NOISE_DRAWS):
         changes = drawn_changes(at.weighted, "noise", np.random.default_rng(i))
         found = np.concatenate([change for change in changes if change is not None])
-        sums[i] = found @ own
+        sums[i] = found @ jacobian_rows
         squares[i] = _square_outside(found, basis)
     others = sum((rows[i].T @ rows[i] for i, is_so in enumerate(identified) if not is_so), np.zeros((S.shape[1],) * 2))
     square = _square_outside(np.concatenate([left[i] for i in mine]), basis)

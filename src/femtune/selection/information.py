@@ -21,7 +21,7 @@ KNOWN = 1.0 / 3.0
 
 @dataclass(frozen=True)
 class Information:
-    """Of k parameters, all in units of their prior standard deviations.
+    """Fisher information on k parameters in units of their prior standard deviations.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Information:
 
 
 def fisher_information(S: Reals, names: tuple[str, ...]) -> Information:
-    """Of the scaled Jacobian S (n, k)."""
+    """Computed from the scaled Jacobian S (n, k)."""
     F, k = S.T @ S, S.shape[1]
     size = np.linalg.norm(S, axis=0)
     with np.errstate(divide="ignore"):
@@ -127,7 +127,8 @@ ALIKE = 0.95
 """Absolute cosine above which two parameters have nearly the same effect."""
 STRONG = 30.0
 """Condition index from which Belsley calls a near dependence strong."""
-_SHARE = 0.5
+_HIGH_SHARE = 0.5
+"""Variance share from which a parameter takes part in a near dependence (Belsley, Kuh and Welsch 1980)."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ class Collinearity:
 
     @property
     def pairs(self) -> tuple[tuple[str, str, float], ...]:
-        """Pairs of parameters with nearly the same effect, the most similar first."""
+        """Pairs of parameters with nearly the same effect, most similar first."""
         i, j = np.triu_indices(len(self.names), 1)
         found = [(int(a), int(b)) for a, b in zip(i, j) if abs(self.cosine[a, b]) >= ALIKE]
         found.sort(key=lambda p: -abs(self.cosine[p]))
@@ -163,14 +164,14 @@ class Collinearity:
         """Near dependences: condition index, and the parameters more than half of whose variance comes from it."""
         out = []
         for i in np.flatnonzero(self.condition_index >= STRONG)[::-1]:
-            names = tuple(n for n, share in zip(self.names, self.variance_share[i]) if share >= _SHARE)
+            names = tuple(n for n, share in zip(self.names, self.variance_share[i]) if share >= _HIGH_SHARE)
             if len(names) > 1:
                 out.append((float(self.condition_index[i]), names))
         return tuple(out)
 
 
 def collinearity(S: Reals, names: tuple[str, ...]) -> Collinearity:
-    """Of the scaled Jacobian S (n, k), columns in prior and rows in residual standard deviations."""
+    """Computed from the scaled Jacobian S (n, k), columns in prior and rows in residual standard deviations."""
     effect = np.linalg.norm(S, axis=0)
     used = effect > 1e-12 * effect.max(initial=0.0)
     unit = S / np.where(used, effect, 1.0) * used
@@ -197,11 +198,12 @@ def _directions(unit: Reals) -> tuple[Reals, Reals]:
 # Collinearity, information and subset selection in sentences.
 
 
-_MOST = 5
+_MOST_NAMED = 5
+"""Pairs and dependences that are named."""
 
 
 def measure_sentences(alike: Collinearity, information: Information, subset: Subset) -> list[str]:
-    """The measures in sentences, the most useful first; empty without parameters."""
+    """The measures in sentences, most useful first; empty without parameters."""
     if not alike.names:
         return []
     return [*_of_subset(subset), *_of_pairs(alike), *_of_dependences(alike), *_of_information(information)]
@@ -248,7 +250,7 @@ def _chance(p: float) -> str:
 def _of_pairs(alike: Collinearity) -> list[str]:
     return [
         f"{a} and {b} have nearly the same effect (cosine {c:+.3f}): tie them, or leave one out."
-        for a, b, c in alike.pairs[:_MOST]
+        for a, b, c in alike.pairs[:_MOST_NAMED]
     ]
 
 
@@ -257,7 +259,7 @@ def _of_dependences(alike: Collinearity) -> list[str]:
     listed_pairs = {frozenset((a, b)) for a, b, _ in alike.pairs}
     return [
         f"The effects of {_few(names)} are nearly linearly dependent (condition index {index:.0f})."
-        for index, names in alike.dependences[:_MOST]
+        for index, names in alike.dependences[:_MOST_NAMED]
         if frozenset(names) not in listed_pairs
     ]
 

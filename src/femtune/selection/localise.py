@@ -28,7 +28,7 @@ from femtune.selection.energies import element_energies
 
 @dataclass(frozen=True)
 class ResidualEnergy:
-    """Where a measured mode contradicts the model.
+    """Places where a measured mode contradicts the model.
 
     Parameters
     ----------

@@ -18,8 +18,19 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 
-_EXACT, _CLEAR, _FAR = 1e-10, 0.25, 0.1
-_INSENSITIVE, _ROUNDING, _ALIKE = 1e-12, 1e-14, 1e-7
+_EXACT_DISTANCE = 1e-10
+"""Distance of an effect from the space of the measured covariance that is rounding; margins are ratios of distances."""
+_CLEAR_MARGIN = 0.25
+"""Ratio of the distances on both sides of a gap, up to which the gap separates parameters."""
+_FAR_DISTANCE = 0.1
+"""Distance beyond which effects do not lie near the space, whatever the gap."""
+_INSENSITIVE = 1e-12
+"""Size of an effect relative to the largest, at or below which a parameter has none."""
+_ROUNDING = 1e-14
+"""Eigenvalue of a covariance relative to the largest, and share of the variance, that is rounding of a double."""
+_DEPENDENT = 1e-7
+"""Singular value of unit effects relative to the largest, at or below which they are dependent: half of the digits of a
+double."""
 
 
 @dataclass(frozen=True)
@@ -55,22 +66,22 @@ class CosineDistances:
     @property
     def clear(self) -> bool:
         """True where a gap separates the varying parameters from the others, and they lie near the space."""
-        return self.margin <= _CLEAR and self.threshold <= _FAR
+        return self.margin <= _CLEAR_MARGIN and self.threshold <= _FAR_DISTANCE
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """The verdict, and what it does not cover."""
         which = ", ".join(self.scatters) or "none"
-        found = f"The output covariance has rank {self.rank}; these parameters explain it: {which}."
+        sentence = f"The output covariance has rank {self.rank}; these parameters explain it: {which}."
         if not self.clear:
-            found = (
+            sentence = (
                 f"The output covariance does not clearly identify a set of these parameters; the nearest are {which}. "
                 "A parameter that varies is not among the candidates, or the variations are too large for "
                 "first-order sensitivities."
             )
         blind = [n for n, yes in zip(self.names, self.insensitive) if yes]
         return (
-            found,
+            sentence,
             *([f"No output depends on {', '.join(blind)}; the data give no information on them."] if blind else []),
         )
 
@@ -104,11 +115,11 @@ def cosine_distances(
     blind = np.where(values == 0.0, size == 0.0, size <= _INSENSITIVE * size[values != 0.0].max(initial=0.0))
     if blind.all():
         raise FemtuneError("select.covariance/no-effect", values={"parameters": ", ".join(names)})
-    unit, own = S / np.where(blind, 1.0, size), np.flatnonzero(~blind)
-    tried = [_at_rank(C, unit[:, own], r) for r in (_possible(C, own) if rank is None else [rank])]
+    unit, sensitive = S / np.where(blind, 1.0, size), np.flatnonzero(~blind)
+    tried = [_at_rank(C, unit[:, sensitive], r) for r in (_possible(C, sensitive) if rank is None else [rank])]
     best = min(tried, key=lambda t: t.margin * max(t.unexplained, _ROUNDING))
     distance = np.zeros(len(names))
-    distance[own] = best.distance
+    distance[sensitive] = best.distance
     eigenvalues = np.maximum(np.linalg.eigvalsh(C)[::-1], 0.0)
     return CosineDistances(
         names, distance, blind, best.rank, best.threshold, best.margin, best.unexplained, eigenvalues
@@ -161,10 +172,10 @@ def _at_rank(C: Reals, unit: Reals, rank: int) -> _Tried:
     """
     distance = _distances(np.linalg.eigh(C)[1][:, ::-1][:, :rank], unit)
     order = np.argsort(distance)
-    ranks = [np.linalg.matrix_rank(unit[:, order[: n + 1]], _ALIKE) for n in range(len(order))]
+    ranks = [np.linalg.matrix_rank(unit[:, order[: n + 1]], _DEPENDENT) for n in range(len(order))]
     count = int(np.searchsorted(ranks, rank, side="right"))
-    inside = max(float(distance[order[count - 1]]), _EXACT)
-    outside = max(float(distance[order[count]]) if count < len(order) else 1.0, _EXACT)
+    inside = max(float(distance[order[count - 1]]), _EXACT_DISTANCE)
+    outside = max(float(distance[order[count]]) if count < len(order) else 1.0, _EXACT_DISTANCE)
     left = _left(C, unit[:, order[:count]])
     return _Tried(rank, distance, float(np.sqrt(inside * outside)), inside / outside, left)
 
@@ -172,7 +183,7 @@ def _at_rank(C: Reals, unit: Reals, rank: int) -> _Tried:
 def _left(C: Reals, columns: Reals) -> float:
     """Share of the covariance outside the span of columns."""
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
-    u = u[:, s > _ALIKE * s[0]]
+    u = u[:, s > _DEPENDENT * s[0]]
     return max(0.0, 1.0 - float(np.trace(u.T @ C @ u) / np.trace(C)))
 
 

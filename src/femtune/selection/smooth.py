@@ -76,14 +76,14 @@ def smoothness(
     rules: SmoothnessRules = DEFAULT_SMOOTHNESS,
     report: Callable[[int, int], None] | None = None,
 ) -> tuple[Smoothness, ...]:
-    """Of each free parameter within its bounds, the others at the start.
+    """Smoothness along each free parameter within its bounds, the others at the start.
 
     Parameters
     ----------
     start : at which the pairing of modes is that of the others
     report : called with the number of parameters that are done, and of all
     """
-    found = []
+    jumps = []
     scale = start.objective or 1.0
     names = [p.name for p in problem.parameters.free]
     for i, name in enumerate(names):
@@ -100,8 +100,8 @@ def smoothness(
                 return None
             return there.objective / scale, float(there.residuals @ there.jacobian[:, i]) / scale
 
-        found.append(line_smoothness(name, along, float(lower), float(upper), rules))
-    return tuple(found)
+        jumps.append(line_smoothness(name, along, float(lower), float(upper), rules))
+    return tuple(jumps)
 
 
 def line_smoothness(
@@ -111,11 +111,11 @@ def line_smoothness(
     upper: float,
     rules: SmoothnessRules = DEFAULT_SMOOTHNESS,
 ) -> Smoothness:
-    """Of one misfit along a line.
+    """Smoothness of one misfit along a line.
 
     Parameters
     ----------
-    along : x -> misfit and its slope; None where there is no solution
+    along : x -> misfit and its slope; None if there is no solution
 
     Examples
     --------
@@ -208,7 +208,7 @@ class _Line:
 
 def _minima(x: Reals, values: Reals, depth: float) -> Reals:
     """Values of x at minima that are separated by more than a part of the range of the values."""
-    found: list[int] = []
+    minima: list[int] = []
     if len(x) < 2:
         return x[:0]
     least = depth * float(np.ptp(values))
@@ -218,12 +218,12 @@ def _minima(x: Reals, values: Reals, depth: float) -> Reals:
         if falling:
             lowest = i if value < values[lowest] else lowest
             if value > values[lowest] + least:
-                found.append(lowest)
+                minima.append(lowest)
                 falling, highest = False, i
         else:
             highest = i if value > values[highest] else highest
             if value < values[highest] - least:
                 falling, lowest = True, i
     if falling:
-        found.append(lowest)
-    return np.asarray(x[found])
+        minima.append(lowest)
+    return np.asarray(x[minima])

@@ -24,8 +24,12 @@ from scipy.special import chdtrc, fdtrc, fdtri
 
 from femtune.arrays import Reals
 
-_INDEPENDENT, _FULL = 1e-8, 1e-12
+_INDEPENDENT = 1e-8
+"""Part of a column outside those taken before, at or below which it is dependent on them."""
+_EXACT_FIT = 1e-12
+"""Share of the squares of the residuals that a fit exact but for rounding leaves."""
 _DIRECTIONS = 10_000
+"""Random directions for the distribution of the largest of several shares: probabilities are known to ± 0.5 %."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,7 @@ def _against_all(squares: Reals, r: Reals, lost: int) -> tuple[Reals, int]:
     freedom, gains = len(r) - lost - len(squares) + 1, squares[:-1] - squares[1:]
     if freedom < 1:
         return gains, 0
-    left = max(float(squares[-1]), _FULL * float(r @ r)) / freedom
+    left = max(float(squares[-1]), _EXACT_FIT * float(r @ r)) / freedom
     return (gains / left if left > 0.0 else np.zeros_like(gains)), freedom
 
 
@@ -211,7 +215,7 @@ def _f_value(S: Reals, r: Reals, fewer: list[int], more: list[int], freedom: int
         return float("nan")
     gain, left = _square(S, r, fewer) - _square(S, r, more), _square(S, r, more)
     # a fit that is exact but for rounding has no mean square to compare with
-    left = max(left, _FULL * float(r @ r))
+    left = max(left, _EXACT_FIT * float(r @ r))
     return float(gain * freedom / left) if left > 0.0 else 0.0
 
 
@@ -252,7 +256,7 @@ def _largest_shares(unit: Reals) -> Reals:
 
 
 def _chance_of_gain(unit: Reals, value: float, freedom: int) -> float:
-    """Of a larger gain by a mean square that is independent of it, with degrees of freedom; 0: the variance is one."""
+    """Probability of a larger gain over an independent mean square with these degrees of freedom; 0: variance 1."""
     space = len(unit)
     needed = max(value, 0.0) / _largest_shares(unit)
     tail = chdtrc(space, needed) if freedom < 1 else fdtrc(space, freedom, needed / space)
@@ -260,7 +264,7 @@ def _chance_of_gain(unit: Reals, value: float, freedom: int) -> float:
 
 
 def _chance_of_ratio(unit: Reals, value: float, dimension: int) -> float:
-    """Of a larger gain by the mean square left after it, in a space of this dimension; NaN where nothing is left."""
+    """Probability of a larger gain over the mean square left after it, in a space of this dimension; NaN if it is 1."""
     space, freedom = len(unit), dimension - 1
     if freedom < 1:
         return float("nan")

@@ -1,1 +1,28 @@
 """The steps of a project, a folder each; what several steps share is beside the folders."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from femtune.steps.step import Section, Step
+
+NAMES = (
+    "init", "check", "info", "modes", "view", "respond", "plan", "identify", "correlate", "compare", "select",
+    "quantify", "update", "equalise", "specimens", "screen", "search", "candidates", "bootstrap", "vibration",
+    "validate", "write", "run", "report",
+)  # fmt: skip
+"""Folders of the steps, in the order in which they are listed."""
+
+
+@cache
+def all_steps() -> tuple[Step, ...]:
+    """Every step, as its folder declares it."""
+    return tuple(import_module(f"femtune.steps.{name}.step").STEP for name in NAMES)
+
+
+def report_sections() -> tuple[Section, ...]:
+    """The sections of the report of a run, in their order."""
+    return tuple(sorted((section for step in all_steps() for section in step.sections), key=lambda s: s.place))

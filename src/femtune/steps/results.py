@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from femtune.docstrings import attribute_docstrings
 from femtune.steps.bootstrap.record import BootstrapResults
 from femtune.steps.candidates.record import CandidatesResults
 from femtune.steps.correlate.record.correlation import CorrelationResults
@@ -26,7 +27,7 @@ from femtune.steps.update.record.update import ParameterFacts, UpdateResults
 from femtune.steps.validate.record.validation import ValidationResults
 from femtune.steps.write.record import WriteBackResults
 from femtune.study.journal_record import JournalResults
-from femtune.study.record import Alert, CitationRecord, Provenance, Record, StudyFacts, descriptions
+from femtune.study.record import Alert, CitationRecord, Provenance, Record, StudyFacts
 
 if TYPE_CHECKING:
     from femtune.steps.info.record.checks import ModelCheck
@@ -118,7 +119,7 @@ def json_schema() -> dict[str, Any]:
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Results.model_json_schema()}
     for record in record_types():
         properties = (schema if record is Results else schema["$defs"][record.__name__])["properties"]
-        for name, text in descriptions(record).items():
+        for name, text in attribute_docstrings(record).items():
             properties[name]["description"] = text
     return schema
 

@@ -7,8 +7,8 @@ import re
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
+from femtune.docstrings import attribute_docstrings
 from femtune.steps.results import SCHEMA_VERSION, record_types
-from femtune.study.record import descriptions
 
 if TYPE_CHECKING:
     from femtune.study.record import Record
@@ -33,7 +33,7 @@ reads a folder. The page is written by `python -m femtune.steps.schema_page`.
 
 
 def _record_section(record: type[Record]) -> str:
-    texts = descriptions(record)
+    texts = attribute_docstrings(record)
     rows = [
         f"| `{name}` | {_type_text(field.annotation)} | {_in_json_words(texts.get(name, ''))} |"
         for name, field in record.model_fields.items()

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from femtune.fem import Structure
     from femtune.files.built_model import BuiltModel
     from femtune.files.study_file import StudyFile
-    from femtune.files.study_file.objects import Configuration, Parameter
+    from femtune.files.study_file.objects import Configuration
+    from femtune.files.study_file.parameter import Parameter
 
 _NAME = "Study"
 _OF_STUDY = ("title", "units", "allow_ignored", "journal", "journal_gib")
@@ -87,7 +88,7 @@ class Model:
 
 def _plain(value: Any) -> Any:
     """Objects as the data of a file; a study that is a file has none."""
-    from femtune.files.study_file.objects import plain  # noqa: PLC0415
+    from femtune.files.study_file.python_table import plain  # noqa: PLC0415
 
     return plain(value)
 

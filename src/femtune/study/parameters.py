@@ -33,10 +33,10 @@ if TYPE_CHECKING:
         ComponentEntry,
         DistributionEntry,
         NearTable,
-        ParameterEntry,
         PlanTable,
         StudyFile,
     )
+    from femtune.files.study_file.parameter import Parameter as ParameterEntry
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
-import itertools
-import textwrap
 from collections.abc import Iterator
-from functools import cache
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -58,24 +53,6 @@ def _short(value: object) -> object:
     if isinstance(value, str) and len(value) > _LONGEST_TEXT:
         return value[: _LONGEST_TEXT - 1] + "…"
     return value
-
-
-def descriptions(record: type[Record]) -> dict[str, str]:
-    """Description of each field from the source, by name of the field; only read for the schema."""
-    owners = reversed([c for c in record.__mro__ if issubclass(c, Record)])
-    return {name: text for owner in owners for name, text in _own_descriptions(owner)}
-
-
-@cache
-def _own_descriptions(owner: type[Record]) -> tuple[tuple[str, str], ...]:
-    found = []
-    (definition,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
-    assert isinstance(definition, ast.ClassDef)
-    for field, text in itertools.pairwise(definition.body):
-        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(text, ast.Expr):
-            assert isinstance(text.value, ast.Constant)
-            found.append((field.target.id, inspect.cleandoc(str(text.value.value))))
-    return tuple(found)
 
 
 class Alert(Record):

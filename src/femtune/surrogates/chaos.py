@@ -30,13 +30,13 @@ _MOST_CANDIDATES = 5000
 _PATIENCE = 10
 """Terms that are added after the smallest error so far before the selection ends."""
 _MOST_TERMS = 2.0 / 3.0
-"""Largest number of terms, as a part of the runs; the error of leaving out one run says nothing with more of them."""
+"""Largest number of terms, as a part of the runs; with more of them the leave-one-out error has no meaning."""
 _NEW = 1e-10
 """Part of a candidate that must be left beside the chosen ones."""
 _FOLDS = 10
 """Parts of the runs that are left out, one after the other, to find the error of a prediction."""
 _LEAST = 1e-12
-"""Of one less the leverage of a run, by which residuals are divided."""
+"""Smallest value of one minus the leverage of a run, by which residuals are divided."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class ChaosRules:
 
     @property
     def label(self) -> str:
-        """For messages."""
+        """Name in messages."""
         return "polynomial chaos"
 
     def least_runs(self, parameters: int) -> int:
@@ -62,7 +62,7 @@ class ChaosRules:
         return parameters + 3
 
     def fits(self, u: Reals, y: Reals) -> tuple[ChaosResponse, ...]:
-        """Of the responses (N, m) over scaled parameters (N, n)."""
+        """Fits of the responses (N, m) over scaled parameters (N, n)."""
         n = u.shape[1]
         highest = max(d for d in range(1, self.degree + 1) if d == 1 or comb(n + d, d) <= _MOST_CANDIDATES)
         every = products_up_to(n, highest)
@@ -108,18 +108,18 @@ class ChaosResponse:
     def curvatures(self, u: Reals) -> Reals:
         """(k, n, n) second derivatives."""
         product, n = LegendreProducts(self.degrees), u.shape[1]
-        found = np.empty((len(u), n, n), dtype=u.dtype)
+        curvatures = np.empty((len(u), n, n), dtype=u.dtype)
         for i, j in combinations_with_replacement(range(n), 2):
             orders = tuple(np.eye(n, dtype=int)[i] + np.eye(n, dtype=int)[j])
-            found[:, i, j] = found[:, j, i] = product.value(u, orders) @ self.coefficients
-        return found
+            curvatures[:, i, j] = curvatures[:, j, i] = product.value(u, orders) @ self.coefficients
+        return curvatures
 
     def spread(self, u: Reals) -> Reals:
         """(k,) standard deviation of a run: what the terms do not explain, and that of the coefficients."""
         return np.asarray(np.sqrt(self.variance * (1.0 + _added(self.factor, LegendreProducts(self.degrees).value(u)))))
 
     def again(self, u: Reals, y: Reals) -> ChaosResponse:
-        """Of other runs (N, n), (N,), with unchanged terms and variance; errors are those of leaving out one run."""
+        """The fit to other runs (N, n), (N,), with unchanged terms and variance; errors are leave-one-out errors."""
         values = LegendreProducts(self.degrees).value(u)
         coefficients, factor = _least_squares(y, values)
         kept = np.maximum(1.0 - _added(factor, values), _LEAST)
@@ -187,10 +187,10 @@ class LegendreProducts:
     def value(self, u: Reals, orders: tuple[int, ...] | None = None) -> Reals:
         """(k, t) products at points (k, n), or their partial derivatives of these orders."""
         highest = int(self.degrees.max(initial=0))
-        found = np.ones((len(u), len(self.degrees)), dtype=u.dtype)
+        product = np.ones((len(u), len(self.degrees)), dtype=u.dtype)
         for i, x in enumerate(u.T):
-            found = found * _polynomials(x, highest, 0 if orders is None else int(orders[i]))[:, self.degrees[:, i]]
-        return found
+            product = product * _polynomials(x, highest, 0 if orders is None else int(orders[i]))[:, self.degrees[:, i]]
+        return product
 
 
 def _polynomials(x: Reals, highest: int, order: int) -> Reals:

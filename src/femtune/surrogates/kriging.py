@@ -31,16 +31,20 @@ _JITTER = 1e-10
 _LENGTHS = (0.05, 50.0)
 """Range of the lengths, in edges of the box."""
 _MOST_NOISE = 10.0
+"""Largest variance of the noise over that of the process: the runs then say nothing beyond the trend."""
 _FIRST_LENGTH = 2.0
+"""Correlation length of the first start, in edges of the box: responses of models are smooth across it."""
 _FIRST_NOISE = 1e-4
+"""Relative variance of the noise of the first start: computed responses have little."""
 _TRIED = 8
 """Points at which the likelihood is computed for each hyperparameter, before the best are improved."""
 _MOST_STEPS = 100
+"""Steps of L-BFGS-B from each start at most; the best of several starts is taken."""
 
 
 @dataclass(frozen=True)
 class KrigingRules:
-    """How a surrogate is fitted.
+    """Options of Kriging.
 
     Parameters
     ----------
@@ -61,7 +65,7 @@ class KrigingRules:
 
     @property
     def label(self) -> str:
-        """For messages."""
+        """Name in messages."""
         return f"{self.trend} trend"
 
     def least_runs(self, parameters: int) -> int:
@@ -69,7 +73,7 @@ class KrigingRules:
         return term_count(parameters, self.trend) + 2
 
     def fits(self, u: Reals, y: Reals) -> tuple[KrigedResponse, ...]:
-        """Of the responses (N, m) over scaled parameters (N, n), each with its own hyperparameters."""
+        """Fits of the responses (N, m) over scaled parameters (N, n), each with separate hyperparameters."""
         return tuple(_fitted(u, column, self) for column in y.T)
 
 
@@ -138,14 +142,14 @@ class KrigedResponse:
         process = self._process
         near = np.zeros((len(u), len(self.runs))) if process is None else process.each(u)
         across = solve_triangular(self.factor, near.T, lower=True)
-        own = 0.0 if process is None else 1.0
+        process_variance = 0.0 if process is None else 1.0
         F = solve_triangular(self.factor, terms(self.runs, self.rules.trend), lower=True)
         added = solve_triangular(self.trend_factor, trend.T - F.T @ across, trans="T")
-        variance = own + self.noise - np.sum(across**2, axis=0) + np.sum(added**2, axis=0)
+        variance = process_variance + self.noise - np.sum(across**2, axis=0) + np.sum(added**2, axis=0)
         return np.asarray(np.sqrt(self.variance * np.maximum(variance, 0.0)))
 
     def again(self, u: Reals, y: Reals) -> KrigedResponse:
-        """Of other runs (N, n), (N,), with unchanged lengths and noise."""
+        """The fit to other runs (N, n), (N,), with unchanged lengths and noise."""
         likelihood = RestrictedLikelihood.of(u, y, self.rules)
         log = np.log(self.lengths) if likelihood.noise is not None else np.log([*self.lengths, self.noise])
         return likelihood.solved(log)[0]
@@ -168,7 +172,7 @@ class RestrictedLikelihood:
 
     @classmethod
     def of(cls, u: Reals, y: Reals, rules: KrigingRules) -> RestrictedLikelihood:
-        """By the rules."""
+        """The likelihood of responses under the rules."""
         kind = CORRELATIONS[rules.correlation].load()
         return cls(rules, u, y, terms(u, rules.trend), kind, None if rules.noise == "estimate" else _JITTER)
 

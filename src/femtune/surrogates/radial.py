@@ -115,7 +115,7 @@ class RadialRules:
 
     @property
     def label(self) -> str:
-        """For messages."""
+        """Name in messages."""
         return f"{self.kernel} radial basis functions, which have a {self.trend} trend"
 
     def least_runs(self, parameters: int) -> int:
@@ -123,7 +123,7 @@ class RadialRules:
         return term_count(parameters, self.trend) + 2
 
     def fits(self, u: Reals, y: Reals) -> tuple[RadialResponse, ...]:
-        """Of the responses (N, m) over scaled parameters (N, n)."""
+        """Fits of the responses (N, m) over scaled parameters (N, n)."""
         spectrum = _Spectrum.of(u, self)
         return tuple(spectrum.response(column, spectrum.smoothing(column)) for column in y.T)
 
@@ -187,13 +187,13 @@ class RadialResponse:
         return np.asarray(np.sqrt(self.variance * np.maximum(variance, 0.0)))
 
     def again(self, u: Reals, y: Reals) -> RadialResponse:
-        """Of other runs (N, n), (N,), with unchanged smoothing."""
+        """The fit to other runs (N, n), (N,), with unchanged smoothing."""
         return _Spectrum.of(u, self.spectrum.rules).response(y, self.noise)
 
 
 @dataclass(frozen=True, eq=False)
 class _Spectrum:
-    """What all responses of a set of runs share.
+    """Decomposition that all responses of a set of runs share.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class FittedResponse(Protocol):
         """(k,) standard deviation of a run."""
 
     def again(self, u: Reals, y: Reals) -> Self:
-        """Of other runs (N, n), (N,), with unchanged hyperparameters."""
+        """The fit to other runs (N, n), (N,), with unchanged hyperparameters."""
 
 
 class SurrogateRules(Protocol):
@@ -55,13 +55,13 @@ class SurrogateRules(Protocol):
 
     @property
     def label(self) -> str:
-        """For messages."""
+        """Name in messages."""
 
     def least_runs(self, parameters: int) -> int:
         """Fewest runs that determine the coefficients and a variance."""
 
     def fits(self, u: Reals, y: Reals) -> tuple[FittedResponse, ...]:
-        """Of the responses (N, m) over scaled parameters (N, n)."""
+        """Fits of the responses (N, m) over scaled parameters (N, n)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +113,10 @@ class Surrogate:
         x = np.atleast_2d(x)
         u = self._unit(x)
         slopes = np.stack([fit.slopes(u) for fit in self.fits], axis=1)
-        found = self.scale[:, None] * slopes / (self._edges[1] - self._edges[0])
+        gradient = self.scale[:, None] * slopes / (self._edges[1] - self._edges[0])
         if self.rules.logarithms:
-            found = found * self.predict(x)[:, :, None] / x[:, None, :]
-        return np.asarray(found)
+            gradient = gradient * self.predict(x)[:, :, None] / x[:, None, :]
+        return np.asarray(gradient)
 
     @property
     def left_out(self) -> Reals:
@@ -130,7 +130,7 @@ class Surrogate:
         return np.stack([fit.errors / fit.error_sd for fit in self.fits], axis=1)
 
     def with_runs(self, x: Reals, y: Reals) -> Surrogate:
-        """Of other runs (N, n), (N, m) at unchanged hyperparameters."""
+        """The surrogate of other runs (N, n), (N, m), with unchanged hyperparameters."""
         moved = replace(self, x=x, y=y)
         pairs = zip(self.fits, moved._scaled.T, strict=True)
         return replace(moved, fits=tuple(fit.again(moved._runs, column) for fit, column in pairs))

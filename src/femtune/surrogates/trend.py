@@ -41,10 +41,10 @@ def term_curvatures(x: Reals, trend: Trend) -> Reals:
     """(k, q, n, n) second derivatives of the terms; constant, as no term has more than two factors."""
     n = x.shape[1]
     every = exponents(n, TRENDS[trend])
-    found = np.zeros((len(every), n, n))
+    curvatures = np.zeros((len(every), n, n))
     for column, term in enumerate(every):
         if len(term) == 2:
             i, j = term
-            found[column, i, j] += 1.0
-            found[column, j, i] += 1.0
-    return np.broadcast_to(found, (len(x), *found.shape))
+            curvatures[column, i, j] += 1.0
+            curvatures[column, j, i] += 1.0
+    return np.broadcast_to(curvatures, (len(x), *curvatures.shape))

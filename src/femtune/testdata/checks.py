@@ -15,9 +15,13 @@ from femtune.modal.shape_criteria import turn_to_real_axis
 from femtune.testdata.modal_test import ModalTest
 
 _LARGEST = 1e30
+"""Entry of a shape above which its square overflows in single precision, and the reciprocal of the smallest one."""
 
+_UNIT_LENGTH = 1e-6
+"""Error of the length of a unit vector: files have six digits and more."""
 LOW_COLLINEARITY = 0.9
-"""Below this phase collinearity a shape is reported as complex."""
+"""Phase collinearity below which a shape is reported as complex; shapes of lightly damped structures have 0.95 and
+more."""
 
 
 def check_test(test: ModalTest, *, allow_missing: bool = False) -> tuple[Notice, ...]:
@@ -95,7 +99,7 @@ def _check_frequencies(modes: ModeSet) -> None:
 
 def _check_unit_vector(label: str, direction: NDArray[np.float64]) -> None:
     length = float(np.linalg.norm(direction))
-    if not abs(length - 1.0) < 1e-6:
+    if not abs(length - 1.0) < _UNIT_LENGTH:
         raise FemtuneError(
             "test.sensor-direction",
             values={"direction": " ".join(f"{c:.6g}" for c in direction), "length": length},

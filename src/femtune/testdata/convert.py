@@ -63,6 +63,10 @@ def _is_rotation(dofs: DofSet) -> NDArray[np.bool_]:
     return dofs.components > 3
 
 
+_ORTHOGONALITY = 1e-6
+"""Largest entry of RRᵀ − 1 of a rotation: rotations that users write have six digits and more."""
+
+
 def place(test: ModalTest, rotation: ArrayLike, origin: ArrayLike, *, allow_mirrored: bool = False) -> ModalTest:
     """The test in the model's frame: x_model = rotation @ x_test + origin.
 
@@ -94,7 +98,7 @@ def _check_rotation(turn: NDArray, shift: NDArray, allow_mirrored: bool) -> floa
         sizes = {"rotation": turn.shape, "origin": shift.shape}
         raise FemtuneError("test.rotation", values=sizes)
     error = float(np.max(np.abs(turn @ turn.T - np.eye(3))))
-    if not error < 1e-6:
+    if not error < _ORTHOGONALITY:
         raise FemtuneError(
             "test.rotation/not-orthonormal", values={"rotation": turn.tolist(), "largest deviation": error}
         )

@@ -11,16 +11,16 @@ from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
 from femtune.parameters.jet import Jet
 
-# complex steps lose nothing to cancellation, so that they may be as small as this
 STEP = 1e-30
-# agreement of a derivative with its complex step (relative to the largest of the coefficient's in one batch)
+"""Complex step: nothing is subtracted, so that it may be as small as this."""
 TOLERANCE = 1e-9
-# remainders below this part of the value are rounding
+"""Difference of a derivative from its complex step, relative to the largest derivative of the batch."""
 ROUNDING = 1e-13
+"""Remainder of a Taylor series relative to the value below which it is rounding."""
 
 
 def check_contribution(term: Contribution, values: Mapping[str, Reals]) -> None:
-    """Raise AssertionError where a term breaks its contract.
+    """Raise AssertionError if a term breaks its contract.
 
     Matrices must be symmetric, one an element; the gradient and the Hessian of the coefficient by each of its roles
     must agree with complex steps to TOLERANCE, and its remainder after the gradient must fall with slope 2.
@@ -76,8 +76,8 @@ def check_gradient(term: Contribution, x: Reals) -> None:
     """Gradient against complex steps of the value."""
     exact = evaluate(term, x).grad * _scale(x)
     for i, role in enumerate(term.roles):
-        found = _stepped(term, x, i).value.imag / STEP
-        _agree(exact[:, i], found, exact, f"{term.label}: derivative by {role}")
+        by_step = _stepped(term, x, i).value.imag / STEP
+        _agree(exact[:, i], by_step, exact, f"{term.label}: derivative by {role}")
 
 
 def check_hessian(term: Contribution, x: Reals) -> None:
@@ -85,13 +85,13 @@ def check_hessian(term: Contribution, x: Reals) -> None:
     scale = _scale(x)
     exact = evaluate(term, x).hess * scale[:, :, None] * scale[:, None, :]
     for i, role in enumerate(term.roles):
-        found = _stepped(term, x, i).grad.imag / STEP * scale
-        _agree(exact[:, i], found, exact, f"{term.label}: second derivatives by {role}")
+        by_step = _stepped(term, x, i).grad.imag / STEP * scale
+        _agree(exact[:, i], by_step, exact, f"{term.label}: second derivatives by {role}")
 
 
-def _agree(exact: Reals, found: Reals, whole: Reals, what: str) -> None:
+def _agree(exact: Reals, by_step: Reals, whole: Reals, what: str) -> None:
     size = np.abs(whole).max(initial=0.0)
-    np.testing.assert_allclose(found, exact, rtol=TOLERANCE, atol=TOLERANCE * size, err_msg=what)
+    np.testing.assert_allclose(by_step, exact, rtol=TOLERANCE, atol=TOLERANCE * size, err_msg=what)
 
 
 def check_taylor_slope(term: Contribution, x: Reals, seed: int = 0) -> None:

@@ -14,10 +14,11 @@ clusters and repeated modes            central difference along one direction, h
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
@@ -27,10 +28,13 @@ from femtune.residuals import UpdateProblem
 STEP = 1e-30
 """Complex step: nothing is subtracted, so it may be this small."""
 EIGEN_STEP = 1e-20
+"""Complex step through an eigen-solution, whose vectors are divided by their largest entry."""
 DIFFERENCE_STEP = 1e-6
+"""Central difference: its errors of truncation (h²) and of rounding (ε/h) are both below 1e-9."""
 MASSLESS = 1e12
 """Condition number of a mass matrix beyond which some direction counts as massless."""
 TOLERANCE = 1e-9
+"""Difference of a derivative from its complex step, relative to its largest entry."""
 VANISHING = 1e-12
 """Part of the first derivative below which a second one is rounding."""
 
@@ -51,33 +55,65 @@ def check_model(point: ModelPoint, modes: Sequence[int] = (), count: int | None 
             check_simple_mode(solution, j)
 
 
+@dataclass(frozen=True)
+class _Matrix:
+    """A matrix of a model point, its first derivatives, and a second one."""
+
+    name: str
+    value: Callable[[ModelPoint], sp.sparray]
+    first: Callable[[ModelPoint], Sequence[sp.sparray]]
+    second: Callable[[ModelPoint, int, int], sp.sparray]
+
+
+_MATRICES = (
+    _Matrix(
+        "stiffness",
+        lambda p: p.stiffness,
+        lambda p: p.stiffness_derivatives,
+        lambda p, i, j: p.stiffness_second_derivative(i, j),
+    ),
+    _Matrix("mass", lambda p: p.mass, lambda p: p.mass_derivatives, lambda p, i, j: p.mass_second_derivative(i, j)),
+    _Matrix(
+        "viscous",
+        lambda p: p.viscous,
+        lambda p: p.viscous_derivatives,
+        lambda p, i, j: p.viscous_second_derivative(i, j),
+    ),
+    _Matrix(
+        "hysteretic",
+        lambda p: p.hysteretic,
+        lambda p: p.hysteretic_derivatives,
+        lambda p, i, j: p.hysteretic_second_derivative(i, j),
+    ),
+)
+
+
 def check_matrix_derivatives(point: ModelPoint) -> None:
     """K, M, C and H are symmetric; first and second derivatives agree with complex steps."""
-    kinds = ("stiffness", "mass", "viscous", "hysteretic")
-    for name in kinds:
-        matrix = getattr(point, name)
-        _close(matrix - matrix.T, 0.0 * matrix, matrix, f"{name}: symmetry")
+    for kind in _MATRICES:
+        matrix = kind.value(point)
+        _close(matrix - matrix.T, 0.0 * matrix, matrix, f"{kind.name}: symmetry")
     for i in range(point.n_parameters):
         stepped = replace(point, x=point.x + 1j * STEP * np.eye(point.n_parameters)[i])
-        for name in kinds:
-            exact = getattr(point, f"{name}_derivatives")[i]
-            _close(getattr(stepped, name).imag / STEP, exact, exact, f"{name}: derivative {i}")
-            _check_second(point, stepped, name, i)
+        for kind in _MATRICES:
+            exact = kind.first(point)[i]
+            _close(kind.value(stepped).imag / STEP, exact, exact, f"{kind.name}: derivative {i}")
+            _check_second(point, stepped, kind, i)
 
 
-def _check_second(point: ModelPoint, stepped: ModelPoint, name: str, i: int) -> None:
+def _check_second(point: ModelPoint, stepped: ModelPoint, kind: _Matrix, i: int) -> None:
     for j in range(point.n_parameters):
-        exact = getattr(point, f"{name}_second_derivative")(i, j)
-        found = getattr(stepped, f"{name}_derivatives")[j].imag / STEP
-        # where the second derivative vanishes but for rounding, what is left is judged by the first
-        first = getattr(point, f"{name}_derivatives")[j]
+        exact = kind.second(point, i, j)
+        by_step = kind.first(stepped)[j].imag / STEP
+        # a second derivative that vanishes except for rounding is compared with the first
+        first = kind.first(point)[j]
         scale = exact if _size(exact) > VANISHING * _size(first) else first
-        _close(found, exact, scale, f"{name}: second derivative {i}, {j}")
+        _close(by_step, exact, scale, f"{kind.name}: second derivative {i}, {j}")
 
 
-def _close(found: Any, exact: Any, scale: Any, what: str) -> None:
+def _close(by_step: Any, exact: Any, scale: Any, what: str) -> None:
     size = _size(scale)
-    worst = float(np.abs((found - exact).toarray()).max(initial=0.0))
+    worst = float(np.abs((by_step - exact).toarray()).max(initial=0.0))
     assert worst <= TOLERANCE * size, f"{what}: off by {worst:.3g} of {size:.3g}"
 
 
@@ -184,10 +220,10 @@ def check_directional(
 
     For functions of clusters and repeated modes, where complex steps fail.
     """
-    found = (function(x + step * direction) - function(x - step * direction)) / (2.0 * step)
+    difference = (function(x + step * direction) - function(x - step * direction)) / (2.0 * step)
     exact = jacobian @ direction
     size = max(float(np.linalg.norm(exact)), float(np.linalg.norm(jacobian)), 1e-300)
-    error = float(np.linalg.norm(found - exact)) / size
+    error = float(np.linalg.norm(difference - exact)) / size
     assert error <= tolerance, f"directional derivative off by {error:.2g}"
     return error
 
@@ -208,7 +244,7 @@ def check_residual(problem: UpdateProblem, x: Reals, tolerance: float = 1e-6, le
 
 
 class ModelDerivativeChecks:
-    """Base of test classes: say `make_point`, and the modes that are simple, and inherit the checks."""
+    """Base of test classes: subclasses define `make_point` and the simple modes, and inherit the checks."""
 
     simple_modes: tuple[int, ...] = (0,)
     clusters: tuple[tuple[int, ...], ...] = ()
@@ -230,7 +266,7 @@ class ModelDerivativeChecks:
 
 
 class ResidualDerivativeChecks:
-    """Base of test classes: say `make_problem` and the points, and inherit the checks."""
+    """Base of test classes: subclasses define `make_problem` and the points, and inherit the checks."""
 
     points: tuple[tuple[float, ...], ...] = ()
 

@@ -26,10 +26,10 @@ from femtune.errors import FemtuneError, Notice
 T = TypeVar("T")
 
 HUGE = (b"1e400", b"-1e308", b"99999999999999999999", b"9.9e37", b"nan", b"inf", b"-1", b"0", b"1e-400", b"2147483648")
-"""What takes the place of a number in a mutant."""
+"""What replaces a number in a damaged file."""
 _NUMBER = re.compile(rb"(?<![A-Za-z0-9_.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?")
-_KEPT = 1_000
-"""Numbers of a file among which those to be replaced are drawn."""
+_MOST_NUMBERS = 1_000
+"""Numbers at the beginning of a file among which those to be replaced are drawn."""
 
 
 @dataclass(frozen=True)
@@ -177,13 +177,13 @@ def _check_unknown(
     lines = range(last - unknown.rstrip("\n").count("\n") - 2, last + 1)
     try:
         with limits.watched("a file with an unknown record"):
-            found = [n.where for n in notices(read(path))]
+            places = [n.where for n in notices(read(path))]
     except FemtuneError as error:
-        found = [error.where]
+        places = [error.where]
     except Exception as error:
         what = f"a file with an unknown record gives {type(error).__name__} and no FemtuneError: {error}"
         raise AssertionError(f"{what}; kept in {_keep(path)}") from error
-    if not any(where is not None and where.line in lines for where in found):
+    if not any(where is not None and where.line in lines for where in places):
         what = f"a record that the reader does not know (lines {lines[0]} to {lines[-1]})"
         raise AssertionError(f"{what} is dropped without a notice that has its line; kept in {_keep(path)}")
 
@@ -282,10 +282,10 @@ def _of_lines(lines: Sequence[bytes], chance: np.random.Generator) -> tuple[str,
 
 def _of_numbers(good: bytes, chance: np.random.Generator) -> tuple[str, bytes]:
     """A number is another one, in the same columns where it fits into them."""
-    found = list(_NUMBER.finditer(good))
-    if not found:
+    numbers = list(_NUMBER.finditer(good))
+    if not numbers:
         return "unchanged", good
-    match = found[int(chance.integers(min(len(found), _KEPT)))]
+    match = numbers[int(chance.integers(min(len(numbers), _MOST_NUMBERS)))]
     other = HUGE[int(chance.integers(len(HUGE)))]
     width = match.end() - match.start()
     text = other.rjust(width) if len(other) <= width else other
@@ -324,5 +324,5 @@ def _same_objects(a: Any, b: Any) -> bool:
         return math.isnan(b)
     if type(a).__eq__ is not object.__eq__:
         return bool(a == b) or (isinstance(a, float) and math.isnan(a) and math.isnan(b))
-    own = getattr(a, "__dict__", None)
-    return a is b or (own is not None and alike(own, b.__dict__)) or callable(a)
+    attributes = getattr(a, "__dict__", None)
+    return a is b or (attributes is not None and alike(attributes, b.__dict__)) or callable(a)

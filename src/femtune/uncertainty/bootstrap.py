@@ -33,18 +33,23 @@ from femtune.updating.regularisation import SideConstraint
 from femtune.updating.search import LocalModel
 
 _FEWEST_LINES = 3
+"""Frequency lines of a configuration, and converged runs, without which there is no spread to estimate."""
 _HALVINGS = 8
-_CONTRACTS = 0.5
+"""Lengths of a step that are tried: the whole one, and down to 1/128 of it."""
+_CONTRACTION = 0.5
+"""Size of a step relative to the one before, above which derivatives at the optimum are too far away: with a ratio
+below, ten steps gain three digits."""
 _PILOTS = 200
 """Draws for the linearised spread where the FRFs are those of an identified test."""
 _PILOT_SEED = 1 << 62
+"""Stream of random numbers of the pilot draws; runs have their numbers, which never reach it."""
 _SHARE = 0.05
 """A free parameter is undetermined if more than this part of it is in combinations that the data leave open."""
 
 
 @dataclass(frozen=True)
 class BootstrapRules:
-    """What is drawn, and how far the runs go.
+    """Resampling, and convergence of the runs.
 
     Parameters
     ----------
@@ -128,11 +133,11 @@ def drawn_groups(blocks: Sequence[ResidualBlock], method: Drawing) -> Drawn:
     keys = [key for i, b in enumerate(blocks) for key in _keys(i, b, method)]
     known = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     cases = {name: i for i, name in enumerate(dict.fromkeys(b.configuration for b in blocks))}
-    found = Drawn(np.array([known[k] for k in keys], np.int64), np.array([cases[str(k[0])] for k in known], np.int64))
+    drawn = Drawn(np.array([known[k] for k in keys], np.int64), np.array([cases[str(k[0])] for k in known], np.int64))
     for name, i in cases.items():
-        if (lines := int(np.sum(found.stratum == i))) < _FEWEST_LINES:
+        if (lines := int(np.sum(drawn.stratum == i))) < _FEWEST_LINES:
             raise FemtuneError("bootstrap.few-lines", configuration=name, lines=lines)
-    return found
+    return drawn
 
 
 def _keys(number: int, block: ResidualBlock, method: Drawing) -> list[tuple[object, ...]]:
@@ -330,7 +335,7 @@ class _Walk:
             size = self._in_sd(d)
             if size <= rules.tolerance:
                 return BootstrapRun(self.at.x + d, True, self.steps, self.solutions, self.own)
-            if size > _CONTRACTS * before and not self.own:
+            if size > _CONTRACTION * before and not self.own:
                 # derivatives at the optimum are too far away: the step is taken again with those of the point
                 self.own, before = True, np.inf
                 self.at, jacobian = self._with_derivatives()
@@ -359,10 +364,10 @@ class _Walk:
         for halving in range(_HALVINGS if self.own else 1):
             x = self.at.x + 0.5**halving * d
             self.solutions += 1
-            found = self.of.problem.follow(x, self.of.at, self.own)
-            if not self.own or self._objective(found) <= before * (1.0 + 1e-12):
+            evaluation = self.of.problem.follow(x, self.of.at, self.own)
+            if not self.own or self._objective(evaluation) <= before * (1.0 + 1e-12):
                 break
-        self.at = found
+        self.at = evaluation
 
     def _values(self, at: Evaluation) -> Reals:
         return np.asarray(self.root * (at.residuals + self.added))
@@ -471,12 +476,12 @@ class BootstrapResult:
         """Largest difference of runs with shared and with own derivatives, in standard deviations; None: no check."""
         sd = np.sqrt(np.diag(self.linear_covariance))
         some = sd > 0.0
-        found = [
+        differences = [
             float(np.abs((a.x - b.x)[some] / sd[some]).max(initial=0.0))
             for a, b in zip(self.runs, self.check)
             if a.converged and b.converged
         ]
-        return max(found) if found else None
+        return max(differences) if differences else None
 
     def interval(self, values: Reals, level: float = 0.95) -> tuple[float, float]:
         """Equal-tailed percentiles of values (runs,), for a level that allows for the number of lines.
@@ -518,11 +523,19 @@ class BootstrapResult:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What the runs say, the most important first."""
+        """Conclusions from the runs, most important first."""
         return (*_spread(self), *_bias(self), *_method(self), *_trouble(self))
 
 
-_BIASED, _UNLIKE, _SAME, _STILL = 0.5, 1.3, 0.1, 1e-12
+_NOTABLE_BIAS = 0.5
+"""Bias in standard deviations from which a sentence says so; below, it adds less than 12 % to the root mean square
+error."""
+_NOTABLE_RATIO = 1.3
+"""Ratio of bootstrap and Fisher standard deviations from which they disagree. A hundred runs know their own to 7 %."""
+_AGREEMENT = 0.1
+"""Difference of runs by both ways, in standard deviations, up to which they agree."""
+_NO_SCATTER = 1e-12
+"""Standard deviation relative to the mean, below which it is rounding."""
 _APART = 1.0
 """Difference of runs by another identification, in standard deviations, above which its choices matter."""
 _WHY_UNLIKE = (
@@ -532,7 +545,7 @@ _WHY_UNLIKE = (
 
 
 def _spread(found: BootstrapResult) -> list[str]:
-    moved = [p for p in found.found if p.sd > _STILL * abs(p.mean)]
+    moved = [p for p in found.found if p.sd > _NO_SCATTER * abs(p.mean)]
     if not moved:
         return ["The runs have no scatter: the model reproduces the data exactly."]
     known = [p for p in moved if np.isfinite(p.cov)]
@@ -546,7 +559,7 @@ def _spread(found: BootstrapResult) -> list[str]:
     ratio = [p.sd / p.fisher_sd for p in moved if p.fisher_sd > 0.0]
     if (
         ratio
-        and not 1.0 / _UNLIKE < (middle := float(np.median(ratio))) < _UNLIKE
+        and not 1.0 / _NOTABLE_RATIO < (middle := float(np.median(ratio))) < _NOTABLE_RATIO
         and (found.rules.method != "noise" or found.identified)
     ):
         out.append(
@@ -557,7 +570,7 @@ def _spread(found: BootstrapResult) -> list[str]:
 
 
 def _bias(found: BootstrapResult) -> list[str]:
-    biased = [p for p in found.found if abs(p.bias) > _BIASED]
+    biased = [p for p in found.found if abs(p.bias) > _NOTABLE_BIAS]
     if not biased:
         return []
     listed = ", ".join(f"{p.name} {p.bias:+.2g} σ" for p in biased)
@@ -572,7 +585,7 @@ def _bias(found: BootstrapResult) -> list[str]:
 def _method(found: BootstrapResult) -> list[str]:
     if found.difference is None:
         return []
-    verdict = "agree" if found.difference <= _SAME else "do not agree"
+    verdict = "agree" if found.difference <= _AGREEMENT else "do not agree"
     if found.identified:
         said = (
             f"{len(found.check)} runs with another identification, which chooses the modes again, differ from those "
@@ -603,14 +616,14 @@ def _trouble(found: BootstrapResult) -> list[str]:
 
 def bootstrap_result(work: Bootstrap, runs: Sequence[BootstrapRun], check: Sequence[BootstrapRun]) -> BootstrapResult:
     """The statistics of runs (error ``bootstrap.no-runs`` where fewer than three converged)."""
-    found = BootstrapResult(
+    result = BootstrapResult(
         work.problem.parameters, work.rules, work.at.x, work.moving, tuple(runs), tuple(check), work.groups,
         work.linear_covariance, work.fisher_covariance, bool(work.identified),
     )  # fmt: skip
-    if len(found.samples) < _FEWEST_LINES:
+    if len(result.samples) < _FEWEST_LINES:
         reason = next((r.problem for r in runs if r.problem), "the steps did not become small")
-        raise FemtuneError("bootstrap.no-runs", converged=len(found.samples), runs=len(runs), reason=reason)
-    return found
+        raise FemtuneError("bootstrap.no-runs", converged=len(result.samples), runs=len(runs), reason=reason)
+    return result
 
 
 def bootstrap_of(
@@ -621,7 +634,7 @@ def bootstrap_of(
     rules: BootstrapRules,
     misfit: float = 1.0,
 ) -> Bootstrap:
-    """What makes the runs about an optimum.
+    """The bootstrap about an optimum.
 
     Parameters
     ----------
@@ -639,7 +652,7 @@ def bootstrap_of(
         side = replace(side, matrix=side.matrix[:0], target=side.target[:0], renewed=None)
     problem = problem.to_send()
     at = problem.unsolved(at)
-    found = Bootstrap(problem, at, side, moving, rules, misfit if problem.scatter == "estimated" else 1.0)
-    assert found.groups
-    found.check_determined()
-    return found
+    bootstrap = Bootstrap(problem, at, side, moving, rules, misfit if problem.scatter == "estimated" else 1.0)
+    assert bootstrap.groups
+    bootstrap.check_determined()
+    return bootstrap

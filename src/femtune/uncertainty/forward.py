@@ -14,7 +14,10 @@ from femtune.uncertainty.repeats import OutputStatistics, covariance_distance, f
 from femtune.uncertainty.stochastic import StochasticResult, latin_hypercube, propagate
 
 _BEYOND_CHANCE = 3.0
-_CURVED = 0.1
+"""Standard errors of the sample beyond which a difference is not chance (0.3 % of normal ones)."""
+_TOLERATED_ERROR = 0.1
+"""Relative error of the propagated moments that is tolerated whatever the number of repeats: samples and curvature of
+the model."""
 _LISTED = 3
 """Differences of up to this number of outputs have a sentence each."""
 
@@ -89,12 +92,12 @@ class ForwardCheck:
         """True if the covariance of the samples differs from the measured one by no more than a tenth, and so the
         means."""
         near = bool((np.abs(self.mean_error) <= self._mean_limit).all())
-        return near and self.covariance_error <= _CURVED
+        return near and self.covariance_error <= _TOLERATED_ERROR
 
     @property
     def _mean_limit(self) -> float:
         n = len(self.measured.repeats)
-        return max(_CURVED, _BEYOND_CHANCE / np.sqrt(n)) if n else _CURVED
+        return max(_TOLERATED_ERROR, _BEYOND_CHANCE / np.sqrt(n)) if n else _TOLERATED_ERROR
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -129,7 +132,7 @@ class ForwardCheck:
 
     def _of_spreads(self) -> list[str]:
         n = len(self.measured.repeats)
-        limit = max(_CURVED, _BEYOND_CHANCE / np.sqrt(2.0 * (n - 1))) if n > 1 else _CURVED
+        limit = max(_TOLERATED_ERROR, _BEYOND_CHANCE / np.sqrt(2.0 * (n - 1))) if n > 1 else _TOLERATED_ERROR
         labels, percent = self.measured.labels, 100.0 * self.sd_error
         # a standard deviation may be far too large or far too small
         order = np.argsort(-np.abs(np.log(np.maximum(1.0 + self.sd_error, 1e-12))), kind="stable")

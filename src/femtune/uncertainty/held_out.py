@@ -20,8 +20,11 @@ from femtune.uncertainty.order_tests import corrected
 from femtune.uncertainty.repeats import factor
 
 LEVEL = 0.05
+"""Significance level."""
 FEWEST = 5
-_BOOTSTRAP = 999
+"""Repeats without gaps for a comparison; fewer would not reject any but gross differences."""
+_BOOTSTRAP_DRAWS = 999
+"""Draws of a parametric bootstrap: with the data themselves they make p-values multiples of 0.001."""
 _STILL = 1e-6
 """Predicted standard deviations below this part of the measured one are rounding."""
 
@@ -87,7 +90,7 @@ def held_out_repeats(count: int, held: float | tuple[int, ...], seed: int) -> Fl
 
 @dataclass(frozen=True)
 class Fit:
-    """What a first-order repetition of the update needs.
+    """Data of a first-order repetition of the update.
 
     Parameters
     ----------
@@ -125,7 +128,7 @@ def check_held_out(held: Reals, fit: Fit, seed: int = 0) -> HeldOutCheck | None:
         return None
     measured = differences(held[:, used], fit.mean[used], fit.covariance[np.ix_(used, used)], fit.repeats)
     rng, root = np.random.default_rng(seed), factor(fit.covariance)
-    by_chance = [_repeated(fit, root, used, len(held), rng) for _ in range(_BOOTSTRAP)]
+    by_chance = [_repeated(fit, root, used, len(held), rng) for _ in range(_BOOTSTRAP_DRAWS)]
     parts: tuple[Part, ...] = ("means", "covariance")
     p = dict(zip(parts, corrected(np.array([measured, *by_chance]).T)))
     sd = np.where(used, sd, np.nan)

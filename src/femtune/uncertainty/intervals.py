@@ -20,7 +20,11 @@ from femtune.uncertainty.outputs import Counted, Outputs
 from femtune.uncertainty.stochastic import StochasticStatus
 
 _ALL_CORNERS = 8
-_FURTHER, _SAME = 8, 1e-9
+"""Parameters of unknown sign up to which all 2^8 = 256 corners are solved."""
+_RANDOM_STARTS = 8
+"""Points beside the centre from which extreme corners are sought; each costs a chain of solutions."""
+_SAME_EXTREME = 1e-9
+"""Relative difference of two extremes that is rounding of an eigenvalue solution."""
 
 
 @dataclass(frozen=True)
@@ -110,12 +114,12 @@ def _corners(counted: Counted, lower: Reals, upper: Reals, signs: Reals) -> list
 
 
 def _led(counted: Counted, lower: Reals, upper: Reals, signs: Reals) -> list[_Point]:
-    """From the middle and random points, for every output and side, the corner to which the slopes point, again."""
+    """Corners to which the slopes point, repeatedly, from the centre and random points, for every output and side."""
     rng, points = np.random.default_rng(0), [_at(counted, 0.5 * (lower + upper))]
-    points += [_at(counted, rng.uniform(lower, upper)) for _ in range(_FURTHER)]
+    points += [_at(counted, rng.uniform(lower, upper)) for _ in range(_RANDOM_STARTS)]
     tried: set[tuple[bool, ...]] = set()
     for side, j in product((1.0, -1.0), range(len(points[0].z))):
-        for start in list(points[: 1 + _FURTHER]):
+        for start in list(points[: 1 + _RANDOM_STARTS]):
             points += _chain(counted, lower, upper, start, j, side, signs, tried)
     return points
 
@@ -124,15 +128,15 @@ def _chain(
     counted: Counted, lower: Reals, upper: Reals, start: _Point, j: int, side: float, signs: Reals,
     tried: set[tuple[bool, ...]],
 ) -> list[_Point]:  # fmt: skip
-    found: list[_Point] = []
+    chain: list[_Point] = []
     for _ in range(len(lower)):
-        slopes = np.where(signs != 0.0, signs, (found[-1] if found else start).slopes[j])
+        slopes = np.where(signs != 0.0, signs, (chain[-1] if chain else start).slopes[j])
         up = side * slopes < 0.0
         if tuple(up.tolist()) in tried:
             break
         tried.add(tuple(up.tolist()))
-        found.append(_at(counted, np.where(up, upper, lower)))
-    return found
+        chain.append(_at(counted, np.where(up, upper, lower)))
+    return chain
 
 
 def _best(points: list[_Point], j: int, side: float) -> tuple[_Point, int, float]:
@@ -146,12 +150,12 @@ def _polished(
     best = start
     starts = [0.5 * (lower + upper)] if _held(lower, upper, start, j, side) else [start.theta, 0.5 * (lower + upper)]
     for theta in starts:
-        found = minimize(
+        minimum = minimize(
             _goal, (theta - lower) / (upper - lower), (counted, lower, upper, j, side), jac=True, method="L-BFGS-B",
             bounds=[(0.0, 1.0)] * len(lower), options={"maxiter": 100},
         )  # fmt: skip
-        point = _at(counted, lower + np.clip(found.x, 0.0, 1.0) * (upper - lower))
-        if side * point.z[j] < side * best.z[j] - _SAME * abs(best.z[j]):
+        point = _at(counted, lower + np.clip(minimum.x, 0.0, 1.0) * (upper - lower))
+        if side * point.z[j] < side * best.z[j] - _SAME_EXTREME * abs(best.z[j]):
             best = point
     return best, j, side
 
@@ -179,7 +183,12 @@ def _check_box(lower: Reals, upper: Reals) -> None:
 # Intervals of parameters from intervals of outputs: the interval problem, turned round.
 
 
-_MOST, _TOLERANCE, _NARROWEST = 40, 1e-8, 1e-9
+_MOST_ITERATIONS = 40
+"""Gauss-Newton iterations for the bounds at most."""
+_TOLERANCE = 1e-8
+"""Change of the bounds, in units of the parameters, that is convergence: half of the digits of a double."""
+_NARROWEST = 1e-9
+"""Width of an interval relative to its upper bound, below which rounding decides its sign."""
 
 
 @dataclass(frozen=True)
@@ -216,7 +225,7 @@ def interval_update(
     k, cost, status = len(ends) // 2, 0, StochasticStatus.MEANS_LIMIT
     bounds, scale = interval_bounds(outputs, ends[:k], ends[k:], signs), ends[k:] - ends[:k]
     cost += bounds.solutions
-    for _ in range(_MOST):
+    for _ in range(_MOST_ITERATIONS):
         J = _slopes(bounds, ends, k)
         # relative outputs, parameters in widths of the first box
         rows = J * np.tile(scale, 2) / np.abs(target)[:, None]

@@ -26,8 +26,17 @@ from scipy.special import ndtri
 from femtune.arrays import Integers, Reals
 
 LEVEL = 0.05
+"""Significance level."""
 FEWEST = 8
-_PERMUTATIONS, _SEED, _EDGE, _ALIKE = 999, 0, 3, 1.0 - 1e-10
+"""Repeats for a test: both sides of a jump have three at least, and some orders remain."""
+_PERMUTATIONS = 999
+"""Orders drawn at random: with the observed one they make p-values multiples of 0.001."""
+_SEED = 0
+"""Of these orders: the same data give the same p-value."""
+_EDGE = 3
+"""Repeats on each side of a jump at least; the mean of fewer says little."""
+_TIE_FACTOR = 1.0 - 1e-10
+"""Factor below one on an observed statistic, so that rounding does not break ties with permuted ones."""
 
 Kind = Literal["drift", "jump", "serial correlation"]
 
@@ -88,7 +97,7 @@ def order_dependence(table: Reals) -> OrderDependence | None:
     kind = _kind(by_kind, seen)
     own = "jump" if kind == "jump" else "drift"
     largest = getattr(together, own)
-    outputs = [i for i, c in enumerate(single) if np.mean(largest >= getattr(c, own)[0] * _ALIKE) <= LEVEL]
+    outputs = [i for i, c in enumerate(single) if np.mean(largest >= getattr(c, own)[0] * _TIE_FACTOR) <= LEVEL]
     change = _jump(table, seen.after) if kind == "jump" else _slope(table)
     return OrderDependence(by_kind, kind, seen.after, change, np.array(outputs, dtype=np.int64))
 
@@ -136,7 +145,7 @@ class _Explained:
 
 
 def _kind(p: dict[Kind, float], seen: _Explained) -> Kind | None:
-    """The alternative that explains most beyond chance: three quarters of a drift look like a jump, and so back."""
+    """The alternative that explains most beyond chance: three quarters of a drift look like a jump, and vice versa."""
     if min(p.values()) > LEVEL:
         return None
     if min(p["drift"], p["jump"]) > LEVEL:
@@ -183,18 +192,18 @@ def jump_statistics(white: Reals, orders: Integers) -> Reals:
     n = len(white)
     before = np.arange(_EDGE, n - _EDGE + 1)
     weight = n / (before * (n - before))
-    found = np.zeros((len(orders), len(before)))
+    explained = np.zeros((len(orders), len(before)))
     for column in (white - white.mean(axis=0)).T:
-        found += weight * np.cumsum(column[orders], axis=1)[:, before - 1] ** 2
-    return found
+        explained += weight * np.cumsum(column[orders], axis=1)[:, before - 1] ** 2
+    return explained
 
 
 def serial_statistic(white: Reals, orders: Integers) -> Reals:
     """(orders,) von Neumann ratios."""
-    found = np.zeros(len(orders))
+    squares = np.zeros(len(orders))
     for column in white.T:
-        found += (np.diff(column[orders], axis=1) ** 2).sum(axis=1)
-    return found / (white**2).sum()
+        squares += (np.diff(column[orders], axis=1) ** 2).sum(axis=1)
+    return squares / (white**2).sum()
 
 
 def corrected(statistics: Reals) -> list[float]:

@@ -200,10 +200,10 @@ class ShapeOutputs:
     def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
         """Values, and their derivatives by the unit of each parameter."""
         at = self.frequencies._at(theta, derivatives=True)
-        own, scale = self.frequencies, self.frequencies.problem.parameters.scale
-        slopes = np.concatenate([b.jacobian for b in _frequencies(at)]) * own.test_hz[:, None]
+        frequencies, scale = self.frequencies, self.frequencies.problem.parameters.scale
+        slopes = np.concatenate([b.jacobian for b in _frequencies(at)]) * frequencies.test_hz[:, None]
         shapes = self._of_kept([b.jacobian for b in at.blocks if b.kind == ShapeResidual.label])
-        return np.concatenate([own._hz(at), self._entries(at)]), np.concatenate([slopes, shapes]) / scale
+        return np.concatenate([frequencies._hz(at), self._entries(at)]), np.concatenate([slopes, shapes]) / scale
 
     @property
     def test_covariance(self) -> Reals:
@@ -318,7 +318,10 @@ def second_derivatives(outputs: Counted, theta: Reals, step: Reals) -> tuple[Rea
 # Eigenvalues of a configured model as outputs, followed from a reference by their subspaces.
 
 
-_DENSE, _ZERO = 2000, 1e-10
+_LARGEST_DENSE = 2000
+"""DOFs up to which eigenvalues of dense matrices are computed: 32 MB a matrix, and the time grows with the cube."""
+_ZERO_EIGENVALUE = 1e-10
+"""Eigenvalue relative to the largest magnitude that is rounding of zero."""
 
 
 @dataclass(frozen=True)
@@ -375,10 +378,10 @@ class EigenvalueOutputs:
         old, new = self._reference, solution
         overlap = (old.shapes[:, : self.count].T @ (old.point.mass @ new.shapes)) ** 2
         share = np.vstack([np.tile(overlap[list(g)].sum(axis=0), (len(g), 1)) for g in self.groups])
-        found = linear_sum_assignment(-share)[1]
+        assignment = linear_sum_assignment(-share)[1]
         out, at = [0] * self.count, 0
         for g in self.groups:
-            for position, mode in zip(g, sorted(found[at : at + len(g)].tolist())):
+            for position, mode in zip(g, sorted(assignment[at : at + len(g)].tolist())):
                 out[position] = int(mode)
             at += len(g)
         return out
@@ -435,7 +438,7 @@ class ModeOutputs:
 
 @dataclass(frozen=True)
 class FrequenciesByOrder:
-    """The `count` lowest frequencies in Hz at θ, whatever motions they are of; not smooth where two cross."""
+    """The `count` lowest frequencies in Hz at θ, regardless of the motion; not smooth where two cross."""
 
     configured: ConfiguredModel
     count: int
@@ -462,7 +465,7 @@ def definite_signs(configured: ConfiguredModel) -> Reals:
     that enters M so lets none grow. Known for small models only (dense eigenvalues of the matrices).
     """
     k = len(configured.model.parameters.free)
-    if configured.n_free > _DENSE:
+    if configured.n_free > _LARGEST_DENSE:
         return np.zeros(k)
     point = configured.at(np.zeros(k))
     stiffness = [_sign(d.toarray()) for d in point.stiffness_derivatives]
@@ -478,9 +481,9 @@ def _sign(matrix: Reals) -> float:
     size = np.abs(values).max(initial=0.0)
     if size == 0.0:
         return 0.0
-    if values.min() >= -_ZERO * size:
+    if values.min() >= -_ZERO_EIGENVALUE * size:
         return 1.0
-    return -1.0 if values.max() <= _ZERO * size else float("nan")
+    return -1.0 if values.max() <= _ZERO_EIGENVALUE * size else float("nan")
 
 
 def _is_linear(configured: ConfiguredModel, i: int) -> bool:

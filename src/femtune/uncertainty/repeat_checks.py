@@ -41,21 +41,23 @@ class RepeatChecks:
 
     @property
     def notices(self) -> tuple[Notice, ...]:
-        """What was found, without the checks that found nothing."""
+        """Notices of the checks; none for checks without findings."""
         return (*self.of_order(), *self.of_outliers())
 
     def of_order(self) -> tuple[Notice, ...]:
         """The notice of a dependence on order, if there is one."""
-        found = self.order
-        if found is None or found.kind is None:
+        dependence = self.order
+        if dependence is None or dependence.kind is None:
             return ()
-        if found.kind == "serial correlation":
-            return (Notice("quantify.order-dependence/serial", p=found.p_value),)
-        changes = [f"{self.labels[i]} {found.change[i] / self.sd[i]:+.2g}" for i in found.outputs]
+        if dependence.kind == "serial correlation":
+            return (Notice("quantify.order-dependence/serial", p=dependence.p_value),)
+        changes = [f"{self.labels[i]} {dependence.change[i] / self.sd[i]:+.2g}" for i in dependence.outputs]
         said = ", ".join(changes) or "no single output significantly"
-        if found.kind == "drift":
-            return (Notice("quantify.order-dependence/drift", p=found.p_value, changes=said),)
-        return (Notice("quantify.order-dependence/jump", p=found.p_value, changes=said, after=found.jump_after),)
+        if dependence.kind == "drift":
+            return (Notice("quantify.order-dependence/drift", p=dependence.p_value, changes=said),)
+        return (
+            Notice("quantify.order-dependence/jump", p=dependence.p_value, changes=said, after=dependence.jump_after),
+        )
 
     def of_outliers(self) -> tuple[Notice, ...]:
         """The notice of outliers, if there are any."""

@@ -23,7 +23,8 @@ from femtune.uncertainty.robust import RobustMoments, robust_moments
 # Symmetric positive definite matrices: checks, factors, distances.
 
 
-_NEGATIVE = -1e-8
+_LEAST_EIGENVALUE = -1e-8
+"""Eigenvalue of a correlation matrix below which it is not rounding of zero."""
 
 
 def check_positive(covariance: Reals, what: str, pairwise: bool = False) -> None:
@@ -35,7 +36,7 @@ def check_positive(covariance: Reals, what: str, pairwise: bool = False) -> None
     """
     if np.isfinite(covariance).all() and np.allclose(covariance, covariance.T, rtol=1e-9, atol=0.0):
         lowest = least_eigenvalue(covariance)
-        if lowest >= _NEGATIVE:
+        if lowest >= _LEAST_EIGENVALUE:
             return
         values = {"smallest eigenvalue of the correlation matrix": f"{lowest:.3g}"}
         code = "quantify.not-positive/pairwise" if pairwise else "quantify.not-positive"
@@ -75,8 +76,12 @@ def covariance_distance(reached: Reals, wanted: Reals) -> float:
     return float(np.linalg.norm((reached - wanted) / scale) / np.linalg.norm(wanted / scale))
 
 
-_FEWEST = 2
-_EM_STEPS, _EM_TOLERANCE = 2000, 1e-10
+_FEWEST_REPEATS = 2
+"""Values without which there is no variance."""
+_EM_STEPS = 2000
+"""Steps of the EM algorithm at most; it converges linearly, and slowly where much is missing."""
+_EM_TOLERANCE = 1e-10
+"""Relative change of mean and covariance in a step that ends it, small because steps shrink slowly."""
 
 
 @dataclass(frozen=True)
@@ -197,11 +202,11 @@ def statistics_of_repeats(
 
 
 def _robust(table: Reals) -> tuple[Reals, Reals, str]:
-    found = robust_moments(table)
-    if isinstance(found, RobustMoments):
-        return found.mean, found.covariance, "minimum covariance determinant, reweighted"
+    moments = robust_moments(table)
+    if isinstance(moments, RobustMoments):
+        return moments.mean, moments.covariance, "minimum covariance determinant, reweighted"
     sizes = {"repeats without missing values": len(table), "outputs": table.shape[1]}
-    if found == "flat":
+    if moments == "flat":
         raise FemtuneError("quantify.robust/flat", values=sizes)
     raise FemtuneError("quantify.robust", values=sizes)
 
@@ -226,7 +231,7 @@ def _pairwise(table: Reals) -> Reals:
 
 
 def _check_pairs(both: Reals) -> None:
-    if both.min() < _FEWEST:
+    if both.min() < _FEWEST_REPEATS:
         i, j = np.unravel_index(int(both.argmin()), both.shape)
         raise FemtuneError("quantify.too-few-repeats", first=i + 1, second=j + 1, repeats=both.min())
 
@@ -281,7 +286,7 @@ def _check_finite(table: Reals, names: tuple[str, ...]) -> None:
         row, column = np.argwhere(np.isinf(table))[0]
         raise FemtuneError("quantify.infinite", repeat=row + 1, output=names[column])
     for i, name in enumerate(names):
-        if np.isfinite(table[:, i]).sum() < _FEWEST:
+        if np.isfinite(table[:, i]).sum() < _FEWEST_REPEATS:
             raise FemtuneError(
                 "quantify.not-measured",
                 values={"repeats with a value": int(np.isfinite(table[:, i]).sum()), "repeats": len(table)},
@@ -290,7 +295,7 @@ def _check_finite(table: Reals, names: tuple[str, ...]) -> None:
 
 
 def _check_count(table: Reals, names: tuple[str, ...]) -> None:
-    if len(table) < _FEWEST:
+    if len(table) < _FEWEST_REPEATS:
         raise FemtuneError("quantify.too-few-repeats/one", values={"repeats": len(table), "outputs": len(names)})
 
 

@@ -25,9 +25,29 @@ import numpy as np
 from femtune.arrays import Flags, Integers, Reals
 
 LEVEL = 0.05
-_SPARE, _SHARE, _WITHIN = 4, 0.75, 0.975
-_STARTS, _FIRST_STEPS, _KEPT, _MORE_STEPS = 40, 3, 3, 12
-_TABLES, _FLOATS, _FLAT = 1000, 2_000_000, 1e-10
+"""Significance level of the test for outliers, over all repeats of a table together."""
+_SPARE_REPEATS = 4
+"""Repeats beyond the number of outputs for which the estimate is made."""
+_SUBSET_SHARE = 0.75
+"""Share of the repeats in the subset of the smallest determinant: a quarter may be outliers. Half would tolerate more
+and be far less efficient for few repeats (Rousseeuw and Van Driessen 1999)."""
+_REWEIGHTING_QUANTILE = 0.975
+"""Quantile of the distances within which repeats enter the reweighted estimate (Rousseeuw and Van Driessen 1999)."""
+_STARTS = 40
+"""Random subsets that concentration steps begin with. Tables are small: FAST-MCD takes 500 for large ones."""
+_FIRST_STEPS = 3
+"""Concentration steps from each."""
+_KEPT = 3
+"""Best of them that are concentrated further."""
+_MORE_STEPS = 12
+"""Further steps of these; steps after convergence change nothing."""
+_CALIBRATION_TABLES = 1000
+"""Normal tables from which limits are calibrated: p-values near 0.05 are known to ± 0.7 %."""
+_FLOATS_AT_ONCE = 2_000_000
+"""Numbers of tables that are worked on at once: 16 MB."""
+_SINGULAR_VARIANCE = 1e-10
+"""Geometric mean of the eigenvalues of a subset of standardised outputs, at or below which its covariance is
+singular."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +82,7 @@ WhyNot = Literal["few", "flat"]
 
 def subset_size(repeats: int, outputs: int) -> int:
     """Number h of repeats whose covariance has the smallest determinant: three quarters of them, m + 2 at least."""
-    return min(repeats, max(int(np.ceil(_SHARE * repeats)), outputs + 2))
+    return min(repeats, max(int(np.ceil(_SUBSET_SHARE * repeats)), outputs + 2))
 
 
 def robust_moments(table: Reals) -> RobustMoments | WhyNot:
@@ -84,7 +104,7 @@ def robust_moments(table: Reals) -> RobustMoments | WhyNot:
     [4]
     """
     n, m = table.shape
-    if n < m + _SPARE:
+    if n < m + _SPARE_REPEATS:
         return "few"
     centre, sd = np.median(table, axis=0), table.std(axis=0)
     try:
@@ -106,7 +126,7 @@ def robust_moments(table: Reals) -> RobustMoments | WhyNot:
 
 @dataclass(frozen=True)
 class _Calibration:
-    """Of clean tables of one size.
+    """Calibration by clean tables of one size.
 
     Parameters
     ----------
@@ -138,11 +158,11 @@ class _Calibration:
 
 @lru_cache(maxsize=32)
 def calibration(n: int, m: int) -> _Calibration:
-    tables = np.random.default_rng(0).standard_normal((_TABLES, n, m))
-    at_once = max(1, int(_FLOATS / (_STARTS * n * m)))
-    parts = np.split(tables, range(at_once, _TABLES, at_once))
+    tables = np.random.default_rng(0).standard_normal((_CALIBRATION_TABLES, n, m))
+    at_once = max(1, int(_FLOATS_AT_ONCE / (_STARTS * n * m)))
+    parts = np.split(tables, range(at_once, _CALIBRATION_TABLES, at_once))
     raw = [raw_distances(part)[0] for part in parts]
-    cut = float(np.quantile(np.concatenate(raw), _WITHIN))
+    cut = float(np.quantile(np.concatenate(raw), _REWEIGHTING_QUANTILE))
     found = [_reweighted(part, d2, cut) for part, d2 in zip(parts, raw)]
     covariance, d2 = (np.concatenate([f[i] for f in found]) for i in (1, 2))
     factor = float(m / np.trace(covariance, axis1=1, axis2=2).mean())
@@ -177,7 +197,7 @@ def raw_distances(tables: Reals) -> tuple[Reals, Flags]:
     size = _log_determinants(tables, weights)
     best = size.argmin(axis=1)
     rows = np.arange(b)
-    return d2[rows, best], size[rows, best] <= np.log(_FLAT) * m
+    return d2[rows, best], size[rows, best] <= np.log(_SINGULAR_VARIANCE) * m
 
 
 @lru_cache(maxsize=32)

@@ -44,6 +44,8 @@ class StochasticStatus(Enum):
 
 
 _RANK = 1e-8
+"""Singular value relative to the largest, below which the outputs do not determine a combination: half of the digits of
+a double."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,8 @@ def _inverse_root(measured: OutputStatistics) -> Reals:
 # Means of the parameters from means of the outputs: chapter equation (35), a step that goes wrong shortened.
 
 
-_SHORTEST = 1e-3
+_SHORTEST_MEAN_STEP = 1e-3
+"""Fraction of a step of the means below which it is given up: ten halvings."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +197,7 @@ def _shortened(
 ) -> Reals | None:
     """The longest of d, d/2, d/4 … that reduces the error; None if none does."""
     length = 1.0
-    while length > _SHORTEST:
+    while length > _SHORTEST_MEAN_STEP:
         try:
             z = outputs.linearised(theta + length * d)[0]
         except FemtuneError:
@@ -222,7 +225,13 @@ def _shortened(
 # mean z₀ + G d + ½ H:C and covariance G C Gᵀ + ½ tr(H_i C H_j C).
 
 
-_STEP, _TOLERANCE, _MOST = 1e-3, 1e-10, 60
+_DIFFERENCE_STEP = 1e-3
+"""Step of the differences of slopes, in standard deviations of the start: their error is of first order in it, and
+rounding of the slopes is far smaller."""
+_QUADRATIC_TOLERANCE = 1e-10
+"""Change of parameters, in their units, that ends iterations on the quadratic model, which cost nothing."""
+_QUADRATIC_ITERATIONS = 60
+"""Of these iterations at most; they converge linearly where they do."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +264,7 @@ class QuadraticModel:
 
 def quadratic_model(outputs: Counted, at: Means, scale: Reals) -> QuadraticModel:
     """The quadratic model at the final means, by k model solutions at steps of a thousandth of `scale`."""
-    return QuadraticModel(at.theta, *second_derivatives(outputs, at.theta, _STEP * scale))
+    return QuadraticModel(at.theta, *second_derivatives(outputs, at.theta, _DIFFERENCE_STEP * scale))
 
 
 def corrected(model: QuadraticModel, measured: OutputStatistics, by: LinearEstimator) -> tuple[Reals, Reals] | None:
@@ -274,18 +283,18 @@ def _of_repeats(model: QuadraticModel, repeats: Reals, by: LinearEstimator) -> t
 
 
 def _inverse(model: QuadraticModel, z: Reals, by: LinearEstimator) -> Reals | None:
-    """θ whose quadratic outputs are z, by Newton's method from θ₀; None where it does not end."""
+    """θ whose quadratic outputs are z, by Newton's method from θ₀; None if it does not end."""
     theta = model.theta
-    for _ in range(_MOST):
+    for _ in range(_QUADRATIC_ITERATIONS):
         d = by.matrix(model.slope(theta)) @ (z - model.values(theta)) - _pull(model, theta, by)
         theta = theta + d
-        if np.abs(d / by.scale).max(initial=0.0) <= _TOLERANCE:
+        if np.abs(d / by.scale).max(initial=0.0) <= _QUADRATIC_TOLERANCE:
             return theta
     return None
 
 
 def _pull(model: QuadraticModel, theta: Reals, by: LinearEstimator) -> Reals:
-    """What a regularised repeat gives way to: μ²W_θ holds it near the mean, and not near its last iterate."""
+    """Pull of the regularisation on a repeat: μ²W_θ holds it near the mean, not near its last iterate."""
     if not by.regularisation:
         return np.zeros_like(theta)
     A = by.root @ model.slope(theta) * by.scale
@@ -296,14 +305,14 @@ def _pull(model: QuadraticModel, theta: Reals, by: LinearEstimator) -> Reals:
 def _of_moments(model: QuadraticModel, measured: OutputStatistics, by: LinearEstimator) -> tuple[Reals, Reals] | None:
     T = by.matrix(model.G)
     theta, C = model.theta, T @ measured.structural @ T.T
-    for _ in range(_MOST):
+    for _ in range(_QUADRATIC_ITERATIONS):
         T = by.matrix(model.slope(theta))
         curved = model.covariance(theta, C) - model.slope(theta) @ C @ model.slope(theta).T
         new = T @ (measured.structural - curved) @ T.T
         d = T @ (measured.mean - model.mean(theta, C)) - _pull(model, theta, by)
         moved = max(np.abs(d / by.scale).max(), np.abs((new - C) / np.outer(by.scale, by.scale)).max())
         theta, C = theta + d, new
-        if moved <= _TOLERANCE:
+        if moved <= _QUADRATIC_TOLERANCE:
             return theta, C
     return None
 
@@ -373,7 +382,13 @@ CovarianceStep = Callable[[Reals, Reals, Reals, Reals], Reals]
 """T (k, m), parameters (n, k) and outputs (n, m) of a cloud, measured covariance (m, m) -> covariance (k, k) of the
 parameters of the next cloud."""
 
-_SHORTEST_CLOUD_STEP, _LEAST, _TRIES = 1e-2, 1e-3, 8
+_SHORTEST_CLOUD_STEP = 1e-2
+"""Fraction of the step to a new covariance below which no positive definite one is found on the way: seven halvings."""
+_LEAST_CORRELATION_EIGENVALUE = 1e-3
+"""Smallest eigenvalue of the correlations of a cloud: samples of a nearly singular one show nothing of its narrow
+direction."""
+_TRIES = 8
+"""Clouds drawn halfway back after one that the model cannot follow: down to 0.4 % of the way."""
 
 
 @dataclass(frozen=True)
@@ -385,7 +400,8 @@ class CloudRules:
     samples : model solutions of one cloud
     seed : of the Latin hypercube; every iteration draws with the same one, so that the iteration has a limit
     max_iterations : clouds at most
-    tolerance : change of means and standard deviations, in units of the start's standard deviations, that is none
+    tolerance : largest change of means and standard deviations, in units of the standard deviations of the start, at
+        convergence
     """
 
     samples: int = 1000
@@ -500,11 +516,11 @@ def _covariances(theta: Reals, z: Reals) -> tuple[Reals, Reals, Reals]:
 
 
 def _positive(old: Reals, new: Reals) -> Reals | None:
-    """The new covariance, or a point so far towards it that it is positive definite; None where none is."""
+    """The new covariance, or the point nearest to it on the way there that is positive definite; None if none is."""
     length = 1.0
     while length > _SHORTEST_CLOUD_STEP:
         C = old + length * (new - old)
-        if least_eigenvalue(C) > _LEAST:
+        if least_eigenvalue(C) > _LEAST_CORRELATION_EIGENVALUE:
             return np.asarray(C)
         length *= 0.5
     return None
@@ -518,7 +534,7 @@ def _small_change(moved: Reals, new: Reals, old: Reals, scale: Reals, tolerance:
 
 @dataclass(frozen=True)
 class StochasticRules:
-    """How a stochastic update goes.
+    """Settings of a stochastic update.
 
     Parameters
     ----------
@@ -628,7 +644,7 @@ def _definite(covariance: Reals, scale: Reals) -> Reals:
 
 @dataclass(frozen=True)
 class Moments:
-    """What a method of [quantify] estimates: fields as of `StochasticResult`; G is None where it was not computed."""
+    """What a method of [quantify] estimates: fields as of `StochasticResult`; G is None if it was not computed."""
 
     mean: Reals
     covariance: Reals

@@ -21,10 +21,12 @@ from femtune.updating.posterior import BoxPosterior, box_posterior
 
 NOTHING_LOST: Mapping[str, int] = MappingProxyType({})
 
-_SHARE = 0.05
+_UNDETERMINED_SHARE = 0.05
+"""A parameter has no σ if undetermined combinations hold this share of it or more; as in the bootstrap."""
 _BY_CHANCE = 0.01
 """Significance level above which residuals are larger than stated."""
 _LEAST_FREEDOM = 0.5
+"""Degrees of freedom, which need not be integers, at or below which residuals say nothing of their own size."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class ParameterCovariance:
     degrees_of_freedom : of the variance estimate; infinite for stated standard deviations
     widened : kinds whose residuals are significantly larger than stated, so that their variance was estimated
     freedom : by kind of residual, how many residuals the parameters leave free
-    posterior : distribution within the bounds; None where it is not known
+    posterior : distribution within the bounds; None if it is not known
     """
 
     without_bounds: Reals
@@ -69,7 +71,7 @@ class ParameterCovariance:
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Where the parameters may be, and what else acts on them.
+    """Bounds of the parameters, and the other constraints on them.
 
     Parameters
     ----------
@@ -99,7 +101,10 @@ class _Fit:
         return np.asarray(self.inverse @ self.rows.T)
 
     def covariance(self, sizes: Reals, noise: Reals | None) -> Reals:
-        """Of the estimate, for the sizes of the errors of the rows (n + m,), or the covariance of rowsᵀ·errors."""
+        """Covariance of the estimate, from the sizes of the errors of the rows (n + m,).
+
+        With `noise`, the covariance of rowsᵀ·errors, from that instead.
+        """
         if noise is not None:
             return np.asarray(self.inverse @ noise @ self.inverse)
         spread = self.estimator * sizes
@@ -123,7 +128,8 @@ def parameter_covariance(
 
     With stated standard deviations S is one, except for kinds of residual whose sum of squares is significant (one
     per cent point of χ² with the freedom that the parameters leave them): there it is their misfit, so that the result
-    is wider; none that fits better narrows it (a loose deviation of shapes says nothing of the frequencies). With
+    is wider. A kind that fits better does not narrow it: a large standard deviation of the shapes does not concern the
+    frequencies. With
     estimated variance the stated deviations are relative weights, and S² = rᵀr/(n − rank) for all residuals.
 
     Parameters
@@ -146,7 +152,7 @@ def parameter_covariance(
     misfit = _misfit(r, kinds, freedom)
     noise = None if noise is None else noise + (extra * prior_sd).T @ (extra * prior_sd)
     size = _size(r, misfit, freedom, scatter, noise)
-    known = np.linalg.norm(fit.undetermined, axis=0) < _SHARE
+    known = np.linalg.norm(fit.undetermined, axis=0) < _UNDETERMINED_SHARE
     reasons = {int(i): "fixed in this update, σ not given" for i in np.flatnonzero(~moving)}
     reasons |= {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
     reasons |= {int(i): "not determined by the data, σ not given" for i in free[~known]}
@@ -173,10 +179,10 @@ def _posterior(
 ) -> BoxPosterior | None:  # fmt: skip
     """None if the residual variance is to be estimated and no degrees of freedom are left."""
     if scatter == "estimated":
-        found = _estimated_without_bounds(r, J, kinds, extra, prior_sd, moving, lost, box)
-        if found is None:
+        linear = _estimated_without_bounds(r, J, kinds, extra, prior_sd, moving, lost, box)
+        if linear is None:
             return None
-        size = found
+        size = linear
     sizes = np.array([size.by_kind.get(kind, 1.0) for kind in kinds])
     return box_posterior(
         r, J, extra, box.prior_residuals, prior_sd, moving, box.x, (box.lower, box.upper), sizes, size.degrees,
@@ -216,7 +222,7 @@ def _estimated(r: Reals, freedom: dict[str, float]) -> _Size | None:
 def _size(
     r: Reals, misfit: dict[str, float], freedom: dict[str, float], scatter: Scatter, noise: Reals | None
 ) -> _Size | None:
-    """As stated where the noise is known."""
+    """Sizes as stated if the noise is known."""
     if noise is not None:
         return _Size({}, np.inf)
     return _estimated(r, freedom) if scatter == "estimated" else _widened(misfit, freedom)

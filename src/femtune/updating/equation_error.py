@@ -27,7 +27,10 @@ from femtune.model.reduce import ReducedModel, ReducedPoint
 from femtune.residuals import CaseState, ComparedCase, Residual, ResidualBlock, UpdateProblem
 
 _MOST_PHASES = 8
+"""The modes of a case are added in this many sets at most; each set costs a solution."""
 _SINGULAR = 1e-13
+"""Pivot, relative to the largest one, below which a triangle is singular to rounding: a few hundred units in the last
+place of a double."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,10 +54,12 @@ RANKED_FROM = 5_000
 _ABOVE_LINES = 1.1
 """Modes up to this many times the highest line of FRFs are trained for as modes, those above by their responses."""
 _DETERMINED = 1e-10
+"""Singular value of a Jacobian, relative to the largest, below which a direction is rounding."""
 _FINER_RESPONSES = 0.1
+"""Factor on the tolerance of FRFs where a basis is trained again because it was not accurate enough."""
 _BEGUN = "basis that a training begins with"
 _STEPS = 1
-"""Of inverse iteration in a training: one makes an error of 1 % of a frequency .01 % or less."""
+"""Steps of inverse iteration in a training: one step reduces an error of 1 % of a frequency to 0.01 % or less."""
 
 
 class Told(Protocol):
@@ -91,7 +93,7 @@ class _Nobody:
 
 @dataclass(frozen=True)
 class ReductionRules:
-    """How far reduced models are trusted.
+    """Tolerances and limits of reduced models.
 
     Parameters
     ----------
@@ -183,7 +185,7 @@ class Agreement:
     Parameters
     ----------
     frequencies : worst relative frequency error of each
-    functions : of the FRF residuals; None where the reduced models serve none
+    functions : of the FRF residuals; None if the reduced models serve none
     """
 
     frequencies: tuple[float, ...]
@@ -220,9 +222,9 @@ class ReducedUpdate:
     cases : facts of each configuration
     rounds : what happened each time the search ended, a sentence each
     certified : True where full and reduced models agree within the tolerances at the end point
-    search : the reduced models, enriched at the end, from which another update may go on; None where nothing was
+    search : the reduced models, enriched at the end, from which another update may go on; None if nothing was
         reduced
-    functions : agreement of the FRFs at the end point; None where the reduced models serve none
+    functions : agreement of the FRFs at the end point; None if the reduced models serve none
     """
 
     result: UpdateResult
@@ -274,11 +276,11 @@ class ReducedSearch:
         """The reduced models of those cases that another problem has too, by their names."""
         positions = {case.name: i for i, case in enumerate(problem.cases)}
         at = [k for k, i in enumerate(self.reduced) if self.problem.cases[i].name in positions]
-        own = [positions[self.problem.cases[self.reduced[k]].name] for k in at]
+        places = [positions[self.problem.cases[self.reduced[k]].name] for k in at]
         functions, trainers, trained, estimates = (
             [of[k] for k in at] for of in (self.functions, self.trainers, self.trained, self.estimates)
         )
-        return ReducedSearch(problem, self.rules, own, functions, trainers, trained, estimates, [])  # type: ignore[arg-type]
+        return ReducedSearch(problem, self.rules, places, functions, trainers, trained, estimates, [])  # type: ignore[arg-type]
 
     def reduced_problem(self) -> UpdateProblem:
         cases = list(self.problem.cases)
@@ -299,7 +301,7 @@ class ReducedSearch:
 
     @property
     def serves_all(self) -> bool:
-        """Whether nothing of the problem needs the full models."""
+        """True if no part of the problem needs the full models."""
         residuals = [r for case in self.reduced_problem().cases for r in case.residuals]
         return not self.problem.residuals and all(isinstance(r, ReducedFrfs) for r in residuals)
 
@@ -397,7 +399,7 @@ class ReducedSearch:
 
 
 def reduced_components(trained: Trained) -> tuple[ReducedComponent, ...]:
-    """What is known of each component; nothing of a basis of the whole."""
+    """Facts of each component; none for a basis of the whole model."""
     parts = () if trained.components is None else trained.components.parts
     return tuple(
         ReducedComponent(
@@ -452,9 +454,9 @@ def update_reduced(
     method = replace(method, regularisation=side)
     x, rounds = before.x, list[str]()
     while True:
-        found = _search(search, method, x, report, active)
+        result = _search(search, method, x, report, active)
         told.searched(len(rounds) + 1)
-        x, look = found.x, search.look(found.x, rounds)
+        x, look = result.x, search.look(result.x, rounds)
         if look.agree or search.used_up or not search.take(look.better):
             break
         # full modes, whose room the next look needs
@@ -462,7 +464,7 @@ def update_reduced(
     full = search.assess(x, look.states, look.better)
     facts, better = search.facts(look.there.frequencies), replace(search, trained=look.better)
     return ReducedUpdate(
-        on_full_model(problem, method, before, full, found, search.history), facts, tuple(rounds), look.agree, better,
+        on_full_model(problem, method, before, full, result, search.history), facts, tuple(rounds), look.agree, better,
         look.there.functions,
     )  # fmt: skip
 
@@ -557,7 +559,7 @@ def _acting(case: ComparedCase) -> NDArray[np.bool_]:
 
 
 def _shared(trainers: Sequence[Trainer | ComponentTrainer], trained: Sequence[Trained]) -> Trained | None:
-    """What an earlier training gives for the last trainer; None where none is of the same matrices and points."""
+    """The earlier training that serves the last trainer; None if none has the same matrices and points."""
     last = trainers[-1]
     for other, found in zip(trainers, trained):
         if isinstance(last, Trainer) and isinstance(other, Trainer) and last.served_by(other):
@@ -639,11 +641,11 @@ def _search(
     reduced = search.reduced_problem()
 
     def number_on(iteration: Iteration) -> None:
-        own = replace(iteration, number=len(search.history))
+        renumbered = replace(iteration, number=len(search.history))
         # the first point of a further search is the last one of that before
         if iteration.number or not search.history:
-            search.history.append(own)
-            report(own)
+            search.history.append(renumbered)
+            report(renumbered)
 
     return update(reduced, method, number_on, reduced.start(x), active)
 
@@ -753,23 +755,23 @@ def multi_start_reduced(
     }  # fmt: skip
     if equation_error and any(len(case.test) for case in problem.cases):
         *first, last = equation_error_phases(reduced)
-        found = multi_start(last, NO_SIDE, rules, first=first, **options)
-        found = run.certify(found, lambda p: equation_error_phases(p)[-1], NO_SIDE)
+        outcome = multi_start(last, NO_SIDE, rules, first=first, **options)
+        outcome = run.certify(outcome, lambda p: equation_error_phases(p)[-1], NO_SIDE)
         # the look at its end left the basis with the enriched models only
         assert run.at_end is not None
         run.search.take(run.at_end.better)
-        found = follow_up(found, run.search.reduced_problem(), method, side, active, unfinished=True)
+        outcome = follow_up(outcome, run.search.reduced_problem(), method, side, active, unfinished=True)
     else:
-        found = multi_start(reduced, method, rules, **options)
-    found = run.certify(found, lambda p: p, method)
+        outcome = multi_start(reduced, method, rules, **options)
+    outcome = run.certify(outcome, lambda p: p, method)
     look = run.at_end
     assert look is not None
-    full = run.search.assess(found.best.x, look.states, look.better)
-    best = on_full_model(problem, method, before, full, found.best, found.best.history)
+    full = run.search.assess(outcome.best.x, look.states, look.better)
+    best = on_full_model(problem, method, before, full, outcome.best, outcome.best.history)
     facts = run.search.facts(look.there.frequencies)
     search = replace(run.search, trained=look.better)
     own = ReducedUpdate(best, facts, tuple(run.rounds), look.agree, search, look.there.functions)
-    return ReducedStarts(replace(found, best=best), own)
+    return ReducedStarts(replace(outcome, best=best), own)
 
 
 @dataclass(eq=False)

@@ -84,7 +84,7 @@ class BoxPosterior:
 
     @cached_property
     def drawn(self) -> BoxSamples | None:
-        """Samples of d; None where the bounds are ignored."""
+        """Samples of d; None if the bounds are ignored."""
         if not self.truncated:
             return None
         return sample_box(self.rows, self.offset, self.lower, self.upper, self.degrees, self.rules)
@@ -113,7 +113,7 @@ class BoxPosterior:
         return np.atleast_2d(np.cov(self.samples, rowvar=False))
 
     def of(self, jet: Jet, values: Callable[[Reals], Reals], level: float = 0.95) -> Marginal | None:
-        """The distribution of a quantity; None where it depends on no moving parameter, or has no finite values.
+        """The distribution of a quantity; None if it depends on no moving parameter, or has no finite values.
 
         Parameters
         ----------
@@ -125,19 +125,19 @@ class BoxPosterior:
         if not self.truncated and not np.any(jet.hess):
             return self._linear(jet, level)
         try:
-            found = values(self.samples)
+            sampled = values(self.samples)
         except FemtuneError:
             return None
-        low, median, high = np.quantile(found, [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level])
-        kind = self._kind if not self.truncated else "bounds" if self._is_of_bounds(jet, found) else "truncated"
-        return Marginal(float(found.mean()), float(median), (float(low), float(high)), float(found.std()), kind)
+        low, median, high = np.quantile(sampled, [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level])
+        kind = self._kind if not self.truncated else "bounds" if self._is_of_bounds(jet, sampled) else "truncated"
+        return Marginal(float(sampled.mean()), float(median), (float(low), float(high)), float(sampled.std()), kind)
 
     @property
     def _kind(self) -> IntervalKind:
         return "Student's t" if np.isfinite(self.degrees) else "normal"
 
     def _linear(self, jet: Jet, level: float) -> Marginal:
-        """Without bounds near, as of the linear least-squares estimate."""
+        """The distribution of the linear least-squares estimate, for bounds far away."""
         assert self._root is not None
         sd, value = float(np.linalg.norm(jet.grad[self.moving] @ self._root)), float(jet.value)
         half = float(stdtrit(self.degrees, 0.5 + 0.5 * level)) * sd

@@ -13,7 +13,10 @@ from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
 from femtune.updating.regularisation import LinearModel, SideConstraint, position
 
-_SYMMETRIC, _POSITIVE = 1e-8, 1e-13
+_LARGEST_ASYMMETRY = 1e-8
+"""Difference of r_ij and r_ji that is still rounding of numbers written by hand or by a program: half of the digits."""
+_LEAST_EIGENVALUE = 1e-13
+"""Eigenvalue of a correlation matrix at or below which it is singular to the rounding of a double."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +102,7 @@ def check_covariance(names: Sequence[str], covariance: Reals) -> None:
     sd = np.sqrt(variances)
     correlation = covariance / np.outer(sd, sd)
     least = float(la.eigvalsh(0.5 * (correlation + correlation.T)).min(initial=1.0))
-    if np.abs(correlation - correlation.T).max(initial=0.0) > _SYMMETRIC or least <= _POSITIVE:
+    if np.abs(correlation - correlation.T).max(initial=0.0) > _LARGEST_ASYMMETRY or least <= _LEAST_EIGENVALUE:
         raise _not_positive(names, correlation, least)
 
 

@@ -26,7 +26,7 @@ Weight = float | WeightRule
 
 @dataclass(frozen=True, eq=False)
 class RegularisationPath:
-    """What min |r + J d|² + μ²|R(x + d) − c|² gives for m weights, bounds left aside.
+    """Solutions of min |r + J d|² + μ²|R(x + d) − c|² for m weights, without bounds.
 
     Parameters
     ----------
@@ -188,7 +188,13 @@ class NoRegularisation:
 
 
 POINTS = 301
-_BEYOND, _LEAST_WEIGHT = 30.0, 1e-9
+"""Weights along an L-curve. Over ten decades two neighbours differ by 8 %, far less than a corner is wide; each costs
+one pass over the singular values."""
+_RANGE_FACTOR = 30.0
+"""Weights reach this factor below the smallest and above the largest generalised singular value: filter factors there
+are within 0.2 % of 0 or 1, so that both branches of the curve are seen."""
+_LEAST_FELT = 1e-9
+"""Singular value, relative to the largest, and spare degrees of freedom, below which they are rounding."""
 
 
 def regularisation_path(side: SideConstraint, at: LinearModel, weights: Reals | None = None) -> RegularisationPath:
@@ -210,16 +216,16 @@ def regularisation_path(side: SideConstraint, at: LinearModel, weights: Reals | 
     changes = np.zeros((len(mu), len(at.x)))
     changes[:, at.moving] = d
     with np.errstate(divide="ignore"):
-        crossed = np.where(spare > _LEAST_WEIGHT, rho**2 / np.maximum(spare, _LEAST_WEIGHT) ** 2, np.inf)
+        crossed = np.where(spare > _LEAST_FELT, rho**2 / np.maximum(spare, _LEAST_FELT) ** 2, np.inf)
     return RegularisationPath(mu, changes, rho, eta, curvature(mu, rho, eta), crossed)
 
 
 def _weights(J: Reals, R: Reals) -> Reals:
     """Weights from below the least to above the largest singular value of the data in units of the constraint."""
     s = np.linalg.svd(J @ np.linalg.pinv(R), compute_uv=False) if R.size else np.zeros(0)
-    felt = s[s > _LEAST_WEIGHT * s.max(initial=0.0)]
+    felt = s[s > _LEAST_FELT * s.max(initial=0.0)]
     least, most = (felt.min(), felt.max()) if felt.size else (1.0, 1.0)
-    return np.geomspace(least / _BEYOND, most * _BEYOND, POINTS)
+    return np.geomspace(least / _RANGE_FACTOR, most * _RANGE_FACTOR, POINTS)
 
 
 def _point(triangle: Reals, R: Reals, inside: Reals, offset: Reals, mu: float) -> tuple[Reals, float]:
@@ -401,7 +407,8 @@ def _differences(parameters: ParameterSet, group: tuple[str, ...]) -> tuple[Real
 # Link's weighting: a parameter is held the more, the less the data feel it.
 
 
-_LEAST = 1e-12
+_LEAST_SENSITIVITY = 1e-12
+"""Smallest diagonal entry of GᵀWG relative to the largest: a sensitivity of 1e-6, so that weights stay finite."""
 
 
 def link_weights(jacobian: Reals) -> Reals:
@@ -413,7 +420,7 @@ def link_weights(jacobian: Reals) -> Reals:
     top = felt.max(initial=0.0)
     if not top > 0.0:
         return np.ones(len(felt))
-    gamma = np.maximum(felt, _LEAST * top)
+    gamma = np.maximum(felt, _LEAST_SENSITIVITY * top)
     return np.asarray(gamma.mean() / (1.0 / gamma).mean() / gamma)
 
 

@@ -1,6 +1,6 @@
 """A solver that remembers: modes are not solved again where stiffness and mass are what they were.
 
-An update of damping leaves both as they are, and asks for the modes at each of its points.
+An update of damping changes neither, and needs the modes at each of its points.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ class RememberingSolver:
         return replace(old, point=point, known_factor=old.factor)
 
     def improved(self, start: EigenSolution, steps: int) -> EigenSolution:
-        """As the solver's own."""
+        """See `ModelSolver`."""
         return self.solver.improved(start, steps)
 
     def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
-        """As the solver's own."""
+        """See `ModelSolver`."""
         return self.solver.derivative(solution, members, rows)
 
 

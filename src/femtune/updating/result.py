@@ -91,7 +91,7 @@ class UpdateResult:
     `x` are normalised free parameters; `covariance` is of x; `active` are the names of the parameters that were moved;
     `side` is the side constraint as it was settled. `number` is that of the result in the history: the last one where
     the iteration ended at an optimum, otherwise the best one. `certificate` is None of several updates in turn.
-    `smallest_change` is None where the result is the minimum inside the bounds.
+    `smallest_change` is None if the result is the minimum inside the bounds.
     """
 
     parameters: ParameterSet
@@ -139,7 +139,7 @@ class UpdateResult:
         return {n: none if found is None else found.interval for n, found in self.marginals(level).items()}
 
     def marginals(self, level: float = 0.95) -> dict[str, Marginal | None]:
-        """Mean, median and interval of all parameters, tied ones too; None where none is given."""
+        """Mean, median and interval of all parameters, tied ones too; None if none is given."""
         jets = self.parameters.jets(self.x)
         return {
             name: self.marginal(jets[name], partial(self._at_samples, name), level) for name in self.parameters.names
@@ -149,7 +149,7 @@ class UpdateResult:
         return self.parameters.at_samples(x)[name]
 
     def marginal(self, jet: Jet, values: Callable[[Reals], Reals], level: float = 0.95) -> Marginal | None:
-        """The same of any quantity: its value and derivatives at `x`, and its values at samples (n, k) of x."""
+        """The same for any quantity, from its value and derivatives at `x`, and its values at samples (n, k) of x."""
         found = self.covariance.posterior
         return None if found is None else found.of(jet, values, level)
 

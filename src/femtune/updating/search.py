@@ -138,7 +138,7 @@ class Search(Protocol):
         ...
 
     def further(self, gain: float) -> float:
-        """By how much an accepted step is lengthened for one more trial; one for none."""
+        """Factor by which an accepted step is lengthened for one more trial; 1 for no trial."""
         ...
 
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
@@ -149,7 +149,11 @@ class Search(Protocol):
         ...
 
 
-_MUCH_BETTER, _MOST_LENGTHENED = 1.5, 10.0
+_MUCH_BETTER = 1.5
+"""Gain ratio from which a step is lengthened: the objective fell by half more than the linear model predicts. Smaller
+ratios are the usual error of that model."""
+_MOST_LENGTHENED = 10.0
+"""Largest factor on a step: one decade, so that a single lucky ratio does not leave the region of the linear model."""
 
 
 def lengthened(gain: float) -> float:
@@ -185,7 +189,7 @@ class GaussNewton:
         return 1.0
 
     def shorter(self, state: float, gain: float, rejected: int) -> float | None:
-        """There is none."""
+        """None: this search does not offer it."""
         return None
 
     def further(self, gain: float) -> float:
@@ -193,7 +197,7 @@ class GaussNewton:
         return 1.0
 
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
-        """There is none."""
+        """None: this search does not offer it."""
         return None
 
 
@@ -201,8 +205,17 @@ class GaussNewton:
 # Levenberg-Marquardt: damping that shortens and turns the step, the bounds inside it.
 
 
-_MOST, _LEAST_AFTER_REJECTION = 1e12, 1e-9
-_GROWTH, _LEAST_TURNED, _MOST_TURNED = 0.6, 0.02, 0.75
+_MOST_DAMPING = 1e12
+"""Damping from which a step changes no digit that counts, so that the search ends."""
+_LEAST_AFTER_REJECTION = 1e-9
+"""Damping after a rejected step; zero would stay zero when multiplied."""
+_DAMPING_EXPONENT = 0.6
+"""Exponent with which the damping follows the distance of the gain ratio from one. It trades fast decrease on good
+steps for few rejected ones."""
+_LEAST_ACCELERATION = 0.02
+"""Second-order part relative to the step, below which it is not worth a solution."""
+_MOST_ACCELERATION = 0.75
+"""The same, above which the second-order expansion is not trusted (after Transtrum and Sethna 2012)."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +245,7 @@ class LevenbergMarquardt:
         """
         factor = min(max(_factor(gain), 2.0), 10.0) * 4.0 ** max(rejected - 2, 0)
         more = max(factor * state, _LEAST_AFTER_REJECTION)
-        return more if more <= _MOST else None
+        return more if more <= _MOST_DAMPING else None
 
     def further(self, gain: float) -> float:
         """See `lengthened`."""
@@ -247,7 +260,7 @@ class LevenbergMarquardt:
         """
         turned = replace(local, residuals=local.residuals + error).step(state)
         change, length = (float(np.linalg.norm(v / local.scale)) for v in (turned - d, d))
-        return turned if _LEAST_TURNED * length <= change <= _MOST_TURNED * length else None
+        return turned if _LEAST_ACCELERATION * length <= change <= _MOST_ACCELERATION * length else None
 
 
 def _factor(gain: float) -> float:
@@ -256,14 +269,15 @@ def _factor(gain: float) -> float:
     In a curved valley the right damping lies between one that is rejected and a tenth of it that is too much, so that
     fixed factors of ten would reject every second step.
     """
-    return float((4.0 * abs(1.0 - gain)) ** _GROWTH)
+    return float((4.0 * abs(1.0 - gain)) ** _DAMPING_EXPONENT)
 
 
 # ----------------------------------------------------------------------------------------------------
 # Line search: the undamped step, halved until the objective falls.
 
 
-_LEAST = 1e-10
+_SHORTEST_STEP = 1e-10
+"""Fraction of a Gauss-Newton step below which the line search ends."""
 
 
 @dataclass(frozen=True)
@@ -289,13 +303,13 @@ class LineSearch:
         return 1.0
 
     def shorter(self, state: float, gain: float, rejected: int) -> float | None:
-        """Half of it."""
-        return 0.5 * state if state > _LEAST else None
+        """Half the step."""
+        return 0.5 * state if state > _SHORTEST_STEP else None
 
     def further(self, gain: float) -> float:
         """See `lengthened`."""
         return lengthened(gain)
 
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
-        """There is none."""
+        """None: this search does not offer it."""
         return None

@@ -36,9 +36,21 @@ from femtune.updating.smallest_change import ALLOWED, SmallestChange, change_row
 # The facts that stay the same while an update goes on, and what they make of a point.
 
 
-_ROUNDING, _FAR_ABOVE, _TINY_PART, _NEAR = 1e-7, 1e4, 1e-10, 1e-9
-_ZERO, _ROUNDING_OF_ONE = 1e-6, 1e-5
-"""Largest residual that counts as zero, and as a part of its change by a whole length of step."""
+_RELATIVE_ROUNDING = 1e-7
+"""Residual, relative to its change by a whole length of step, that is rounding: half of the digits of a double."""
+_CROSSING_RATIO = 1e4
+"""Sensitivity of a residual relative to the lower quartile of all, above which its modes cross; four decades, so that
+residuals of very different standard deviations do not count."""
+_TINY_PART = 1e-10
+"""Objective relative to its first value, below which residuals have lost five digits and may be rounding."""
+_AT_BOUND = 1e-9
+"""Distance from a bound, relative to the smaller of the width of the box and 1 + |bound|, within which a parameter is
+at it."""
+_ZERO_RESIDUAL = 1e-6
+"""Residual, in standard deviations, that counts as zero."""
+_ROUNDING_OF_ONE = 1e-5
+"""The same as a part of its change by a whole length of step. A single residual scatters more than their norm, see
+`_RELATIVE_ROUNDING`."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +136,8 @@ class Walk:
         """Moving parameters that touch the lower and the upper bound."""
         lower, upper = self.problem.parameters.bounds
         width = upper - lower
-        low = x - lower <= _NEAR * np.minimum(width, 1.0 + np.abs(lower))
-        high = upper - x <= _NEAR * np.minimum(width, 1.0 + np.abs(upper))
+        low = x - lower <= _AT_BOUND * np.minimum(width, 1.0 + np.abs(lower))
+        high = upper - x <= _AT_BOUND * np.minimum(width, 1.0 + np.abs(upper))
         return low & self.moving, high & self.moving
 
     def at_bound(self, x: Reals) -> Flags:
@@ -170,18 +182,18 @@ class Walk:
     def rounding(self, point: Point) -> float:
         """Objective below which residuals are rounding: 1e-7 of their change by a whole length of step.
 
-        Where modes cross, the derivatives of their shapes are far above all others and tell nothing about rounding,
+        Where modes cross, the derivatives of their shapes are far above all others and are no measure of rounding,
         unless the objective has fallen to a tiny part of its first value.
         """
         changes, most = self._changes(point)
-        whole, without = (_half_square(_ROUNDING * c) for c in (changes, np.minimum(changes, most)))
+        whole, without = (_half_square(_RELATIVE_ROUNDING * c) for c in (changes, np.minimum(changes, most)))
         return min(whole, max(without, _TINY_PART * self.first))
 
     def all_zero(self, point: Point) -> bool:
-        """True if each residual by itself is rounding: a tiny standard deviation of some says nothing of the others."""
+        """True if each residual by itself is rounding: a tiny standard deviation of one does not concern others."""
         changes, _ = self._changes(point)
         known = self.of_result(point.evaluation).residuals
-        return bool((np.abs(known) <= np.maximum(_ZERO, _ROUNDING_OF_ONE * changes)).all())
+        return bool((np.abs(known) <= np.maximum(_ZERO_RESIDUAL, _ROUNDING_OF_ONE * changes)).all())
 
     def modes_cross(self, point: Point) -> bool:
         """True if some residuals and one combination of parameters are far more sensitive than all others.
@@ -192,7 +204,7 @@ class Walk:
         if not (changes > most).any() or point.objective < _TINY_PART * self.first:
             return False
         s = np.linalg.svd(self._scaled(point), compute_uv=False)
-        return len(s) > 1 and bool(s[0] > _FAR_ABOVE * s[1])
+        return len(s) > 1 and bool(s[0] > _CROSSING_RATIO * s[1])
 
     def _scaled(self, point: Point) -> Reals:
         """(n, k) changes of the residuals of the result by a whole length of step of each parameter that moves."""
@@ -201,7 +213,7 @@ class Walk:
     def _changes(self, point: Point) -> tuple[Reals, float]:
         """(n,) changes of the residuals by a whole length of step, and the largest one of modes that do not cross."""
         changes = np.linalg.norm(self._scaled(point), axis=1)
-        return changes, _FAR_ABOVE * float(np.quantile(changes[changes > 0.0], 0.25)) if changes.any() else 0.0
+        return changes, _CROSSING_RATIO * float(np.quantile(changes[changes > 0.0], 0.25)) if changes.any() else 0.0
 
     def determined(self, point: Point, which: Flags) -> bool:
         """True if the data determine all combinations of some parameters."""
@@ -237,11 +249,38 @@ def linear_model(problem: UpdateProblem, at: Evaluation, moving: Flags) -> Linea
 
 Report = Callable[[Iteration], None]
 
-_SAME_OBJECTIVE, _NEARLY_SAME, _ZERO_OBJECTIVE = 1e-10, 1e-6, 1e-24
+_SAME_OBJECTIVE = 1e-10
+"""Predicted relative decrease of the objective that the rounding of sums of squares hides."""
+_NEARLY_SAME = 1e-6
+"""Relative decrease of the objective that no result shows: χ² is reported with fewer digits."""
+_ZERO_OBJECTIVE = 1e-24
+"""Objective of residuals of about 1e-12: an exact fit."""
 _MANY_PAIRING_CHANGES = 6
-_WORTH_A_JUMP, _MOST_JUMPS, _MOST_FAILED_JUMPS, _DAMPING_OF_JUMP = 1e-7, 8, 3, 1e-2
-_CRAWL, _LITTLE, _MUCH = 20, 1e-4, 1e-3
-_MOST_WEIGHTS, _AIM, _CLOSE, _OF_MARGIN = 12, 0.9, 0.75, 0.05
+"""Iterations with a change of pairing, beyond which the search is taken to cycle between pairings. A search may pass
+several crossings on its way."""
+_WORTH_A_JUMP = 1e-7
+"""Relative decrease that the linear model must predict beyond a crossing of modes for a jump across it."""
+_MOST_JUMPS = 8
+"""Jumps in one update; each is followed by a search of its own."""
+_MOST_FAILED_JUMPS = 3
+"""Jumps in a row without a lower objective, after which no more are tried."""
+_DAMPING_OF_JUMP = 1e-2
+"""Damping of the step that crosses: it hardly shortens well determined directions and keeps the others small."""
+_STALL_ITERATIONS = 20
+"""Iterations over which progress is judged: enough that a slow turn of a curved valley is not taken for the end."""
+_LITTLE_PROGRESS = 1e-4
+"""Relative decrease of the objective over these iterations that is no progress."""
+_MUCH_PREDICTED = 1e-3
+"""Relative decrease predicted for a single step, above which little progress means that steps fail."""
+_MOST_WEIGHTS = 12
+"""Weights tried for the smallest change; each is a search from the last end."""
+_MARGIN_AIM = 0.9
+"""Part of the allowed increase of χ² that is aimed at: below 1, because the linear model misses it and more than all of
+it is refused."""
+_MARGIN_REACHED = 0.75
+"""Part of the allowed increase from which no further weight is tried."""
+_MARGIN_TOLERANCE = 0.05
+"""Part of the allowed increase that does not matter."""
 
 
 @dataclass(frozen=True)
@@ -348,7 +387,7 @@ class _Update:
                 self._record(beyond, moved, self.method.search.start, long_step=True)
                 other = self._iterate(beyond.evaluation)
                 if self._better(other.point.evaluation, end.point.evaluation):
-                    out = other.point.objective < (1.0 - _LITTLE) * end.point.objective
+                    out = other.point.objective < (1.0 - _LITTLE_PROGRESS) * end.point.objective
                     end, failed = other, 0 if out else failed
         return end
 
@@ -380,7 +419,7 @@ class _Update:
         return self.walk.best_gain(point) > enough or self.walk.modes_cross(point)
 
     def _beyond(self, point: Point, left_out: int) -> Point | None:
-        """A point beyond the place that blocks the steps, whatever its objective; None where it cannot be solved."""
+        """A point beyond the place that blocks the steps, with any objective; None if it cannot be solved."""
         d = self.walk.local(point).without_leading(left_out).step(_DAMPING_OF_JUMP)
         trial = self._try(point, d)
         return None if trial is None else self._paired(trial)
@@ -429,13 +468,13 @@ class _Update:
 
     def _smallest_change(self, optimum: _End) -> tuple[_End, SmallestChange | None]:
         """The smallest change near a minimum; the minimum itself where none is found."""
-        walk, at, found = self.walk, optimum, None
+        walk, at, smallest = self.walk, optimum, None
         change, weight = change_rows(walk.problem.parameters, walk.moving), 0.0
         for _ in range(_MOST_WEIGHTS):
             least, allowed = walk.chi_square(optimum.point.evaluation), self._allowed(optimum.point)
             point = walk.point(at.point.evaluation)
             reached = walk.chi_square(point.evaluation) - least
-            last, weight = weight, weight_for(walk.local(point), change, point.x, _AIM * allowed - reached)
+            last, weight = weight, weight_for(walk.local(point), change, point.x, _MARGIN_AIM * allowed - reached)
             if weight == last:
                 break
             self.walk = replace(walk, change=replace(change, weight=weight))
@@ -446,17 +485,17 @@ class _Update:
             if increase < -allowed:
                 # the way led into a better minimum
                 optimum = at = self._iterate(at.point.evaluation)
-                found, weight = None, 0.0
+                smallest, weight = None, 0.0
                 if not optimum.status.ok:
                     break
-            elif increase <= (1.0 - _OF_MARGIN) * allowed:
+            elif increase <= (1.0 - _MARGIN_TOLERANCE) * allowed:
                 sizes = (float(np.linalg.norm(change.rows(x)[0])) for x in (optimum.point.x, at.point.x))
                 bounds = self.history[optimum.number].at_bound
                 small = SmallestChange(optimum.point.x, bounds, least, allowed, increase, weight, *sizes)
-                found = at, small
-                if increase >= _CLOSE * allowed:
+                smallest = at, small
+                if increase >= _MARGIN_REACHED * allowed:
                     break
-        return found or (optimum, None)
+        return smallest or (optimum, None)
 
     def _allowed(self, point: Point) -> float:
         """By how much the smallest change may increase χ².
@@ -498,29 +537,29 @@ class _Update:
 
     def _crawls(self, steps: list[Iteration], gain: float) -> bool:
         """True if many steps have hardly reduced the objective, far less than the linear model predicts for one."""
-        if self.walk.change is not None or len(steps) < _CRAWL:
+        if self.walk.change is not None or len(steps) < _STALL_ITERATIONS:
             return False
-        before, now = steps[-_CRAWL].objective, steps[-1].objective
-        return before - now < _LITTLE * now and gain > _MUCH * now
+        before, now = steps[-_STALL_ITERATIONS].objective, steps[-1].objective
+        return before - now < _LITTLE_PROGRESS * now and gain > _MUCH_PREDICTED * now
 
     def _settled(self, point: Point, steps: list[Iteration], gain: float) -> bool:
         """True if many steps and the linear model agree that no more than a tiny part of the objective is left.
 
         Along a flat, curved valley the steps would go on for hundreds of iterations.
         """
-        if self.walk.change is not None or len(steps) < _CRAWL:
+        if self.walk.change is not None or len(steps) < _STALL_ITERATIONS:
             return False
         enough = _NEARLY_SAME * point.objective
-        return gain < enough and steps[-_CRAWL].objective - steps[-1].objective < 0.1 * enough
+        return gain < enough and steps[-_STALL_ITERATIONS].objective - steps[-1].objective < 0.1 * enough
 
     def _negligible(self, point: Point) -> float:
         """A decrease of the objective that does not matter: before the smallest change, a small part of its margin.
 
-        The valley of what the data do not determine is flat, long and curved, and its lowest point says nothing.
+        The valley of what the data do not determine is flat, long and curved, and its lowest point has no meaning.
         """
         if self.walk.change is not None or not self._needs_smallest_change(point):
             return 0.0
-        return 0.5 * _OF_MARGIN * self._allowed(point)
+        return 0.5 * _MARGIN_TOLERANCE * self._allowed(point)
 
     def _best_step(self, point: Point) -> tuple[float, bool]:
         """Predicted decrease of the objective within the bounds, and whether the step for it changes anything."""
@@ -576,7 +615,7 @@ class _Update:
     def _corrected(
         self, local: LocalModel, d: Reals, state: float, point: Point, rejected: Evaluation
     ) -> tuple[Evaluation, float] | None:
-        """The trial of the corrected step after a rejected one, and its gain; None where there is none."""
+        """The trial of the corrected step after a rejected one, and its gain; None if there is none."""
         before = point.evaluation
         if rejected.squares.keys() != before.squares.keys():
             return None
@@ -633,7 +672,7 @@ def _iteration(walk: Walk, number: int, point: Point, moved: float, state: float
 
 
 def _modes(evaluation: Evaluation) -> Iterator[IterationMode]:
-    """Of states that residuals have formed pairs of: the record costs no solution of its own."""
+    """Modes of the states whose pairs residuals have formed: the record costs no further solution."""
     for state in evaluation.states:
         if state.solved is None or not any(r.on_modes for r in state.case.residuals):
             continue
@@ -681,12 +720,12 @@ def with_noise(result: UpdateResult, noise: Reals) -> UpdateResult:
     parameters, side, at = result.parameters, result.side, result.after
     spread, names = parameters.prior[1], np.array([p.name for p in parameters.free])
     turn = without(np.eye(len(spread)), side.held * spread)
-    found = parameter_covariance(
+    covariance = parameter_covariance(
         at.residuals, at.jacobian * spread @ turn / spread, at.kinds, side.prior_rows, np.isin(names, result.at_bound),
         spread, np.isin(names, result.active), lost=at.lost, box=_box(parameters, side, at),
         noise=turn.T @ noise @ turn,
     )  # fmt: skip
-    return replace(result, covariance=found)
+    return replace(result, covariance=covariance)
 
 
 def _box(parameters: ParameterSet, side: SideConstraint, at: Evaluation) -> Box:

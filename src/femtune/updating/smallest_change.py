@@ -54,7 +54,11 @@ def change_rows(parameters: ParameterSet, moving: Flags, weight: float = 1.0) ->
     return SideConstraint("smallest-change", matrix, np.zeros(len(matrix)), weight)
 
 
-_LEAST, _MOST = 1e-7, 1e7
+_LEAST_WEIGHT = 1e-7
+"""Smallest weight, relative to the norm of the Jacobian: half of the digits of a double; the rows of the change then
+add nothing to the sum of squares."""
+_MOST_WEIGHT = 1e7
+"""Largest weight, likewise: the residuals then add nothing."""
 
 
 def weight_for(local: LocalModel, change: SideConstraint, x: Reals, increase: float) -> float:
@@ -79,9 +83,9 @@ def weight_for(local: LocalModel, change: SideConstraint, x: Reals, increase: fl
         change = J @ d
         return float(change @ (2.0 * residuals + change)) - increase
 
-    low, high = np.log(_LEAST), np.log(_MOST)
+    low, high = np.log(_LEAST_WEIGHT), np.log(_MOST_WEIGHT)
     if excess(low) >= 0.0:
-        return size * _LEAST
+        return size * _LEAST_WEIGHT
     if excess(high) <= 0.0:
-        return size * _MOST
+        return size * _MOST_WEIGHT
     return float(size * np.exp(brentq(excess, low, high, xtol=1e-3)))

@@ -33,7 +33,10 @@ from femtune.updating.starts import best_of
 # to Navigation Problems, Advances in Control Systems 3, 1966 (parameters that are not estimated but considered).
 
 
-_BY_CHANCE, _LEAST_FREEDOM = 0.01, 1e-3
+_SIGNIFICANCE = 0.01
+"""Probability by chance of residuals as large, below which they are larger than stated."""
+_LEAST_FREEDOM = 1e-3
+"""Expected sum of squares below which no residual is left to judge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,7 @@ class Belief:
         return self.parameters.values(self.x)
 
     def prior(self) -> Prior:
-        """What was updated or set by hand as prior of the next update; other parameters keep their priors."""
+        """Parameters with what was updated or set by hand as prior of the next update; others keep their priors."""
         at = np.flatnonzero(self.found if self.given is None else self.found | self.given)
         scale = self.parameters.scale[at]
         names = tuple(self.parameters.free[i].name for i in at)
@@ -98,7 +101,7 @@ def set_by_hand(belief: Belief, values: Sequence[SetByHand]) -> Belief:
     ------
     FemtuneError : ``update.unknown-parameter``, ``study.stage`` for a value outside the bounds
     """
-    x, covariance, found = belief.x.copy(), belief.covariance.copy(), belief.found.copy()
+    x, covariance, estimated = belief.x.copy(), belief.covariance.copy(), belief.found.copy()
     given = np.zeros(len(x), bool) if belief.given is None else belief.given.copy()
     for one in values:
         i = position(belief.parameters, one.parameter)
@@ -114,8 +117,8 @@ def set_by_hand(belief: Belief, values: Sequence[SetByHand]) -> Belief:
         x[i] = (value - belief.parameters.nominal[i]) / belief.parameters.scale[i]
         covariance[i], covariance[:, i] = 0.0, 0.0
         covariance[i, i] = ((p.sd if one.sd is None else one.sd) / belief.parameters.scale[i]) ** 2
-        found[i], given[i] = False, True
-    return Belief(belief.parameters, x, covariance, found, given)
+        estimated[i], given[i] = False, True
+    return Belief(belief.parameters, x, covariance, estimated, given)
 
 
 def first_belief(parameters: ParameterSet) -> Belief:
@@ -126,7 +129,7 @@ def first_belief(parameters: ParameterSet) -> Belief:
 
 @dataclass(frozen=True)
 class Misfit:
-    """How large the residuals of one kind are beside what noise and uncertain parameters explain.
+    """Size of the residuals of one kind relative to what noise and uncertain parameters explain.
 
     Parameters
     ----------
@@ -198,13 +201,14 @@ def _misfit_of(r: Reals, U: Reals, D: Reals, lost: int) -> Misfit:
         return Misfit(1.0, False)
     freedom = mean**2 / (independent + 2.0 * float(np.trace(product)) + float(np.trace(product @ product)))
     ratio = float(r @ r) / mean
-    return Misfit(float(np.sqrt(ratio)), bool(ratio * freedom > chdtri(freedom, _BY_CHANCE)))
+    return Misfit(float(np.sqrt(ratio)), bool(ratio * freedom > chdtri(freedom, _SIGNIFICANCE)))
 
 
 Tell = Callable[[str, int, Iteration], None]
 """Called with the stage, the number of the seed (0: results of earlier stages) and each iteration."""
 
 _SAME_OPTIMUM = 0.1
+"""Distance in standard deviations within which two ends are one optimum: it changes no conclusion from the result."""
 
 
 @dataclass(frozen=True)
@@ -251,7 +255,7 @@ class ErrorSum:
 
 @dataclass(frozen=True)
 class StageResult:
-    """What a stage found.
+    """Result of a stage.
 
     Parameters
     ----------
@@ -357,8 +361,8 @@ def _starts(stage: Stage, start: Belief) -> list[Reals]:
 
 
 def _sums(at: Evaluation) -> dict[tuple[str, str, str], float]:
-    found: dict[tuple[str, str, str], float] = {}
+    sums: dict[tuple[str, str, str], float] = {}
     for block in at.blocks:
         key = (block.configuration, block.mode, block.kind)
-        found[key] = float(np.hypot(found.get(key, 0.0), block.error))
-    return found
+        sums[key] = float(np.hypot(sums.get(key, 0.0), block.error))
+    return sums

@@ -25,8 +25,15 @@ from femtune.updating.sensitivity_method import SensitivityMethod, linear_model,
 # Ends of several starts: which are the same optimum, which are as good, and what that means.
 
 
-SAME, SURE, EXACT = 1e-3, 0.95, 1e-16
-_SPARE = 3
+SAME_END = 1e-3
+"""Distance of two ends, relative to the range of the starts, within which they are one solution. Convergence leaves far
+less."""
+CONFIDENCE = 0.95
+"""Confidence level of the region in which solutions are as good as the best one."""
+EXACT_OBJECTIVE = 1e-16
+"""Objective of residuals of about 1e-8: the model reproduces the data to half of the digits."""
+_LEAST_FREEDOM = 3
+"""Degrees of freedom from which the residuals tell their own size: with fewer the F limit is wider than any use."""
 
 
 class StartOutcome(Enum):
@@ -42,13 +49,13 @@ class StartOutcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class StartResult:
-    """One start, kept whatever became of it.
+    """One start, whether it succeeded or not.
 
     Parameters
     ----------
     start, end : (k,) normalised parameters; `end` is the start where it failed
     objective : ½ rᵀr at the end with the side constraint, NaN where it failed
-    status : of the last update; None where it failed, for the reason in `problem`
+    status : of the last update; None if it failed, for the reason in `problem`
     tries : how many times it set out: one, and one more for every hop from an end that was not good enough
     iterations : of all tries
     residuals : number of independent residuals at the end; test modes without a partner have none
@@ -101,11 +108,11 @@ def noise_level(best: float, n_residuals: int, n_parameters: int) -> float:
     than stated, half that of F with the variance of the residuals: weights that are no standard deviations must not
     make every valley as good as the best one. An exact fit has no noise, and only exact fits are as good.
     """
-    stated = 0.5 * float(chdtri(max(n_parameters, 1), 1.0 - SURE))
+    stated = 0.5 * float(chdtri(max(n_parameters, 1), 1.0 - CONFIDENCE))
     spare = n_residuals - n_parameters
-    if best < EXACT or spare < _SPARE:
-        return 10.0 * EXACT if best < EXACT else stated
-    shown = max(n_parameters, 1) * float(fdtri(max(n_parameters, 1), spare, SURE)) * best / spare
+    if best < EXACT_OBJECTIVE or spare < _LEAST_FREEDOM:
+        return 10.0 * EXACT_OBJECTIVE if best < EXACT_OBJECTIVE else stated
+    shown = max(n_parameters, 1) * float(fdtri(max(n_parameters, 1), spare, CONFIDENCE)) * best / spare
     return min(stated, shown)
 
 
@@ -128,7 +135,7 @@ def best_of(found: Sequence[UpdateResult]) -> int:
 
 
 def height(start: StartResult) -> tuple[bool, float]:
-    """By which comparable starts are sorted: optima first, then by their objectives."""
+    """Sort key of comparable starts: optima first, then by their objectives."""
     return not start.at_optimum, start.objective
 
 
@@ -139,14 +146,14 @@ def distinct_optima(starts: Sequence[StartResult], spread: Reals, noise: float) 
     """
     left = sorted((s for s in comparable(starts) if s.at_optimum), key=lambda s: (s.objective, s.number))
     best = left[0].objective if left else np.nan
-    found = []
+    optimum_groups = []
     while left:
         first = left[0]
-        same = [s for s in left if np.abs((s.end - first.end) / spread).max(initial=0.0) <= SAME]
+        same = [s for s in left if np.abs((s.end - first.end) / spread).max(initial=0.0) <= SAME_END]
         numbers = tuple(sorted(s.number for s in same))
-        found.append(Optimum(first.end, first.objective, numbers, first.objective - best <= noise))
+        optimum_groups.append(Optimum(first.end, first.objective, numbers, first.objective - best <= noise))
         left = [s for s in left if s not in same]
-    return tuple(found)
+    return tuple(optimum_groups)
 
 
 def outcomes(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> dict[int, StartOutcome]:
@@ -167,7 +174,7 @@ def outcomes(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> dict[i
 
 def start_sentences(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> tuple[str, ...]:
     """Whether the starts reached the same optimum, in sentences."""
-    n, found = len(starts), outcomes(starts, optima)
+    n, outcome_counts = len(starts), outcomes(starts, optima)
     if not optima:
         return (f"None of {n} starts converged. The best point is kept; it is not an optimum.",)
     others = [o for o in optima[1:] if o.as_good]
@@ -187,7 +194,7 @@ def start_sentences(starts: Sequence[StartResult], optima: Sequence[Optimum]) ->
         count = sum(len(o.members) for o in worse)
         ends = "an optimum" if len(worse) == 1 else f"{len(worse)} optima"
         out.append(f"{count} {'start' if count == 1 else 'starts'} reached {ends} with a higher objective.")
-    return (*out, *_lost(found))
+    return (*out, *_lost(outcome_counts))
 
 
 def _lost(found: dict[int, StartOutcome]) -> list[str]:
@@ -224,7 +231,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class StartRules:
-    """How many starts, and how hard each tries.
+    """Number of starts, and effort of each.
 
     Parameters
     ----------
@@ -350,22 +357,22 @@ class _Sampled:
     def __call__(self, x: Reals) -> tuple[float, int]:
         try:
             states = self.problem.solved(x)
-            found = self.problem.assess(x, states, derivatives=False)
-            self.problem.check_compared(found)
+            evaluation = self.problem.assess(x, states, derivatives=False)
+            self.problem.check_compared(evaluation)
         except FemtuneError:
             return float("nan"), 0
-        return found.objective, found.independent
+        return evaluation.objective, evaluation.independent
 
 
 def _samples(
     work: _Sampled, points: Reals, executor: Executor, known: Mapping[int, Sample], report: Callable[[Sample], None]
 ) -> list[Sample]:
     """The objective at all points."""
-    found = finish(
+    evaluations = finish(
         executor, work, list(points), {n - 1: (s.objective, s.residuals) for n, s in known.items()}, name="sample",
         finished=lambda i, value: report(Sample(i + 1, points[i], *value)),
     )  # fmt: skip
-    return [Sample(i + 1, x, *value) for i, (x, value) in enumerate(zip(points, found))]
+    return [Sample(i + 1, x, *value) for i, (x, value) in enumerate(zip(points, evaluations))]
 
 
 def _best_points(samples: Sequence[Sample], nominal: Reals, count: int) -> Reals:
@@ -402,7 +409,7 @@ def follow_up(
 
 
 def _followed(found: MultiStart, unfinished: bool) -> dict[int, int]:
-    """By the number of each start that is continued or ends with another one, the number of that one."""
+    """For each start that is continued by or ends with another one: the number of the other one."""
     by_number = {s.number: s for s in found.starts}
     out = {}
     for optimum in found.optima:
@@ -417,7 +424,7 @@ def _followed(found: MultiStart, unfinished: bool) -> dict[int, int]:
 _Task = tuple[StartResult, Reals]
 """A start so far, and from where it sets out now."""
 _Try = tuple[StartResult, UpdateResult | None]
-"""What became of it, and the update where it was made here."""
+"""Outcome of a start, and its update if it was made in this run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -548,7 +555,7 @@ class _Search:
 
 
 def _better(so_far: StartResult, found: StartResult) -> StartResult:
-    """What is kept of a start after one more run."""
+    """The start that is kept after one more run."""
     if so_far.status is None or (found.status is not None and _worth(found) < _worth(so_far)):
         return found
     return replace(so_far, tries=found.tries, iterations=found.iterations)

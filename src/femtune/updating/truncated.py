@@ -23,7 +23,7 @@ from femtune.arrays import Reals
 
 @dataclass(frozen=True)
 class SamplerRules:
-    """How many samples are taken; the seed makes them the same every time.
+    """Number of samples; the seed makes them reproducible.
 
     Parameters
     ----------
@@ -44,11 +44,14 @@ _INSIDE = (1e-300, 1.0 - 2e-16)
 _BLOCK = 20
 """Sweeps between two checks."""
 _MOST_BLOCKS = 40
+"""Blocks of sweeps after which chains that are not steady are given up."""
 _FEW = 30
 """Parameters above which fewer sweeps are made, in proportion: a sweep costs the square of their number."""
-_STEADY, _STEADY_ALL = 0.4, 0.15
-"""Largest and root mean square change of mean and standard deviation from block to block, in standard deviations,
-that end the first phase; by chance alone the means of 256 chains differ by 0.09."""
+_STEADY = 0.4
+"""Largest change of a mean or standard deviation from block to block, in standard deviations, that ends the first
+phase."""
+_STEADY_ALL = 0.15
+"""Root mean square of these changes that ends it; by chance alone the means of 256 chains differ by 0.09."""
 
 
 def box_samples(
@@ -141,11 +144,11 @@ class _Chains:
         return found.mean(axis=(0, 1)), found.std(axis=(0, 1))
 
     def collected(self) -> Reals:
-        """(sweeps, chains, k) samples: as many sweeps as the effective number of samples asks for."""
-        found, most = self._sweeps(_BLOCK), self._share * self.rules.most
-        while len(found) < most and effective_number(found).min() < self.rules.least:
-            found = np.concatenate([found, self._sweeps(max(_BLOCK, len(found) // 2))])
-        return found
+        """(sweeps, chains, k) samples: as many sweeps as the effective number of samples requires."""
+        samples, most = self._sweeps(_BLOCK), self._share * self.rules.most
+        while len(samples) < most and effective_number(samples).min() < self.rules.least:
+            samples = np.concatenate([samples, self._sweeps(max(_BLOCK, len(samples) // 2))])
+        return samples
 
     def _sweeps(self, count: int) -> Reals:
         """(count, chains, k) points after each of several sweeps."""
@@ -206,7 +209,12 @@ def effective_number(found: Reals) -> Reals:
     return np.minimum(most, np.divide(chains * total, of_means, out=most.copy(), where=of_means > 0.0))
 
 
-_FLAT, _FAR = 1e-8, 1e3
+_FLAT = 1e-8
+"""Squared width of an interval in standard deviations, below which the density on it is exponential to half of the
+digits."""
+_FAR_TAIL = 1e3
+"""Distance of an interval from the centre, in standard deviations, from which the tail is exponential to 1e-6, the
+square of its reciprocal."""
 
 
 def line_sample(tilt: Reals, curvature: Reals, low: Reals, high: Reals, share: Reals) -> Reals:
@@ -222,7 +230,7 @@ def line_sample(tilt: Reals, curvature: Reals, low: Reals, high: Reals, share: R
     turned = start + end > 0.0
     far = np.where(turned, -end, start)
     near = np.where(turned, -start, end)
-    straight = (curvature * width**2 <= _FLAT) | (near < -_FAR)
+    straight = (curvature * width**2 <= _FLAT) | (near < -_FAR_TAIL)
     part = np.where(turned, 1.0 - share, share)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         top = log_ndtr(near)

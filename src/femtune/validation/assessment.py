@@ -31,7 +31,7 @@ Measured = tuple[float, str, str] | NotTested
 
 @dataclass(frozen=True)
 class Evidence:
-    """What verdicts are made of.
+    """Data from which verdicts are derived.
 
     Parameters
     ----------
@@ -101,10 +101,10 @@ def _verdict(evidence: Evidence, criterion: Criterion) -> Verdict:
 
 
 def _frequency(e: Evidence) -> Measured:
-    found = _worst_pair(e, np.abs(e.correlation.frequency_errors), e.rows, largest=True)
-    if isinstance(found, NotTested):
-        return found
-    row, value = found
+    worst = _worst_pair(e, np.abs(e.correlation.frequency_errors), e.rows, largest=True)
+    if isinstance(worst, NotTested):
+        return worst
+    row, value = worst
     test = e.correlation.pairing.pairs[row].test
     return value, e.label(row), str(dict(e.misses).get(test, ""))
 
@@ -118,10 +118,10 @@ def _mac(e: Evidence) -> Measured:
     rows = [row for row in e.rows if row not in trivial]
     if trivial and not rows:
         return NotTested(f"{_ONE_DOF}, so that the MAC is 1 for any model")
-    found = _worst_pair(e, c.macs, rows, largest=False)
-    if isinstance(found, NotTested):
-        return found
-    row, value = found
+    worst = _worst_pair(e, c.macs, rows, largest=False)
+    if isinstance(worst, NotTested):
+        return worst
+    row, value = worst
     place = e.label(row)
     if trivial:
         few = ", ".join(c.test.labels[c.pairing.pairs[k].test] for k in trivial)
@@ -151,10 +151,10 @@ def _diagonal(e: Evidence) -> Measured:
         return matrix
     if trivial := _of_one_dof(e.correlation):
         return trivial
-    found = _worst_pair(e, np.diag(matrix), e.rows, largest=False)
-    if isinstance(found, NotTested):
-        return found
-    (row, value), sd = found, e.correlation.orthogonality_sd
+    worst = _worst_pair(e, np.diag(matrix), e.rows, largest=False)
+    if isinstance(worst, NotTested):
+        return worst
+    (row, value), sd = worst, e.correlation.orthogonality_sd
     return value, e.label(row), "" if isinstance(sd, NotTested) else _loss_by_noise(1.0 - value, float(sd[row, row]))
 
 

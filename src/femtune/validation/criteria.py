@@ -52,7 +52,7 @@ class Verdict:
     Parameters
     ----------
     criterion : what is asked
-    measured : the worst value; None where it was not tested
+    measured : the worst value; None if it was not tested
     outcome : pass, fail or not tested
     remark : where the worst value is, or why it was not tested
     noise : whether noise explains a failure, in words; "" if not known, or without failure
@@ -97,11 +97,11 @@ class CriteriaProfile:
         ------
         KeyError : for a quantity that nothing measures
         """
-        own = tuple(Criterion(OWN, quantity, limit, _AT_MOST[quantity]) for quantity, limit in limits.items())
+        user_criteria = tuple(Criterion(OWN, quantity, limit, _AT_MOST[quantity]) for quantity, limit in limits.items())
         kept = tuple(c for c in self.criteria if c.quantity not in limits)
-        if not own:
+        if not user_criteria:
             return self
-        return CriteriaProfile(f"{self.name}, tailored" if self.criteria else OWN, (*kept, *own))
+        return CriteriaProfile(f"{self.name}, tailored" if self.criteria else OWN, (*kept, *user_criteria))
 
 
 FREQUENCY, MAC, SHAPE = "frequency error", "MAC", "shape error at held-out sensors"
@@ -168,5 +168,5 @@ def judge(criterion: Criterion, value: float, remark: str, noise: str = "") -> V
 
 
 def not_tested(criterion: Criterion, reason: str) -> Verdict:
-    """The verdict that there is none, and why."""
+    """The verdict "not tested", and why."""
     return Verdict(criterion, None, Outcome.NOT_TESTED, reason)

@@ -29,12 +29,16 @@ from femtune.validation.criteria import (
     not_tested,
 )
 
-_PROMINENCE_DB, _DEPTH_DB = 10.0, 60.0
-"""A resonance stands out of its surroundings by this much, and is this much below the highest one at most."""
+_PROMINENCE_DB = 10.0
+"""Level by which a resonance stands out of its surroundings."""
+_DEPTH_DB = 60.0
+"""Level below the highest resonance down to which others count: a thousandth of its amplitude."""
 _FAR = 0.20
 """Resonances of test and model that differ by more are not the same."""
 _FEWEST_OUTPUTS = 3
+"""Outputs without which a correlation of response vectors is high by chance."""
 _SILENT = 1e-10
+"""Largest value of a function of the model relative to that of all, at or below which it is rounding of zero."""
 
 
 @dataclass(frozen=True)
@@ -95,13 +99,13 @@ class PredictedFrfs:
 
     @cached_property
     def known(self) -> NDArray[np.bool_]:
-        """(outputs, inputs, k) where test and model have a value other than zero; a model's rounding is none."""
+        """(outputs, inputs, k) where test and model have values other than zero, the model beyond its rounding."""
         silent = np.abs(self.model).max(axis=2, keepdims=True) <= _SILENT * np.abs(self.model).max(initial=0.0)
         return np.asarray(np.isfinite(self.test) & (self.test != 0.0) & (self.model != 0.0) & ~silent)
 
     @cached_property
     def matches(self) -> tuple[FrfMatch, ...]:
-        """Of every function with a known value, input by input."""
+        """Values of every function with a known value, input by input."""
         places = [(i, j) for j in range(len(self.inputs)) for i in range(len(self.outputs))]
         return tuple(self._match(i, j) for i, j in places if self.known[i, j].any())
 

@@ -3,7 +3,7 @@
 The part of the residuals that no parameters could remove is looked at: r⊥ = r − U Uᵀ r with U spanning the Jacobian's
 range. If the model is correct and the stated standard deviations are those of the data, |r⊥|² is chi-square with n −
 rank degrees of freedom, whatever the regularisation and the bounds did to the parameters (to first order). Where an
-update ended without an optimum, r⊥ would be the prediction of a linear model for values that nobody has: r itself is
+update ended without an optimum, r⊥ would be the prediction of a linear model for values that do not exist: r itself is
 looked at.
 
 Source: Bard (1974), Nonlinear Parameter Estimation, section 7; Wald and Wolfowitz (1940) for runs.
@@ -28,7 +28,7 @@ LEVEL = 0.01
 
 
 class Finding(Enum):
-    """What the sum of squares and the runs of signs say together; the text begins the sentence of a report."""
+    """Joint conclusion from the sum of squares and the sequence of signs; the text begins the sentence of a report."""
 
     NOT_TESTED = "not tested"
     NOISE = "the residuals may be noise of the stated size"
@@ -59,13 +59,15 @@ class Finding(Enum):
         return self in (Finding.LARGE, Finding.LARGE_SYSTEMATIC)
 
 
-_FEWEST_RUNS = 10
+_FEWEST_SIGNS = 10
+"""Residuals for a test of the sequence of their signs; fewer hardly ever reject."""
 _RANK = 1e-10
+"""Singular value of scaled columns relative to the largest, at or below which they are dependent."""
 
 
 @dataclass(frozen=True)
 class GoodnessOfFit:
-    """Outcome of the tests; numbers are None where nothing was tested.
+    """Outcome of the tests; numbers are None if nothing was tested.
 
     Parameters
     ----------
@@ -80,7 +82,7 @@ class GoodnessOfFit:
         them; of those not in the test too
     held, held_p_value : chi-square that the parameters would remove from the residuals without bounds, and the chance
         of as much where the true values are within the bounds: the true values leave a chi-square distribution with
-        `rank` degrees of freedom, and the minimum within the bounds is not above them. None where no bound is active
+        `rank` degrees of freedom, and the minimum within the bounds is not above them. None if no bound is active
     optimum : False if the residuals are those of values at which the update ended without an optimum
     """
 
@@ -265,7 +267,7 @@ def _by_kind(blocks: Sequence[ResidualBlock], optimum: bool) -> Iterator[tuple[s
 
 def _runs(rest: Reals) -> tuple[int | None, float | None]:
     signs = np.sign(rest[rest != 0.0])
-    if len(signs) < _FEWEST_RUNS:
+    if len(signs) < _FEWEST_SIGNS:
         return None, None
     runs = 1 + int(np.count_nonzero(np.diff(signs)))
     positive = int(np.count_nonzero(signs > 0))

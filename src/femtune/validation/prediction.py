@@ -25,7 +25,7 @@ class FrequencyMiss:
     ----------
     error : (model − test)/test
     test_sd : of the measured frequency
-    parameter_sd : of the predicted one, by the covariance of the parameters; None where it is not known
+    parameter_sd : of the predicted one, by the covariance of the parameters; None if it is not known
     """
 
     error: float
@@ -34,7 +34,7 @@ class FrequencyMiss:
 
     @property
     def sd(self) -> float:
-        """Of the difference: test and prediction are independent, for the test was not used."""
+        """Standard deviation of the difference: test and prediction are independent, because the test was not used."""
         return float(np.hypot(self.test_sd, self.parameter_sd or 0.0))
 
     @property

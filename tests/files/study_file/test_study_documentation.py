@@ -1,134 +1,167 @@
-"""docs/study-file.md has every key of the models, with the default that the model has."""
+"""Every key of study.toml and identify.toml has a meaning and an example; pages and schemas show them all."""
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import tomllib
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
-from typing import Any, get_args
+from types import ModuleType
+from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator
+from pydantic import BaseModel
 
-from femtune.files import study_file
-from femtune.files.study_file.kinds import TomlTable
-from femtune.files.study_file.residual import ResidualEntry
+from femtune.files.study_file import frozen
+from femtune.files.study_file.json_schema import SCHEMAS, file_schema, tables_of
+from femtune.files.study_file.keys import Key, keys_of
+from femtune.files.study_file.kinds import tables_by_kind, tables_in
+from femtune.files.study_file.residual import TABLES
 
-_PAGE = (Path(__file__).resolve().parents[3] / "docs" / "study-file.md").read_text()
-_ROW = re.compile(r"^\| `(\w+)` \| (.+?) \| (.+) \| `(.+)` \|$", re.MULTILINE)
-
-_SHARED = ("kind", "configuration", "modes")
-"""Keys that the section of [[residual]] explains for all kinds."""
-
-_KINDS = {get_args(m.model_fields["kind"].annotation)[0]: m for m in get_args(get_args(ResidualEntry)[0])}
-
-_TABLES: dict[str, type[TomlTable]] = {
-    "## `[study]`": study_file.StudyTable,
-    "## `[model]`": study_file.ModelTable,
-    "## `[[matrix]]`": study_file.MatrixEntry,
-    "## `[[variable]]`": study_file.VariableEntry,
-    "## `[runs]`": study_file.RunsModelTable,
-    "## `[solver]`": study_file.SolverTable,
-    "## `[modes]`": study_file.ModesTable,
-    "## `[[configuration]]`": study_file.ConfigurationEntry,
-    "## `[[component]]`": study_file.ComponentEntry,
-    "### `masses`": study_file.MassEntry,
-    "### `leave_out`": study_file.LeaveOutEntry,
-    "### `pairs`": study_file.PairEntry,
-    "## `[test]`": study_file.SingleTest,
-    "## `[sensors]`": study_file.SensorsTable,
-    "## `[[sensor]]`": study_file.SensorEntry,
-    "### `terms`": study_file.SensorTerm,
-    "## `[[rigid_floor]]`": study_file.RigidFloorEntry,
-    "## `[correlate]`": study_file.CorrelateTable,
-    "## `[[generic]]`": study_file.GenericEntry,
-    "## `[[distribution]]`": study_file.DistributionEntry,
-    "## `[[parameter]]`": study_file.ParameterEntry,
-    "## `[[frequency_table]]`": study_file.FrequencyTableEntry,
-    "## `[[derived]]`": study_file.DerivedEntry,
-    "## `[residuals]`": study_file.ResidualsTable,
-    "## `[update]`": study_file.UpdateTable,
-    "## `[screen]`": study_file.ScreenTable,
-    "## `[search]`": study_file.SearchTable,
-    "## `[[candidate]]`": study_file.CandidateEntry,
-    "## `[candidates]`": study_file.CandidatesTable,
-    "## `[select]`": study_file.SelectTable,
-    "## `[quantify]`": study_file.QuantifyTable,
-    "## `[bootstrap]`": study_file.BootstrapTable,
-    "## `[parallel]`": study_file.ParallelTable,
-    "## `[equalise]`": study_file.EqualiseTable,
-    "## `[reduction]`": study_file.ReductionTable,
-    "## `[[stage]]`": study_file.StageEntry,
-    "### `by_hand`": study_file.ByHandEntry,
-    "## `[plan]`": study_file.PlanTable,
-    "### `suspension`": study_file.SuspensionEntry,
-    "## `[response]`": study_file.ResponseTable,
-    "## `[[load]]`": study_file.LoadEntry,
-    "## `[checks]`": study_file.ChecksTable,
-    "## `[validate]`": study_file.ValidateTable,
-    "## `[[hold_out]]`": study_file.HoldOutEntry,
-    "## `[[vibration]]`": study_file.VibrationEntry,
-    "## `[write]`": study_file.WriteTable,
-    "## `[output]`": study_file.StudyOutputTable,
-}
+_DOCS = Path(__file__).resolve().parents[3] / "docs"
+_PAGES = {"study": "study-file.md", "identify": "identify-file.md"}
+_KEYS = [
+    pytest.param(kind, table, name, id=f"{kind} {table.__name__}.{name}")
+    for kind, (file, _) in SCHEMAS.items()
+    for table in tables_of(file)
+    if table is not file
+    for name in keys_of(table)
+]
 
 
-def _rows(heading: str) -> dict[str, tuple[str, str, str]]:
-    section = re.split(r"^##+ ", _PAGE.partition(f"\n{heading}\n")[2], maxsplit=1, flags=re.MULTILINE)[0]
-    return {key: (default, meaning, example) for key, default, meaning, example in _ROW.findall(section)}
+@pytest.fixture(scope="module")
+def key_tables() -> ModuleType:
+    """The extension that puts the tables of keys into the pages."""
+    spec = importlib.util.spec_from_file_location("key_tables", _DOCS / "_ext" / "key_tables.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def _toml(text: str) -> Any:
-    def frozen(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: frozen(one) for key, one in value.items()}
-        return tuple(map(frozen, value)) if isinstance(value, list) else value
-
-    return frozen(tomllib.loads(f"value = {text.strip('`')}")["value"])
+def _value(example: str) -> Any:
+    return tomllib.loads(f"value = {example}")["value"]
 
 
-def test_every_table_of_a_study_has_its_section() -> None:
-    headings = {heading.strip("#` []") for heading in (*_TABLES, "## `[[residual]]`") if heading.startswith("## ")}
-    keys = {field.alias or name for name, field in study_file.StudyFile.model_fields.items()}
-    assert headings == keys - {"schema_version"}
+def _places(table: type[BaseModel], before: tuple[str, ...] = ()) -> Iterator[tuple[str, type[BaseModel]]]:
+    """The places of the tables in a file, and of the tables in those."""
+    for name, field in table.model_fields.items():
+        place = (*before, field.alias or name)
+        kinds = tables_by_kind(field.annotation)
+        if kinds:
+            yield ".".join(place), next(iter(kinds.values()))
+        for kind, inner in (kinds or dict.fromkeys(("",), next(tables_in(field.annotation), None))).items():
+            if inner is not None:
+                yield ".".join((*place, kind) if kind else place), inner
+                yield from _places(inner, place)
 
 
-@pytest.mark.parametrize("kind", _KINDS)
-def test_a_kind_of_residual_has_its_keys_with_defaults_and_examples(kind: str) -> None:
-    fields, rows = _KINDS[kind].model_fields, _rows(f"### `{kind}`")
-    assert {*rows, *_SHARED} - set(fields) <= {"modes"}
-    assert set(fields) <= {*rows, *_SHARED}
-    for key, (default, _, _) in rows.items():
-        assert fields[key].is_required() == (default == "*required*"), key
-        if default != "*required*":
-            assert fields[key].default == (None if default == "*none*" else _toml(default)), key
-    examples = {key: _toml(example) for key, (_, _, example) in rows.items()}
-    assert _KINDS[kind].model_validate({"kind": kind, **examples}).model_fields_set >= set(examples)
+@cache
+def _schema(kind: str) -> dict[str, Any]:
+    return file_schema(kind)
 
 
-def test_the_section_of_residuals_lists_every_kind() -> None:
-    rows = _rows("## `[[residual]]`")
-    assert set(rows) == set(_SHARED)
-    assert set(re.findall(r'`"([\w-]+)"`', rows["kind"][1])) == set(_KINDS)
+@pytest.mark.parametrize(("kind", "table", "name"), _KEYS)
+def test_every_key_has_a_meaning_and_an_example_that_the_table_takes(
+    kind: str, table: type[BaseModel], name: str
+) -> None:
+    key = keys_of(table)[name]
+    assert re.fullmatch(r"[A-Z`\[].*[.)]", key.meaning)
+    assert "Example:" not in key.meaning
+    assert not re.search(r"\b(None|True|False|tuple|dict|str)\b|``", key.meaning)
+    property_ = _schema(kind)["$defs"][table.__name__]["properties"][name]
+    if "const" in property_:
+        return
+    examples = {n: frozen(_value(k.example)) for n, k in keys_of(table).items() if n == name or _needed(table, n)}
+    table.__pydantic_validator__.validate_python(examples)
+    Draft202012Validator({**property_, "$defs": _schema(kind)["$defs"]}).validate(_value(key.example))
 
 
-@pytest.mark.parametrize("heading", _TABLES)
-def test_section_has_the_keys_of_the_model(heading: str) -> None:
-    assert set(_rows(heading)) == set(_TABLES[heading].model_fields)
+def _needed(table: type[BaseModel], name: str) -> bool:
+    return name in table.model_fields and table.model_fields[name].is_required()
 
 
-@pytest.mark.parametrize("heading", _TABLES)
-def test_defaults_are_those_of_the_model(heading: str) -> None:
-    fields = _TABLES[heading].model_fields
-    for key, (default, _, _) in _rows(heading).items():
-        if default == "*required*":
-            assert fields[key].is_required(), key
-        else:
-            actual = fields[key].get_default(call_default_factory=True)
-            assert actual == (None if default == "*none*" else _toml(default)), key
-            assert not fields[key].is_required(), key
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_no_property_of_a_schema_lacks_a_description(kind: str) -> None:
+    schema = _schema(kind)
+    for table in (schema, *schema["$defs"].values()):
+        for name, said in table["properties"].items():
+            assert said["description"], name
+            assert not re.search(r"\]\([^)]*\)", said["description"]), name
+            assert said.keys() - {"description", "default", "examples"}, f"{name} has no type"
 
 
-@pytest.mark.parametrize("heading", _TABLES)
-def test_examples_are_values_that_the_model_takes(heading: str) -> None:
-    examples = {key: _toml(example) for key, (_, _, example) in _rows(heading).items()}
-    assert _TABLES[heading].model_validate(examples).model_fields_set == set(examples)
+def test_the_kind_of_a_residual_must_be_given() -> None:
+    schema = _schema("study")
+    for kind, table in TABLES.items():
+        definition = schema["$defs"][table.__name__]
+        assert "kind" in definition["required"]
+        assert definition["properties"]["kind"]["const"] == kind
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_every_table_has_its_place_on_the_page_and_no_other(kind: str, key_tables: ModuleType) -> None:
+    page = (_DOCS / _PAGES[kind]).read_text(encoding="utf-8")
+    marked = [place for file, place in key_tables.MARKER.findall(page) if file == kind]
+    assert len(set(marked)) == len(marked) == page.count("```{keys}")
+    assert "| key |" not in page
+    places = dict(_places(SCHEMAS[kind][0]))
+    assert set(marked) <= set(places)
+    assert {places[place] for place in marked} == set(places.values())
+    assert [place for place in places if "." not in place and place not in marked] == []
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_a_section_has_the_keys_of_its_table(kind: str, key_tables: ModuleType) -> None:
+    page = (_DOCS / _PAGES[kind]).read_text(encoding="utf-8")
+    places = dict(_places(SCHEMAS[kind][0]))
+    for heading, place in re.findall(r"^##+ `\[*([\w-]+)\]*`[^#]*?^```\{keys\} \w+ (\S+)$", page, re.M | re.S):
+        assert place.split(".")[-1] == heading
+    for _, place in key_tables.MARKER.findall(page):
+        rows = {row[0].strip("`"): row for row in key_tables.key_rows(kind, place)}
+        shared = {"kind", "configuration", "modes"}
+        if place == "residual":
+            assert set(rows) == shared
+            assert set(re.findall(r'"([\w-]+)"', rows["kind"][1])) == set(TABLES)
+            continue
+        keys = keys_of(places[place])
+        assert set(keys) - set(rows) <= (shared if place.startswith("residual.") else set())
+        for name, (_, type_, default, meaning, example) in rows.items():
+            key: Key = keys[name]
+            assert (meaning, example) == (key.meaning, f"`{key.example}`")
+            assert type_
+            field = next(f for n, f in places[place].model_fields.items() if (f.alias or n) == name)
+            assert field.is_required() == (default == "*required*")
+            if default not in ("*required*", "—"):
+                assert frozen(_value(default.strip("`"))) == field.get_default(call_default_factory=True)
+
+
+def test_rows_of_the_page_show_types_in_words(key_tables: ModuleType) -> None:
+    """Written out for some keys of each kind of type."""
+    shown = {
+        (place, row[0].strip("`")): row[1:3]
+        for place in ("modes", "correlate", "parameter", "residual.shape", "sensors", "solver", "plan", "response")
+        for row in key_tables.key_rows("study", place)
+    }
+    expected = {
+        ("modes", "count"): ("integer at least 1 and at most 100,000", "—"),
+        ("correlate", "frequency_gate"): ("number above 0 and at most 1", "`0.3`"),
+        ("correlate", "expand"): ('`"none"`, `"serep"`, `"dynamic"`, `"mdre"`', '`"none"`'),
+        ("parameter", "name"): ("text", "*required*"),
+        ("parameter", "fields"): ("list of text", "`[]`"),
+        ("parameter", "elements"): ("text or list of integers at least 1", "—"),
+        ("parameter", "region"): ("table", "—"),
+        ("parameter", "absolute"): ("`true` or `false`", "`false`"),
+        ("residual.shape", "sd"): ('number at least 0 or `"test"`', "—"),
+        ("residual.shape", "covariance"): ('list of lists of numbers or `"test"`', "—"),
+        ("sensors", "position_sd"): ("number at least 0 or table of numbers at least 0", "`0.0`"),
+        ("solver", "environment"): ("table of text", "`{}`"),
+        ("plan", "directions"): ('`"normal"` or list of `"X"`, `"Y"`, `"Z"`', '`"normal"`'),
+        ("plan", "suspension"): ("list of tables", "`[]`"),
+        ("response", "step_hz"): ("number above 0", "—"),
+    }
+    assert {place: shown[place] for place in expected} == expected

@@ -8,7 +8,7 @@ import pytest
 
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.study_file.reading import study_from_text
-from femtune.files.study_file.residual import InertiaResidualEntry, MassResidualEntry
+from femtune.files.study_file.residual import InertiaResidual, MassResidual
 
 HEAD = '[study]\ntitle = "t"\ndeck = "a.bdf"\nunits = "m-kg-s"\n'
 TWO = (
@@ -34,9 +34,9 @@ def test_each_kind_has_a_table_of_its_own(folder: Path):
         '[[residual]]\nkind = "inertia"\nizz = 3.0\nabout = [0.0, 0.0, 1.0]\nsd = 0.02\n'
     )
     mass, inertia = study_from_text(text, folder / "study.toml").residual
-    assert isinstance(mass, MassResidualEntry)
+    assert isinstance(mass, MassResidual)
     assert (mass.mass, mass.sd, mass.configuration) == (12.0, 0.01, None)
-    assert isinstance(inertia, InertiaResidualEntry)
+    assert isinstance(inertia, InertiaResidual)
     assert (inertia.izz, inertia.ixx, inertia.about) == (3.0, None, (0.0, 0.0, 1.0))
 
 

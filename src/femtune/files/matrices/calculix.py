@@ -37,12 +37,12 @@ def read_dof_list(path: Path) -> Integers:
     except OSError as error:
         raise FemtuneError("matrices.unreadable", where=Where(str(path)), strerror=error.strerror) from error
     lines = [i for i, text in enumerate(content, 1) if text.strip() and not text.lstrip().startswith(_COMMENTS)]
-    found = np.array([_dof(path, i, content[i - 1]) for i in lines], np.int64).reshape(-1, 2)
-    if not len(found):
+    dofs = np.array([_dof(path, i, content[i - 1]) for i in lines], np.int64).reshape(-1, 2)
+    if not len(dofs):
         raise _error(path, None, "matrices.dof-list/empty", {})
-    _check_positive(path, lines, found, content)
-    _check_once(path, lines, found)
-    return found
+    _check_positive(path, lines, dofs, content)
+    _check_once(path, lines, dofs)
+    return dofs
 
 
 def _dof(path: Path, line: int, text: bytes) -> tuple[int, int]:
@@ -56,21 +56,21 @@ def _dof(path: Path, line: int, text: bytes) -> tuple[int, int]:
     return int(match[1]), _NAMES[match[2].upper()]
 
 
-def _check_positive(path: Path, lines: list[int], found: Integers, content: list[bytes]) -> None:
-    zero = np.flatnonzero(found[:, 0] == 0)
+def _check_positive(path: Path, lines: list[int], dofs: Integers, content: list[bytes]) -> None:
+    zero = np.flatnonzero(dofs[:, 0] == 0)
     if zero.size:
         line = lines[int(zero[0])]
         shown = {"line": f"'{content[line - 1][:60].decode('latin-1')}'"}
         raise _error(path, line, "matrices.dof-list/node-number", shown)
 
 
-def _check_once(path: Path, lines: list[int], found: Integers) -> None:
-    key = found[:, 0] * 8 + found[:, 1]
+def _check_once(path: Path, lines: list[int], dofs: Integers) -> None:
+    key = dofs[:, 0] * 8 + dofs[:, 1]
     order = np.argsort(key, kind="stable")
     twice = np.flatnonzero(np.diff(key[order]) == 0)
     if twice.size:
         first, second = int(order[twice[0]]), int(order[twice[0] + 1])
-        shown = {"DOF": f"{found[first, 0]}:{found[first, 1]}", "first line": lines[first]}
+        shown = {"DOF": f"{dofs[first, 0]}:{dofs[first, 1]}", "first line": lines[first]}
         raise _error(path, lines[second], "matrices.dof-list/repeated", shown)
 
 
@@ -98,7 +98,7 @@ def read_calculix(path: Path, name: str | None = None) -> ReadMatrix:
 
 
 def _check_every_row(listed: Listed, n: int, path: Path) -> None:
-    """It writes the diagonal of every row, zero or not; where one lacks, the file was cut or is of another run."""
+    """CalculiX writes the diagonal of every row, zero or not; one is missing in a cut file or one of another run."""
     at = listed.keys[listed.keys[:, 0] == listed.keys[:, 1], 0]
     seen = np.zeros(n, bool)
     seen[at[(at >= 1) & (at <= n)] - 1] = True

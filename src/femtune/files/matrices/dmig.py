@@ -20,11 +20,11 @@ def read_dmig(path: Path, name: str | None = None) -> ReadMatrix:
     FemtuneError : ``matrices.no-such-matrix``, ``matrices.dmig``, ``matrices.not-square``, ``matrices.*``, and
         ``deck.*`` for what is wrong with the cards
     """
-    found = dmig_matrix(read_deck(path), name)
-    key = np.concatenate([found.row, found.col])
+    dmig = dmig_matrix(read_deck(path), name)
+    key = np.concatenate([dmig.row, dmig.col])
     names, at = np.unique(key[:, 0] * 8 + key[:, 1], return_inverse=True)
     rows = np.stack([names // 8, names % 8], axis=1)
     row, col = at.reshape(2, -1)
-    entries = Entries(row, col, found.value, (len(rows), len(rows)), rows, lambda i: found.cards[i].where())
-    check_one_triangle(found, row, col)
-    return matrix_from(entries, found.header.name, Where(str(path), None, f"DMIG {found.header.name}"))
+    entries = Entries(row, col, dmig.value, (len(rows), len(rows)), rows, lambda i: dmig.cards[i].where())
+    check_one_triangle(dmig, row, col)
+    return matrix_from(entries, dmig.header.name, Where(str(path), None, f"DMIG {dmig.header.name}"))

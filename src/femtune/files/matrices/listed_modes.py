@@ -9,8 +9,8 @@ from femtune.errors import FemtuneError, Where
 
 _TITLES = ("REALEIGENVALUES", "EIGENVALUEOUTPUT")
 _ROW = re.compile(r"\s*\d+(?:\s+\d+)?((?:\s+[-+]?(?:\d+\.\d*|\.\d+)(?:[ED][-+]?\d+)?){3,})\s*")
-_BETWEEN = 12
-"""Lines without numbers that the table may have: headings, a new page."""
+_MOST_OTHER_LINES = 12
+"""Lines without numbers that may interrupt a table: headings, the head of a new page."""
 
 
 def read_listed_modes(path: Path) -> tuple[float, ...]:
@@ -20,28 +20,28 @@ def read_listed_modes(path: Path) -> tuple[float, ...]:
     ------
     FemtuneError : ``matrices.no-listing``, ``matrices.unreadable``
     """
-    found: list[float] = []
+    freq_hz: list[float] = []
     inside, gap, last = False, 0, 0
     for line in _lines(path):
         if line.replace(" ", "").strip() in _TITLES:
-            if found and gap > _BETWEEN:
+            if freq_hz and gap > _MOST_OTHER_LINES:
                 break
             inside, gap = True, 0
             continue
         match = _ROW.fullmatch(line.rstrip("\r\n")) if inside else None
         if match is None:
             gap += 1
-            inside = inside and not (found and gap > _BETWEEN)
+            inside = inside and not (freq_hz and gap > _MOST_OTHER_LINES)
             continue
         number = int(line.split()[0])
         if number <= last:
             break
         # eigenvalue, radians, cycles
-        found.append(float(match[1].replace("D", "E").split()[2]))
+        freq_hz.append(float(match[1].replace("D", "E").split()[2]))
         gap, last = 0, number
-    if not found:
+    if not freq_hz:
         raise _none(path)
-    return tuple(found)
+    return tuple(freq_hz)
 
 
 def _lines(path: Path) -> list[str]:

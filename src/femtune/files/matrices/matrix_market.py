@@ -16,7 +16,8 @@ from femtune.files.matrices.text_blocks import Listed, read_listed
 
 _BANNER = b"%%matrixmarket"
 _VALUES = {b"real": 1, b"double": 1, b"integer": 1, b"complex": 2}
-_LINE = 2048
+_MOST_LINE_BYTES = 2048
+"""Bytes of a header line that are read; lines of the format have at most 1024."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +58,10 @@ def read_matrix_market(path: Path, name: str | None = None) -> ReadMatrix:
 
 def _header(path: Path) -> _Header:
     with path.open("rb") as file:
-        banner = file.readline(_LINE).lower().split()
+        banner = file.readline(_MOST_LINE_BYTES).lower().split()
         coordinate, values, symmetric = _banner(path, banner)
         lines = 1
-        while line := file.readline(_LINE):
+        while line := file.readline(_MOST_LINE_BYTES):
             lines += line.endswith(b"\n")
             if line.strip() and not line.lstrip().startswith(b"%"):
                 break
@@ -113,14 +114,14 @@ def _check_length(path: Path, header: _Header) -> None:
         raise _short(path, header, {"entries": header.count, "bytes after the size line": rest})
 
 
-def _check_count(path: Path, header: _Header, found: int) -> None:
-    if found < header.count:
-        raise _short(path, header, {"entries": header.count, "found": found})
-    if found > header.count:
+def _check_count(path: Path, header: _Header, count: int) -> None:
+    if count < header.count:
+        raise _short(path, header, {"entries": header.count, "found": count})
+    if count > header.count:
         raise FemtuneError(
             "matrices.text/too-many-entries",
             where=Where(str(path), header.lines),
-            values={"entries": header.count, "found": found},
+            values={"entries": header.count, "found": count},
         )
 
 

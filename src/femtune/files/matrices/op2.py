@@ -13,6 +13,7 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.matrices.read_matrix import Entries, ReadMatrix, matrix_from, no_such_matrix
 
 _MOST_NUMBERS = 150_000_000
+"""Numbers of a full matrix, zeros included, that are read: 1.2 GB."""
 
 
 def read_op2(path: Path, name: str | None = None) -> ReadMatrix:
@@ -23,7 +24,7 @@ def read_op2(path: Path, name: str | None = None) -> ReadMatrix:
     FemtuneError : ``install.missing``, ``matrices.op2``, ``matrices.no-such-matrix``, ``matrices.truncated``,
         ``matrices.*``
     """
-    # the library sets how numpy prints, for everybody
+    # the library changes how numpy prints numbers everywhere
     with np.printoptions():
         library = require("pyyeti.nastran.op2", extra="op2")
     where = Where(str(path), None, name or "")
@@ -31,12 +32,12 @@ def read_op2(path: Path, name: str | None = None) -> ReadMatrix:
         raise FemtuneError("matrices.unreadable/missing", where=where)
     try:
         with library.OP2(str(path)) as file:
-            found = _columns(file, path, name)
+            columns = _columns(file, path, name)
     except FemtuneError:
         raise
     except Exception as error:
         raise _failed(where, error) from error
-    return matrix_from(*found)
+    return matrix_from(*columns)
 
 
 def _columns(file: Any, path: Path, name: str | None) -> tuple[Entries, str, Where]:
@@ -56,10 +57,10 @@ def _columns(file: Any, path: Path, name: str | None) -> tuple[Entries, str, Whe
 
 def _title(known: list[str], path: Path, name: str | None) -> str:
     """The matrix as the file spells it."""
-    found = [n for n in known if name is None or n.strip().upper() == name.upper()]
-    if not found:
+    names = [n for n in known if name is None or n.strip().upper() == name.upper()]
+    if not names:
         raise no_such_matrix(path, name, known)
-    return found[0]
+    return names[0]
 
 
 def _check_size(trailer: Any, where: Where) -> None:

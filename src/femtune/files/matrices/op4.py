@@ -24,7 +24,8 @@ from femtune.files.matrices.read_matrix import Entries, ReadMatrix, matrix_from,
 # What binary and text OP4 files share: headers, runs of values in a column, and how sparse strings are packed.
 
 
-_LARGEST = 50_000_000
+_MOST_ROWS = 50_000_000
+"""Rows and columns beyond which a header is no header: larger models than any."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class ColumnString:
 
 def header_of(columns: int, rows: int, form: int, kind: int, name: str, where: Where) -> Header:
     """A header that makes sense (error ``matrices.op4``)."""
-    if not (0 <= columns <= _LARGEST and abs(rows) <= _LARGEST and kind in (1, 2, 3, 4)):
+    if not (0 <= columns <= _MOST_ROWS and abs(rows) <= _MOST_ROWS and kind in (1, 2, 3, 4)):
         raise op4_error(
             "matrices.op4/not-a-header", where, {"columns": columns, "rows": rows, "form": form, "type": kind}
         )
@@ -80,7 +81,7 @@ def header_of(columns: int, rows: int, form: int, kind: int, name: str, where: W
 
 
 def op4_error(code: str, where: Where, values: dict[str, object], **facts: Any) -> FemtuneError:
-    """The file is not as OP4 files are."""
+    """The error that the file breaks a rule of OP4 files."""
     return FemtuneError(code, where=where, values=values, **facts)
 
 
@@ -298,11 +299,11 @@ def text_matrices(path: Path) -> Iterator[tuple[Header, Iterator[ColumnString]]]
         reader = _Op4Reader(str(path), file)
         while (line := reader.line()).strip():
             style = _style(line)
-            found = style.integers(line, 4)
-            if found is None or not style.per_line * style.width:
+            sizes = style.integers(line, 4)
+            if sizes is None or not style.per_line * style.width:
                 raise op4_error("matrices.op4/matrix-header-line", reader.where, {"line": f"'{line[:60]}'"})
             name = line[4 * style.integer : 4 * style.integer + 8] if style.integer == 8 else line[48:56]
-            columns, rows, form, kind = found
+            columns, rows, form, kind = sizes
             header = header_of(columns, rows, form, kind, name, reader.where)
             yield header, _text_runs(reader, style, header)
 
@@ -332,12 +333,12 @@ def _text_runs(reader: _Op4Reader, style: _Style, header: Header) -> Iterator[Co
 
 def _integers(reader: _Op4Reader, style: _Style, header: Header, column: int, count: int) -> list[int]:
     line = reader.line()
-    found = style.integers(line, count)
-    if found is None and not line.strip():
+    integers = style.integers(line, count)
+    if integers is None and not line.strip():
         raise cut(header, column, reader.where)
-    if found is None:
+    if integers is None:
         raise op4_error("matrices.op4/column-header-line", reader.where, {"line": f"'{line[:60]}'"})
-    return found
+    return integers
 
 
 def _text_strings(
@@ -379,7 +380,8 @@ def _bad(reader: _Op4Reader, line: str) -> Exception:
     return op4_error("matrices.op4/text-values", reader.where, {"line": f"'{line[:80]}'"})
 
 
-_LOWEST_TEXT = 9
+_LOWEST_TEXT_BYTE = 9
+"""A tab; the first eight bytes of a binary file have lower ones, since it begins with a record length of 24 or 48."""
 
 
 def read_op4(path: Path, name: str | None = None) -> ReadMatrix:
@@ -401,12 +403,12 @@ def read_op4(path: Path, name: str | None = None) -> ReadMatrix:
 
 def op4_names(path: Path) -> tuple[Header, ...]:
     """Headers of all matrices of a file."""
-    found = []
+    headers = []
     for header, runs in _matrices(path):
-        found.append(header)
+        headers.append(header)
         for _ in runs:
             pass
-    return tuple(found)
+    return tuple(headers)
 
 
 def _matrices(path: Path) -> Iterator[tuple[Header, Iterator[ColumnString]]]:
@@ -415,7 +417,7 @@ def _matrices(path: Path) -> Iterator[tuple[Header, Iterator[ColumnString]]]:
             start = file.read(8)
     except OSError as error:
         raise FemtuneError("matrices.unreadable", where=Where(str(path)), strerror=error.strerror) from error
-    text = bool(start) and min(start) >= _LOWEST_TEXT
+    text = bool(start) and min(start) >= _LOWEST_TEXT_BYTE
     return text_matrices(path) if text else binary_matrices(path)
 
 

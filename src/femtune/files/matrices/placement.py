@@ -72,9 +72,9 @@ def place_matrices(matrices: Sequence[ReadMatrix], listed: Integers | None, poin
             code = "matrices.size/list" if listed is not None else "matrices.size/other-matrix"
             raise _size(code, m, len(rows), other=bare[0].name)
     named = [m.rows if m.rows is not None else rows for m in matrices]
-    found = [r for r in named if r is not None]
-    nodes = _nodes(np.concatenate(found), points)
-    return Placement(nodes, tuple(_dofs(nodes, r) for r in found), tuple(notices))
+    dof_lists = [r for r in named if r is not None]
+    nodes = _nodes(np.concatenate(dof_lists), points)
+    return Placement(nodes, tuple(_dofs(nodes, r) for r in dof_lists), tuple(notices))
 
 
 def _unnamed(

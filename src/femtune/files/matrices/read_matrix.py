@@ -18,7 +18,8 @@ from femtune.errors import FemtuneError, Notice, Where, did_you_mean
 # Entries of a matrix as a file lists them.
 
 
-_TABLE = 100_000_000
+_LARGEST_TABLE = 100_000_000
+"""Largest number up to which a table replaces sorting: it takes 900 MB for this one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Entries:
 def numbered(first: Integers, second: Integers) -> tuple[Integers, tuple[Integers, Integers]]:
     """Distinct numbers of both, ascending, and the place of each among them."""
     most = int(max(first.max(initial=0), second.max(initial=0))) + 1
-    if most > _TABLE or min(first.min(initial=0), second.min(initial=0)) < 0:
+    if most > _LARGEST_TABLE or min(first.min(initial=0), second.min(initial=0)) < 0:
         names, at = np.unique(np.concatenate([first, second]), return_inverse=True)
         return names, (at[: len(first)], at[len(first) :])
     # a table is faster than sorting and takes less memory
@@ -63,13 +64,16 @@ def row_label(rows: Integers | None, i: int) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------
-# What entries of a matrix must be: in range, finite, each once, and symmetric where both triangles are there.
+# What entries of a matrix must be: in range, finite, given once, and symmetric if both triangles are given.
 
 
-# entries with eight digits, beside the diagonal of their row and column
 SYMMETRY = 1e-7
-# rows for each entry that no model has, beyond a small matrix
-_EMPTY_ROWS, _SMALL = 10, 1000
+"""Difference of a_ij and a_ji relative to √(a_ii·a_jj): files may have as few as eight digits."""
+_ROWS_PER_ENTRY = 10
+_SMALL_MATRIX_ROWS = 1000
+"""A matrix with more rows than the first times its entries, plus the second, is a mistake in the file."""
+_ROUNDING = 1e-12
+"""Entries below this part of the largest one are compared with it instead of with their own diagonal."""
 LARGEST = 1e100
 """Entries above this are no stiffness or mass in any units, and their products overflow."""
 
@@ -85,7 +89,7 @@ def _named(entries: Entries, i: int) -> str:
 def check_range(entries: Entries, where: Where) -> None:
     """Refuse a row or column that the matrix does not have (error ``matrices.index``)."""
     n = entries.size[0]
-    if n > _EMPTY_ROWS * len(entries.value) + _SMALL:
+    if n > _ROWS_PER_ENTRY * len(entries.value) + _SMALL_MATRIX_ROWS:
         raise _too_many_rows(entries, n, where)
     bad = np.flatnonzero((entries.row < 0) | (entries.col < 0) | (entries.row >= n) | (entries.col >= n))
     if bad.size:
@@ -99,7 +103,7 @@ def check_range(entries: Entries, where: Where) -> None:
 
 
 def _too_many_rows(entries: Entries, n: int, where: Where) -> FemtuneError:
-    """Rows are made of the largest number in some files: one wrong digit must not fill the memory."""
+    """In some files the largest number decides how many rows there are: one wrong digit must not fill the memory."""
     at = int(np.argmax(np.maximum(entries.row, entries.col))) if len(entries.value) else 0
     return FemtuneError(
         "matrices.index/too-many-rows",
@@ -168,7 +172,7 @@ def symmetrised(
     A = sp.csr_array((value, (row, col)), shape=entries.size)
     D = sp.coo_array(A - A.T)
     size = np.sqrt(np.abs(A.diagonal()))
-    scale = np.maximum(size[D.row] * size[D.col], 1e-12 * np.abs(value).max())
+    scale = np.maximum(size[D.row] * size[D.col], _ROUNDING * np.abs(value).max())
     gap = np.abs(D.data) / scale
     if gap.size and gap.max() > SYMMETRY:
         raise _not_symmetric(A, entries, where, D, gap)

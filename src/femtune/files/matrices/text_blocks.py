@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError, Where
 
 BLOCK = 1 << 24
-_START = 4096
+"""Bytes that are read together: 16 MB."""
+_CHECKED_START = 4096
+"""Bytes at the beginning that must be text."""
+_CHECKED_END = 4096
+"""Bytes at the end in which the last line is looked for."""
 _PRINTED = bytes([*b"\t\n\f\r\x1a", *range(32, 127), *range(128, 256)])
 _NUMBERS = bytes.maketrans(b",;DdQ\r\t", b"  EEE  ")
 
@@ -32,7 +36,7 @@ def line_blocks(path: Path, skip: int = 0) -> Iterator[LineBlock]:
     number = 1
     try:
         with path.open("rb") as file:
-            check_text(path, file.read(_START))
+            check_text(path, file.read(_CHECKED_START))
             file.seek(0)
             for _ in range(skip):
                 file.readline()
@@ -95,8 +99,8 @@ def _bad_line(lines: LineBlock, columns: int, what: str, comment: bytes) -> Femt
     for i, line in enumerate(lines.content.splitlines()):
         if not line.strip() or (comment and line.lstrip().startswith(comment)):
             continue
-        found = _parsed(line.translate(_NUMBERS))
-        if found is None or found.size != columns:
+        values = _parsed(line.translate(_NUMBERS))
+        if values is None or values.size != columns:
             return _at_line(lines, i, line, columns, what)
     return _at_line(lines, 0, lines.content[:80], columns, what)
 
@@ -117,7 +121,7 @@ def check_whole_last_line(path: Path) -> None:
     with path.open("rb") as file:
         file.seek(0, 2)
         end = file.tell()
-        file.seek(max(end - 4096, 0))
+        file.seek(max(end - _CHECKED_END, 0))
         tail = file.read()
     if tail and not tail.endswith(b"\n"):
         line = tail.rpartition(b"\n")[2]

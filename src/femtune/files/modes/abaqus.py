@@ -15,8 +15,11 @@ from femtune.files.modes.solved import SolvedModes, lines_of, no_modes, number, 
 
 _REAL = r"[-+]?\d*\.\d*(?:[EeDd][-+]?\d+)?"
 _ROW = re.compile(rf"\s*(\d+)\s+({_REAL})\s+({_REAL})\s+({_REAL})(?:\s+{_REAL}){{0,2}}\s*")
-_TITLE, _END = "EIGENVALUEOUTPUT", "ANALYSISHASBEENCOMPLETED"
-_ROUNDING = 1e-6
+_TITLE = "EIGENVALUEOUTPUT"
+_END = "ANALYSISHASBEENCOMPLETED"
+_NEGATIVE = 1e-6
+"""Negative eigenvalue, relative to the largest one listed, that is more than rounding of a rigid-body mode: the listing
+has five digits."""
 
 
 def read_abaqus_dat(path: Path) -> SolvedModes:
@@ -45,5 +48,5 @@ def read_abaqus_dat(path: Path) -> SolvedModes:
         raise no_modes(path, "E I G E N V A L U E    O U T P U T")
     # rounding makes rigid-body modes slightly negative
     eigenvalues = np.array(values)
-    negative = eigenvalues < -_ROUNDING * np.abs(eigenvalues).max()
+    negative = eigenvalues < -_NEGATIVE * np.abs(eigenvalues).max()
     return SolvedModes.of_frequencies(np.where(negative, np.nan, freq_hz))

@@ -16,7 +16,8 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.modes.solved import MOST_BYTES, SolvedModes, no_modes
 
 _COMPONENTS = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
-_MODAL = 2
+_MODAL_ANALYSIS = 2
+"""Type of analysis `kan` of a modal analysis in the header of a result file."""
 
 
 def read_rst(path: Path) -> SolvedModes:
@@ -43,23 +44,23 @@ def read_rst(path: Path) -> SolvedModes:
             reason = last[0] if last else "the reading library crashed"
             raise FemtuneError("external.output/unreadable", where=where, reason=reason[:200])
         with np.load(target, allow_pickle=False) as data:
-            found = SolvedModes(data["freq_hz"], data["nodes"], data["shapes"])
-    if not len(found.freq_hz):
+            modes = SolvedModes(data["freq_hz"], data["nodes"], data["shapes"])
+    if not len(modes.freq_hz):
         raise no_modes(path, "a modal analysis")
-    return found
+    return modes
 
 
 def convert(source: str, target: str) -> None:
     """Modes of a .rst file as arrays in an .npz file; none where it is of another analysis (errors of the library)."""
     library = require("ansys.mapdl.reader", extra="ansys")
-    found = _modes(library.read_binary(source)) or SolvedModes.of_frequencies(np.zeros(0))
+    modes = _modes(library.read_binary(source)) or SolvedModes.of_frequencies(np.zeros(0))
     part = Path(target).with_suffix(".part.npz")
-    np.savez(part, freq_hz=found.freq_hz, nodes=found.nodes, shapes=found.shapes)
+    np.savez(part, freq_hz=modes.freq_hz, nodes=modes.nodes, shapes=modes.shapes)
     part.rename(target)
 
 
 def _modes(file: Any) -> SolvedModes | None:
-    if file._resultheader["kan"] != _MODAL:
+    if file._resultheader["kan"] != _MODAL_ANALYSIS:
         return None
     freq_hz = np.array(file.time_values, dtype=float)
     shapes: list[Reals] = []

@@ -21,9 +21,11 @@ from femtune.arrays import Reals
 from femtune.files.modes.solved import SolvedModes, lines_of, no_modes, number, of_blocks, truncated
 
 _ROW = re.compile(r"\s*(\d+)\s+([-+.\dED]+)\s+([-+.\dED]+)\s+([-+.\dED]+)\s+([-+.\dED]+)\s*")
-_TITLE, _NEXT = "EIGENVALUEOUTPUT", "PARTICIPATIONFACTORS"
+_TITLE = "EIGENVALUEOUTPUT"
+_NEXT_TITLE = "PARTICIPATIONFACTORS"
 _END = " 9999"
-_WIDTH = 12
+_NUMBER_WIDTH = 12
+"""Columns of a number in a .frd file."""
 
 
 def read_dat(path: Path) -> SolvedModes:
@@ -33,21 +35,21 @@ def read_dat(path: Path) -> SolvedModes:
     ------
     FemtuneError : ``external.output`` in its variants
     """
-    found: list[float] = []
+    freq_hz: list[float] = []
     inside = complete = False
     for i, line in enumerate(lines_of(path), start=1):
         title = line.replace(" ", "").strip()
         if title == _TITLE:
-            found, inside, complete = [], True, False
-        elif title == _NEXT:
+            freq_hz, inside, complete = [], True, False
+        elif title == _NEXT_TITLE:
             inside, complete = False, True
         elif inside and (row := _ROW.fullmatch(line)):
-            found.append(_frequency(number(row[2], path, i), number(row[4], path, i), number(row[5], path, i)))
-    if not found:
+            freq_hz.append(_frequency(number(row[2], path, i), number(row[4], path, i), number(row[5], path, i)))
+    if not freq_hz:
         raise no_modes(path, "E I G E N V A L U E   O U T P U T")
     if not complete:
         raise truncated(path, "P A R T I C I P A T I O N   F A C T O R S")
-    return SolvedModes.of_frequencies(np.array(found))
+    return SolvedModes.of_frequencies(np.array(freq_hz))
 
 
 def _frequency(eigenvalue: float, freq_hz: float, imaginary: float) -> float:
@@ -80,11 +82,11 @@ def read_frd(path: Path) -> SolvedModes:
             forces.append(dict(_shape(lines, i + 2, path)))
     if not freq_hz:
         raise no_modes(path, "100CL … MODAL")
-    found = of_blocks(np.array(freq_hz), blocks, path, None)
-    if len(forces) != len(freq_hz) or any(sorted(f) != found.nodes.tolist() for f in forces):
-        return found
+    modes = of_blocks(np.array(freq_hz), blocks, path, None)
+    if len(forces) != len(freq_hz) or any(sorted(f) != modes.nodes.tolist() for f in forces):
+        return modes
     start = next((i for i, line in enumerate(lines) if line.startswith("    2C")), len(lines))
-    return replace(found, participation=_participation(found, dict(_shape(lines, start + 1, path)), forces))
+    return replace(modes, participation=_participation(modes, dict(_shape(lines, start + 1, path)), forces))
 
 
 def _participation(modes: SolvedModes, xyz: Mapping[int, Reals], forces: Sequence[Mapping[int, Reals]]) -> Reals | None:
@@ -112,6 +114,6 @@ def _shape(lines: list[str], at: int, path: Path) -> Iterator[tuple[int, Reals]]
             continue
         if key != " -1":
             return
-        texts = [lines[i][13 + _WIDTH * k : 13 + _WIDTH * (k + 1)] for k in range(3)]
+        texts = [lines[i][13 + _NUMBER_WIDTH * k : 13 + _NUMBER_WIDTH * (k + 1)] for k in range(3)]
         values = [number(text, path, i + 1) for text in texts]
         yield int(number(lines[i][3:13], path, i + 1)), np.array([*values, np.nan, np.nan, np.nan])

@@ -12,7 +12,9 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.modes.solved import SolvedModes, no_modes, truncated
 
 _SHAPES = ("OUGV1", "BOUGV1", "OUG1")
-_CYCLES, _MODAL_MASS = 4, 5
+# columns of the table LAMA
+_CYCLES = 4
+_MODAL_MASS = 5
 
 
 def read_op2_modes(path: Path) -> SolvedModes:
@@ -26,7 +28,7 @@ def read_op2_modes(path: Path) -> SolvedModes:
     """
     if not path.is_file():
         raise FemtuneError("external.output/missing", where=Where(str(path)))
-    # the library sets how numpy prints, for everybody
+    # the library changes how numpy prints numbers everywhere
     with np.printoptions():
         library = require("pyyeti.nastran.op2", extra="op2")
     try:
@@ -52,12 +54,12 @@ def _frequencies(file: Any) -> np.ndarray | None:
 def _shapes(file: Any) -> list[tuple[float, Any]]:
     """Frequency and values of each mode; some solvers write a table for each."""
     name = next((n for n in _SHAPES if n in file.dbnames), None)
-    found: list[tuple[float, Any]] = []
+    columns: list[tuple[float, Any]] = []
     for which in range(0 if name is None else len(file.dbnames[name])):
         file.set_position(name, which)
         file.rdop2nt()
-        found += [(hz, column) for (_, hz), column in file._rdop2oug(name).items()]
-    return found
+        columns += [(hz, column) for (_, hz), column in file._rdop2oug(name).items()]
+    return columns
 
 
 def _modes(table: np.ndarray | None, columns: list[tuple[float, Any]], path: Path) -> SolvedModes:
@@ -80,8 +82,8 @@ def _grid(columns: list[Any], path: Path) -> tuple[np.ndarray, np.ndarray]:
         raise truncated(path, "shapes at the same points in all modes")
     node, component = pairs.T
     grids = np.unique(node[component > 1])
-    own = np.isin(node, grids)
-    values = np.stack([np.asarray(column, float)[own] for column in columns], axis=-1)
+    on_grids = np.isin(node, grids)
+    values = np.stack([np.asarray(column, float)[on_grids] for column in columns], axis=-1)
     shapes = np.full((len(grids), 6, len(columns)), np.nan)
-    shapes[np.searchsorted(grids, node[own]), component[own] - 1] = values
+    shapes[np.searchsorted(grids, node[on_grids]), component[on_grids] - 1] = values
     return grids, shapes

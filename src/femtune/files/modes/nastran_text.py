@@ -19,7 +19,10 @@ _VECTOR = re.compile(rf"\s*(\d+)(?:\s+(?:[GS]|\d+))?((?:\s+{_REAL}){{1,6}})\s*")
 _SHAPE_TITLE = re.compile(r"REALEIGENVECTORNO\.(\d+)|OUTPUTFOREIGENVECTOR(\d+)")
 _ENDS = ("ENDOFJOB", "MYSTRANEND", "MYSTRANTERMINATED")
 _TABLE = "REALEIGENVALUES"
-_BETWEEN = 12
+_MOST_OTHER_LINES = 12
+"""Lines without numbers that may interrupt a table: headings, the head of a new page."""
+_END_LINES = 40
+"""Lines at the end of a listing among which one says that the job has ended."""
 
 
 def read_f06(path: Path) -> SolvedModes:
@@ -32,19 +35,21 @@ def read_f06(path: Path) -> SolvedModes:
     FemtuneError : ``external.output`` in its variants
     """
     lines = lines_of(path)
-    if not any(end in line.upper().replace(" ", "") for line in lines[-40:] for end in _ENDS):
+    if not any(end in line.upper().replace(" ", "") for line in lines[-_END_LINES:] for end in _ENDS):
         raise truncated(path, "END OF JOB")
-    found = _Listing(path)
+    listing = _Listing(path)
     for i, line in enumerate(lines, start=1):
-        found.take(line, i)
-    if not found.freq_hz:
+        listing.take(line, i)
+    if not listing.freq_hz:
         raise no_modes(path, "R E A L   E I G E N V A L U E S")
-    scale = 1.0 / np.sqrt(found.modal_mass) if all(m > 0.0 for m in found.modal_mass) else np.ones(len(found.freq_hz))
-    freq_hz = np.array(found.freq_hz)
+    scale = (
+        1.0 / np.sqrt(listing.modal_mass) if all(m > 0.0 for m in listing.modal_mass) else np.ones(len(listing.freq_hz))
+    )
+    freq_hz = np.array(listing.freq_hz)
     shapes = {
-        j: {n: v * scale[j - 1] for n, v in block.items()} for j, block in found.blocks.items() if j <= len(scale)
+        j: {n: v * scale[j - 1] for n, v in block.items()} for j, block in listing.blocks.items() if j <= len(scale)
     }
-    return of_blocks(freq_hz, shapes, path, found.mass)
+    return of_blocks(freq_hz, shapes, path, listing.mass)
 
 
 class _Listing:
@@ -58,7 +63,7 @@ class _Listing:
         self.mass: float | None = None
         self._table = ""
         self._gap = 0
-        self._own: dict[int, Reals] = {}
+        self._block: dict[int, Reals] = {}
 
     def take(self, line: str, at: int) -> None:
         """The next line."""
@@ -68,7 +73,7 @@ class _Listing:
         elif title := _SHAPE_TITLE.search(packed):
             self._table = "shape"
             # a long table goes on under the same title on the next page
-            self._own = self.blocks.setdefault(int(title[1] or title[2]), {})
+            self._block = self.blocks.setdefault(int(title[1] or title[2]), {})
         elif "MASSAXISSYSTEM" in packed:
             self._table = "mass"
         else:
@@ -84,7 +89,7 @@ class _Listing:
             self._gap = 0
             return
         self._gap += 1
-        if self._gap > _BETWEEN:
+        if self._gap > _MOST_OTHER_LINES:
             self._table = ""
 
     def _value(self, line: str, at: int) -> bool:
@@ -103,7 +108,7 @@ class _Listing:
             return False
         values = [number(text, self.path, at) for text in row[2].split()]
         if len(values) == 6:
-            self._own[int(row[1])] = np.array(values)
+            self._block[int(row[1])] = np.array(values)
         return True
 
     def _mass_of(self, line: str, at: int) -> bool:
@@ -113,6 +118,8 @@ class _Listing:
         return row is not None
 
 
+_NEGATIVE = 1e-6
+"""Negative eigenvalue, relative to the largest one, that is more than rounding of a rigid-body mode."""
 _HEAD = re.compile(rf"\$EIGENVALUE\s*=\s*({_REAL})\s+MODE\s*=\s*(\d+)")
 
 
@@ -125,33 +132,33 @@ def read_punch(path: Path) -> SolvedModes:
     """
     values: dict[int, float] = {}
     blocks: dict[int, dict[int, Reals]] = {}
-    own: dict[int, Reals] | None = None
+    block: dict[int, Reals] | None = None
     node = 0
     for i, line in enumerate(lines_of(path), start=1):
         if line.startswith("$"):
             head = _HEAD.match(line)
             if head is not None:
                 values[int(head[2])] = number(head[1], path, i)
-                own = blocks.setdefault(int(head[2]), {})
+                block = blocks.setdefault(int(head[2]), {})
             elif line.startswith("$TITLE"):
-                own = None
-        elif own is not None:
+                block = None
+        elif block is not None:
             if len(line) < 72:
                 raise truncated(path, "the end of a line")
             three = [number(line[18 * k : 18 * (k + 1)], path, i) for k in (1, 2, 3)]
             if line.startswith("-CONT-"):
-                if node not in own:
+                if node not in block:
                     raise truncated(path, "the first line of a grid point")
-                own[node][3:] = three
+                block[node][3:] = three
             else:
                 node = int(number(line[:10], path, i))
-                own[node] = np.array([*three, np.nan, np.nan, np.nan])
+                block[node] = np.array([*three, np.nan, np.nan, np.nan])
     if not values:
         raise no_modes(path, "$EIGENVALUE = … MODE = …")
     _check_whole(blocks, path)
     eigenvalues = np.array([values[j] for j in sorted(values)])
     # rounding makes rigid-body modes slightly negative
-    negative = eigenvalues < -1e-6 * np.abs(eigenvalues).max()
+    negative = eigenvalues < -_NEGATIVE * np.abs(eigenvalues).max()
     freq_hz = np.where(negative, np.nan, np.sqrt(np.maximum(eigenvalues, 0.0)) / (2.0 * np.pi))
     return of_blocks(freq_hz, blocks, path, None)
 

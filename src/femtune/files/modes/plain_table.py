@@ -47,8 +47,8 @@ def read_plain_table(path: Path) -> SolvedModes:
     if not shapes:
         return SolvedModes.of_frequencies(freq_hz, mass)
     nodes = sorted(shapes)
-    found = np.stack([shapes[n] for n in nodes])
-    return SolvedModes(freq_hz, np.array(nodes, np.int64), found, mass, participation)
+    shapes_at_nodes = np.stack([shapes[n] for n in nodes])
+    return SolvedModes(freq_hz, np.array(nodes, np.int64), shapes_at_nodes, mass, participation)
 
 
 def _add_participation(participation: np.ndarray, words: list[str], path: Path, line: int) -> None:
@@ -71,5 +71,5 @@ def _add_row(shapes: dict[int, np.ndarray], words: list[str], count: int, path: 
         raise FemtuneError(
             "external.output/row", where=Where(str(path), line), dof=words[0], found=len(words) - 1, expected=count
         )
-    own = shapes.setdefault(dof.node, np.full((6, count), np.nan))
-    own[dof.component - 1] = [dof.sign * number(word, path, line) for word in words[1:]]
+    of_node = shapes.setdefault(dof.node, np.full((6, count), np.nan))
+    of_node[dof.component - 1] = [dof.sign * number(word, path, line) for word in words[1:]]

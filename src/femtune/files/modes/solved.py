@@ -13,7 +13,7 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Where
 
 MOST_BYTES = 1 << 30
-"""Size of the largest output file that is read."""
+"""Size of the largest output file that is read: 1 GiB, which fits into the memory of a workstation."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -112,7 +112,17 @@ def read_deck(path: str | Path) -> Deck:
     has_sections = bool(bulk_lines) and _BEGIN.match(bulk_lines[0].text) is not None
     end = _check_end(source, has_sections)
     notices = (*source.notices, *case_control.notices, *bulk.notices, *repeated, *end)
-    return Deck(Path(path), source, executive, case_control, bulk.cards, params, notices, bulk.parts, bulk.aside)
+    return Deck(
+        path=Path(path),
+        source=source,
+        executive=executive,
+        case_control=case_control,
+        cards=bulk.cards,
+        params=params,
+        notices=notices,
+        parts=bulk.parts,
+        aside=bulk.aside,
+    )
 
 
 _Lines = tuple[SourceLine, ...]

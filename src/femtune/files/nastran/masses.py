@@ -135,8 +135,13 @@ def add_nonstructural_mass(building: Building, nodes: NodeTable, batches: Sequen
     if not chosen or not bearing:
         return out
     tables = [_table(building, nodes, batches[i]) for i in bearing]
-    parts = ("ids", "cards", "properties", "size", "area")
-    elements = _Elements(*(np.concatenate([getattr(t, name) for t in tables]) for name in parts))
+    elements = _Elements(
+        ids=np.concatenate([t.ids for t in tables]),
+        cards=np.concatenate([t.cards for t in tables]),
+        properties=np.concatenate([t.properties for t in tables]),
+        size=np.concatenate([t.size for t in tables]),
+        area=np.concatenate([t.area for t in tables]),
+    )
     added = _added(building, elements, chosen)
     for i, extra in zip(bearing, np.split(added, np.cumsum([len(t.ids) for t in tables])[:-1])):
         out[i] = _with_added(building, batches[i], extra)

@@ -119,7 +119,17 @@ class _ShellReading:
         off = section.offset is not None
         offset = self.none if section.offset is None else section.offset
         nodes = [*nodes, *[_LEFT_OUT] * (self.shape.nodes - len(nodes))]
-        row = _Row(eid, nodes, section, section.thickness, offset, self.none, off, 0.0, _NO_DIRECTION)
+        row = _Row(
+            id=eid,
+            nodes=nodes,
+            section=section,
+            thickness=section.thickness,
+            offset=offset,
+            mass_offset=self.none,
+            offset_given=off,
+            theta=0.0,
+            direction=_NO_DIRECTION,
+        )
         self.rows.append(row)
         return True
 
@@ -133,7 +143,19 @@ class _ShellReading:
         given = not record.blank("ZOFFS") or section.offset is not None
         theta, direction = _material_axis(record, self.grids, nodes[: self.shape.corners])
         corners = self.thicknesses.at_corners(record, eid, section) if self.shape.curved else None
-        self.rows.append(_Row(eid, nodes, section, thickness, offset, lift, given, theta, direction, corners))
+        row = _Row(
+            id=eid,
+            nodes=nodes,
+            section=section,
+            thickness=thickness,
+            offset=offset,
+            mass_offset=lift,
+            offset_given=given,
+            theta=theta,
+            direction=direction,
+            corners=corners,
+        )
+        self.rows.append(row)
 
     def _offsets(self, record: CardEntry, eid: int, section: ShellSection) -> tuple[int, int]:
         """Positions of the offsets of the mass (ZOFFS) and of the stiffness (with that of a laminate's middle)."""

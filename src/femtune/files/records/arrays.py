@@ -15,16 +15,21 @@ import numpy as np
 
 from femtune._optional import require
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.records.table import RecordTable, as_columns, problem
+from femtune.files.records.table import COMPLEX_KINDS, NUMBER_KINDS, REAL_KINDS, RecordTable, as_columns, problem
 
 NamedArrays = Mapping[str, Any]
 """Arrays of a file by name: of numpy, or made into them when they are used."""
 _RATE_NAMES = ("fs", "sampling_hz", "sampling_rate", "sample_rate", "samplerate", "srate")
 
 
-LARGEST_EXPANSION, LARGEST_BYTES = 20.0, 1 << 28
-"""Arrays may take 256 MiB, or more if the file is not a twentieth of them: no measurement can be compressed so far."""
-_MOST_NAMES, _DEEPEST = 10_000, 20
+LARGEST_BYTES = 1 << 28
+"""Bytes that arrays may take whatever the size of their file: 256 MiB."""
+LARGEST_EXPANSION = 20.0
+"""Size of larger arrays relative to their file: measured numbers cannot be compressed to a twentieth."""
+_MOST_NAMES = 10_000
+"""Arrays of a file, and elements of a structure, that are listed."""
+_DEEPEST = 20
+"""Levels of nested structures that are listed."""
 
 
 @contextmanager
@@ -88,26 +93,26 @@ def _mat_arrays(path: Path) -> dict[str, Any]:
     # scipy likewise
     except Exception as bad:
         raise problem(path, "record.file/matlab", first_line=_first_line(bad)) from bad
-    found: dict[str, Any] = {}
+    arrays_by_name: dict[str, Any] = {}
     for name, array in arrays.items():
         if not name.startswith("__"):
-            _flatten(found, name, array, 0)
-    return found
+            _flatten(arrays_by_name, name, array, 0)
+    return arrays_by_name
 
 
-def _flatten(found: dict[str, Any], name: str, array: Any, depth: int) -> None:
+def _flatten(listed: dict[str, Any], name: str, array: Any, depth: int) -> None:
     fields = getattr(getattr(array, "dtype", None), "names", None)
     is_cell = getattr(getattr(array, "dtype", None), "kind", "") == "O" and not fields
-    if len(found) >= _MOST_NAMES or depth > _DEEPEST:
+    if len(listed) >= _MOST_NAMES or depth > _DEEPEST:
         return
     if not fields and not is_cell:
-        found[name] = array
+        listed[name] = array
         return
     elements = np.asarray(array).ravel(order="F")
     for i, element in enumerate(elements[:_MOST_NAMES], 1):
         at = name if len(elements) == 1 and fields else f"{name}({i})" if fields else f"{name}{{{i}}}"
         for field in fields or ("",):
-            _flatten(found, f"{at}.{field}" if fields else at, element[field] if fields else element, depth + 1)
+            _flatten(listed, f"{at}.{field}" if fields else at, element[field] if fields else element, depth + 1)
 
 
 @contextmanager
@@ -119,18 +124,18 @@ def open_hdf5(path: Path) -> Iterator[NamedArrays]:
     FemtuneError : ``record.file``, ``record.too-large``
     """
     h5py = require("h5py", extra="hdf5")
-    found: dict[str, _Dataset] = {}
+    datasets: dict[str, _Dataset] = {}
 
     def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and len(found) < _MOST_NAMES:
+        if isinstance(item, h5py.Dataset) and len(datasets) < _MOST_NAMES:
             complex_pair = item.dtype.names is not None and set(item.dtype.names) == {"real", "imag"}
-            if item.dtype.kind in "iufbc" or complex_pair:
-                found[name] = _Dataset(item, path)
+            if item.dtype.kind in (*REAL_KINDS, *COMPLEX_KINDS) or complex_pair:
+                datasets[name] = _Dataset(item, path)
 
     try:
         with h5py.File(path, "r") as file:
             file.visititems(keep)
-            yield {**found, **{name.replace("/", "."): item for name, item in found.items()}}
+            yield {**datasets, **{name.replace("/", "."): item for name, item in datasets.items()}}
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as bad:
         raise problem(path, "record.file/hdf5", first_line=_first_line(bad)) from bad
 
@@ -175,7 +180,7 @@ def _check_zip(path: Path) -> None:
 
 def _check_mat(path: Path) -> None:
     """Inflate the compressed parts piece by piece and count, only if they could exceed the limit."""
-    if path.stat().st_size * _MOST_DEFLATE <= LARGEST_BYTES:
+    if path.stat().st_size * _LARGEST_DEFLATE_RATIO <= LARGEST_BYTES:
         return
     with path.open("rb") as stream:
         order = "<" if stream.read(128)[126:128] == b"IM" else ">"
@@ -188,16 +193,20 @@ def _check_mat(path: Path) -> None:
                 stream.seek(size, 1)
 
 
-_COMPRESSED, _MOST_DEFLATE, _PIECE = 15, 1032, 1 << 20
-"""Data type of compressed elements; the most that deflate makes of a byte."""
+_COMPRESSED = 15
+"""Data type miCOMPRESSED of an element of a MATLAB file."""
+_LARGEST_DEFLATE_RATIO = 1032
+"""Bytes that deflate makes of one byte at most."""
+_PIECE_BYTES = 1 << 20
+"""Bytes that are inflated together."""
 
 
 def _counted(path: Path, stream: IO[bytes], size: int, total: int) -> int:
     inflate = zlib.decompressobj()
-    while size > 0 and (piece := stream.read(min(size, _PIECE))):
+    while size > 0 and (piece := stream.read(min(size, _PIECE_BYTES))):
         size -= len(piece)
         while piece:
-            total += len(inflate.decompress(piece, _PIECE))
+            total += len(inflate.decompress(piece, _PIECE_BYTES))
             check_size(path, total)
             piece = inflate.unconsumed_tail
     return total
@@ -227,19 +236,21 @@ def _wanted(path: Path, arrays: Mapping[str, Any], variable: str | None) -> str:
         named(path, arrays, variable)
         return variable
     arrays = {name: a for name, a in arrays.items() if "." not in name or name.replace(".", "/") not in arrays}
-    tables = [name for name, a in arrays.items() if getattr(a, "ndim", 0) == 2 and a.size > 1 and a.dtype.kind in "iuf"]
-    found = [name for name in tables if min(arrays[name].shape) > 0] or list(arrays)
-    if len(found) != 1:
-        shown = ", ".join(f"{name} {getattr(arrays[name], 'shape', '')}" for name in sorted(found)) or "none"
-        raise problem(path, "record.variable/several", values={"variables": shown}, n_found=len(found))
-    return found[0]
+    tables = [
+        name for name, a in arrays.items() if getattr(a, "ndim", 0) == 2 and a.size > 1 and a.dtype.kind in NUMBER_KINDS
+    ]
+    candidates = [name for name in tables if min(arrays[name].shape) > 0] or list(arrays)
+    if len(candidates) != 1:
+        shown = ", ".join(f"{name} {getattr(arrays[name], 'shape', '')}" for name in sorted(candidates)) or "none"
+        raise problem(path, "record.variable/several", values={"variables": shown}, n_found=len(candidates))
+    return candidates[0]
 
 
 def _rate(arrays: Mapping[str, Any]) -> float | None:
     """A single positive number whose name says that it is a sampling rate."""
     for name, array in arrays.items():
         last = name.lower().replace("/", ".").rsplit(".", 1)[-1]
-        if last in _RATE_NAMES and getattr(array, "size", 0) == 1 and array.dtype.kind in "iuf":
+        if last in _RATE_NAMES and getattr(array, "size", 0) == 1 and array.dtype.kind in NUMBER_KINDS:
             rate = float(np.asarray(array).reshape(()))
             return rate if np.isfinite(rate) and rate > 0.0 else None
     return None

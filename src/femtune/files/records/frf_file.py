@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from femtune.dofs import Dof, DofSet
 from femtune.files.records.arrays import named
 from femtune.files.records.read import format_named, position_of
-from femtune.files.records.table import RecordTable, problem
+from femtune.files.records.table import COMPLEX_KINDS, NUMBER_KINDS, REAL_KINDS, RecordTable, problem
 from femtune.modal import FrfSet
 
+_LARGEST_COHERENCE = 1.0 + 1e-3
+"""Coherence above which a value is wrong; single precision and averaging leave values slightly above 1."""
 AXES = ("frequency", "response", "reference", "function", "part")
 
 
@@ -45,7 +47,7 @@ class FunctionColumn:
 
 @dataclass(frozen=True)
 class FunctionLayout:
-    """What the user says of a file of functions.
+    """What the user states about a file of functions.
 
     Parameters
     ----------
@@ -57,7 +59,7 @@ class FunctionLayout:
     coherence : array of the same axes
     frequency : array or column of the frequency lines in Hz
     start_hz, step_hz : instead of `frequency`
-    factor : what the values are multiplied with
+    factor : factor of the values
     format : of the file; by extension where None
     """
 
@@ -126,8 +128,12 @@ def _check_columns(table: RecordTable, layout: FunctionLayout, path: Path) -> No
     """Every column means one thing."""
     named = [("frequency", layout.frequency)]
     for one in layout.functions:
-        own = f"{one.response}, {one.reference}"
-        named += [(f"{own} real", one.column), (f"{own} imaginary", one.imaginary), (f"{own} coherence", one.coherence)]
+        dofs = f"{one.response}, {one.reference}"
+        named += [
+            (f"{dofs} real", one.column),
+            (f"{dofs} imaginary", one.imaginary),
+            (f"{dofs} coherence", one.coherence),
+        ]
     seen: dict[int, str] = {}
     for meaning, name in named:
         if name is None:
@@ -196,10 +202,10 @@ def _of_arrays(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) ->
 
 
 def _array(path: Path, arrays: Mapping[str, Any], name: str) -> NDArray:
-    found = np.asarray(named(path, arrays, name))
-    if found.dtype.kind not in "iufbc" or not found.size:
-        raise problem(path, "frf.layout/no-numbers", name=name, found=f"{found.shape} of type {found.dtype}")
-    values = found.astype(complex if found.dtype.kind == "c" else float)
+    array = np.asarray(named(path, arrays, name))
+    if array.dtype.kind not in (*REAL_KINDS, *COMPLEX_KINDS) or not array.size:
+        raise problem(path, "frf.layout/no-numbers", name=name, found=f"{array.shape} of type {array.dtype}")
+    values = array.astype(complex if array.dtype.kind in COMPLEX_KINDS else float)
     return np.atleast_1d(values)
 
 
@@ -207,11 +213,13 @@ def _only_name(arrays: Mapping[str, Any], path: Path) -> str:
     """The only complex array, or the only array."""
     distinct = {n: a for n, a in arrays.items() if "." not in n or n.replace(".", "/") not in arrays}
     kinds = {name: getattr(a, "dtype", np.dtype(object)).kind for name, a in distinct.items()}
-    found = [n for n, kind in kinds.items() if kind == "c"] or [n for n, kind in kinds.items() if kind in "iuf"]
-    if len(found) != 1:
+    candidates = [n for n, kind in kinds.items() if kind in COMPLEX_KINDS] or [
+        n for n, kind in kinds.items() if kind in NUMBER_KINDS
+    ]
+    if len(candidates) != 1:
         shown = ", ".join(f"{name} {getattr(a, 'shape', '')}" for name, a in sorted(distinct.items())[:20]) or "none"
-        raise problem(path, "frf.layout/several", values={"variables": shown}, n_found=len(found))
-    return found[0]
+        raise problem(path, "frf.layout/several", values={"variables": shown}, n_found=len(candidates))
+    return candidates[0]
 
 
 def _axes_by_length(
@@ -241,7 +249,7 @@ def _axes_by_length(
 
 
 def _lines_of(shape: tuple[int, ...], known: Mapping[str, int], path: Path) -> int:
-    """How many lines the array has, where the file does not contain them: all that is not a DOF."""
+    """Number of lines of the array if the file does not contain them: its size without the DOFs."""
     functions, size = math.prod(known.values()), math.prod(shape)
     if not functions or size % functions:
         lengths = ", ".join(f"{name} {n}" for name, n in known.items())
@@ -304,7 +312,7 @@ def _made(
 ) -> FrfSet:  # fmt: skip
     if not len(freq) or not np.isfinite(freq).all() or (np.diff(freq) <= 0.0).any() or freq[0] < 0.0:
         raise problem(path, "frf.layout/frequencies")
-    if coherence is not None and ((coherence < 0.0) | (coherence > 1.0 + 1e-3)).any():
+    if coherence is not None and ((coherence < 0.0) | (coherence > _LARGEST_COHERENCE)).any():
         raise problem(path, "frf.layout/coherence-range")
     missing = np.isnan(values)
     # a function that was not measured is NaN at all lines

@@ -21,14 +21,14 @@ _RATE_TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class ChannelColumn:
-    """What the user says of one column.
+    """What the user states about one column.
 
     Parameters
     ----------
     column : its number from 1, the column of times not counted, or its name in the file
     dof : where it was measured
     quantity, role, unit : as of `femtune.modal.Channel`
-    factor : what its numbers are multiplied with to be in `unit`
+    factor : of its numbers, to be in `unit`
     """
 
     column: int | str
@@ -50,9 +50,9 @@ def read_record(
 
     Parameters
     ----------
-    columns : what the columns measure, in the order wanted; without them a Universal File says it itself, and columns
+    columns : what the columns measure, in the order wanted; without them a Universal File states it itself, and columns
         of other files become responses 1S+, 2S+, …
-    sampling_hz : needed where the file says none; where it does they must agree
+    sampling_hz : needed if the file states none; otherwise both must agree
     variable : the array in a file that holds several
     format : key of one of `RECORD_FORMATS`; by extension where None
 

@@ -1,4 +1,4 @@
-"""RecordTable: the columns of a record file as they stand in it, before anybody says what they measure."""
+"""RecordTable: the columns of a record file as they are, before it is known what they measure."""
 
 from __future__ import annotations
 
@@ -23,6 +23,13 @@ class StatedChannel:
     unit: str
 
 
+NUMBER_KINDS = ("i", "u", "f")
+"""Kinds of `numpy.dtype` of integers and real numbers."""
+REAL_KINDS = (*NUMBER_KINDS, "b")
+"""The same with truth values, which count as 0 and 1."""
+COMPLEX_KINDS = ("c",)
+"""Kinds of complex numbers."""
+
 TIMES = ("t", "time", "zeit", "temps", "tiempo", "tempo")
 """Names of a column of times, without a unit in brackets and in small letters."""
 
@@ -35,8 +42,8 @@ class RecordTable:
     ----------
     values : (columns, samples); NaN where the file has none
     names : of the columns, "" where the file gives none
-    sampling_hz : what the file says, or None
-    times_s : (samples,) of a column of times, which is not among the columns any more, or None
+    sampling_hz : the rate that the file states, or None
+    times_s : (samples,) of a column of times, which is then removed from the columns, or None
     source : the file
     channels : of the columns, if the file states them; otherwise ()
     """
@@ -69,16 +76,16 @@ def as_columns(array: NDArray, path: object) -> Reals:
     ------
     FemtuneError : ``record.file`` for complex numbers, text, or another number of dimensions
     """
-    if array.dtype.kind not in "iufb" or array.ndim not in (1, 2) or not array.size:
-        found = f"{array.ndim} dimensions {array.shape} of type {array.dtype}"
-        raise problem(path, "record.file/array", values={"found": found})
+    if array.dtype.kind not in REAL_KINDS or array.ndim not in (1, 2) or not array.size:
+        description = f"{array.ndim} dimensions {array.shape} of type {array.dtype}"
+        raise problem(path, "record.file/array", values={"found": description})
     columns = np.atleast_2d(array.astype(float))
     check_columns(min(columns.shape), path)
     return columns if columns.shape[1] >= columns.shape[0] else np.ascontiguousarray(columns.T)
 
 
 MOST_COLUMNS = 10_000
-"""More channels than any test has: a wider table is a transposed one or none at all."""
+"""More channels than any test has: a wider table is transposed, or no table at all."""
 
 
 def check_columns(count: int, path: object, line: int | None = None) -> None:

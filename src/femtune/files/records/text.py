@@ -12,6 +12,7 @@ from femtune.files.records.table import RecordTable, check_columns, is_time, pro
 
 _MISSING = {"": "nan", "na": "nan", "n/a": "nan", "nan": "nan"}
 _MOST_HEADER_LINES = 200
+"""Lines before the numbers; loggers write some dozens."""
 
 
 def read_text(path: Path) -> RecordTable:
@@ -19,7 +20,7 @@ def read_text(path: Path) -> RecordTable:
 
     Raises
     ------
-    FemtuneError : ``record.file`` for what is no number, with its line, and for lines of different length
+    FemtuneError : ``record.file`` for text in place of a number, with its line, and for lines of different length
     """
     lines = _lines(path)
     first = _first_row(lines, path)

@@ -12,7 +12,10 @@ from femtune.files.records.table import RecordTable, StatedChannel, problem
 from femtune.files.uff.measured_functions import MeasuredFunction, dof_of, read_functions
 from femtune.files.uff.scan import scan_uff
 
-_TIME_RESPONSE, _TIME = 1, 17
+_TIME_RESPONSE = 1
+"""Function type of data set 58."""
+_TIME = 17
+"""Specific data type of the abscissa of data set 58."""
 _QUANTITIES = {8: "displacement", 11: "velocity", 12: "acceleration", 13: "force", 15: "pressure", 2: "strain"}
 
 
@@ -74,7 +77,7 @@ def read_wav(path: Path) -> RecordTable:
 
     try:
         with warnings.catch_warnings():
-            # scipy warns of a file that ends too early, and of chunks that nobody needs
+            # scipy warns of a file that ends too early, and of chunks that are not needed
             warnings.filterwarnings("error", message=".*prematurely.*")
             warnings.filterwarnings("ignore")
             warnings.filterwarnings("error", message=".*prematurely.*")

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
         with_search,
     )
     from femtune.files.study_file.over_frequency import FrequencyTableEntry
-    from femtune.files.study_file.parameter import NearTable, ParameterEntry, RegionTable
+    from femtune.files.study_file.parameter import NearTable, Parameter, RegionTable
     from femtune.files.study_file.plan import PlanTable, SuspensionEntry
     from femtune.files.study_file.quantify import QuantifyTable, SelectTable
     from femtune.files.study_file.reading import frozen, is_deck, read_study_file, study_from_data, study_from_text
@@ -95,7 +95,7 @@ __all__ = [
     "OutputTable",
     "PairEntry",
     "ParallelTable",
-    "ParameterEntry",
+    "Parameter",
     "PlanTable",
     "QuantifyTable",
     "ReductionTable",

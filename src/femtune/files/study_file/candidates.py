@@ -23,29 +23,57 @@ class CandidateEntry(TomlTable):
     """[[candidate]]: the parameters that move, and those that follow them; all others keep their initial values."""
 
     name: Text
+    """Name of the candidate. Example: `"M7"`"""
     parameters: Annotated[Names, Field(min_length=1)]
+    """Free parameters of the study that are updated. Example: `["Icx1", "m1"]`"""
     ties: dict[Text, Expression] = Field(default_factory=dict)
+    """Free parameters of the study that follow others, with the expression. Example: `{ Icx2 = "Icx1", Ibx2 =
+    "0.5*Ibx1" }`"""
     note: str = ""
+    """Remark that is shown with the result. Example: `"upper columns as built"`"""
 
 
 class CandidatesTable(TomlTable):
     """[candidates]: subsets of the free parameters, and how candidates are compared."""
 
     subsets: Literal["none", "all", "nested"] = "none"
+    """`"all"` subsets of the groups, or `"nested"` ones: the best set so far and one group more; `"none"`: only the
+    listed candidates. Example: `"all"`"""
     groups: tuple[Annotated[Names, Field(min_length=1)], ...] = ()
+    """Parameters that are updated together or not at all; empty: each free parameter alone. Example: `[["Icx1",
+    "Icx2"], ["m1"]]`"""
     always: Names = ()
+    """Parameters that are updated in all subsets. Example: `["m1", "m2"]`"""
     least: Annotated[int, Field(ge=1, le=10_000)] = 1
+    """Smallest number of groups in a subset; for `"all"`. Example: `2`"""
     most: Annotated[int, Field(ge=1, le=10_000)] | None = None
+    """Largest number of groups in a subset. Default: all. Example: `4`"""
     largest_number: Annotated[int, Field(ge=1, le=1_000_000)] = 300
+    """A study with more subsets is refused. Example: `1000`"""
     starts: Annotated[int, Field(ge=1, le=100_000)] = 1
+    """Number of starts of each candidate: the initial values, and points of a Latin hypercube within the bounds.
+    Example: `5`"""
     search: Literal["none", "differential-evolution", "genetic", "cma-es"] = NO_SEARCH
+    """Each start is the end of a search of the bounds on the model, from a random population of its own:
+    `"differential-evolution"`, `"genetic"` or `"cma-es"`; `"none"`: the starts are those of `starts`. Example:
+    `"genetic"`"""
     population: Annotated[int, Field(ge=4, le=100_000)] = 40
+    """Points of a generation of this search. Example: `100`"""
     generations: Annotated[int, Field(ge=1, le=100_000)] = 25
+    """Largest number of generations. Example: `60`"""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    """Seed of the points, or of the first population. Example: `7`"""
     leave_one_out: bool = True
+    """Each configuration is left out once and predicted, if there are several; not in a study of
+    [specimens](guide/specimens.md). Example: `false`"""
     threshold: Annotated[float, Field(ge=1, le=1e6)] | None = None
+    """Largest weighted mean error of an admissible model, relative to the smallest. Default: limit of the largest
+    residual. Example: `1.1`"""
     probability: Annotated[float, Field(gt=0, lt=1)] = 0.95
+    """Probability with which a right model has no residual above the default of `threshold`. Example: `0.99`"""
     cluster_distance: Annotated[float, Field(gt=0, le=100)] = 0.05
+    """Clusters of admissible models are joined if the mean distance of their parameters is smaller, relative to the
+    initial values. Example: `0.1`"""
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -15,9 +15,16 @@ class ComponentEntry(TomlTable):
     """Elements of a component, and the frequency up to which its modes are kept in reduced models."""
 
     name: Text
+    """Name of the component, unique. Example: `"front"`"""
     elements: Elements | None = None
+    """Elements of the component: a text with THRU, BY and EXCEPT, or a list; an element can belong to one component
+    only. Example: `"1 THRU 300"`"""
     region: RegionTable | None = None
+    """Elements by properties, materials, a SET or position, [as for parameters](#region); `elements` or `region` is
+    required. Example: `{ properties = [1, 2] }`"""
     max_hz: Positive | None = None
+    """Modes of the component with fixed interface are computed up to this frequency, Hz. Default: twice the highest
+    frequency of the modes that are compared. Example: `800.0`"""
 
 
 Data = dict[str, Any]

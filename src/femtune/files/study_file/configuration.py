@@ -38,10 +38,16 @@ class MassEntry(TomlTable):
     """A mass that the configuration adds to a grid point."""
 
     node: Number
+    """Grid point of the mass. Example: `11`"""
     mass: NotNegative
+    """Mass, zero or positive (not scaled by PARAM WTMASS). Example: `0.35`"""
     offset: Vector = (0.0, 0.0, 0.0)
+    """Vector from the grid point to the centre of gravity, basic coordinate system, length. Example: `[0, 0, 0.1]`"""
     inertia: Inertia = (0.0, 0.0, 0.0)
+    """Moments of inertia about the centre of gravity, basic coordinate system, mass·length²: Ixx, Iyy, Izz, or the
+    symmetric 3 × 3 matrix. Example: `[0.1, 0.1, 0.2]`"""
     label: str = ""
+    """Description of the mass. Example: `"sensor"`"""
 
     @property
     def inertia_matrix(self) -> tuple[Vector, ...]:
@@ -56,15 +62,20 @@ class LeaveOutEntry(TomlTable):
     """A test mode that is left out, given by its label or its frequency, with the reason."""
 
     mode: Text | None = None
+    """Label of the test mode. Give either `mode` or `hz`. Example: `"4a"`"""
     hz: Positive | None = None
+    """Frequency of the test mode, Hz, instead of `mode`. Example: `9.39`"""
     reason: Text
+    """The reason; listed in the report. Example: `"mode of the braces"`"""
 
 
 class PairEntry(TomlTable):
     """A prescribed mode pair: label of the test mode, number of the model mode from 1."""
 
     test: Text
+    """Label of the test mode. Example: `"1"`"""
     model: Annotated[int, Field(ge=1)]
+    """Number of the model mode, from 1. Example: `1`"""
 
 
 class TestKeys(TomlTable):
@@ -73,12 +84,23 @@ class TestKeys(TomlTable):
     __test__ = False
 
     records: Text | None = None
+    """Only the data sets 55 whose ID lines contain this word. Default: all. Example: `"BC"`"""
     deviations: Annotated[Text, NamesFile("table of standard deviations")] | None = None
+    """File of standard deviations of the modes: a [table](guide/tests-in.md#tables-of-standard-deviations), or the file
+    that `femtune identify` writes beside them; must be of the same modes. Example: `"identified/deviations.json"`"""
     mode_labels: tuple[Text, ...] | None = None
+    """Labels of the test modes, in their order. Default: "1", "2", …. Example: `["1", "2", "4a"]`"""
     rotation: Rotation = UNCHANGED
+    """Rotates test axes to model axes: x_model = rotation · x_test + origin; dimensionless. Example:
+    `[[0,-1,0],[1,0,0],[0,0,1]]`"""
     origin: Vector = (0.0, 0.0, 0.0)
+    """Position of the origin of the test in the model's coordinate system, length. Example: `[0.0, 0.0, 0.5]`"""
     leave_out: tuple[LeaveOutEntry, ...] = ()
+    """Test modes that are excluded from the comparison, each with the reason; they are still listed in the report.
+    Example: `[{ mode = "4a", reason = "braces" }]`"""
     pairs: tuple[PairEntry, ...] = ()
+    """Prescribed mode pairs: the label of the test mode and the number of the model mode. Example: `[{ test = "1",
+    model = 1 }]`"""
 
 
 MEASURED = "freq_hz of [test]"
@@ -89,42 +111,84 @@ class SingleTest(TestKeys):
     """[test]: the only test of a study without [[configuration]]; a file, or frequencies without shapes."""
 
     file: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
+    """The test: a Universal File, a list of several for one test, or an identification file that [describes
+    FRFs](guide/tests-in.md). Required without `freq_hz`. Example: `"frame.uff"`"""
     freq_hz: Annotated[tuple[Positive, ...], Field(max_length=1000)] = ()
+    """For a model of [runs](#runs) or of a [solver](#solver) without shapes: measured frequencies in the order of the
+    columns of the table. Example: `[43.1, 60.2]`"""
     units: Units | None = None
+    """Units of the test; only if the file does not state them. Example: `"mm-kg-s"`"""
 
 
 class ConfigurationSolver(TomlTable):
     """What the solver of a configuration has of its own, in place of the keys of [solver] and of the deck."""
 
     command: Command | None = None
+    """Program and arguments, as a list or a line. Default: `command` of `[solver]`. Example: `"ccx bolted"`"""
     deck: DeckName | None = None
+    """Deck of this configuration. Default: `deck` of `[study]`. Example: `"bolted.bdf"`"""
     templates: tuple[TemplateName, ...] | None = None
+    """Input files with placeholders. Default: `templates` of `[solver]`. Example: `["bolted.inp"]`"""
     files: tuple[SolverFileName, ...] | None = None
+    """Further files that are copied into the folder of each run. Default: `files` of `[solver]`. Example:
+    `["mesh.inc"]`"""
     result: Text | None = None
+    """The file that is read. Default: `result` of `[solver]`. Example: `"bolted.frd"`"""
     format: ModesFormatKey | None = None
+    """Format of the file that is read. Default: `format` of `[solver]`. Example: `"calculix-frd"`"""
     mass: Positive | None = None
+    """Mass that the output must state. Default: `mass` of `[solver]`. Example: `12.5`"""
 
 
 class ConfigurationEntry(TestKeys):
     """[[configuration]]: changes of the deck, and the test of this configuration."""
 
     name: Text
+    """Name of the configuration, unique. Example: `"BC"`"""
     specimen: SpecimenName | None = None
+    """Name of the [specimen](guide/specimens.md), where nominally identical structures were tested: letters, digits and
+    `_`; either all configurations have it or none has. Example: `"ID1"`"""
     test: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
+    """The test: a Universal File, a list of several for one test, or an identification file that [describes
+    FRFs](guide/tests-in.md). Default: only modes are computed. Example: `"building.uff"`"""
     test_units: Units | None = None
+    """Units of the test; only if the file does not state them. Example: `"mm-kg-s"`"""
     elements_off: ElementsOff = ()
+    """Elements that are absent in this configuration: a text with THRU, BY and EXCEPT, or a list. Example: `"201 THRU
+    208, 301"`"""
     components: Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
+    """Only these [components](#component) are present; all others are absent, and so are elements of no component that
+    act on absent components. Elements and rigid elements of no component are present if they act on these components
+    only. Example: `["front"]`"""
     interface: Literal["free", "fixed"] = "free"
+    """With `components`: the grid points where absent elements were connected are `"free"`, or `"fixed"`. Example:
+    `"fixed"`"""
     spc: Number | None = None
+    """Active SPC set. Default: the selection of the deck. Example: `1`"""
     mpc: Number | None = None
+    """Active MPC set. Default: the selection of the deck. Example: `2`"""
     supports_added: tuple[Support, ...] = ()
+    """Additional constraints, nodes : components (1 to 6; 0 for a scalar point). Example: `["12:123", "13 THRU
+    15:3"]`"""
     supports_removed: tuple[Support, ...] = ()
+    """Constraints of the deck that are removed in this configuration. Example: `["1:6"]`"""
     masses: tuple[MassEntry, ...] = ()
+    """Masses added in this configuration, each with its grid point. Example: `[{ node = 11, mass = 0.35 }]`"""
     masses_file: Annotated[Text, NamesFile("table of masses")] | None = None
+    """[Table of small masses](guide/tests-in.md#masses-of-sensors) such as sensors and stingers, added as well; their
+    effect on each mode is stated. Example: `"sensors.csv"`"""
     weighed_mass: Positive | None = None
+    """Measured mass of this configuration, in units of the study; compared with the mass of the model. Example:
+    `7500.0`"""
     use: Literal["update", "validation"] = "update"
+    """`"update"`, or `"validation"`: correlated, but not used in the update. Example: `"validation"`"""
     runs: RunsName | None = None
+    """For a model of [runs](#runs): the table of this configuration, instead of `file` of `[runs]`. Example:
+    `"bolted.csv"`"""
     solver: ConfigurationSolver | None = None
+    """For a model of a [solver](#solver): what this configuration has of its own, instead of the same keys of
+    `[solver]`: `command`, `templates`, `files`, `result`, `format`, `mass`; and `deck`, instead of that of `[study]`.
+    Example: `{ templates = ["bolted.inp"] }`"""
 
 
 def test_files(entry: ConfigurationEntry) -> tuple[str, ...]:

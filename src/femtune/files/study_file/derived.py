@@ -18,8 +18,11 @@ class DerivedEntry(TomlTable):
     """A quantity, such as the thickness of a slab computed from its stiffness."""
 
     name: Text
+    """Name of the quantity: letters, digits and `_`; not the name of a parameter. Example: `"slab_thickness"`"""
     expression: Expression
+    """Expression of parameters, in the form of `tie` of a parameter. Example: `"0.12*bending**(1/3)"`"""
     unit: str = ""
+    """Unit shown in tables. Example: `"m"`"""
 
 
 def derived_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:

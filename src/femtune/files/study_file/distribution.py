@@ -25,10 +25,18 @@ class DistributionEntry(TomlTable):
     """Fields that are multiplied by 1 + the sum of amplitude times function; see docs/study-file.md."""
 
     name: GroupName
+    """Name of the distribution in fields: capital letters and digits. Example: `"THIN"`"""
     fields: Annotated[tuple[FieldText, ...], Field(min_length=1)]
+    """Fields that vary, as in `[[parameter]]`. Example: `["PSHELL 3 T"]`"""
     functions: Annotated[tuple[Expression, ...], Field(min_length=1, max_length=20)]
+    """Expressions (1 to 20) of the middle of an element: `x`, `y`, `z` in the basic coordinate system, or `u`, `v`,
+    `w`, which are the same from −1 to 1 over the region. Example: `["1", "u", "1 - v**2"]`"""
     elements: Elements | None = None
+    """Elements for which the fields vary: a text with THRU, BY and EXCEPT, or a list. Default: all that use them.
+    Example: `"1 THRU 400"`"""
     region: RegionTable | None = None
+    """Restricts the elements by properties, materials or position, [as for parameters](#region). Example: `{ box = [[0,
+    0, 0], [0.5, 1, 1]] }`"""
 
 
 def distribution_rules(data: Data, source: StudyLines) -> Problems:

@@ -20,37 +20,75 @@ class ScreenTable(TomlTable):
     """[screen]: which parameters matter for which mode, by designed runs."""
 
     design: Literal["orthogonal", "factorial", "plackett-burman", "morris", "sobol"] = "orthogonal"
+    """`"orthogonal"` array, full `"factorial"`, `"plackett-burman"` (two levels), elementary effects of `"morris"`, or
+    indices of `"sobol"`. Example: `"morris"`"""
     array: Text | None = None
+    """Name of the orthogonal array. Default: the smallest one that leaves degrees of freedom for the error. Example:
+    `"L18"`"""
     levels: Annotated[int, Field(ge=2, le=12)] | None = None
+    """Number of levels of each parameter, evenly spaced from its lower to its upper bound. Default: 3, of `"morris"` 4
+    (an even number). Example: `2`"""
     trajectories: Annotated[int, Field(ge=2, le=10_000)] = 10
+    """Number of trajectories of `"morris"`, each with one run more than there are parameters. Example: `20`"""
     points: Annotated[int, Field(ge=64, le=1 << 20)] = 1024
+    """Number of points of `"sobol"`, a power of two of at least 64 (with fewer, errors of the indices exceed 0.1); each
+    takes an evaluation for every parameter and two more. Example: `4096`"""
     on: RunsOn = "surrogate"
+    """Evaluations of `"sobol"`: of a `"surrogate"` (Kriging), or of the `"model"` itself. Example: `"model"`"""
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
+    """Runs of the model for the surrogate of `"sobol"`, at points of a Latin hypercube. Default: ten per parameter.
+    Example: `60`"""
     seed: Seed = 0
+    """Seed of `"morris"` and `"sobol"`. Example: `7`"""
     configuration: Text | None = None
+    """The only configuration whose modes are compared. Default: all. Example: `"BC"`"""
 
 
 class SearchTable(TomlTable):
     """[search]: a search of the whole box, on a surrogate of the residuals or on the model itself."""
 
     on: RunsOn = "surrogate"
+    """Search on a `"surrogate"` of the residuals, or on the `"model"` itself. Example: `"model"`"""
     runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
+    """Runs of the model for the surrogate, at points of a Latin hypercube. Default: ten per parameter. Example: `60`"""
     fresh_runs: Annotated[int, Field(ge=0, le=10_000)] = 5
+    """Further runs that check the surrogate before they are added to it. Example: `10`"""
     infill: Annotated[int, Field(ge=0, le=10_000)] = 5
+    """Further runs, added after that; at most, with `infill_until`. Example: `20`"""
     infill_by: Infill = "improvement"
+    """Further runs where an `"improvement"` of the objective is expected, or where the `"error"` of the surrogate is
+    expected to be the largest. Example: `"error"`"""
     infill_until: Annotated[float, Field(gt=0.0)] | None = None
+    """For `infill_by = "error"`: error of left-out runs, in standard deviations of the data, at which no further runs
+    are made. Example: `0.1`"""
     surrogate: SurrogateMethod = "kriging"
+    """`"kriging"`, `"radial-basis"`, or `"chaos"` (polynomial chaos). Example: `"chaos"`"""
     trend: Trend = "linear"
+    """Trend of Kriging: `"constant"`, `"linear"` or `"quadratic"`. Example: `"quadratic"`"""
     correlation: CorrelationKind = "gaussian"
+    """Correlation of Kriging: `"gaussian"`, `"matern-5/2"`, `"matern-3/2"`; `"none"`: a response surface by least
+    squares. Example: `"matern-5/2"`"""
     kernel: RadialKernel = "cubic"
+    """Radial basis functions: `"cubic"`, `"thin-plate"` (both with a linear trend) or `"quintic"` (with a quadratic
+    trend). Example: `"quintic"`"""
     degree: Annotated[int, Field(ge=1, le=20)] = 6
+    """Largest degree of polynomial chaos. Example: `4`"""
     noise: Noise = "estimate"
+    """Noise of Kriging and of radial basis functions; `"none"`: the surrogate passes through all runs. Example:
+    `"none"`"""
     method: SearchWord = "differential-evolution"
+    """`"differential-evolution"`, `"genetic"` or `"cma-es"` (extra `search`). Example: `"cma-es"`"""
     population: Annotated[int, Field(ge=4, le=100_000)] = 60
+    """Points of a generation. Example: `100`"""
     generations: Annotated[int, Field(ge=1, le=100_000)] = 300
+    """Largest number of generations. Example: `50`"""
     seeds: Annotated[int, Field(ge=1, le=1000)] = 3
+    """Number of searches, each from another seed. Example: `20`"""
     front: Annotated[int, Field(ge=0, le=1000)] = 0
+    """Number of points of the front of frequency errors against other errors that are shown and confirmed by a run of
+    the model; 0: no front. Example: `10`"""
     seed: Seed = 0
+    """The first seed, of the searches and of the Latin hypercube. Example: `7`"""
 
 
 _ONLY_OF = {

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import tomllib
+from collections.abc import Iterator
 from typing import Any
 
 from pydantic import BaseModel
 
 from femtune.files.identification_file import IdentifyFile
+from femtune.files.study_file.keys import keys_of, summary
+from femtune.files.study_file.kinds import tables_in
 from femtune.files.study_file.study import StudyFile
 
 SCHEMAS: dict[str, tuple[type[BaseModel], str]] = {
@@ -31,12 +35,39 @@ def file_schema(kind: str) -> dict[str, Any]:
     model, title = SCHEMAS[kind]
     found: dict[str, Any] = _of_toml(model.model_json_schema())
     found["title"] = title
+    for table in tables_of(model):
+        _describe(found if table is model else found["$defs"][table.__name__], table)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 
 
 def schema_text(kind: str) -> str:
     """The same as text."""
     return json.dumps(file_schema(kind), indent=1) + "\n"
+
+
+def tables_of(table: type[BaseModel]) -> tuple[type[BaseModel], ...]:
+    """A table and all that are in it, each once."""
+
+    def walk(one: type[BaseModel]) -> Iterator[type[BaseModel]]:
+        yield one
+        for field in one.model_fields.values():
+            for inner in tables_in(field.annotation):
+                yield from walk(inner)
+
+    return tuple(dict.fromkeys(walk(table)))
+
+
+def _describe(schema: dict[str, Any], table: type[BaseModel]) -> None:
+    """Meaning and example of each key, and the kind of a table as a key that the file must have."""
+    schema["description"] = summary(table)
+    for name, key in keys_of(table).items():
+        property_ = schema["properties"][name]
+        property_["description"] = key.without_links
+        if "const" in property_:
+            property_.pop("default", None)
+            schema["required"] = list(dict.fromkeys((name, *schema.get("required", ()))))
+        elif key.example:
+            property_["examples"] = [tomllib.loads(f"value = {key.example}")["value"]]
 
 
 _NULL = {"type": "null"}

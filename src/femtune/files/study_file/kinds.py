@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, StringConstraints
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    StringConstraints,
+    WithJsonSchema,
+)
 from pydantic_core import PydanticCustomError
 
 from femtune.dofs import parse_dof
@@ -16,6 +25,7 @@ from femtune.errors import FemtuneError, Where
 from femtune.fem.fields import FACTORS, FieldRef, amplitude_ref, factor_ref, generic_ref
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList, read_list
+from femtune.files.study_file.source import is_integer, is_number
 from femtune.parameters import parse_expression
 from femtune.units import SI, unit_system
 from femtune.updating.kinds import WEIGHT_RULES, WeightRule
@@ -52,17 +62,7 @@ def _guarded(function: Callable[[T], T]) -> Callable[[T], T]:
     return run
 
 
-def is_integer(value: object) -> bool:
-    """True for an integer of TOML; its booleans are integers in Python and not meant."""
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def is_number(value: object) -> bool:
-    """True for an integer or float of TOML, whatever its size."""
-    return is_integer(value) or isinstance(value, float)
-
-
-def element_list(value: str | tuple[int, ...]) -> IntegerList:
+def element_list(value: str | Sequence[int]) -> IntegerList:
     """Elements from text with THRU, BY and EXCEPT, or from a list of numbers.
 
     Raises
@@ -79,7 +79,7 @@ def element_list(value: str | tuple[int, ...]) -> IntegerList:
         raise FemtuneError("study.list/elements", reason=error.what, hint=error.hint) from error
 
 
-def number_list(value: str | tuple[int, ...]) -> IntegerList:
+def number_list(value: str | Sequence[int]) -> IntegerList:
     """Numbers of grid points or modes, written as a list of elements is.
 
     Raises
@@ -100,7 +100,7 @@ def _positive(numbers: IntegerList, value: object) -> IntegerList:
     return numbers
 
 
-def off_list(value: str | tuple[int, ...]) -> frozenset[int]:
+def off_list(value: str | Sequence[int]) -> frozenset[int]:
     """Numbers that are switched off, written out (error ``study.list``, also for ALL)."""
     if not isinstance(value, str) and not value:
         return frozenset()
@@ -254,6 +254,18 @@ def _covariance(value: object) -> None:
         raise FemtuneError("study.type/covariance")
 
 
+_NUMBERED = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "integer", "minimum": 1}}]}
+_VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+_ROWS = {"type": "array", "items": {"type": "array", "items": {"type": "number"}}}
+_NOT_NEGATIVE = {"type": "number", "minimum": 0}
+
+if TYPE_CHECKING:
+    Listed = Sequence
+else:
+    Listed = tuple[T, ...]
+"""A list of TOML, kept as a tuple; in Python a table may be made with any sequence."""
+
+
 @dataclass(frozen=True)
 class NamesFile:
     """Declares that the text of a key is the name of an input file, relative to the file that has the key.
@@ -285,20 +297,37 @@ Spread = Annotated[float, checked(_spread)]
 Vector = tuple[float, float, float]
 Units = Annotated[str, checked(unit_system)]
 DofLabel = Annotated[str, checked(parse_dof)]
-Elements = Annotated[str | tuple[int, ...], read_by(element_list)]
-Numbers = Annotated[str | tuple[int, ...], read_by(number_list)]
-ElementsOff = Annotated[str | tuple[int, ...], read_by(off_list)]
+Elements = Annotated[str | Listed[int], read_by(element_list), WithJsonSchema(_NUMBERED)]
+Numbers = Annotated[str | Listed[int], read_by(number_list), WithJsonSchema(_NUMBERED)]
+ElementsOff = Annotated[str | Listed[int], read_by(off_list), WithJsonSchema(_NUMBERED)]
 Support = Annotated[str, checked(support)]
 FieldText = Annotated[str, checked(field_reference)]
 GroupName = Annotated[str, checked(_group_name)]
 Components = Annotated[str, checked(_components)]
 Expression = Annotated[str, checked(parse_expression)]
-Weight = Annotated[float | WeightRule, read_by(_weight)]
-FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
-Covariance = Annotated[tuple[tuple[float, ...], ...] | str, read_by(_covariance)]
-ByNode = Annotated[float | dict[int, float], read_by(_by_node)]
+Weight = Annotated[
+    float | WeightRule,
+    read_by(_weight),
+    WithJsonSchema({"anyOf": [_NOT_NEGATIVE, {"enum": list(WEIGHT_RULES)}]}),
+]
+FrequencySd = Annotated[
+    float | str, read_by(_frequency_sd), WithJsonSchema({"anyOf": [_NOT_NEGATIVE, {"const": "test"}]})
+]
+Covariance = Annotated[
+    Listed[Listed[float]] | str, read_by(_covariance), WithJsonSchema({"anyOf": [_ROWS, {"const": "test"}]})
+]
+ByNode = Annotated[
+    float | dict[int, float],
+    read_by(_by_node),
+    BeforeValidator(numbered),
+    WithJsonSchema({"anyOf": [_NOT_NEGATIVE, {"type": "object", "additionalProperties": _NOT_NEGATIVE}]}),
+]
 """A number, or one for some test nodes."""
-Inertia = Annotated[Vector | tuple[Vector, Vector, Vector], read_by(_inertia)]
+Inertia = Annotated[
+    Vector | tuple[Vector, Vector, Vector],
+    read_by(_inertia),
+    WithJsonSchema({"anyOf": [_VECTOR, {"type": "array", "items": _VECTOR, "minItems": 3, "maxItems": 3}]}),
+]
 Rotation = Annotated[tuple[Vector, Vector, Vector], checked(_rotation)]
 
 
@@ -319,6 +348,20 @@ class TomlTable(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
 
+def tables_by_kind(annotation: Any) -> dict[str, type[Any]]:
+    """The tables that a key `kind` chooses from, by that kind; none for a key of one table or of other values."""
+    found = list(tables_in(annotation))
+    return {get_args(t.model_fields["kind"].annotation)[0]: t for t in found} if len(found) > 1 else {}
+
+
+def tables_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The tables among the types of a key."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from tables_in(part)
+
+
 def _words(value: object) -> object:
     """A command as one text is split as a shell would, and nothing in it is replaced."""
     if not isinstance(value, str):
@@ -333,4 +376,5 @@ Command = Annotated[
     tuple[Annotated[Text, NamesFile("program or script", needed=False)], ...],
     Field(min_length=1),
     BeforeValidator(_words),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
 ]

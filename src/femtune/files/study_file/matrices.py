@@ -20,12 +20,23 @@ class ModelTable(TomlTable):
     """[model]: grid points and rows of the matrices, and the modes that their solver listed."""
 
     grid: Annotated[Text, NamesFile("file of grid points")] | None = None
+    """Coordinates of the nodes: a deck, or an input file with `*NODE` blocks. Default: points without coordinates,
+    assigned to the test by number. Example: `"frame.bdf"`"""
     dofs: Annotated[Text, NamesFile("list of DOFs")] | None = None
+    """List of the DOFs of the rows, one per line: node and component (1 to 6, 0 for a scalar point); needed if the
+    matrix file does not contain them. Example: `"frame.dof"`"""
     hold_singular: bool = False
+    """Constrain DOFs without stiffness, as Nastran's AUTOSPC does. Example: `true`"""
     listed_hz: tuple[Annotated[float, Field(ge=0)], ...] = ()
+    """Natural frequencies listed by the solver, Hz, in ascending order from the first; rigid-body modes may be omitted.
+    Example: `[12.31, 15.02]`"""
     listing: Annotated[Text, NamesFile("list of modes")] | None = None
+    """Listing file of the solver with its natural frequencies, instead of `listed_hz`: f06 of Nastran, .dat of CalculiX
+    or Abaqus. Example: `"frame.f06"`"""
     listed_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    """Largest relative difference between a frequency and the listed one. Example: `1e-3`"""
     polynomial_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    """Largest error of a polynomial at the additional set, relative to the change between the sets. Example: `1e-6`"""
 
 
 class MatrixEntry(TomlTable):
@@ -35,21 +46,37 @@ class MatrixEntry(TomlTable):
     """Name of the configuration of a study without [[configuration]]."""
 
     name: Name
+    """Name of the matrix: capital letters and digits. Several tables with the same name, each with `at`, are sets of
+    one matrix. Example: `"FRAME"`"""
     kind: Literal["stiffness", "mass", "viscous", "hysteretic"]
+    """`"stiffness"`, `"mass"`, `"viscous"` or `"hysteretic"`; the imaginary part of a stiffness matrix is read as
+    hysteretic damping. Example: `"mass"`"""
     file: Annotated[Text, NamesFile("file of a matrix")]
+    """The matrix file. Example: `"frame.op4"`"""
     record: Text | None = None
+    """Name of the matrix in a file with several matrices. Default: the first one. Example: `"KAA"`"""
     format: MatrixFormatKey | None = None
+    """`"op4"`, `"op2"`, `"dmig"`, `"abaqus"`, `"calculix"`, `"matrix-market"` or `"ansys"`. Default: detected from
+    content and extension. Example: `"dmig"`"""
     factor: float = 1.0
+    """Factor on the values of the file: a unit conversion or a sign. Example: `1e-3`"""
     at: dict[str, float] = Field(default_factory=dict)
+    """Values of the variables for this set; variables that are not given have their nominal values. Example: `{ T = 1.5
+    }`"""
 
 
 class VariableEntry(TomlTable):
     """[[variable]]: a variable of the matrix sets."""
 
     name: Name
+    """Name of the variable: capital letters and digits. Example: `"T"`"""
     nominal: float
+    """Value of the variable in the nominal model. Example: `2.0`"""
     degree: Annotated[int, Field(ge=1, le=8)] = 1
+    """Polynomial degree of the matrices: 3 for the thickness of a shell. Example: `3`"""
     crossed: bool = False
+    """Include products with other crossed variables: needed if two variables act on the same elements. Example:
+    `true`"""
 
 
 Data = dict[str, Any]
@@ -122,9 +149,15 @@ class GenericEntry(TomlTable):
     """A group of elements; its fields are ``GENERIC NAME K1`` … and ``GENERIC NAME S1-2``."""
 
     name: GroupName
+    """Name of the group in fields: capital letters and digits. Example: `"JOINT"`"""
     elements: Elements
+    """Elements of the group: a text with THRU, BY and EXCEPT, or a list; an element can belong to one group only.
+    Example: `"3, 4, 7, 8"`"""
     nodes: tuple[Number, ...] = ()
+    """Grid points to which the stiffness of the group is condensed first. Default: all its grid points. Example: `[3,
+    9]`"""
     components: Components = "123456"
+    """Components of these grid points that the eigenvectors contain; the others are condensed. Example: `"126"`"""
 
 
 def generic_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:

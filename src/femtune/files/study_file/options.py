@@ -9,9 +9,9 @@ from pydantic import ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.study_file.experiments import experiment_rules
-from femtune.files.study_file.objects import plain
 from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.problems import problems
+from femtune.files.study_file.python_table import plain
 from femtune.files.study_file.response import response_rules
 from femtune.files.study_file.source import Place, StudyLines
 from femtune.files.study_file.study import StudyFile
@@ -59,7 +59,7 @@ def with_modes(file: StudyFile, count: int | None, max_hz: float | None) -> Stud
     try:
         modes = StudyFile.model_validate({"study": study, "modes": given}).modes
     except ValidationError as findings:
-        errors = problems(findings, StudyLines(_OPTIONS))
+        errors = problems(findings, StudyLines(_OPTIONS), StudyFile)
         ErrorCollector(list(errors)).raise_if_any()
         raise
     return file.model_copy(update={"modes": modes})
@@ -78,7 +78,7 @@ def with_expansion(file: StudyFile, method: str | None) -> StudyFile:
     try:
         found = StudyFile.model_validate({"study": study, "correlate": {**known, "expand": method}})
     except ValidationError as findings:
-        ErrorCollector(list(problems(findings, StudyLines(_OPTIONS)))).raise_if_any()
+        ErrorCollector(list(problems(findings, StudyLines(_OPTIONS), StudyFile))).raise_if_any()
         raise
     return file.model_copy(update={"correlate": found.correlate})
 
@@ -101,7 +101,7 @@ def with_plan(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
     try:
         found = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), "plan": plan})
     except ValidationError as findings:
-        errors = [*problems(findings, source), *errors]
+        errors = [*problems(findings, source, StudyFile), *errors]
     ErrorCollector(errors).raise_if_any()
     copy = file.model_copy(update={"plan": found.plan})
     lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given, "plan")}
@@ -132,7 +132,7 @@ def _with_experiment(file: StudyFile, name: str, known: dict[str, Any], options:
     try:
         found = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), name: given})
     except ValidationError as findings:
-        errors = [*problems(findings, source), *errors]
+        errors = [*problems(findings, source, StudyFile), *errors]
     ErrorCollector(errors).raise_if_any()
     return file.model_copy(update={name: getattr(found, name)})
 
@@ -148,6 +148,6 @@ def _checked(file: StudyFile, response: dict[str, Any]) -> Any:
     try:
         checked = StudyFile.model_validate({"study": study, "response": response})
     except ValidationError as findings:
-        errors = [*problems(findings, source), *errors]
+        errors = [*problems(findings, source, StudyFile), *errors]
     ErrorCollector(errors).raise_if_any()
     return checked.response

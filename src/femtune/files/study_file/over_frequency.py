@@ -17,8 +17,13 @@ class FrequencyTableEntry(TomlTable):
     """A factor over frequency, and the fields that it multiplies."""
 
     fields: Annotated[tuple[FieldText, ...], Field(min_length=1)]
+    """Fields of stiffness, dashpots or loss factors, as in `[[parameter]]`; without a number: the field of all cards of
+    this name. Example: `["MAT1 2 E"]`"""
     freq_hz: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
+    """Ascending frequencies. Example: `[0.0, 50.0, 200.0]`"""
     factor: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    """Factor on the value of the deck, or of the parameter, at each frequency; linear between the frequencies, constant
+    outside. Example: `[0.8, 1.0, 1.6]`"""
 
     @property
     def targets(self) -> tuple[FieldRef, ...]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import keyword
 import re
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.fem.fields import FieldRef
@@ -13,6 +15,7 @@ from femtune.files.study_file.kinds import (
     Elements,
     Expression,
     FieldText,
+    Listed,
     NamesFile,
     Number,
     Positive,
@@ -21,6 +24,7 @@ from femtune.files.study_file.kinds import (
     Vector,
     field_reference,
 )
+from femtune.files.study_file.python_table import PythonTable
 from femtune.files.study_file.source import Place, StudyLines, named_twice, number, tables
 from femtune.parameters import parse_expression
 
@@ -32,40 +36,96 @@ class NearTable(TomlTable):
     """A sphere about a point, a grid point, or the middle of an element (a joint)."""
 
     distance: Positive
+    """Radius, length. Example: `0.1`"""
     point: Vector | None = None
+    """A position as the centre, basic coordinate system, length. Example: `[0.5, 0, 0]`"""
     node: Number | None = None
+    """A grid point as the centre. Example: `12`"""
     element: Number | None = None
+    """The centre of an element, which may be a rigid element: a joint. Example: `205`"""
 
 
 class RegionTable(TomlTable):
     """Conditions that an element must satisfy together; the centre of an element is its position."""
 
     elements: Elements | None = None
+    """Element numbers: a text with THRU, BY and EXCEPT, or a list. Example: `"1 THRU 4"`"""
     properties: Elements | None = None
+    """Elements that refer to these property cards. Example: `[3, 4]`"""
     materials: Elements | None = None
+    """Elements whose stiffness or mass depends on these materials. Example: `"1 THRU 5"`"""
     set: Number | None = None
+    """Elements in this SET of the case control section. Example: `7`"""
     box: tuple[Vector, Vector] | None = None
+    """Two opposite corners, basic coordinate system, length. Example: `[[0, 0, 0], [0.5, 1, 1]]`"""
     near: NearTable | None = None
+    """Elements within a distance of a point, a grid point or an element. Example: `{ node = 12, distance = 0.1 }`"""
 
 
-class ParameterEntry(TomlTable):
-    """A free parameter (bounds) or a tied one (an expression of others)."""
+class Parameter(PythonTable):
+    """A parameter of the update: fields of the deck, bounds and prior; a [[parameter]] of a study.
 
-    name: Text
-    fields: tuple[FieldText, ...] = ()
+    A free parameter has bounds, a tied one an expression of others.
+
+    Raises
+    ------
+    FemtuneError : ``study.field``, ``study.unknown-key``, ``study.type`` …, all errors together
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> ft.Parameter("E", fields=["MAT1 1 E"], lower=0.8, upper=1.2)
+    Parameter(name='E', fields=('MAT1 1 E',), lower=0.8, upper=1.2)
+    """
+
+    name: Text = Field(kw_only=False)
+    """Name of the parameter, unique: letters, digits and `_`, so that expressions can use it. Example: `"Icx1"`"""
+    fields: Listed[FieldText] = ()
+    """The fields that the parameter changes: card, number and field name. Without a number: the field of all cards of
+    this name that are used by elements (of the region). `PARAM G` is the loss factor of the whole model, `MODAL 3 ZETA`
+    the damping ratio of mode 3, `MODAL ZETA` that of all other modes ([damping as a
+    parameter](theory/damping.md#damping-as-a-parameter)), `MATRIX FRAME` the factor of a matrix, `VARIABLE T` a
+    variable of matrix sets; `STIFFNESS`, `MASS` and `VISCOUS` are factors on complete element matrices; `CBAR 12 W3A`
+    is an offset; `GENERIC JOINT K1` a value of a [generic element](#generic). [The guide](guide/parameters.md) lists
+    all of them. Empty for a parameter that is only used in expressions. Example: `["PBAR 1 I1", "PSHELL T"]`"""
     elements: Elements | None = None
+    """Elements for which the field is changed: a text with THRU, BY and EXCEPT, or a list. Default: all elements that
+    use it. Example: `"1 THRU 4"`"""
     region: RegionTable | None = None
+    """Restricts the elements by properties, materials or position. Example: `{ properties = [3] }`"""
     lower: float | None = None
+    """Lower bound, of the factor or of the value with `absolute`; required for a free parameter. Example: `0.3`"""
     upper: float | None = None
+    """Upper bound, of the factor or of the value with `absolute`; required for a free parameter. Example: `3.0`"""
     nominal: float | None = None
+    """Initial value. Default: 1 for a factor, the value in the deck with `absolute`. Example: `1.0`"""
     absolute: bool = False
+    """The parameter is the value of the field, in its unit; otherwise a factor on the value of the deck. Example:
+    `true`"""
     sd: Positive | None = None
+    """Standard deviation of the prior, in units of `lower`. Default: (upper − lower)/√12. Example: `0.2`"""
     mean: float | None = None
+    """Mean of the prior, in units of `lower`. Default: the nominal value. Example: `1.0`"""
     prior: Annotated[Text, NamesFile("catalogue of damping")] | None = None
+    """Catalogue of damping values that gives the mean and standard deviation of the prior; requires `absolute = true`.
+    Example: `"damping.toml"`"""
     prior_name: Text | None = None
+    """Entry of the catalogue. Default: the entry with the name of the parameter. Example: `"clamp"`"""
     tie: Expression | None = None
+    """Expression of other parameters: `+ - * / **`, parentheses, numbers, names and `sqrt exp log sin cos tan`; it is
+    parsed, never executed as code. Example: `"2*Ibx1 - 1"`"""
     individual: bool = False
+    """Each [specimen](guide/specimens.md) has its own value, and the parameter is named `Icx1_ID1` in the results;
+    otherwise all have the same. Example: `true`"""
     unit: str = ""
+    """Unit shown in tables. Example: `"m^4"`"""
+
+    if not TYPE_CHECKING:
+
+        def __init__(self, name: str, **words: Any) -> None:
+            super().__init__(name=name, **words)
+
+        __init__.__pydantic_base_init__ = True  # as that of `PythonTable`
 
     @property
     def free(self) -> bool:

@@ -10,9 +10,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.residual import TABLES
+from femtune.files.study_file.kinds import tables_by_kind
 from femtune.files.study_file.source import Place, StudyLines, spelled
-from femtune.files.study_file.study import StudyFile
 
 _WANTED = {
     "string_type": ("text", "put it in quotes"),
@@ -27,7 +26,7 @@ _WANTED = {
 }
 
 
-def problems(findings: ValidationError, source: StudyLines, model: type[BaseModel] = StudyFile) -> list[FemtuneError]:
+def problems(findings: ValidationError, source: StudyLines, model: type[BaseModel]) -> list[FemtuneError]:
     """One error for each finding, in the order of the file; `model` is what the file was checked against."""
     found = _of_unions(findings.errors(include_url=False))
     return [_error(finding, source, model) for finding in found if not _follows(finding, found)]
@@ -62,9 +61,9 @@ def _follows(finding: ErrorDetails, found: Sequence[ErrorDetails]) -> bool:
 
 
 def _error(finding: ErrorDetails, source: StudyLines, model: type[BaseModel]) -> FemtuneError:
-    place = _place(finding)
+    place = _place(finding, model)
     if finding["type"].startswith("union_tag"):
-        return _kind(finding, place, source)
+        return _kind(finding, place, source, model)
     if finding["type"] == "extra_forbidden":
         return _unknown_key(finding, place, source, model)
     if finding["type"] == "missing":
@@ -87,14 +86,19 @@ def _table_for_list(place: Place, finding: ErrorDetails, source: StudyLines, mod
     return source.error(place, "study.type/list-of-tables", {}, hint=hint, key=key, name=name)
 
 
-def _place(finding: ErrorDetails) -> Place:
+def _place(finding: ErrorDetails, model: type[BaseModel]) -> Place:
     """Where it is, without the marks of keys and types, and the tag of a table whose kind is chosen by a key."""
     place: Place = tuple(part for part in finding["loc"] if part != "[key]" and not _names_type(part))
-    tagged = len(place) > 2 and place[0] == "residual" and isinstance(place[1], int) and place[2] in TABLES
-    return place[:2] + place[3:] if tagged else place
+    return place[:2] + place[3:] if len(place) > 2 and place[2] in _kinds(place, model) else place
 
 
-def _kind(finding: ErrorDetails, place: Place, source: StudyLines) -> FemtuneError:
+def _kinds(place: Place, model: type[BaseModel]) -> Mapping[str, type[BaseModel]]:
+    """The tables of each kind, of a list of tables whose kind is chosen by a key."""
+    field = _fields(model).get(str(place[0])) if isinstance(place[1], int) else None
+    return tables_by_kind(field.annotation) if field else {}
+
+
+def _kind(finding: ErrorDetails, place: Place, source: StudyLines, model: type[BaseModel]) -> FemtuneError:
     """A table whose kind is missing or unknown."""
     if finding["type"] == "union_tag_not_found":
         return _missing_key((*place, "kind"), source)
@@ -102,7 +106,7 @@ def _kind(finding: ErrorDetails, place: Place, source: StudyLines) -> FemtuneErr
     if not isinstance(finding["input"].get("kind"), str):
         facts = {"key": "'kind'", "wanted": "text", "hint": 'write for example kind = "frequency"'}
         return source.error((*place, "kind"), "study.type", {"kind": finding["input"].get("kind")}, **facts)
-    hint = did_you_mean(str(given), TABLES)
+    hint = did_you_mean(str(given), _kinds(place, model))
     return source.error((*place, "kind"), "study.value/kind", {}, hint=hint, given=given)
 
 
@@ -209,8 +213,8 @@ _LIMITS = {"ge": "{} or more", "gt": "more than {}", "le": "{} or less", "lt": "
 def _keys(place: Place, finding: ErrorDetails, top: type[BaseModel]) -> tuple[str, ...]:
     """Keys of the table at `place`, from the models themselves."""
     tag = finding["loc"][2] if len(finding["loc"]) > 2 else None
-    if place[:1] == ("residual",) and len(place) == 2:
-        return tuple(TABLES[str(tag)].model_fields)
+    if len(place) == 2 and (kinds := _kinds(place, top)):
+        return tuple(kinds[str(tag)].model_fields)
     model: type[BaseModel] | None = top
     for part in place:
         if model is not None and isinstance(part, str):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from femtune.files.study_file.kinds import NamesFile, Text, TomlTable
 from femtune.uncertainty.kinds import CovarianceEstimate, MissingValues, OutputWeighting, QuantifyMethod
@@ -14,9 +14,16 @@ class SelectTable(TomlTable):
     """[select]: additional measures for the selection of parameters."""
 
     energies: Literal["none", "parameters", "properties", "elements"] = "none"
+    """Strain and kinetic energy of the compared modes by group of elements: `"parameters"` (the elements of each
+    parameter), `"properties"` (of each property card), `"elements"`. Example: `"properties"`"""
     localise: bool = False
+    """Each test mode is expanded to all DOFs of the model, and the energy of the remaining residual is shown by the
+    same groups. Example: `true`"""
     noise: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    """Largest relative difference between the expanded and the measured shape; above 0, below 1. Example: `0.03`"""
     smoothness: bool = False
+    """The residuals are computed along each parameter between its bounds, and parameters along which their sum of
+    squares is not smooth are named. Example: `true`"""
 
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
@@ -29,20 +36,53 @@ def _listed(value: object) -> object:
     return (value,) if isinstance(value, str) else value
 
 
+Repeats = Annotated[
+    tuple[RepeatsName, ...],
+    BeforeValidator(_listed),
+    Field(min_length=1),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
+]
+
+
 class QuantifyTable(TomlTable):
     """[quantify]: repeated tests of one configuration, and the estimation of mean and covariance."""
 
-    repeats: Annotated[tuple[RepeatsName, ...], BeforeValidator(_listed), Field(min_length=1)]
+    repeats: Repeats
+    """A table (CSV) with one line per repeat and one column per mode, Hz; or one Universal File per repeat, whose modes
+    are paired by their shapes. Example: `"repeats.csv"`"""
     columns: tuple[str, ...] = ()
+    """The test mode of each column of the table, `""` for a column without one. Default: the header line has the
+    labels. Example: `["", "1", "2"]`"""
     configuration: Text | None = None
+    """Configuration of the repeated test; required if several have modes. Example: `"as built"`"""
     method: QuantifyMethod = "second-order"
+    """`"perturbation"`, `"second-order"` (including the second derivatives of the frequencies), or the Monte Carlo
+    methods `"cross-covariance"` and `"output-difference"`; [their formulas](theory/stochastic.md). Example:
+    `"perturbation"`"""
     missing: MissingValues = "em"
+    """Treatment of missing values: maximum likelihood (`"em"`), `"pairwise"`, or `"complete"`: repeats with missing
+    values are not used. Example: `"complete"`"""
     covariance: CovarianceEstimate = "sample"
+    """Covariance of the repeats: `"sample"`, or `"robust"`, to which
+    [outliers](guide/stochastic.md#tests-of-the-repeats) do not contribute. Example: `"robust"`"""
     noise_sd: Fraction | Literal["test"] | dict[Text, Fraction] | None = None
+    """Relative standard deviation of the [measurement errors](guide/stochastic.md#measurement-errors) of a frequency in
+    one repeat, which is subtracted: one number, one for each mode label, or `"test"`: those of the test, also of its
+    shapes. Default: errors are neglected. Example: `{ "1" = 0.001, "2" = 0.002 }`"""
     hold_out: Fraction | Annotated[tuple[RepeatNumber, ...], Field(min_length=1)] | None = None
+    """Repeats that the update does not use and that [test its prediction](guide/stochastic.md#tests-of-the-repeats): a
+    random fraction, or their numbers from 1. Example: `0.3`"""
     shapes: bool = False
+    """The shapes of the repeats are outputs beside their frequencies; repeats are Universal Files. Example: `true`"""
     intervals: bool = False
+    """Also compute the [intervals of the parameters](guide/stochastic.md#intervals) that give the smallest and largest
+    frequencies of the repeats. Example: `true`"""
     weighting: OutputWeighting = "relative"
+    """Frequencies are weighted by their relative error, or by the inverse of the measured `"covariance"`. Example:
+    `"covariance"`"""
     regularisation: Annotated[float, Field(ge=0, le=1e12)] = 0.0
+    """Weight μ of the regularisation, with parameters in units of their prior standard deviation. Example: `0.02`"""
     samples: Annotated[int, Field(ge=20, le=1_000_000)] = 200
+    """Sample size of the forward check and of the Monte Carlo methods. Example: `1000`"""
     seed: Annotated[int, Field(ge=0, le=2**31)] = 1
+    """Seed of the random numbers. Example: `7`"""

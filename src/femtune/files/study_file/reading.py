@@ -59,7 +59,7 @@ def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given:
     try:
         study = StudyFile.model_validate(data)
     except ValidationError as findings:
-        errors = [*problems(findings, source), *errors]
+        errors = [*problems(findings, source, StudyFile), *errors]
     _raise_in_order(errors)
     study._path, study._source, study._given = file, source, given
     return study

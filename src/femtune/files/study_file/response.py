@@ -24,27 +24,49 @@ class ResponseTable(TomlTable):
     """[response]: FRFs, frequency lines, method and damping."""
 
     kind: Literal["receptance", "mobility", "accelerance"] = "accelerance"
+    """`"receptance"`, `"mobility"` or `"accelerance"`: displacement, velocity or acceleration over force. Example:
+    `"mobility"`"""
     outputs: Labels | None = None
+    """Response DOFs. Default: those of the test's FRFs, otherwise its sensors; without a test the inputs. Example:
+    `["12Z+", "13Z+"]`"""
     inputs: Labels | None = None
+    """Reference DOFs. Default: those of the test's FRFs. Example: `["12Z+"]`"""
     from_hz: Hertz | None = None
+    """First frequency line, Hz. Example: `1.0`"""
     to_hz: HertzAboveZero | None = None
+    """Last frequency line, Hz. Example: `200.0`"""
     step_hz: Positive | None = None
+    """Frequency resolution, Hz. Default, without `lines`: the frequency lines of the test. Example: `0.25`"""
     lines: Annotated[int, Field(ge=1, le=MOST_LINES)] | None = None
+    """Number of frequency lines, instead of `step_hz`. Example: `800`"""
     method: FrfMethodWord = "real modes"
+    """`"real modes"`, `"complex modes"`, or `"direct"` (a solution at each frequency line). Example: `"direct"`"""
     modes: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    """Number of modes that are superposed. Example: `40`"""
     max_hz: HertzAboveZero | None = None
+    """Modes up to this frequency are superposed, Hz, instead of `modes`. Default, without both: up to twice the last
+    frequency line. Example: `500.0`"""
     residual_vectors: bool = True
+    """Add residual vectors (static responses to the inputs and to dashpots) to the modes. Example: `false`"""
     damping: Literal["deck", "modal"] = "deck"
+    """`"deck"`: loss factors and dashpots of the deck are used; `"modal"`: they are ignored, and there is modal damping
+    only. Example: `"modal"`"""
     ratio: Ratio | None = None
+    """Damping ratio of all modes, instead of the damping table of the deck (SDAMPING). Example: `0.01`"""
     ratios: Annotated[tuple[Ratio, ...], Field(min_length=1)] | None = None
+    """One value per mode, including rigid-body modes, instead of `ratio`. Example: `[0.01, 0.012, 0.02]`"""
 
 
 class LoadEntry(TomlTable):
     """[[load]]: forces whose static displacements are computed."""
 
     name: Text
+    """Name of the load case, unique. Example: `"tip"`"""
     forces: Annotated[dict[DofLabel, float], Field(min_length=1)]
+    """DOFs with their forces (moments at rotations). Example: `{ "12Z+" = 100.0, "13Z+" = -100.0 }`"""
     outputs: Labels | None = None
+    """DOFs whose displacements are listed. Default: outputs of `[response]`, otherwise the DOFs of the forces. Example:
+    `["12Z+", "20Z+"]`"""
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -21,12 +21,23 @@ class RunsModelTable(TomlTable):
     """Name of the configuration of a study without [[configuration]]."""
 
     file: RunsName
+    """The table: a heading, and a line per run with parameters, `f1_hz`, `f2_hz` …, and shapes `shape1_12Z` … if there
+    are any; text, or Parquet with the ending `.parquet` or `.pq` (`pip install "femtune[parquet]"`). Example:
+    `"runs.csv"`"""
     method: Literal["polynomial", SurrogateMethod] = "polynomial"
+    """`"polynomial"`, `"kriging"`, `"radial-basis"`, or `"chaos"` (polynomial chaos). Example: `"kriging"`"""
     degree: Annotated[int, Field(ge=0, le=20)] | None = None
+    """Degree of the polynomials, 1 to 6 (default 2); of the trend of Kriging, 0 to 2 (default 2); the largest one of
+    polynomial chaos, 1 to 20 (default 6). Example: `3`"""
     crossed: bool = True
+    """Products of parameters up to the degree; for polynomials. Example: `false`"""
     correlation: Literal["gaussian", "matern-5/2"] = "gaussian"
+    """Correlation of Kriging: `"gaussian"` or `"matern-5/2"`. Example: `"matern-5/2"`"""
     kernel: Literal["cubic", "quintic"] = "cubic"
+    """Radial basis functions: `"cubic"` or `"quintic"`. Example: `"quintic"`"""
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 0.005
+    """Relative error of a frequency of a run that is left out (standard deviation) from which a warning is given.
+    Example: `0.001`"""
 
     @property
     def order(self) -> int:

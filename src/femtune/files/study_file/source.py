@@ -12,7 +12,6 @@ from itertools import accumulate
 from typing import Any
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.study_file.kinds import is_number
 
 # ----------------------------------------------------------------------------------------------------
 # On which line each key and value of a TOML text stands.
@@ -200,6 +199,16 @@ def spelled(value: object, longest: int = 300) -> str:
 
 
 Data = dict[str, Any]
+
+
+def is_integer(value: object) -> bool:
+    """True for an integer of TOML; its booleans are integers in Python and not meant."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def is_number(value: object) -> bool:
+    """True for an integer or float of TOML, whatever its size."""
+    return is_integer(value) or isinstance(value, float)
 
 
 def table(data: Data, name: str) -> Data:

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.kinds import NotNegative, Positive, Text, TomlTable, is_number
+from femtune.files.study_file.kinds import NotNegative, Positive, Text, TomlTable
 from femtune.files.study_file.response import Hertz, HertzAboveZero
-from femtune.files.study_file.source import Place, StudyLines, named_twice, number, table, tables, texts
+from femtune.files.study_file.source import Place, StudyLines, is_number, named_twice, number, table, tables, texts
 from femtune.files.study_file.specimens import bounds_of, free_names
 
 Names = Annotated[tuple[Text, ...], Field(min_length=1)]
@@ -20,28 +20,54 @@ class ByHandEntry(TomlTable):
     """A parameter that gets a value before a stage: the `value` itself, or what is to `add` to the present one."""
 
     parameter: Text
+    """Name of a free parameter; an individual one stands for those of all specimens. Example: `"k_rubber"`"""
     value: float | None = None
+    """Value of the parameter, in its unit. Give either `value` or `add`. Example: `4.8`"""
     add: float | None = None
+    """What is added to the value from earlier stages, instead of `value`. Example: `2.0`"""
     sd: Positive | None = None
+    """Standard deviation of the value. Default: that of the prior of the parameter. Example: `0.5`"""
     reason: Text
+    """The reason; listed in the report. Example: `"rubber is stiffer above 300 Hz"`"""
 
 
 class StageEntry(TomlTable):
     """Parameters, residuals, band, values set by hand and further initial values of a stage."""
 
     name: Text
+    """Name of the stage, unique. Example: `"front, damping"`"""
     parameters: Names
+    """Free parameters that are updated; the others are fixed at the results of earlier stages. Example:
+    `["E_front"]`"""
     residuals: Names
+    """Kinds that are compared: `"frequency"` and `"shape"` as in `[residuals]`, `"resonances"`: measured FRFs around
+    the resonances of paired modes, and the kinds of the study's `[[residual]]` tables. Example: `["mass"]`"""
     configurations: Names | None = None
+    """Configurations that are compared. Default: all that are used in the update. Example: `["front part"]`"""
     from_hz: Hertz = 0.0
+    """Lowest frequency that is compared: of test modes, FRF lines and antiresonances, Hz. Example: `60.0`"""
     to_hz: HertzAboveZero | None = None
+    """Highest frequency that is compared: of test modes, FRF lines and antiresonances, Hz. Default: no limit. Example:
+    `265.0`"""
     by_hand: tuple[ByHandEntry, ...] = ()
+    """Values that parameters get before the stage, each with the reason. Example: `[{ parameter = "k", value = 4.8,
+    reason = "data sheet" }]`"""
     seeds: tuple[dict[Text, float], ...] = ()
+    """Further initial values of the parameters of the stage, in their units; the stage is run from each, and the best
+    result is used. Example: `[{ eta = 0.003 }, { eta = 0.03 }]`"""
     frf_sd: Positive = 0.05
+    """For `"resonances"`: standard deviation of real and imaginary part, relative to the magnitude. Example: `0.03`"""
     frf_floor: NotNegative = 0.0
+    """For `"resonances"`: standard deviation of the noise floor, relative to the largest magnitude of each FRF.
+    Example: `1e-4`"""
     prior: bool = True
+    """Use the results of earlier stages and the priors of the parameters; `false`: use only the data of the stage.
+    Example: `false`"""
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    """Iteration limit of the stage. Default: the value in `[update]`. Example: `30`"""
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    """Relative change below which the iteration of the stage has converged. Default: the value in `[update]`. Example:
+    `1e-6`"""
 
     @property
     def band_hz(self) -> tuple[float, float] | None:

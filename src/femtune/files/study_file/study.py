@@ -19,7 +19,7 @@ from femtune.files.study_file.experiments import ScreenTable, SearchTable
 from femtune.files.study_file.kinds import SchemaVersion, TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.over_frequency import FrequencyTableEntry
-from femtune.files.study_file.parameter import ParameterEntry
+from femtune.files.study_file.parameter import Parameter
 from femtune.files.study_file.plan import PlanTable
 from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
@@ -78,6 +78,8 @@ class StudyFile(TomlTable):
     """
 
     schema_version: SchemaVersion = 1
+    """Version of the study file, an integer before the first table. A file of a later version is refused. Example:
+    `1`"""
     study: StudyTable
     model: ModelTable = Field(default_factory=ModelTable)
     matrix: tuple[MatrixEntry, ...] = ()
@@ -94,11 +96,12 @@ class StudyFile(TomlTable):
     correlate: CorrelateTable = Field(default_factory=CorrelateTable)
     generic: tuple[GenericEntry, ...] = ()
     distribution: tuple[DistributionEntry, ...] = ()
-    parameter: tuple[ParameterEntry, ...] = ()
+    parameter: tuple[Parameter, ...] = ()
     frequency_table: tuple[FrequencyTableEntry, ...] = ()
     derived: tuple[DerivedEntry, ...] = ()
     residuals: ResidualsTable = Field(default_factory=ResidualsTable)
     residual: tuple[ResidualEntry, ...] = ()
+    """One comparison in one configuration, of the quantity that `kind` says."""
     equalise: EqualiseTable | None = None
     update: UpdateTable = Field(default_factory=UpdateTable)
     hold_out: tuple[HoldOutEntry, ...] = ()

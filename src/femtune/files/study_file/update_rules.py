@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.kinds import is_number
-from femtune.files.study_file.source import StudyLines, number, table, tables
+from femtune.files.study_file.source import StudyLines, is_number, number, table, tables
 from femtune.files.study_file.specimens import free_names
 from femtune.updating.kinds import WEIGHT_RULES
 

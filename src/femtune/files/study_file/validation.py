@@ -21,38 +21,76 @@ class HoldOutEntry(TomlTable):
     """[[hold_out]]: modes, sensors and FRFs of a test that the update does not use."""
 
     configuration: Text | None = None
+    """Name of the configuration. Default: all that are used in the update. Example: `"free"`"""
     modes: tuple[Text, ...] = ()
+    """Labels of test modes. Example: `["7", "8"]`"""
     above_hz: Positive | None = None
+    """All modes above this frequency, Hz. Example: `80.0`"""
     below_hz: Positive | None = None
+    """All modes below this frequency, Hz. Example: `5.0`"""
     sensors: tuple[DofLabel, ...] = ()
+    """Degrees of freedom of the test modes. Example: `["12Z+", "112Z+"]`"""
     outputs: tuple[DofLabel, ...] = ()
+    """Response DOFs of measured FRFs: all FRFs of these outputs, or those between them and `inputs`, if both keys are
+    given. Example: `["12Z+"]`"""
     inputs: tuple[DofLabel, ...] = ()
+    """Reference DOFs of measured FRFs: all FRFs of these inputs, or those between them and `outputs`, if both keys are
+    given. Example: `["3Z+"]`"""
     worst: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    """Hold out the FRFs of so many outputs, the worst ones; a notice names them. Example: `18`"""
     by: ChannelRule | None = None
+    """What makes an output bad: the lowest mean `"coherence"`, or the highest relative `"noise"` between neighbouring
+    lines. Default: coherence if the test has it. Example: `"noise"`"""
 
 
 class ValidateTable(TomlTable):
     """[validate]: criteria of a standard or of the user, and the standard deviations of the test."""
 
     profile: ProfileWord = "all"
+    """`"NASA"` (NASA-STD-5002), `"MIL"` (MIL-STD-1540C), `"ECSS"` (ECSS-E-ST-32-11C), `"all"` of them, or `"own"`: only
+    the limits in this table. Example: `"ECSS"`"""
     frequency_error: Fraction | None = None
+    """Largest relative frequency error. Example: `0.03`"""
     mac: Fraction | None = None
+    """Smallest MAC of a pair. Example: `0.9`"""
     cross_orthogonality: Fraction | None = None
+    """Smallest cross-orthogonality of a pair. Example: `0.95`"""
     off_diagonal: Fraction | None = None
+    """Largest cross-orthogonality of modes that are not a pair. Example: `0.1`"""
     shape_error: Fraction | None = None
+    """Largest relative error of a shape at held-out sensors. Example: `0.1`"""
     frac: Fraction | None = None
+    """Smallest FRAC of an unused FRF. Example: `0.9`"""
     fdac: Fraction | None = None
+    """Smallest FDAC at equal frequencies, mean over the lines, of an input whose unused FRFs have three outputs or
+    more. Example: `0.9`"""
     frf_mean_db: Positive | None = None
+    """Largest mean level error of an unused FRF in dB; above 0. Example: `2.0`"""
     frf_max_db: Positive | None = None
+    """Largest level error of an unused FRF at any line in dB; above 0. Example: `6.0`"""
     resonance_error: Fraction | None = None
+    """Largest relative error of a resonance frequency in the unused FRFs. Example: `0.02`"""
     sweep_frequency: Fraction | None = None
+    """Largest relative error of the frequency of the largest response in a sweep ([`[[vibration]]`](#vibration)).
+    Example: `0.05`"""
     sweep_amplitude: Fraction | None = None
+    """Largest relative error of the amplitude of the largest response in a sweep. Example: `0.05`"""
     random_rms: Fraction | None = None
+    """Largest relative error of the root mean square in random vibration. Example: `0.07`"""
     transient_peak: Fraction | None = None
+    """Largest relative error of the largest response to a transient. Example: `0.1`"""
     frf_from_hz: HertzAboveZero | None = None
+    """Lowest frequency of the lines for criteria on FRFs, Hz. Default: that of the FRF residuals, otherwise of the
+    test. Example: `20.0`"""
     frf_to_hz: HertzAboveZero | None = None
+    """Highest frequency of the lines for criteria on FRFs, Hz. Default: that of the FRF residuals, otherwise of the
+    test. Example: `400.0`"""
     frequency_sd: Fraction | None = None
+    """Relative standard deviation of the measured frequencies, to decide whether measurement noise explains a
+    deviation. Default: the value given in the test file, otherwise that of the residuals. Example: `0.002`"""
     shape_sd: Fraction | None = None
+    """Standard deviation of the measured shapes, as a fraction of the largest entry of each. Default: the value given
+    in the test file, otherwise unknown. Example: `0.02`"""
 
     @property
     def own_limits(self) -> dict[str, float]:
@@ -65,8 +103,14 @@ class ChecksTable(TomlTable):
     """[checks]: checks of the model before the update."""
 
     refinement: bool | None = None
+    """Estimate the errors of the frequencies [due to the mesh](guide/info.md#errors-due-to-the-mesh): `true` up to
+    300,000 DOFs of the refined model, `false` never. Default: up to 30,000. Example: `true`"""
     mesh_error: Fraction = 0.02
+    """Largest frequency error due to the mesh, and difference between lumped and consistent mass; above 0, below 1.
+    Example: `0.005`"""
     mass_error: Fraction = 0.02
+    """Largest relative difference between the mass of the model and `weighed_mass`; above 0, below 1. Example:
+    `0.01`"""
 
 
 FRF_LIMITS = ("frac", "fdac", "frf_mean_db", "frf_max_db", "resonance_error")

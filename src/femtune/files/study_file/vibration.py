@@ -21,25 +21,56 @@ class VibrationEntry(TomlTable):
     """[[vibration]]: excitation, points, damping, and the file of what was measured."""
 
     name: Text
+    """Name of the test. Example: `"sweep X"`"""
     kind: Literal["sweep", "random", "transient"]
+    """`"sweep"`, `"random"` or `"transient"`. Example: `"random"`"""
     configuration: Text | None = None
+    """The configuration in this test, such as the structure on the shaker table; required if there are several.
+    Example: `"table"`"""
     base: Literal["X", "Y", "Z", "RX", "RY", "RZ"] | None = None
+    """Direction in which all supports move: `"X"`, `"Y"`, `"Z"`, `"RX"`, `"RY"`, `"RZ"`; either this or `input`.
+    Example: `"X"`"""
     input: DofLabel | None = None
+    """DOF at which a force acts. Example: `"12Z+"`"""
     outputs: Labels
+    """DOFs whose acceleration was measured. Example: `["101X+", "205X+"]`"""
     damping_ratio: Fraction | tuple[Fraction, ...] | None = None
+    """Damping ratio of all modes, or a list of ratios at `damping_hz`. Default: SDAMPING of the deck. Example:
+    `0.02`"""
     damping_hz: tuple[HertzAboveZero, ...] = ()
+    """Rising frequencies of a list of damping ratios, Hz; linear between them and constant outside. Example: `[38.1,
+    104.0]`"""
     damping_source: Text | None = None
+    """Where the damping is from; stated in results and report. Example: `"resonance search of 12 May"`"""
     from_hz: HertzAboveZero | None = None
+    """First frequency of a sweep, Hz; required for it. Example: `4.0`"""
     to_hz: HertzAboveZero | None = None
+    """Last frequency of a sweep, Hz; required for it. Example: `200.0`"""
     rate: Positive | None = None
+    """Rate of a sweep, octaves per minute or Hz/s; required for it. Example: `2.0`"""
     law: Literal["logarithmic", "linear"] = "logarithmic"
+    """`"logarithmic"` or `"linear"` sweep. Example: `"linear"`"""
     amplitude: Positive = 1.0
+    """Amplitude of a sweep. Example: `0.1`"""
     spectrum_hz: tuple[HertzAboveZero, ...] = ()
+    """Frequencies of the power spectral density of random vibration, Hz; required for it. Example: `[10.0, 100.0,
+    2000.0]`"""
     spectrum: tuple[Positive, ...] = ()
+    """Power spectral density at `spectrum_hz`, in squares of the unit of the responses per Hz, straight in a double
+    logarithmic plot; required for random vibration. Example: `[0.01, 0.04, 0.04]`"""
     signal: Annotated[Text, NamesFile("record of the base motion or force")] | None = None
+    """CSV file of a transient excitation: heading, then even times in s and the value; required for it. Example:
+    `"shock.csv"`"""
     measured: Annotated[Text, NamesFile("table of measured vibration")] | None = None
+    """CSV file: heading, then frequency and a value for each output (amplitude, or power spectral density); for a
+    transient time in s and values. Example: `"sweep_x.csv"`"""
     band_hz: tuple[HertzAboveZero, HertzAboveZero] | None = None
+    """Band over which largest amplitude or root mean square are compared, Hz, such as that of one resonance. Default:
+    all that excitation and `measured` have in common. Example: `[20.0, 60.0]`"""
     solver: ConfigurationSolver | None = None
+    """For a model of a [solver](#solver): what the model on the table has of its own, as in
+    [`[[configuration]]`](#configuration). Default: that of the configuration. Example: `{ templates = ["table.inp"]
+    }`"""
 
 
 _NEEDED = {"sweep": ("from_hz", "to_hz", "rate"), "random": ("spectrum_hz", "spectrum"), "transient": ("signal",)}

@@ -17,7 +17,10 @@ from femtune.testdata import NO_GEOMETRY, WireFrame
 # Data sets 18 and 2420: the coordinate systems that nodes refer to.
 
 
-CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2
+# kinds of coordinate systems in data sets 18 and 2420
+CARTESIAN = 0
+CYLINDRICAL = 1
+SPHERICAL = 2
 OBLIQUE = "OBLIQUE SENSOR DIRECTIONS"
 """Name of a system of data set 2420 whose rows are the directions of sensors that are not perpendicular."""
 
@@ -49,6 +52,8 @@ class UffCoordinateSystem:
         return np.array(local) @ self.rows
 
 
+_ORTHOGONALITY = 1e-4
+"""Largest product of two axes, and error of a squared length; single precision leaves 1e-6."""
 GLOBAL = UffCoordinateSystem(0, CARTESIAN, np.eye(3), np.zeros(3))
 
 
@@ -64,8 +69,8 @@ def read_systems(sets: Iterable[DataSet]) -> dict[int, tuple[UffCoordinateSystem
     for data_set in sets:
         if data_set.number not in (18, 2420):
             continue
-        found = _from_18(data_set, systems) if data_set.number == 18 else _from_2420(data_set)
-        for one in found:
+        of_data_set = _from_18(data_set, systems) if data_set.number == 18 else _from_2420(data_set)
+        for one in of_data_set:
             _refuse_other(systems.get(one.number), one, data_set)
             systems[one.number] = (one, data_set)
     return systems
@@ -107,20 +112,20 @@ def _from_18(data_set: DataSet, known: Mapping[int, tuple[UffCoordinateSystem, D
     values = through_pyuff(data_set)
     for name in ("cs_num", "cs_type", "ref_cs_num", "method", "ref_o", "x_point", "xz_point"):
         check_count(data_set, "parameters of coordinate systems", count, len(values[name]))
-    found: dict[int, UffCoordinateSystem] = {number: one for number, (one, _) in known.items()}
+    systems: dict[int, UffCoordinateSystem] = {number: one for number, (one, _) in known.items()}
     made = []
     for k in range(count):
-        made.append(_by_points(data_set, values, k, found))
-        found[made[-1].number] = made[-1]
+        made.append(_by_points(data_set, values, k, systems))
+        systems[made[-1].number] = made[-1]
     return made
 
 
 def _by_points(
-    data_set: DataSet, values: Mapping[str, NDArray], k: int, found: Mapping[int, UffCoordinateSystem]
+    data_set: DataSet, values: Mapping[str, NDArray], k: int, systems: Mapping[int, UffCoordinateSystem]
 ) -> UffCoordinateSystem:
     number = node_number(values["cs_num"][k], data_set)
     reference = node_number(values["ref_cs_num"][k], data_set)
-    base = found.get(reference, GLOBAL if reference == 0 else None)
+    base = systems.get(reference, GLOBAL if reference == 0 else None)
     if base is None or values["method"][k] != 1 or base.kind != CARTESIAN:
         how = f"(reference {reference}, method {values['method'][k]:g})"
         raise data_set.error("uff.coordinate-system/unsupported", number=number, definition=how)
@@ -143,11 +148,10 @@ def _read_system(
     if kind not in (CARTESIAN, CYLINDRICAL, SPHERICAL):
         raise data_set.error("uff.coordinate-system/unknown-kind", number=number, kind=kind)
     oblique = oblique and kind == CARTESIAN
-    # Single-precision exporters leave 1e-6; a left-handed or skew triad that is not declared as such would spoil every
-    # shape silently.
+    # a left-handed or skew triad that is not declared as such would spoil every shape silently
     products = rows @ rows.T - np.eye(3)
     unlike = np.diag(products) if oblique else products
-    if not (np.abs(unlike).max() < 1e-4 and (oblique or np.linalg.det(rows) > 0)):
+    if not (np.abs(unlike).max() < _ORTHOGONALITY and (oblique or np.linalg.det(rows) > 0)):
         raise data_set.error("uff.coordinate-system/axes", number=number)
     if not np.isfinite(origin).all():
         raise data_set.error("uff.coordinate-system/origin", number=number)
@@ -245,7 +249,7 @@ def _whole_line(data_set: DataSet, i: int, line: str, integers: int, floats: int
         as_float(text, data_set, i)
 
 
-_SAME = 1e-5
+_SAME_COORDINATES = 1e-5
 """Coordinates of repeated nodes agree to the digits of single precision, relative to the largest one."""
 
 
@@ -262,7 +266,7 @@ def _distinct(nodes: Sequence[_Node]) -> list[_Node]:
         first = seen.setdefault(node.number, node)
         if first is node:
             continue
-        same = max(abs(a - b) for a, b in zip(first.point, node.point)) <= _SAME * size
+        same = max(abs(a - b) for a, b in zip(first.point, node.point)) <= _SAME_COORDINATES * size
         systems = (first.definition, first.displacement) == (node.definition, node.displacement)
         if not (same and systems) or first.data_set is node.data_set:
             raise node.data_set.error(
@@ -296,10 +300,10 @@ def _system(
     node: _Node, number: int, systems: Mapping[int, tuple[UffCoordinateSystem, DataSet]]
 ) -> UffCoordinateSystem:
     if number in systems:
-        found = systems[number][0]
-        if found.kind == SPHERICAL:
+        system = systems[number][0]
+        if system.kind == SPHERICAL:
             raise node.data_set.error("uff.coordinate-system/spherical", node_number=node.number, number=number)
-        return found
+        return system
     if number not in (0, 1):
         raise node.data_set.error("uff.coordinate-system/undefined", node_number=node.number, number=number)
     return GLOBAL
@@ -309,11 +313,11 @@ def _paths(sets: Iterable[DataSet], number: int, read: object, known: set[int]) 
     kept: list[tuple[int, ...]] = []
     notices = []
     for data_set in (one for one in sets if one.number == number):
-        found: list[tuple[int, ...]] = read(data_set)  # type: ignore[operator]
-        whole = [path for path in found if known.issuperset(path)]
+        paths: list[tuple[int, ...]] = read(data_set)  # type: ignore[operator]
+        whole = [path for path in paths if known.issuperset(path)]
         kept += whole
-        if len(whole) < len(found):
-            notices.append(Notice("uff.unknown-node", where=data_set.where(), n_found=len(found) - len(whole)))
+        if len(whole) < len(paths):
+            notices.append(Notice("uff.unknown-node", where=data_set.where(), n_found=len(paths) - len(whole)))
     return tuple(dict.fromkeys(kept)), tuple(notices)
 
 
@@ -338,7 +342,7 @@ def _trace_lines(data_set: DataSet) -> list[tuple[int, ...]]:
 
 def _elements(data_set: DataSet) -> list[tuple[int, ...]]:
     """Node lists of elements, parsed here (pyuff goes wrong on elements of more than eight nodes)."""
-    found, i = [], 0
+    elements, i = [], 0
     while i < len(data_set.lines):
         head = [as_int(text, data_set, i) for text in fixed(data_set.lines[i], [10] * 6)]
         kind, count = head[1], head[5]
@@ -348,5 +352,5 @@ def _elements(data_set: DataSet) -> list[tuple[int, ...]]:
             nodes += [as_int(text, data_set, i) for text in line_at(data_set, i).split()]
             i += 1
         check_count(data_set, f"nodes of element {head[0]}", count, len(nodes), i - 1)
-        found.append(tuple(nodes))
-    return found
+        elements.append(tuple(nodes))
+    return elements

@@ -22,7 +22,11 @@ from femtune.modal import FrfSet
 from femtune.units import UnitSystem
 
 _HEADER_LINES = 11
-_REAL, _COMPLEX, _SINGLE = (2, 4), (5, 6), (2, 5)
+"""Lines before the values of data set 58."""
+# ordinate data types of data set 58
+_REAL = (2, 4)
+_COMPLEX = (5, 6)
+_SINGLE_PRECISION = (2, 5)
 
 
 @dataclass(frozen=True)
@@ -64,9 +68,9 @@ def read_functions(sets: Iterable[DataSet]) -> tuple[tuple[MeasuredFunction, ...
     functions, padded, misstated = [], [], []
     for data_set in (one for one in sets if one.number == 58):
         header = read_header(data_set)
-        found = _stored(data_set, header)
-        functions.append(_function(data_set, header, found))
-        if found > _wanted(header):
+        stored = _stored(data_set, header)
+        functions.append(_function(data_set, header, stored))
+        if stored > _wanted(header):
             padded.append(data_set)
         if data_set.binary and int(data_set.head[31:43]) != len(data_set.payload):
             misstated.append(data_set)
@@ -98,17 +102,17 @@ def read_header(data_set: DataSet) -> FunctionHeader:
     axes = [fixed(data_set.lines[i], [10, 5, 5, 5, 21, 21]) for i in (7, 8, 9)]
     kinds = [as_int(axis[0], data_set, 7 + k) for k, axis in enumerate(axes)]
     header = FunctionHeader(
-        tuple(line.strip() for line in data_set.lines[:5]),
-        function_type,
-        (response, response_at),
-        (reference, reference_at),
-        value_type,
-        points,
-        spacing == 1,
-        start,
-        step,
-        (kinds[0], kinds[1], kinds[2]),
-        (axes[0][5], axes[1][5], axes[2][5]),
+        id_lines=tuple(line.strip() for line in data_set.lines[:5]),
+        function_type=function_type,
+        response=(response, response_at),
+        reference=(reference, reference_at),
+        value_type=value_type,
+        points=points,
+        even=spacing == 1,
+        start=start,
+        step=step,
+        kinds=(kinds[0], kinds[1], kinds[2]),
+        unit_labels=(axes[0][5], axes[1][5], axes[2][5]),
     )
     _check_header(data_set, header, spacing)
     return header
@@ -140,14 +144,14 @@ def _stored(data_set: DataSet, header: FunctionHeader) -> int:
     return len(numbers)
 
 
-def _check_points(data_set: DataSet, header: FunctionHeader, wanted: int, found: int, i: int) -> None:
+def _check_points(data_set: DataSet, header: FunctionHeader, wanted: int, stored: int, i: int) -> None:
     each = wanted // header.points
-    check_count(data_set, "points", header.points, found // each, i)
-    check_count(data_set, "values", wanted, found, i)
+    check_count(data_set, "points", header.points, stored // each, i)
+    check_count(data_set, "values", wanted, stored, i)
 
 
 def _columns(header: FunctionHeader) -> list[int]:
-    if header.value_type in _SINGLE:
+    if header.value_type in _SINGLE_PRECISION:
         return [13] * 6
     if header.even:
         return [20] * 4
@@ -168,7 +172,7 @@ def _numbers(data_set: DataSet, header: FunctionHeader) -> list[float]:
 
 
 def _line_numbers(data_set: DataSet, i: int, texts: list[str]) -> list[float]:
-    """The numbers of a line; the slow strict way only where the quick one finds something odd."""
+    """The numbers of a line; read strictly, which is slow, only if the quick way finds something odd."""
     try:
         quick = [float(text) for text in texts]
     except ValueError:
@@ -181,11 +185,11 @@ def _stored_binary(data_set: DataSet, header: FunctionHeader, wanted: int) -> in
     if as_int(data_set.head[13:19], data_set, 0) != 2 or data_set.head[7:13].strip() not in ("1", "2"):
         raise data_set.error("uff.value/binary-format")
     check_count(data_set, "header lines", _HEADER_LINES, len(data_set.lines), 0)
-    size = 4 if header.value_type in _SINGLE else 8
-    found, rest = divmod(len(data_set.payload), size)
-    if found < wanted or data_set.payload[size * wanted :].strip(b"\x00\r\n") or (rest and found == wanted):
+    size = 4 if header.value_type in _SINGLE_PRECISION else 8
+    stored, rest = divmod(len(data_set.payload), size)
+    if stored < wanted or data_set.payload[size * wanted :].strip(b"\x00\r\n") or (rest and stored == wanted):
         check_count(data_set, "bytes for its points", size * wanted, len(data_set.payload), 6)
-    return found
+    return stored
 
 
 def _function(data_set: DataSet, header: FunctionHeader, stored: int) -> MeasuredFunction:
@@ -213,12 +217,19 @@ def dof_of(node: int, direction: int) -> Dof | None:
 
 
 _KINDS = {8: "receptance", 11: "mobility", 12: "accelerance"}
-_FREQUENCY, _FORCE, _FRF, _UNKNOWN = 18, 13, 4, 0
+# specific data types
+_FREQUENCY = 18
+_FORCE = 13
+# function types
+_UNKNOWN = 0
+_FRF = 4
+_COHERENCE = 6
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
 _FORCES = {"n": 1.0, "mn": 1e-3, "kn": 1e3, "lbf": 4.4482216152605, "lb": 4.4482216152605}
-_TOLERANCE = 1e-3
-
-_COHERENCE, _MOST_COHERENCE = 6, 1.0 + 1e-3
+_UNIT_TOLERANCE = 1e-3
+"""Relative difference up to which two units are the same: files round factors to four digits and more."""
+_LARGEST_COHERENCE = 1.0 + 1e-3
+"""Coherence above which a value is wrong; single precision and averaging leave values slightly above 1."""
 
 Pairs = dict[tuple[Dof, Dof], MeasuredFunction]
 Coherences = dict[tuple[object, ...], NDArray]
@@ -257,7 +268,9 @@ def _is_coherence(function: MeasuredFunction) -> bool:
     header, values = function.header, function.values
     places = dof_of(*header.response), dof_of(*header.reference)
     right = header.function_type == _COHERENCE and header.kinds[0] == _FREQUENCY and None not in places
-    return right and not np.iscomplexobj(values) and bool((values >= 0.0).all() and (values <= _MOST_COHERENCE).all())
+    return (
+        right and not np.iscomplexobj(values) and bool((values >= 0.0).all() and (values <= _LARGEST_COHERENCE).all())
+    )
 
 
 def _coherences(functions: Sequence[MeasuredFunction]) -> Coherences:
@@ -347,7 +360,7 @@ def _check_labels(function: MeasuredFunction, units: UnitSystem) -> None:
 
 
 def _check_label(function: MeasuredFunction, label: str, stated: float | None, used: float, unit: str) -> None:
-    if stated is not None and abs(stated / used - 1) > _TOLERANCE:
+    if stated is not None and abs(stated / used - 1) > _UNIT_TOLERANCE:
         raise FemtuneError(
             "uff.units-contradict",
             where=function.where,

@@ -18,14 +18,20 @@ from femtune.files.uff.fields import as_float, as_int, check_count, fixed, line_
 from femtune.files.uff.scan import DataSet
 from femtune.modal import ModeSet
 
-_NORMAL, _COMPLEX = 2, (3, 7)
+# types of analysis of data set 55
+_NORMAL = 2
+_COMPLEX = (3, 7)
 _SCALAR = 1
+"""Data characteristic of scalar points."""
 _VALUES_OF = {_SCALAR: 1, 2: 3, 3: 6}
 """Values a node by data characteristic: of scalar points, translations, or translations and rotations."""
 _MOTION = (0, 1, 8, 11, 12)
 """Specific data types that are a shape: unknown, general, displacement, velocity, acceleration."""
 
 _RATES = (11, 12)
+"""Those that are velocities or accelerations."""
+_UNIT_MASS = 1e-6
+"""Difference of a modal mass from 1 up to which a shape is mass-normalised: the format has six digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +90,7 @@ def _parameters(data_set: DataSet) -> list[int]:
 
 
 def _no_mode(data_set: DataSet) -> Notice | None:
-    """What is said of a data set 55 that is not a mode."""
+    """The notice about a data set 55 that is not a mode."""
     _, analysis, characteristic, specific, data_type, per_node = _parameters(data_set)
     if analysis not in (_NORMAL, *_COMPLEX):
         return Notice("uff.not-a-mode/analysis", where=data_set.where(), analysis=analysis)
@@ -114,15 +120,15 @@ def _record(data_set: DataSet) -> ModeRecord:
 
 def _floats(data_set: DataSet, i: int, count: int) -> tuple[list[float], int]:
     """`count` numbers in columns of 13, six a line, from line `i` on; and the line after them."""
-    found: list[float] = []
-    while len(found) < count:
+    numbers: list[float] = []
+    while len(numbers) < count:
         line = line_at(data_set, i)
         columns = -(-len(line) // 13)
-        found += [as_float(text, data_set, i) for text in fixed(line, [13] * columns)]
-        wanted = min(count, 6 * -(-len(found) // 6)) if found else count
-        check_count(data_set, "values in a record", wanted, len(found), i)
+        numbers += [as_float(text, data_set, i) for text in fixed(line, [13] * columns)]
+        wanted = min(count, 6 * -(-len(numbers) // 6)) if numbers else count
+        check_count(data_set, "values in a record", wanted, len(numbers), i)
         i += 1
-    return found, i
+    return numbers, i
 
 
 def _normal(data_set: DataSet, reals: Sequence[float]) -> tuple[float, float, float]:
@@ -186,7 +192,7 @@ def mode_set(records: Sequence[ModeRecord], source: str) -> tuple[ModeSet | None
         dofs,
         tuple(str(r.number) for r in records),
         None if np.isnan(damping).any() else damping,
-        "mass" if all(abs(r.modal_mass - 1) < 1e-6 for r in records) else "unknown",
+        "mass" if all(abs(r.modal_mass - 1) < _UNIT_MASS for r in records) else "unknown",
         source=source,
     )
     return modes, (*_dropped(table, records[0]), *_damping_notice(damping, records[0]))

@@ -99,7 +99,7 @@ def read_uff(
     units : the system that the test is converted to; None keeps that of the file
     file_units : the system of the file where it has no data set 164
     records : read only the modes whose ID lines contain this word
-    name : of the test; else `records`, else the name of the file
+    name : of the test; by default `records`, or the name of the file
 
     Raises
     ------
@@ -120,25 +120,35 @@ def _content(
 ) -> UffContent:
     sets, source = file.sets, str(file.path)
     _refuse_useless(sets, source)
-    own, unit_notices = file_unit_system(sets, file_units, source)
-    units = units or own
+    system, unit_notices = file_unit_system(sets, file_units, source)
+    units = units or system
     geometry, geometry_notices = file.geometry
     mode_records, record_notices = read_mode_records(sets, records)
     modes, mode_notices = mode_set(mode_records, source)
     functions, function_notices = file.functions
-    frfs, frf_notices = frf_sets(functions, own, source)
+    frfs, frf_notices = frf_sets(functions, system, source)
     of_records = (*geometry_notices, *record_notices, *mode_notices, *function_notices, *frf_notices)
     about = (*_several(frfs, source), *_unplaced(geometry, modes, frfs, source))
     notices = (*_ignored(sets), *unit_notices, *of_records, *about)
     only = frfs[0] if len(frfs) == 1 else None
     sensors = sensors_at(geometry, _dofs(modes, frfs))
-    test = ModalTest(name, own, geometry, sensors, modes, only, _conditions(sets), source, notices)
+    test = ModalTest(
+        name=name,
+        units=system,
+        geometry=geometry,
+        sensors=sensors,
+        modes=modes,
+        frfs=only,
+        conditions=_conditions(sets),
+        source=source,
+        notices=notices,
+    )
     return UffContent(
         convert_units(test, units),
-        tuple(convert_frfs(one, own, units) for one in frfs),
+        tuple(convert_frfs(one, system, units) for one in frfs),
         functions,
         mode_records,
-        own,
+        system,
         dict(Counter(one.number for one in sets)),
         notices,
     )

@@ -91,14 +91,14 @@ def scan_uff(path: str | Path) -> tuple[DataSet, ...]:
     reader = _UffReader(_bytes(Path(path)), str(path))
     if not any(map(_is_delimiter, reader.data.splitlines())):
         raise FemtuneError("uff.not-uff/deck" if _DECK.search(reader.data) else "uff.not-uff", where=Where(str(path)))
-    found = []
+    data_sets = []
     while reader.more():
         line = reader.take()
         if _is_delimiter(line):
-            found.append(_data_set(reader))
+            data_sets.append(_data_set(reader))
         elif line.strip(_BLANK):
             raise _outside(reader, line)
-    return tuple(found)
+    return tuple(data_sets)
 
 
 def _bytes(path: Path) -> bytes:

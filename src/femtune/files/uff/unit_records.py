@@ -1,4 +1,4 @@
-"""Data set 164: the units of a file are facts; they are checked against what the user says."""
+"""Data set 164: the units of a file, checked against those that the user states."""
 
 from __future__ import annotations
 
@@ -12,8 +12,14 @@ from femtune.files.uff.fields import as_float, as_int, fixed, line_at, through_p
 from femtune.files.uff.scan import DataSet
 from femtune.units import UnitSystem
 
-_TOLERANCE = 1e-3
-_LBF, _FT, _KGF = 4.4482216152605, 0.3048, 9.80665
+_UNIT_TOLERANCE = 1e-3
+"""Relative difference up to which two units are the same: files round factors to four digits and more."""
+_LBF = 4.4482216152605
+"""Pound-force in N."""
+_FT = 0.3048
+"""Foot in m."""
+_KGF = 9.80665
+"""Kilogram-force in N."""
 _CODES = {
     1: (1.0, 1.0),
     2: (_FT, _LBF),
@@ -30,11 +36,11 @@ _CODES = {
 def file_unit_system(
     sets: Iterable[DataSet], file_units: UnitSystem | None, path: str | Path
 ) -> tuple[UnitSystem, tuple[Notice, ...]]:
-    """The system that the numbers of a file are in: from data set 164, or else as the user says.
+    """The system that the numbers of a file are in: from data set 164, or else those that the user states.
 
     Raises
     ------
-    FemtuneError : ``uff.no-units`` when neither says it, ``uff.units-contradict`` when they disagree or the
+    FemtuneError : ``uff.no-units`` if neither states it, ``uff.units-contradict`` when they disagree or the
         file holds two systems
     """
     records = [one for one in sets if one.number == 164]
@@ -61,15 +67,15 @@ def _system(data_set: DataSet) -> UnitSystem:
     values = through_pyuff(data_set)
     length, force = values["length"], values["force"]
     if not all(math.isfinite(factor) and 1e-12 < factor < 1e12 for factor in (length, force)):
-        found = {"length": length, "force": force}
-        raise data_set.error("uff.value/unit-factor", 1, values=found)
+        factors = {"length": length, "force": force}
+        raise data_set.error("uff.value/unit-factor", 1, values=factors)
     # "divide by the factor to get SI": one unit of length is 1/length metres.
     name = f"{values['units_description']} of data set 164".strip()
     return UnitSystem(name, 1.0 / length, length / force)
 
 
 def _differ(a: float, b: float) -> bool:
-    return abs(a / b - 1.0) > _TOLERANCE
+    return abs(a / b - 1.0) > _UNIT_TOLERANCE
 
 
 def _check_same(data_set: DataSet, found: UnitSystem, other: UnitSystem, other_statement: str) -> None:
@@ -91,5 +97,5 @@ def _code_notices(data_set: DataSet, system: UnitSystem) -> Iterator[Notice]:
     length, force = _CODES.get(code, (system.length, system.force))
     if _differ(system.length, length) or _differ(system.force, force):
         of_code: dict[str, Any] = {"length_of_code": length, "force_of_code": force}
-        found: dict[str, Any] = {"length": system.length, "force": system.force}
-        yield Notice("uff.units-code", where=data_set.where(0), unit_code=code, **of_code, **found)
+        stated: dict[str, Any] = {"length": system.length, "force": system.force}
+        yield Notice("uff.units-code", where=data_set.where(0), unit_code=code, **of_code, **stated)

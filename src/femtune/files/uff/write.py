@@ -146,9 +146,9 @@ def geometry_sets(frame: WireFrame, measured: Iterable[Dof] = ()) -> Iterator[st
     for dof in measured:
         if dof.component:
             used.setdefault(dof.node, set()).add((dof.component - 1) % 3)
-    axes = [_triad(own, sorted(used.get(int(node), ()))) for node, own in zip(frame.nodes, np.asarray(frame.axes))]
+    axes = [_triad(triad, sorted(used.get(int(node), ()))) for node, triad in zip(frame.nodes, np.asarray(frame.axes))]
     # System 1 is the global one wherever it is not defined, so ours begin at 2.
-    turned = [i for i, own in enumerate(axes) if not np.array_equal(own, np.eye(3))]
+    turned = [i for i, triad in enumerate(axes) if not np.array_equal(triad, np.eye(3))]
     numbers = {i: k + 2 for k, i in enumerate(turned)}
     if turned:
         yield from data_set(2420, _systems(axes, numbers))
@@ -160,7 +160,8 @@ def geometry_sets(frame: WireFrame, measured: Iterable[Dof] = ()) -> Iterator[st
         yield from data_set(2412, _elements(frame))
 
 
-_PERPENDICULAR = 1e-6
+_ORTHOGONALITY = 1e-6
+"""Largest product of two axes, and error of a squared length, of a triad; `read_uff` accepts 1e-4."""
 
 
 def _triad(axes: NDArray, used: Sequence[int]) -> NDArray:
@@ -181,7 +182,7 @@ def _triad(axes: NDArray, used: Sequence[int]) -> NDArray:
 
 
 def _is_triad(axes: NDArray) -> bool:
-    return bool(np.abs(axes @ axes.T - np.eye(3)).max() < _PERPENDICULAR and np.linalg.det(axes) > 0.0)
+    return bool(np.abs(axes @ axes.T - np.eye(3)).max() < _ORTHOGONALITY and np.linalg.det(axes) > 0.0)
 
 
 def _systems(axes: Sequence[NDArray], numbers: dict[int, int]) -> Iterator[str]:
@@ -277,9 +278,12 @@ def _data(nodes: Sequence[int], values: NDArray) -> Iterator[str]:
 _NUMERATORS = {"receptance": 8, "mobility": 11, "accelerance": 12}
 _WORDS = {"receptance": "Displacement", "mobility": "Velocity", "accelerance": "Acceleration"}
 _PER_TIME = {"receptance": "", "mobility": "/s", "accelerance": "/s2"}
-_FORCE_TYPE, _FREQUENCY_TYPE = 13, 18
-_MOST_NODE = 10**10
-_EVEN = 1e-9
+# specific data types of data set 58
+_FORCE_TYPE = 13
+_FREQUENCY_TYPE = 18
+_NODE_LIMIT = 10**10
+"""Node numbers have ten columns."""
+_EVEN_SPACING = 1e-9
 """Steps between lines that differ by less, relative to the highest line, count as one."""
 
 
@@ -329,7 +333,7 @@ def _check_frfs(test: ModalTest, title_lines: Sequence[str]) -> None:
             raise FemtuneError(
                 "uff.cannot-write/missing-values", reference=frfs.references[j], response=frfs.responses[i]
             )
-    if max(int(d.node) for d in (*frfs.responses, *frfs.references)) >= _MOST_NODE:
+    if max(int(d.node) for d in (*frfs.responses, *frfs.references)) >= _NODE_LIMIT:
         raise FemtuneError("uff.cannot-write/node-number")
     texts = [_abscissa(f) for f in frfs.freq_hz]
     if len({float(text) for text in texts}) < len(texts):
@@ -360,7 +364,7 @@ def _step(freq_hz: NDArray) -> float | None:
         return None
     start, step = float(_abscissa(freq_hz[0])), float(_abscissa((freq_hz[-1] - freq_hz[0]) / (len(freq_hz) - 1)))
     made = start + step * np.arange(len(freq_hz))
-    return step if step > 0.0 and np.abs(made - freq_hz).max() <= _EVEN * freq_hz[-1] else None
+    return step if step > 0.0 and np.abs(made - freq_hz).max() <= _EVEN_SPACING * freq_hz[-1] else None
 
 
 def _axis(kind: int, exponents: tuple[int, int], word: str, unit: str) -> str:

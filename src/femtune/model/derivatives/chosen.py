@@ -15,8 +15,11 @@ from femtune.model.eigen.solution import EigenSolution
 from femtune.model.products import derivative_energies
 
 LARGE = 10_000
-"""Free DOFs from which no matrix is made for each parameter, and few sensors are solved for instead of all modes."""
-_MOST_ROWS, _PRIMAL_STEPS = 400, 5
+"""Free DOFs from which on no matrix is assembled per parameter, and few sensors are solved for instead of all modes."""
+_MOST_ROWS = 400
+"""Rows that are solved for at most: each takes a solution and a vector per block."""
+_PRIMAL_STEPS = 5
+"""Solutions for a row, in blocks, that cost as much as one mode and parameter by iteration."""
 
 
 def eigenvalue_derivatives(solution: EigenSolution) -> NDArray[np.float64]:
@@ -56,9 +59,9 @@ def subspace_derivative(
     if len(solution.shapes) < LARGE:
         return exact_derivative(solution, members, rows)
     if rows is not None and _is_dual(solution, members, rows):
-        found = sensor_derivatives(solution, rows, tolerance).subspace(members)
-        if found.error is not None and found.error <= tolerance:
-            return found
+        derivative = sensor_derivatives(solution, rows, tolerance).subspace(members)
+        if derivative.error is not None and derivative.error <= tolerance:
+            return derivative
     return _collected(solution, list(members), rows)
 
 
@@ -73,6 +76,6 @@ def _collected(solution: EigenSolution, members: list[int], rows: sp.csr_array |
     parts = [one for (one,) in derivatives_by_parameter(solution, [members], rows)]
     if not parts:
         return exact_derivative(solution, members, rows)
-    stiffness, mass = (np.concatenate([getattr(p, name) for p in parts]) for name in ("stiffness", "mass"))
+    stiffness, mass = (np.concatenate(kind) for kind in zip(*((p.stiffness, p.mass) for p in parts)))
     outside = np.concatenate([p.outside for p in parts], axis=2)
     return SubspaceDerivative(parts[0].eigenvalues, stiffness, mass, outside, parts[0].shapes, 0.0)

@@ -22,10 +22,18 @@ from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.solvers.interface import Factor
 
-_TOLERANCE, _ENOUGH, _LEAST, _MAX_STEPS = 1e-13, 1e-7, 1e-12, 400
+_TOLERANCE = 1e-13
+"""Residual in energy, relative to the force, at which the conjugate gradients stop."""
+_ENOUGH = 1e-7
+"""The same that is accepted if rounding prevents a smaller one."""
+_LEAST_PART = 1e-12
+"""Energy of a force, relative to the whole force, below which the rest of a second pass is rounding."""
+_MOST_STEPS = 400
+"""Steps of the conjugate gradients."""
 _REPEATED = 1e-9
+"""|λ_j − λ_h| relative to λ_j − σ below which two modes cross exactly: the quotient would have no digits."""
 _STURM_FACTOR_FROM = 60_000
-"""Size from which a solution keeps the factors of the Sturm count, and not those of its own shift."""
+"""DOFs from which on a solution keeps the factors of the Sturm count, and not those of its own shift."""
 _PENCILS: WeakKeyDictionary[ModelPoint, Pencil] = WeakKeyDictionary()
 _FACTORS: WeakKeyDictionary[EigenSolution, Factor] = WeakKeyDictionary()
 
@@ -100,7 +108,7 @@ def _forces(solution: EigenSolution, members: list[int]) -> tuple[NDArray, NDArr
 def _outside(solution: EigenSolution, members: list[int], forces: NDArray) -> NDArray:
     """Part of Φ′ outside the cluster, (n, c, k)."""
     gaps, out = inverse_gaps(solution, [members]), np.zeros_like(forces)
-    # a damping, or what is in another part of the structure, does not move the modes
+    # a damping, or a parameter of another part of the structure, does not change the modes
     acts = np.flatnonzero(forces.any(axis=(0, 1)))
     for j, member in enumerate(members):
         out[:, j, acts] = outside(solution, solution.eigenvalues[[member]], gaps[:, [j]], forces[:, j, acts])
@@ -110,8 +118,8 @@ def _outside(solution: EigenSolution, members: list[int], forces: NDArray) -> ND
 def outside(solution: EigenSolution, eigenvalues: Reals, gaps: Reals, forces: Reals) -> Reals:
     """u (n, k) with (K − λM)u = −f, without the part in the modes whose gap is zero.
 
-    Known modes come by superposition, the rest by an iterative solve. Once more for what is left then: the further
-    modes are known less well than the wanted ones.
+    The part in known modes is superposed, the rest is solved for by iteration. This is repeated for the residual, since
+    the further modes are less accurate than the wanted ones.
 
     Parameters
     ----------
@@ -120,10 +128,10 @@ def outside(solution: EigenSolution, eigenvalues: Reals, gaps: Reals, forces: Re
     forces : f (n, k)
     """
     known, pencil, phi = Complement(solution), pencil_of(solution.point), solution.shapes
-    # measured by the whole force: where it lies in the known modes, what is left is rounding
+    # relative to the whole force: if it lies in the known modes, the rest is rounding
     size = known.energy(forces)
     rest, out = forces, np.zeros_like(forces)
-    for least in (size, _LEAST * size):
+    for least in (size, _LEAST_PART * size):
         out += phi @ ((phi.T @ rest) * gaps) + known.solve(eigenvalues, -rest, least, _ENOUGH)
         rest = forces + pencil.stiffness @ out - eigenvalues * (pencil.mass @ out)
     return out
@@ -191,7 +199,7 @@ class Complement:
         y, z = np.zeros_like(b), self._precondition(r)
         d, rho = z.copy(), np.einsum("ij,ij->j", r, z)
         progress = _Progress(np.maximum(np.abs(rho), least), tolerance)
-        for _ in range(_MAX_STEPS):
+        for _ in range(_MOST_STEPS):
             if progress.is_done(rho):
                 return y
             q = self._pencil.stiffness @ d - eigenvalue * (self._pencil.mass @ d)
@@ -214,7 +222,7 @@ class Complement:
 
 
 class _Progress:
-    """Which columns have converged: one that goes on after that gathers rounding."""
+    """Which columns have converged: further steps on them would accumulate rounding."""
 
     def __init__(self, start: Reals, tolerance: float) -> None:
         self._start, self._aim = np.where(start > 0.0, start, 1.0), tolerance**2
@@ -249,13 +257,13 @@ def deflated_factor(solution: EigenSolution) -> tuple[float, Factor]:
     """A shift τ and factors of K − τM, which is positive definite on the M-orthogonal complement of the known modes.
 
     Which of the solution's two shifts it is depends on what every copy of the solution knows, and not on the factors
-    that are at hand, so that a solution that was kept on file gives the same numbers. Large solutions have the
+    that are available, so that a solution that was read from a file gives the same numbers. Large solutions have the
     factors of the Sturm count.
     """
     if len(solution.shapes) < _STURM_FACTOR_FROM or solution.sturm_count < 0:
         return solution.shift, solution.factor
     factor = _sturm_factor(solution)
-    # what exchanges no pivots is not accurate where the matrix is indefinite
+    # a solver that does not exchange pivots is not accurate if the matrix is indefinite
     return (solution.shift, solution.factor) if factor.name == "SuperLU" else (solution.sturm_shift, factor)
 
 

@@ -25,8 +25,14 @@ from femtune.model.linear.memory import require_memory
 from femtune.model.linear.sparse_products import column_major
 from femtune.model.products import derivative_projections
 
-_UNSEEN, _ROUNDING, _DEPENDENT = 1e-12, 1e-20, 1e-11
-_ROWS = 1 << 13
+_WITHIN_MODES = 1e-12
+"""Norm of a force without its part in the known modes, relative to the force, below which it lies within the modes."""
+_ROUNDING_ENERGY = 1e-20
+"""Energy of a vector without its part in the basis, relative to the vector, that is rounding: amplitudes of 1e-10."""
+_DEPENDENT = 1e-11
+"""Energy of a combination of unit vectors, relative to the largest, below which they are dependent."""
+_ROWS_AT_ONCE = 1 << 13
+"""Rows that are updated together, so that no second array of the size of the whole is made."""
 
 
 class DualBasis:
@@ -63,7 +69,7 @@ class DualBasis:
 
     @property
     def is_exhausted(self) -> bool:
-        """True where the last block brought nothing: the space is invariant, and what is found in it exact."""
+        """True if the last block added nothing: the space is invariant, and the solution in it is exact."""
         return len(self.sizes) > 1 and self.sizes[-1] == self.sizes[-2]
 
     @property
@@ -142,13 +148,13 @@ class DualBasis:
         for some in pieces(0, Q.shape[1]):
             force[:, some] = self._pencil.mass @ Q[:, some]
         array, end = self._arrays[-1], self._ends[-1]
-        for first in range(0, len(Q), _ROWS):
-            array[first : first + _ROWS, end : end + Q.shape[1]] = Q[first : first + _ROWS]
+        for first in range(0, len(Q), _ROWS_AT_ONCE):
+            array[first : first + _ROWS_AT_ONCE, end : end + Q.shape[1]] = Q[first : first + _ROWS_AT_ONCE]
         self._ends[-1] = end + Q.shape[1]
         column = self._along(force)
         k = len(self.T)
-        own = 0.5 * (column[k:] + column[k:].T)
-        self.T = np.block([[self.T, column[:k]], [column[:k].T, own]])
+        corner = 0.5 * (column[k:] + column[k:].T)
+        self.T = np.block([[self.T, column[:k]], [column[:k].T, corner]])
         self.seen = np.hstack([self.seen, self.rows @ Q])
         self.sizes.append(len(self.T))
         self._force = force
@@ -158,20 +164,20 @@ class DualBasis:
         size, parts = la.norm(forces, axis=0), self._phi.T @ forces
         for some in pieces(0, forces.shape[1]):
             forces[:, some] -= self._pencil.mass @ column_major(self._phi @ parts[:, some])
-        some = la.norm(forces, axis=0) > _UNSEEN * size
+        some = la.norm(forces, axis=0) > _WITHIN_MODES * size
         return forces if some.all() else np.asfortranarray(forces[:, some])
 
 
 def subtract_by_rows(W: Reals, V: Reals, C: Reals) -> None:
     """W ← W − VC in place, a piece of rows at a time, for V of either order."""
-    for first in range(0, len(W), _ROWS):
-        W[first : first + _ROWS] -= V[first : first + _ROWS] @ C
+    for first in range(0, len(W), _ROWS_AT_ONCE):
+        W[first : first + _ROWS_AT_ONCE] -= V[first : first + _ROWS_AT_ONCE] @ C
 
 
 def _orthonormal(G: Reals, energy: Reals) -> Reals:
     """R with RᵀGR = 1; directions that are rounding, or were so of a column's `energy` at first, are left out."""
     size = np.diag(G)
-    some = size > _ROUNDING * energy
+    some = size > _ROUNDING_ENERGY * energy
     scale = np.divide(1.0, np.sqrt(np.abs(size)), out=np.zeros_like(size), where=some)
     if not some.any():
         return np.zeros((len(G), 0))
@@ -181,7 +187,7 @@ def _orthonormal(G: Reals, energy: Reals) -> Reals:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Derivatives of all wanted modes at a few sensors, without solving for one of them: the dual way.
+# Derivatives of all wanted modes at a few sensors by the dual (adjoint) method, without a solution for each mode.
 #
 # S φ′ is superposed of the known modes, and what they miss is S(K − λM)⁻¹f on their M-orthogonal complement, for
 # every mode and parameter another f. Instead of all these f the sensors are solved for, once: (K − σM)⁻¹Sᵀ and its
@@ -189,11 +195,22 @@ def _orthonormal(G: Reals, energy: Reals) -> Reals:
 
 
 TOLERANCE = 1e-4
+"""Error of a derivative relative to the largest entry of its mode at the sensors."""
 _MOST_BLOCKS = 8
+"""Blocks of vectors; each brings about one digit."""
 _NEAR = 0.02
-_SLOWEST, _FASTEST, _SAFETY = 0.9, 0.1, 2.0
-_SMALL, _SMALLEST, _FLOOR = 1e-6, 1e-10, 1e-8
-"""The last one is what the inaccuracy of the further modes may leave."""
+"""|λ_j − λ_h| relative to λ_j − σ of modes that may be one cluster: 1 % in frequency."""
+_SLOWEST_RATIO = 0.9
+_FASTEST_RATIO = 0.1
+"""Bounds of the ratio of the geometric series by which the remaining error is extrapolated."""
+_SAFETY = 2.0
+"""Factor of the extrapolated error."""
+_SMALL_ENTRY = 1e-6
+_SMALLEST_ENTRY = 1e-10
+"""A derivative is rounding below the first, relative to its mode at the sensors, plus the second, relative to the
+largest mode there."""
+_FLOOR = 1e-8
+"""Relative error that the inaccuracy of the further modes may leave."""
 _KEPT: WeakKeyDictionary[EigenSolution, dict[str, SensorDerivatives]] = WeakKeyDictionary()
 
 
@@ -263,9 +280,9 @@ def _computed(solution: EigenSolution, rows: sp.csr_array, tolerance: float) -> 
     basis = DualBasis(solution, rows, first)
     forces = _projected(solution, basis.parts[0])
     while True:
-        found = _from_basis(solution, basis, forces)
-        if len(basis.sizes) >= _MOST_BLOCKS or basis.is_exhausted or found.error.max(initial=0.0) <= tolerance:
-            return found
+        derivatives = _from_basis(solution, basis, forces)
+        if len(basis.sizes) >= _MOST_BLOCKS or basis.is_exhausted or derivatives.error.max(initial=0.0) <= tolerance:
+            return derivatives
         basis.extend()
         more = _projected(solution, basis.parts[-1])
         forces = np.concatenate([forces[0], more[0]], axis=1), np.concatenate([forces[1], more[1]], axis=1)
@@ -288,7 +305,15 @@ def _from_basis(solution: EigenSolution, basis: DualBasis, forces: tuple[Reals, 
     gaps = inverse_gaps(solution, [[j] for j in range(w)])
     shapes = np.asarray(basis.rows @ solution.shapes)
     made = SensorDerivatives(
-        values, stiffness[:, :m], mass[:, :m], gaps, shapes, orders[2], missing, missing, basis.solves
+        eigenvalues=values,
+        stiffness=stiffness[:, :m],
+        mass=mass[:, :m],
+        gaps=gaps,
+        shapes=shapes,
+        rest=orders[2],
+        missing=missing,
+        error=missing,
+        solves=basis.solves,
     )
     return replace(made, error=_relative(missing, _sizes(made, solution), _floor(shapes)[:w]))
 
@@ -302,8 +327,8 @@ def _rest(basis: DualBasis, size: int, values: Reals, outer: Reals) -> Reals:
 
 def _missing(last: Reals, before: Reals) -> Reals:
     """What further orders would add, from the differences of the last ones as of a geometric series."""
-    ratio = np.divide(last, before, out=np.full(len(last), _SLOWEST), where=before > 0.0)
-    ratio = np.clip(ratio, _FASTEST, _SLOWEST)
+    ratio = np.divide(last, before, out=np.full(len(last), _SLOWEST_RATIO), where=before > 0.0)
+    ratio = np.clip(ratio, _FASTEST_RATIO, _SLOWEST_RATIO)
     return np.asarray(_SAFETY * last * ratio / (1.0 - ratio))
 
 
@@ -314,9 +339,9 @@ def _sizes(made: SensorDerivatives, solution: EigenSolution) -> Reals:
     """
     values, w = solution.eigenvalues, solution.wanted
     near = np.abs(values[:w] - values[:, None]) <= _NEAR * (values[:w] - solution.shift)
-    own = 0.5 * made.shapes[:, :w, None] * np.einsum("kjj->jk", made.mass[:, :w])
-    found = _superposed(made, np.where(near, 0.0, made.gaps), list(range(w))) + made.rest - own
-    return _largest(found)
+    normalisation = 0.5 * made.shapes[:, :w, None] * np.einsum("kjj->jk", made.mass[:, :w])
+    derivatives = _superposed(made, np.where(near, 0.0, made.gaps), list(range(w))) + made.rest - normalisation
+    return _largest(derivatives)
 
 
 def _relative(missing: Reals, size: Reals, floor: Reals) -> Reals:
@@ -331,8 +356,8 @@ def _superposed(made: SensorDerivatives, gaps: Reals, chosen: list[int]) -> Real
 
 def _floor(shapes: Reals) -> Reals:
     """(m,) entries below which a mode's derivative at the sensors is rounding."""
-    own = np.abs(shapes).max(axis=0, initial=0.0)
-    return np.asarray(_SMALL * own + _SMALLEST * own.max(initial=0.0) + np.finfo(float).tiny)
+    largest = np.abs(shapes).max(axis=0, initial=0.0)
+    return np.asarray(_SMALL_ENTRY * largest + _SMALLEST_ENTRY * largest.max(initial=0.0) + np.finfo(float).tiny)
 
 
 def _largest(entries: Reals) -> Reals:

@@ -34,8 +34,8 @@ def derivatives_by_parameter(
     gaps = inverse_gaps(solution, clusters)
     members = [j for cluster in clusters for j in cluster]
     for i in range(solution.point.n_parameters):
-        found = [_columns(solution, i, members[some], gaps[:, some], rows) for some in pieces(0, len(members))]
-        stiffness, mass, fields = (np.concatenate(parts, axis=1) for parts in zip(*found))
+        columns = [_columns(solution, i, members[some], gaps[:, some], rows) for some in pieces(0, len(members))]
+        stiffness, mass, fields = (np.concatenate(parts, axis=1) for parts in zip(*columns))
         yield _by_cluster(solution, clusters, rows, (stiffness, mass, fields))
 
 
@@ -44,8 +44,8 @@ def _columns(
 ) -> tuple[Reals, Reals, Reals]:
     """ΦᵀK′φ_j and ΦᵀM′φ_j of all known modes (m, c), and the part of φ_j′ outside the clusters (rows, c)."""
     phi, values = solution.shapes, solution.eigenvalues[members]
-    own = np.ascontiguousarray(phi[:, members])
-    force, mass = (derivative_product(solution.point, kind, i, own) for kind in ("stiffness", "mass"))
+    shapes = np.ascontiguousarray(phi[:, members])
+    force, mass = (derivative_product(solution.point, kind, i, shapes) for kind in ("stiffness", "mass"))
     inner = phi.T @ force, phi.T @ mass
     force -= mass * values
     field = outside(solution, values, gaps, force)
@@ -62,8 +62,8 @@ def _by_cluster(
     for cluster in map(list, clusters):
         some = slice(at, at + len(cluster))
         stiffness, mass, field = (part[:, some] for part in parts)
-        own = solution.shapes[:, cluster]
-        shapes = own if rows is None else np.asarray(rows @ own)
+        members = solution.shapes[:, cluster]
+        shapes = members if rows is None else np.asarray(rows @ members)
         inner = stiffness[None, cluster], mass[None, cluster]
         out.append(SubspaceDerivative(solution.eigenvalues[cluster], *inner, field[:, :, None], shapes, 0.0))
         at += len(cluster)

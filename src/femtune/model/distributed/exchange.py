@@ -18,7 +18,8 @@ from femtune.errors import FemtuneError
 from femtune.model.linear.symmetric import SymmetricMatrix
 
 FOLDER = "FEMTUNE_SLEPC_FOLDER"
-_MARGIN = 1 << 20
+_MARGIN_BYTES = 1 << 20
+"""Room on the disk beyond the matrices and shapes, for the small files."""
 
 
 @contextmanager
@@ -40,7 +41,7 @@ def exchange_folder(needed_bytes: int) -> Iterator[Path]:
 
 def _check_room(folder: Path, needed_bytes: int) -> None:
     free = shutil.disk_usage(folder).free
-    if needed_bytes + _MARGIN > free:
+    if needed_bytes + _MARGIN_BYTES > free:
         raise FemtuneError(
             "slepc.files",
             values={"folder": folder.parent, "needed_bytes": needed_bytes, "free_bytes": free},
@@ -74,12 +75,12 @@ def read_result(folder: Path) -> dict[str, Any]:
     FemtuneError : ``slepc.no-result``
     """
     try:
-        found = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+        result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as missing:
         raise no_result("slepc.no-result/unreadable", reason=missing) from missing
-    if not isinstance(found, dict):
+    if not isinstance(result, dict):
         raise no_result("slepc.no-result/no-table")
-    return found
+    return result
 
 
 def read_shapes(folder: Path, ranks: int, size: tuple[int, int]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Start of SLEPc's processes: which Python, which launcher, how many ranks, and what is said where they fail."""
+"""Start of SLEPc's processes: which Python, which launcher, how many ranks, and the errors if they fail."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from pathlib import Path
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.model.distributed.processes import run_to_end, seconds
 
-PYTHON, RANKS, LAUNCHER = "FEMTUNE_SLEPC_PYTHON", "FEMTUNE_SLEPC_RANKS", "FEMTUNE_SLEPC_LAUNCHER"
+PYTHON = "FEMTUNE_SLEPC_PYTHON"
+RANKS = "FEMTUNE_SLEPC_RANKS"
+LAUNCHER = "FEMTUNE_SLEPC_LAUNCHER"
 INSTALLATION = (
     "apt-get install python3-slepc4py openmpi-bin libopenblas0-pthread (Debian, Ubuntu), "
     f"or name a Python that has slepc4py in {PYTHON}"
@@ -23,8 +25,11 @@ INSTALLATION = (
 _PROGRAM = Path(__file__).with_name("program.py")
 _SYSTEM_PYTHONS = ("/usr/bin/python3", "/usr/local/bin/python3")
 _PROBE_SECONDS = 120
+"""Time in which a Python must have imported SLEPc, which is slow on file systems of clusters."""
 _TAIL_LINES = 15
+"""Lines at the end of the output of failed processes that a message shows."""
 _RANKS_PER_CORE = 4
+"""Processes per core at most without a launcher of the user's: more are a mistake, and slow the machine down."""
 _OPTIONS = "PETSC_OPTIONS"
 
 
@@ -38,8 +43,8 @@ def slepc_python() -> str:
     named = os.environ.get(PYTHON, "").strip()
     said = {}
     for candidate in [named] if named else _pythons():
-        found, text = probe(candidate)
-        if found:
+        has_slepc, text = probe(candidate)
+        if has_slepc:
             return candidate
         said[candidate] = text
     raise FemtuneError("slepc.not-installed", values=said, hint=INSTALLATION)
@@ -127,10 +132,10 @@ def launcher(number: int) -> list[str]:
         return _split(text)
     if number == 1:
         return []
-    found = shutil.which("mpiexec") or shutil.which("mpirun")
-    if found is None:
+    mpiexec = shutil.which("mpiexec") or shutil.which("mpirun")
+    if mpiexec is None:
         raise FemtuneError("slepc.launcher/no-mpiexec", number=number, launcher=LAUNCHER, ranks=RANKS)
-    return [found, "-n", str(number)]
+    return [mpiexec, "-n", str(number)]
 
 
 def _split(text: str) -> list[str]:
@@ -164,7 +169,7 @@ def environment(number: int) -> dict[str, str]:
     """This environment with threads shared among the ranks; what the user has set stays."""
     defaults = {
         "OMP_NUM_THREADS": str(max(1, cores() // number)),
-        # more processes than cores are the user's own wish, in the words of OpenMPI 4 and 5
+        # the user may ask for more processes than cores; variables of OpenMPI 4 and 5
         "OMPI_MCA_rmaps_base_oversubscribe": "1",
         "OMPI_MCA_mpi_yield_when_idle": "1",
         "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
@@ -208,7 +213,7 @@ def _failed(command: list[str], code: int, said: Path) -> FemtuneError:
 
 
 def petsc_options() -> dict[str, str]:
-    """What the environment tells PETSc, for a message; {} where it says nothing."""
+    """Options that the environment gives to PETSc, for a message; {} without any."""
     text = os.environ.get(_OPTIONS, "").strip()
     return {_OPTIONS: text[:200]} if text else {}
 
@@ -222,7 +227,7 @@ _NAMES = ("own", "slepc")
 
 
 def check_slepc() -> None:
-    """Refuse a chosen eigen-solver that is none, or SLEPc where it cannot be started.
+    """Refuse an unknown eigen-solver, and SLEPc if it cannot be started.
 
     Raises
     ------
@@ -237,7 +242,7 @@ def slepc_is_chosen() -> bool:
 
     Raises
     ------
-    FemtuneError : ``solver.unavailable`` for a name that is none
+    FemtuneError : ``solver.unavailable`` for an unknown name
     """
     name = os.environ.get(EIGENSOLVER, "").strip().lower() or "own"
     if name not in _NAMES:

@@ -22,8 +22,13 @@ from femtune.model.distributed.launch import expected_ranks, run, start
 from femtune.model.linear.symmetric import SymmetricMatrix
 
 _TOLERANCE = 1e-10
-_START = 1e-4
-_LEAST, _MOST = 1e-3, 1e2
+"""Relative residual at which SLEPc stops."""
+_LOWEST_OF_SINGLE = 1e-4
+"""First guess of the lowest elastic eigenvalue relative to k_ii/m_ii of the softest DOF, as in `eigen.shift`."""
+_NEAREST_USABLE = 1e-3
+_FARTHEST_USABLE = 1e2
+"""Shift over the lowest elastic eigenvalue between which it is good enough: another solution would cost as much
+again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +58,7 @@ def slepc_pairs(K: SymmetricMatrix, M: SymmetricMatrix, shift: float, count: int
 def slepc_modes(K: SymmetricMatrix, M: SymmetricMatrix, shift: float, count: int) -> SlepcModes:
     """The eigenpairs of K φ = λ M φ nearest to a shift: Krylov-Schur on (K − σM)⁻¹, factors by MUMPS.
 
-    Fewer come back where fewer converged.
+    If fewer pairs converge, fewer are returned.
 
     Parameters
     ----------
@@ -66,7 +71,7 @@ def slepc_modes(K: SymmetricMatrix, M: SymmetricMatrix, shift: float, count: int
     FemtuneError : ``slepc.not-installed``, ``slepc.launcher``, ``slepc.failed``, ``slepc.files``, ``slepc.no-result``
     """
     n = K.shape[0]
-    start()  # what is wrong with it is said before any file is written
+    start()  # wrong settings are reported before any file is written
     with exchange_folder(_bytes(K, M) + 8 * n * count) as folder:
         result = _solve(folder, K, M, task="modes", shift=shift, count=min(count, n), tolerance=_TOLERANCE)
         values, errors = (_numbers(result[name], count) for name in ("values", "errors"))
@@ -86,10 +91,10 @@ def slepc_lowest(K: SymmetricMatrix, M: SymmetricMatrix, count: int) -> SlepcMod
     k, m = K.diagonal(), M.diagonal()
     ratios = k[m > 0.0] / m[m > 0.0]
     positive = ratios[ratios > 0.0]
-    size = _START * float(positive.min()) if positive.size else 1.0
+    size = _LOWEST_OF_SINGLE * float(positive.min()) if positive.size else 1.0
     modes = slepc_modes(K, M, -size, count)
-    elastic = modes.values[modes.values > _LEAST * size]
-    if not elastic.size or _LEAST < size / elastic[0] < _MOST:
+    elastic = modes.values[modes.values > _NEAREST_USABLE * size]
+    if not elastic.size or _NEAREST_USABLE < size / elastic[0] < _FARTHEST_USABLE:
         return modes
     return slepc_modes(K, M, -float(elastic[0]), count)
 
@@ -116,9 +121,9 @@ def _orthonormal(shapes: Reals, M: SymmetricMatrix) -> Reals:
     return np.asarray(la.solve_triangular(root, shapes.T, lower=True).T)
 
 
-def _numbers(found: Any, count: int) -> Reals:
+def _numbers(entries: Any, count: int) -> Reals:
     try:
-        values = np.asarray(found, dtype=float)
+        values = np.asarray(entries, dtype=float)
     except (ValueError, TypeError) as words:
         raise no_result("slepc.no-result/not-numbers", reason=words) from words
     if values.ndim != 1 or not 0 < values.size <= count or not np.isfinite(values).all():

@@ -1,4 +1,4 @@
-"""Run of a command that neither outlives femtune, nor its time, nor fills the disk with what it says."""
+"""Run a command with a limit of its time and of its output, and end it together with femtune."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from femtune.model.distributed.watch import PATIENCE_SECONDS
 
 SECONDS = "FEMTUNE_SLEPC_SECONDS"
 _DEFAULT_SECONDS = 6 * 3600.0
-_MOST_SAID_BYTES = 64 << 20
-_LOOK_SECONDS = 0.2
+"""Time limit of one eigen-solution by default."""
+_MOST_OUTPUT_BYTES = 64 << 20
+"""Size of the output of the processes above which they are stopped, since they would fill the disk."""
+_POLL_SECONDS = 0.2
+"""Time between two looks at the size of the output."""
 _WATCH = Path(__file__).with_name("watch.py")
 
 
@@ -30,9 +33,9 @@ def seconds() -> float:
     """
     text = os.environ.get(SECONDS, "").strip()
     with suppress(ValueError):
-        found = float(text) if text else _DEFAULT_SECONDS
-        if found > 0.0 and math.isfinite(found):
-            return found
+        limit = float(text) if text else _DEFAULT_SECONDS
+        if limit > 0.0 and math.isfinite(limit):
+            return limit
     raise FemtuneError("slepc.launcher/seconds", values={SECONDS: text[:80]}, seconds=SECONDS)
 
 
@@ -64,8 +67,8 @@ def _wait(process: subprocess.Popen[bytes], command: list[str], said: Path, limi
     until = time.monotonic() + limit
     while time.monotonic() < until:
         with suppress(subprocess.TimeoutExpired):
-            return process.wait(_LOOK_SECONDS)
-        if said.stat().st_size > _MOST_SAID_BYTES:
+            return process.wait(_POLL_SECONDS)
+        if said.stat().st_size > _MOST_OUTPUT_BYTES:
             raise said_too_much(command)
     raise timeout(command, limit)
 
@@ -88,5 +91,5 @@ def timeout(command: list[str], limit: float) -> FemtuneError:
 def said_too_much(command: list[str]) -> FemtuneError:
     """What the processes write would fill the disk."""
     return FemtuneError(
-        "slepc.failed/too-much-text", values={"command": shlex.join(command)}, mib=_MOST_SAID_BYTES >> 20
+        "slepc.failed/too-much-text", values={"command": shlex.join(command)}, mib=_MOST_OUTPUT_BYTES >> 20
     )

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 MISSING = 64
+"""Exit code if SLEPc is not installed."""
 _DEBIAN = ("/usr/lib/petscdir/petsc*/*-real", "/usr/lib/slepcdir/slepc*/*-real")
 
 
@@ -82,8 +83,8 @@ def modes(PETSc: Any, SLEPc: Any, K: Any, M: Any, request: dict[str, Any]) -> tu
     st.setMatStructure(PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     direct(PETSc, st.getKSP())
     eps.solve()
-    found = min(eps.getConverged(), request["count"])
-    return eps, [eps.getEigenvalue(i).real for i in range(found)]
+    count = min(eps.getConverged(), request["count"])
+    return eps, [eps.getEigenvalue(i).real for i in range(count)]
 
 
 def direct(PETSc: Any, ksp: Any, inertia: bool = False) -> None:

@@ -16,6 +16,7 @@ import threading
 from contextlib import suppress
 
 PATIENCE_SECONDS = 10
+"""Time that a command has to end after SIGTERM, before it is killed."""
 
 
 def main(command: list[str]) -> int:

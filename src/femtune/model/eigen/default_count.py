@@ -1,4 +1,4 @@
-"""How many modes are solved where nobody says how many: elastic ones, beside the rigid-body modes."""
+"""Number of modes that are solved by default: some elastic ones beside the rigid-body modes."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from femtune.model.configured import ModelPoint
 from femtune.model.linear.symmetric import SymmetricMatrix
 
 ELASTIC_MODES = 10
-"""Number of elastic modes that are solved where nothing is said."""
+"""Elastic modes that are solved by default: as many as a modal test of one structure usually identifies."""
 
 MOST_MODES = 200
-"""Number of modes beyond which no more are solved to reach a frequency that nobody asked for."""
+"""Modes that are solved at most to reach a frequency that the user did not state."""
 
 _UNSTRAINED = 1e-9
+"""Strain energy of a rigid-body motion relative to the sum of the magnitudes of its terms: rounding is 1e-16 times the
+root of the number of terms, and a spring that holds a structure is far stiffer than this."""
 
 
 def default_count(point: ModelPoint, elastic: int = ELASTIC_MODES) -> int:
-    """Number of modes that has some elastic ones in it: `elastic` and the free rigid-body motions."""
+    """Number of modes to solve: `elastic` ones and the free rigid-body motions."""
     return elastic + free_rigid_motions(point)
 
 

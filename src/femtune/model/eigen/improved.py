@@ -16,8 +16,8 @@ from femtune.model.linear.dense_products import transposed_times, turn
 from femtune.model.linear.sparse_products import column_major, product, row_major
 from femtune.model.solvers.factorise import factorise
 
-_COLUMNS = 32
-"""Columns of a solve at once: each costs less than in narrower blocks, and the memory stays small."""
+_COLUMNS_OF_A_SOLVE = 32
+"""Right-hand sides solved together: each costs less than in narrower blocks, and the memory stays small."""
 _METHOD = "inverse iteration from the modes of a reduced model, not counted"
 
 
@@ -31,7 +31,7 @@ def improved_modes(start: EigenSolution, steps: int = 1) -> EigenSolution:
     Parameters
     ----------
     start : X, vectors near the modes of its point, some more than the wanted ones, and σ
-    steps : of the iteration
+    steps : number of iterations
 
     Returns
     -------
@@ -45,7 +45,7 @@ def improved_modes(start: EigenSolution, steps: int = 1) -> EigenSolution:
     for _ in range(steps):
         Y = np.empty_like(X)
         inverted, squared = np.empty((2, X.shape[1], X.shape[1]))
-        parts = [slice(i, i + _COLUMNS) for i in range(0, X.shape[1], _COLUMNS)]
+        parts = [slice(i, i + _COLUMNS_OF_A_SOLVE) for i in range(0, X.shape[1], _COLUMNS_OF_A_SOLVE)]
         for part in parts:
             heavy = column_major(mass @ X[:, part])
             Y[:, part] = factor.solve(heavy)

@@ -17,13 +17,19 @@ from femtune.model.linear.sparse_products import Product
 # M-orthonormal blocks: classical Gram-Schmidt by blocks, with a rank that is revealed rather than assumed.
 
 
-_RANK, _CLIPPED, _GONE = 1e-14, 1e-16, 1e-4
-"""Directions of a block's Gram matrix (of unit diagonal) below the first are rounding of it, not of the block: they are
-enlarged by at most the root of the second, and gone where their norm then is below the third."""
-_WELL, _SWEEPS = 1e3, 4
-"""A block whose coefficients are conditioned better than this keeps its orthogonality to the basis."""
-_NOTHING = 1e-12
-"""A part in the basis that is smaller, against the block that is left, changes no product with M."""
+_GRAM_RANK = 1e-14
+"""Eigenvalues of a block's Gram matrix (of unit diagonal) that are smaller, relative to the largest, are rounding of
+the Gram matrix and not directions of the block."""
+_GRAM_FLOOR = 1e-16
+"""Value that replaces smaller eigenvalues in the first sweep, so that a direction is enlarged by at most 1e8."""
+_VANISHED_NORM = 1e-4
+"""Norm below which a direction of unit length has vanished in a sweep: what is left of it is mostly rounding."""
+_GOOD_CONDITION = 1e3
+"""A block whose coefficients have a smaller condition number keeps all but three digits of its orthogonality."""
+_MOST_SWEEPS = 4
+"""Gram-Schmidt sweeps over one block; two are enough unless the block is nearly dependent."""
+_NEGLIGIBLE_PART = 1e-12
+"""Part in the basis, relative to the block that is left, whose product with M need not be computed again."""
 
 
 def orthonormalise(W: Reals, V: Reals, mass: Product, smallest: float) -> tuple[Reals, Reals, Reals]:
@@ -38,17 +44,17 @@ def orthonormalise(W: Reals, V: Reals, mass: Product, smallest: float) -> tuple[
     Sources: block classical Gram-Schmidt, twice; Stathopoulos and Wu 2002 (orthonormalisation by the Gram matrix).
     """
     total = np.eye(W.shape[1])
-    for sweep in range(_SWEEPS):
+    for sweep in range(_MOST_SWEEPS):
         MW = mass @ W
         C = transposed_times(V, MW)
         subtract(W, V, C)
         R, condition, change = _factors(transposed_times(W, MW), smallest, clipped=sweep == 0)
         W, MW, total = multiply(W, R), multiply(MW, R), change @ total
         removed = float(np.abs(C @ R).max(initial=0.0))
-        smallest = _GONE
-        if max(condition, removed) < _WELL or not W.shape[1]:
+        smallest = _VANISHED_NORM
+        if max(condition, removed) < _GOOD_CONDITION or not W.shape[1]:
             break
-    return _once_more(W, MW if removed < _NOTHING else mass @ W, total)
+    return _once_more(W, MW if removed < _NEGLIGIBLE_PART else mass @ W, total)
 
 
 def _once_more(W: Reals, MW: Reals, total: Reals) -> tuple[Reals, Reals, Reals]:
@@ -70,8 +76,8 @@ def _factors(gram: Reals, smallest: float, clipped: bool = False) -> tuple[Reals
     if not some.any():
         return np.zeros((len(norms), 0)), 1.0, np.zeros((0, len(norms)))
     values, vectors = la.eigh(0.5 * scale[:, None] * (gram + gram.T) * scale)
-    keep = some if clipped and some.all() else values > _RANK * values[-1]
-    root = np.sqrt(np.maximum(values[keep], _CLIPPED * values[-1]))
+    keep = some if clipped and some.all() else values > _GRAM_RANK * values[-1]
+    root = np.sqrt(np.maximum(values[keep], _GRAM_FLOOR * values[-1]))
     R = scale[:, None] * vectors[:, keep] / root
     change = (root[:, None] * vectors[:, keep].T) * norms
     return R, float(root[-1] / root[0]), change
@@ -89,6 +95,7 @@ def column_products(A: Reals, B: Reals) -> Reals:
 Solve = Callable[[Reals], Reals]
 
 _ROUNDING = 1e-15
+"""Norm of a new direction relative to ‖S‖ that is rounding: a few units in the last place."""
 
 
 class KrylovBasis:
@@ -188,13 +195,23 @@ class KrylovBasis:
 Chosen = tuple[Reals, Reals, Reals]
 
 BLOCK = 12
-_WIDEST = 64
-TOLERANCE, LOOSE = 3e-9, 1e-5
-"""Residuals of the wanted pairs and of the others before the last smoothing."""
-_PATIENCE, _MOST_RESTARTS = 5, 60
-_ORTHONORMAL = 1e-12
+"""Columns of a block: wide enough for solves of several right-hand sides and for the six rigid-body modes, and narrow
+enough for the Krylov space to grow long."""
+_WIDEST_BLOCK = 64
+"""Columns of a block at most: wider ones leave too few steps for the size of the basis."""
+TOLERANCE = 3e-9
+"""Residual of the wanted pairs before the last smoothing; the error of an eigenvalue is of the order of its square."""
+TOLERANCE_OF_OTHERS = 1e-5
+"""Residual of the pairs beyond the wanted ones before the last smoothing."""
+_PATIENCE = 5
+"""Restarts in a row that may fail to halve the residual before the iteration gives up."""
+_MOST_RESTARTS = 60
+_ORTHONORMALITY = 1e-12
+"""Largest error of ΦᵀMΦ above which the shapes are made orthonormal once more."""
 _BASIS_BYTES = 1_300_000_000
+"""Memory that the basis may take to save restarts."""
 _SEED = 1
+"""Of the random start, so that a solution is repeated exactly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +248,7 @@ class KrylovPairs:
 
 def begin(operator: Krylov, count: int, start: Reals | None = None, block: int = BLOCK) -> KrylovBasis:
     """A basis of one block, of `start` (n, c), vectors near the wanted ones, or else at random."""
-    random = _Random(operator, min(max(block, 1), _WIDEST, operator.rank))
+    random = _Random(operator, min(max(block, 1), _WIDEST_BLOCK, operator.rank))
     basis = KrylovBasis(operator.solve, operator.mass, random.width, _most(operator, count, random.width))
     basis.set_block(random.near(start) if _is_usable(start) else random.block())
     return basis
@@ -239,7 +256,7 @@ def begin(operator: Krylov, count: int, start: Reals | None = None, block: int =
 
 def beside(operator: Krylov, count: int, theta: Reals, shapes: Reals, block: int = BLOCK) -> KrylovBasis:
     """A basis that holds pairs that are known exactly, and a random block beside them."""
-    random = _Random(operator, min(max(block, 1), _WIDEST, operator.rank))
+    random = _Random(operator, min(max(block, 1), _WIDEST_BLOCK, operator.rank))
     basis = KrylovBasis(operator.solve, operator.mass, random.width, _most(operator, count, random.width))
     basis.lock(theta, shapes)
     basis.set_block(random.block())
@@ -249,7 +266,7 @@ def beside(operator: Krylov, count: int, theta: Reals, shapes: Reals, block: int
 def iterate(operator: Krylov, basis: KrylovBasis, count: int, wanted: int, tolerance: float = TOLERANCE) -> KrylovPairs:
     """The `count` largest θ, `wanted` of them to a tolerance and the others nearly so.
 
-    What has not converged in the end is returned with its error. Sources: Grimes, Lewis and Simon 1994; Wu and
+    Pairs that have not converged are returned with their error. Sources: Grimes, Lewis and Simon 1994; Wu and
     Simon 2000 (thick restarts); Ericsson and Ruhe 1980 (the last smoothing).
     """
     count = min(count, operator.rank)
@@ -260,9 +277,9 @@ def iterate(operator: Krylov, basis: KrylovBasis, count: int, wanted: int, toler
         patience = _PATIENCE if left < 0.5 * best else patience - 1
         best, restarts = min(best, left), restarts - 1
         if left <= 1.0 or not patience or not restarts or basis.is_exhausted or basis.k >= operator.rank:
-            found = _finished(basis, *pairs, columns)
+            converged = _finished(basis, *pairs, columns)
             basis.give_back()
-            return found
+            return converged
         _restart(basis, count)
 
 
@@ -289,7 +306,7 @@ def _is_usable(start: Reals | None) -> bool:
 
 
 def _most(operator: Krylov, count: int, block: int) -> int:
-    """Columns of the basis: room enough to need no restart, as far as memory is no matter."""
+    """Columns of the basis: enough to need no restart, within the memory allowed."""
     cheap = _BASIS_BYTES // (8 * operator.mass.shape[0])
     return min(max(2 * count + 4 * block, min(4 * count + 16 * block, cheap)), operator.rank + block)
 
@@ -298,7 +315,7 @@ def _grown(basis: KrylovBasis, operator: Krylov, count: int, goal: tuple[int, fl
     """Steps until the basis is full or enough; the chosen pairs, and how far they are from being accepted."""
     while True:
         if not len(basis.B):
-            # an invariant subspace: what is left lies in others
+            # an invariant subspace: the remaining pairs lie outside it
             basis.set_block(_Random(operator, basis.width, _SEED + basis.k).block())
         if len(basis.B):
             basis.step()
@@ -322,7 +339,7 @@ def _chosen(basis: KrylovBasis, count: int) -> Chosen:
 def _left(error: Reals, count: int, wanted: int, tolerance: float) -> float:
     if len(error) < count:
         return np.inf
-    return max(error[:wanted].max(initial=0.0) / tolerance, error[wanted:].max(initial=0.0) / LOOSE)
+    return max(error[:wanted].max(initial=0.0) / tolerance, error[wanted:].max(initial=0.0) / TOLERANCE_OF_OTHERS)
 
 
 def _restart(basis: KrylovBasis, count: int) -> None:
@@ -337,7 +354,7 @@ def _finished(basis: KrylovBasis, theta: Reals, Y: Reals, error: Reals, columns:
     if len(basis.B):
         add(shapes, basis.next, (basis.B @ Y) * inverse)
     gram = _gram(shapes, basis.mass)
-    if np.abs(gram - np.eye(len(theta))).max(initial=0.0) > _ORTHONORMAL:
+    if np.abs(gram - np.eye(len(theta))).max(initial=0.0) > _ORTHONORMALITY:
         shapes = turn(shapes, 1.5 * np.eye(len(theta)) - 0.5 * gram)
         gram = _gram(shapes, basis.mass)
     shapes /= np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))

@@ -1,7 +1,7 @@
 """The iteration on the DOFs that have mass; the shapes on all DOFs come from a last solve, which refines the pairs too.
 
-(K − σM)⁻¹M sees the DOFs with mass alone. Where half of them have none, as the rotations of shells, the basis takes
-half of the memory and half of the work.
+(K − σM)⁻¹M depends on the DOFs with mass only. If half of the DOFs have none, as the rotations of shells, the basis
+takes half of the memory and half of the work.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from femtune.model.linear.dense_products import transposed_times, turn
 
 Solve = Callable[[Reals], Reals]
 
-_FEW = 0.75
-"""Part of the DOFs that have mass from which on the last solve costs more than what is saved."""
-_REFINED = 10.0
-_COLUMNS = 32
-"""Columns of the last solve at once: each costs half of what it costs in the narrower blocks of the iteration."""
+_WORTHWHILE_FRACTION = 0.75
+"""Fraction of DOFs with mass above which the last solve costs more than the smaller basis saves."""
+_REFINEMENT = 10.0
+"""Factor by which the tolerance of the iteration is looser: the last solve refines the pairs by at least as much."""
+_COLUMNS_OF_A_SOLVE = 32
+"""Columns solved together at the end: each costs half of what it costs in the narrower blocks of the iteration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +42,13 @@ class MassSpace:
 
     @property
     def is_part(self) -> bool:
-        """True where the iteration leaves the DOFs without mass out."""
-        return self.pencil.heavy.size <= _FEW * self.pencil.n
+        """True if the iteration leaves out the DOFs without mass."""
+        return self.pencil.heavy.size <= _WORTHWHILE_FRACTION * self.pencil.n
 
     @property
     def looser(self) -> float:
-        """Factor of the tolerance of the iteration: the last solve makes the pairs better by as much and more."""
-        return _REFINED if self.is_part else 1.0
+        """Factor of the tolerance of the iteration: the last solve refines the pairs by at least as much."""
+        return _REFINEMENT if self.is_part else 1.0
 
     @property
     def operator(self) -> Krylov:
@@ -73,13 +74,13 @@ class MassSpace:
         before = np.multiply(pairs.shapes, root, out=pairs.shapes)
         Y, count = np.empty((self.pencil.n, len(root)), order="F"), len(root)
         inverted, squared = np.empty((2, count, count))
-        parts = [slice(i, i + _COLUMNS) for i in range(0, count, _COLUMNS)]
+        parts = [slice(i, i + _COLUMNS_OF_A_SOLVE) for i in range(0, count, _COLUMNS_OF_A_SOLVE)]
         for part in parts:
             Y[:, part] = self.solve(self._spread(mass @ before[:, part]))
-        own = _rows(Y, self.pencil.heavy)
+        on_heavy = _rows(Y, self.pencil.heavy)
         for part in parts:
-            heavy = mass @ own[:, part]
-            inverted[:, part], squared[:, part] = transposed_times(before, heavy), transposed_times(own, heavy)
+            heavy = mass @ on_heavy[:, part]
+            inverted[:, part], squared[:, part] = transposed_times(before, heavy), transposed_times(on_heavy, heavy)
         theta, vectors = la.eigh(0.5 * (squared + squared.T), 0.5 * (inverted + inverted.T))
         theta, vectors = theta[::-1], vectors[:, ::-1] / np.sqrt(theta[::-1])
         return replace(pairs, theta=theta, shapes=turn(Y, vectors))
@@ -91,14 +92,14 @@ class MassSpace:
         """(n, k) in Fortran's order, zero where there is no mass."""
         out = empty_block(self.pencil.n, b.shape[1])
         out[...] = 0.0
-        for column, own in zip(out.T, b.T):
-            column[self.pencil.heavy] = own
+        for column, with_mass in zip(out.T, b.T):
+            column[self.pencil.heavy] = with_mass
         return out
 
 
 def _rows(x: Reals, rows: Integers) -> Reals:
     """Some rows of a block in Fortran's order, column by column."""
     out = empty_block(len(rows), x.shape[1])
-    for own, column in zip(out.T, x.T):
-        np.take(column, rows, out=own, mode="clip")
+    for target, column in zip(out.T, x.T):
+        np.take(column, rows, out=target, mode="clip")
     return out

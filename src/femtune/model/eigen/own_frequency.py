@@ -21,7 +21,12 @@ from femtune.model.derivatives.modes import SubspaceDerivative, inverse_gaps, ou
 from femtune.model.eigen.solution import EigenSolution, solve_modes
 
 TWO_PI = 2.0 * np.pi
-_MOST, _SAME, _STEEP = 60, 1e-11, 0.99
+_MOST_SOLUTIONS = 60
+"""Eigen-solutions of one mode; Newton's method converges quadratically, and only a rate near one takes many."""
+_CONVERGED = 1e-11
+"""Relative change of the frequency of the last step: rounding of an eigenvalue is some 1e-12 to 1e-13."""
+_STEEP_RATE = 0.99
+"""Rise of the natural frequency in Hz per Hz of the matrices from which on f_j(f) = f has no well-defined solution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +94,16 @@ def at_own_frequency(point: ModelPoint, mode: int, solve: Solve, start_hz: float
     FemtuneError : ``table.own-frequency``
     """
     freq, change = start_hz, np.inf
-    for iteration in range(1, _MOST + 1):
-        found = solve(point.at_frequency(freq))
-        if change <= _SAME * max(found.freq_hz, freq):
-            if found.rate >= _STEEP:
-                raise _not_found(mode, f"its natural frequency rises by {found.rate:.3g} Hz per Hz of the table")
-            return found, iteration
+    for iteration in range(1, _MOST_SOLUTIONS + 1):
+        solved = solve(point.at_frequency(freq))
+        if change <= _CONVERGED * max(solved.freq_hz, freq):
+            if solved.rate >= _STEEP_RATE:
+                raise _not_found(mode, f"its natural frequency rises by {solved.rate:.3g} Hz per Hz of the table")
+            return solved, iteration
         # where the rate is one or more Newton's method leads away: the fixed point's own step is taken
-        step = (found.freq_hz - freq) / (1.0 - found.rate if found.rate < _STEEP else 1.0)
+        step = (solved.freq_hz - freq) / (1.0 - solved.rate if solved.rate < _STEEP_RATE else 1.0)
         change, freq = abs(step), max(freq + step, 0.0)
-    raise _not_found(mode, f"no convergence after {_MOST} solutions")
+    raise _not_found(mode, f"no convergence after {_MOST_SOLUTIONS} solutions")
 
 
 def _not_found(mode: int, reason: str) -> FemtuneError:
@@ -130,9 +135,9 @@ def _each(point: ModelPoint) -> Iterator[tuple[AtFrequency, int]]:
     """Mode after mode, each from the frequency of the one before."""
     start_hz = 0.0
     for mode in numbers():
-        found, iterations = at_own_frequency(point, mode, lambda at, mode=mode: _real(at, mode), start_hz)  # type: ignore[misc]
-        start_hz = found.freq_hz
-        yield found, iterations
+        solved, iterations = at_own_frequency(point, mode, lambda at, mode=mode: _real(at, mode), start_hz)  # type: ignore[misc]
+        start_hz = solved.freq_hz
+        yield solved, iterations
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -146,18 +151,18 @@ def own_frequency_solution(point: ModelPoint, count: int | None, max_hz: float |
     """
     first = solve_modes(point.at_frequency(0.0), count)
     most = first.wanted if count is None and max_hz is None else count
-    found: list[AtFrequency] = []
+    modes: list[AtFrequency] = []
     for mode, _ in _each(point):
-        if found and max_hz is not None and mode.freq_hz > max_hz:
+        if modes and max_hz is not None and mode.freq_hz > max_hz:
             break
-        found.append(mode)
-        if len(found) in (most, point.configured.n_free):
+        modes.append(mode)
+        if len(modes) in (most, point.configured.n_free):
             break
-    values = np.array([float(np.real(mode.eigenvalue)) for mode in found])
-    shapes = np.stack([mode.shape for mode in found], axis=1)
+    values = np.array([float(np.real(mode.eigenvalue)) for mode in modes])
+    shapes = np.stack([mode.shape for mode in modes], axis=1)
     method = f"{first.method}, each mode at its own frequency"
     # no inertia counts these modes: their matrices differ
-    return EigenSolution(point, values, shapes, len(found), first.shift, first.shift, -1, first.notices, method=method)
+    return EigenSolution(point, values, shapes, len(modes), first.shift, first.shift, -1, first.notices, method=method)
 
 
 def own_frequency_derivative(solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:

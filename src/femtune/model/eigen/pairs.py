@@ -19,10 +19,10 @@ from femtune.model.linear.symmetric import SymmetricMatrix
 # The lowest eigenpairs of small problems: densely, or from the flexibility of the DOFs that have mass.
 
 
-_INFINITE = 1e-14
-"""θ below this fraction of the largest are directions without mass."""
+_WITHOUT_MASS = 1e-14
+"""θ below this fraction of the largest belong to directions without mass: rounding of the largest is 1e-16."""
 _POLLUTED = 1e-7
-"""θ below this fraction of the largest have lost digits to the large ones."""
+"""θ below this fraction of the largest have lost half of their digits to the large ones, and are solved once more."""
 
 
 def dense(pencil: Pencil, shift: float, count: int) -> Pairs:
@@ -62,7 +62,7 @@ def largest(matrix: Reals, count: int) -> Pairs:
 
 def finite(theta: Reals, vectors: Reals) -> Pairs:
     """θ that are not zero, and their vectors."""
-    some = theta > _INFINITE * theta.max()
+    some = theta > _WITHOUT_MASS * theta.max()
     if some.all():
         return theta, vectors
     return theta[some], vectors[:, some]
@@ -85,11 +85,15 @@ def _polished(pencil: Pencil, shift: float, theta: Reals, shapes: Reals) -> Pair
 Pairs = tuple[Reals, Reals]
 
 DENSE_UP_TO = 400
+"""DOFs up to which dense matrices are solved: there they are as fast as an iteration, and find all modes."""
 _MOST_ENTRIES = 20_000_000
+"""Entries of the columns of (K − σM)⁻¹ at the DOFs with mass that may be stored: 160 MB."""
 _ACCURACY = 1e-5
-_NEGATIVE = -1e-8
-_FAR = 1e-3
-"""Residuals of an iteration that has stopped short; nearer ones are left to the check of accuracy."""
+"""Largest residual in energy of a mode; its eigenvalue then has a relative error of the order of 1e-10."""
+_NEGATIVE_ENERGY = -1e-8
+"""Strain energy relative to the sum of the magnitudes of its terms that is more than rounding of a rigid-body mode."""
+_NOT_CONVERGED = 1e-3
+"""Residual of an iteration that has stopped too early; smaller ones are left to the check of accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +162,7 @@ def method_of(search: EigenSearch, count: int) -> str:
 
 
 def is_iterative(pencil: Pencil, count: int) -> bool:
-    """True where the iteration is the way."""
+    """True if the modes are found by iteration."""
     heavy = pencil.heavy.size
     few = heavy <= DENSE_UP_TO and pencil.n * heavy <= _MOST_ENTRIES
     return pencil.n > DENSE_UP_TO and not few and 2 * count < heavy
@@ -174,11 +178,11 @@ def iterative(search: EigenSearch, count: int, wanted: int, known: Pairs | None 
     else:
         start = None if search.start is None else space.start(search.start)
         basis = search.basis or begin(operator, count, start)
-    found = space.finished(iterate(operator, basis, count, wanted, space.looser * TOLERANCE))
-    left = float(found.error[:wanted].max(initial=0.0))
-    if left > _FAR:
+    pairs = space.finished(iterate(operator, basis, count, wanted, space.looser * TOLERANCE))
+    left = float(pairs.error[:wanted].max(initial=0.0))
+    if left > _NOT_CONVERGED:
         raise _not_converged(count, left)
-    theta, shapes = finite(found.theta, found.shapes)
+    theta, shapes = finite(pairs.theta, pairs.shapes)
     return search.shift + 1.0 / theta, shapes
 
 
@@ -209,5 +213,5 @@ def check_negative(pencil: Pencil, values: Reals, shapes: Reals) -> None:
     K = pencil.K
     size = SymmetricMatrix(np.abs(K.data), K.indices, K.indptr)
     parts = [np.einsum("ij,ij->j", u, size @ u) for u in (np.abs(below[:, p]) for p in pieces(0, below.shape[1]))]
-    if (strain < _NEGATIVE * np.concatenate(parts)).any():
+    if (strain < _NEGATIVE_ENERGY * np.concatenate(parts)).any():
         raise FemtuneError("eigen.negative", eigenvalue=values.min())

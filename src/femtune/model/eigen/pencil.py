@@ -16,8 +16,12 @@ from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import Factor
 
 _USUAL_BLOCK = 8
-_COLUMNS = 16
-_ROUNDING = 1.0 + 1e-10
+"""Columns for which products with M are prepared: about as many as a block of the iteration has."""
+_COLUMNS_AT_ONCE = 16
+"""Columns of shapes that are multiplied together: wide enough to be fast, and a small part of all shapes."""
+_MINOR_TOLERANCE = 1.0 + 1e-10
+"""Ratio of m_ij² to m_ii·m_jj up to which the minor is not negative but rounded: for a rank-one mass it is exactly
+1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +77,12 @@ class Pencil:
 
 
 class Inverse:
-    """(K − σM)⁻¹; its factors can be forgotten, and are made again where they are requested."""
+    """(K − σM)⁻¹; its factors can be released, and are computed again when they are needed."""
 
     def __init__(self, pencil: Pencil, shift: float, factor: Factor | None = None) -> None:
         self.pencil, self.shift, self.at_hand = pencil, shift, factor
         self.solver = "" if factor is None else factor.name
-        """Who factorised; known too where the factors are forgotten."""
+        """Sparse solver of the factors; kept after they are released."""
 
     def solve(self, b: Reals) -> Reals:
         """(K − σM)⁻¹ b for b of shape (n,) or (n, k)."""
@@ -101,7 +105,7 @@ def absolute_row_sums(matrix: SymmetricMatrix) -> Reals:
 
 def pieces(first: int, last: int) -> list[slice]:
     """Columns `first` to `last` a few at a time, for work on many shapes without further arrays of their size."""
-    return [slice(i, min(i + _COLUMNS, last)) for i in range(first, last, _COLUMNS)]
+    return [slice(i, min(i + _COLUMNS_AT_ONCE, last)) for i in range(first, last, _COLUMNS_AT_ONCE)]
 
 
 def indefinite_mass(M: SymmetricMatrix) -> bool:
@@ -113,5 +117,5 @@ def indefinite_mass(M: SymmetricMatrix) -> bool:
     other = rows != M.indices
     # by roots, so that no product of two masses overflows
     root = np.sqrt(d)
-    most = root[rows[other]] * root[M.indices[other]] * np.sqrt(_ROUNDING)
+    most = root[rows[other]] * root[M.indices[other]] * np.sqrt(_MINOR_TOLERANCE)
     return bool((np.abs(M.data[other]) > most).any())

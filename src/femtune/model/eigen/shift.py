@@ -15,16 +15,33 @@ from femtune.model.eigen.pencil import Inverse, Pencil
 from femtune.model.mechanisms import check_mechanisms
 from femtune.model.solvers.interface import Factor, SingularMatrixError
 
-# λ of single DOFs, so many times smaller, has the size of the lowest elastic modes of meshes of a thousand DOFs; in
-# finer ones single DOFs grow stiffer, with an exponent of 1 for shells and 2/3 for solids
-_START, _DOFS, _FINE = 1e-4, 1000.0, 10_000
-_FARTHER, _TRIES = 1e3, 4
-_LEAST, _MOST = 5e-3, 1e3
-"""A shift so many times the lowest elastic eigenvalue is good enough: another factorisation would cost more."""
-_BEST, _ZERO = 1.0, 1e-6
+_LOWEST_OF_SINGLE = 1e-4
+"""Lowest elastic eigenvalue relative to k_ii/m_ii of the softest DOF, for a mesh of a thousand DOFs."""
+_REFERENCE_DOFS = 1000.0
+"""In finer meshes single DOFs are stiffer, with an exponent of 1 in the number of DOFs for shells and 2/3 for
+solids."""
+_FINE_MESH_DOFS = 10_000
+"""DOFs from which on the softest DOF may be that of a mass on the mesh, and the median is taken."""
+_FARTHER = 1e3
+"""Factor of the next trial of a shift that did not make the matrix positive definite, or is far too near to zero."""
+_MOST_TRIALS = 4
+"""Trials of a shift: with a factor of 1000 each they cover twelve decades."""
+_NEAREST_USABLE = 5e-3
+_FARTHEST_USABLE = 1e3
+"""Shift over the lowest elastic eigenvalue between which it is good enough: another factorisation would cost more."""
+_BEST = 1.0
+"""Shift over the lowest elastic eigenvalue that is chosen."""
+_RIGID = 1e-6
+"""Eigenvalue relative to the largest known one below which a mode counts as a rigid-body mode."""
 _NEAREST = 1e6 * np.finfo(float).eps
 """Part of the largest λ of single DOFs: a shift nearer to zero may be lost in the rounding of K."""
-_FAR, _FALLING, _NEARER = 0.02, 0.7, 1e-2
+_TOO_FAR = 0.02
+_STILL_FALLING = 0.7
+_NEARER = 1e-2
+"""A lowest estimate between the first, as a part of the shift, and the second, as a part of the estimate before, has
+not converged, because all modes look alike from so far away: the third is the factor of the next shift."""
+_ELASTIC_PART = 1e-3
+"""Estimates below this part of the shift may be rigid-body modes that rounding lifts from zero."""
 
 
 def spectral_shift(point: ModelPoint, pencil: Pencil, count: int) -> EigenSearch:
@@ -38,7 +55,7 @@ def spectral_shift(point: ModelPoint, pencil: Pencil, count: int) -> EigenSearch
     FemtuneError : ``eigen.mechanism``, ``eigen.negative``
     """
     size = first_guess(pencil)
-    for _ in range(_TRIES):
+    for _ in range(_MOST_TRIALS):
         size, factor = _factor_below(point, pencil, size)
         inverse = Inverse(pencil, -size, factor)
         better, basis = _better_size(inverse, count)
@@ -52,9 +69,9 @@ def spectral_shift(point: ModelPoint, pencil: Pencil, count: int) -> EigenSearch
 
 def near_shift(point: ModelPoint, pencil: Pencil, known: Reals, shift: float, start: Reals) -> EigenSearch:
     """The same from eigenvalues and shapes of a model nearby, and the shift that they were found with."""
-    elastic = known[known > _ZERO * known.max(initial=0.0)]
+    elastic = known[known > _RIGID * known.max(initial=0.0)]
     best = _BEST * float(elastic.min()) if elastic.size else -shift
-    if not _LEAST < -shift / best < _MOST:
+    if not _NEAREST_USABLE < -shift / best < _FARTHEST_USABLE:
         # rigid-body modes that rounding lifts from zero look elastic, and so near to zero nothing is accurate
         shift = -max(best, min(-shift, _NEAREST * float((pencil.K.diagonal() / _masses(pencil)).max())))
     size = -shift
@@ -75,14 +92,14 @@ def first_guess(pencil: Pencil) -> float:
     positive = ratios[ratios > 0]
     if not positive.size:
         return 1.0
-    # the softest DOFs of a fine mesh may be those of a few masses on it, and tell nothing of the mesh
-    single = np.median(positive) if pencil.n > _FINE else positive.min()
-    return float(_START * min(1.0, _DOFS / pencil.n) * single)
+    # the softest DOFs of a fine mesh may be those of a few masses on it, and do not represent the mesh
+    single = np.median(positive) if pencil.n > _FINE_MESH_DOFS else positive.min()
+    return float(_LOWEST_OF_SINGLE * min(1.0, _REFERENCE_DOFS / pencil.n) * single)
 
 
 def _factor_below(point: ModelPoint, pencil: Pencil, size: float) -> tuple[float, Factor]:
     """Factors of K + size·M, positive definite; a rounding of stiff members may ask for a larger size."""
-    for _ in range(_TRIES):
+    for _ in range(_MOST_TRIALS):
         shifted = pencil.shifted(-size)
         try:
             factor = pencil.factorise(-size)
@@ -109,17 +126,17 @@ def _better_size(inverse: Inverse, count: int) -> tuple[float, KrylovBasis]:
     before, values = np.zeros(0), _step(basis, size)
     if basis.k < operator.rank and len(basis.B):
         before, values = values, _step(basis, size)
-    if before.size and _FAR * size < values[0] < _FALLING * before[0]:
+    if before.size and _TOO_FAR * size < values[0] < _STILL_FALLING * before[0]:
         # all modes look alike from here
         return _NEARER * size, basis
-    if not (values > 1e-3 * size).any() and basis.k < operator.rank:
-        # rigid-body motions are so far above the rest that the start holds nothing else
+    if not (values > _ELASTIC_PART * size).any() and basis.k < operator.rank:
+        # θ of the rigid-body motions is so far above the rest that the start contains nothing else
         return _FARTHER * size, basis
-    positive = values[values > 1e-6 * values.max(initial=0.0)]
-    # far below the shift a rigid-body mode looks elastic by rounding, or where the iteration has not got to it
-    elastic = positive[positive > 1e-3 * size] if (positive > 1e-3 * size).any() else positive
+    positive = values[values > _RIGID * values.max(initial=0.0)]
+    # far below the shift a rigid-body mode looks elastic by rounding, or because the iteration has not converged to it
+    elastic = positive[positive > _ELASTIC_PART * size] if (positive > _ELASTIC_PART * size).any() else positive
     lowest = float(elastic.min()) if elastic.size else size
-    return (size if _LEAST < size / lowest < _MOST else _BEST * lowest), basis
+    return (size if _NEAREST_USABLE < size / lowest < _FARTHEST_USABLE else _BEST * lowest), basis
 
 
 def _step(basis: KrylovBasis, size: float) -> Reals:

@@ -17,9 +17,15 @@ from femtune.model.linear.symmetric import SymmetricMatrix
 End = Callable[[Reals, int, int, float, bool], tuple[int, tuple[float, int] | None]]
 
 _LEAST_DOFS = 400
-_EXTRA_MODES, _MOST_EXTRA = 6, 400
-_ACCURACY, _ROUNDING = 1e-6, 1e-8
-"""SLEPc goes on to 1e-10; what may be left is the rounding of stiffnesses that are twelve decades apart."""
+"""DOFs up to which the dense solution of this process is faster than starting others."""
+_EXTRA_MODES = 6
+"""Modes beyond the wanted ones: they serve the derivatives, and the count needs a gap above the wanted modes."""
+_MOST_EXTRA = 400
+"""Extra modes after which a count that does not agree is an error."""
+_ACCURACY = 1e-6
+"""Largest relative residual; SLEPc goes on to 1e-10, and stiffnesses twelve decades apart leave rounding above that."""
+_NEGATIVE_ENERGY = 1e-8
+"""Strain energy relative to the sum of the magnitudes of its terms that is more than rounding of a rigid-body mode."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +45,7 @@ def goes_to_slepc(M: SymmetricMatrix, count: int | None) -> bool:
 
     Raises
     ------
-    FemtuneError : ``solver.unavailable`` for an eigen-solver that there is not
+    FemtuneError : ``solver.unavailable`` for an unknown eigen-solver
     """
     return slepc_is_chosen() and M.shape[0] > _LEAST_DOFS and 2 * ((count or 0) + _EXTRA_MODES) < _with_mass(M)
 
@@ -114,7 +120,7 @@ def _check_negative(K: SymmetricMatrix, values: Reals, shapes: Reals) -> None:
     below = shapes[:, values < 0.0]
     strain = np.einsum("ij,ij->j", below, K @ below)
     sizes = SymmetricMatrix(np.abs(K.data), K.indices, K.indptr)
-    if (strain < -_ROUNDING * np.einsum("ij,ij->j", np.abs(below), sizes @ np.abs(below))).any():
+    if (strain < -_NEGATIVE_ENERGY * np.einsum("ij,ij->j", np.abs(below), sizes @ np.abs(below))).any():
         raise FemtuneError("eigen.negative", eigenvalue=values[0])
 
 

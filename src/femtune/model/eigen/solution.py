@@ -25,11 +25,15 @@ from femtune.model.solvers.interface import Factor
 
 __all__ = ["DENSE_UP_TO", "EigenSolution", "solve_modes"]
 
-_EXTRA_MODES, _MOST_EXTRA = 6, 400
+_EXTRA_MODES = 6
+"""Modes beyond the wanted ones: they serve the derivatives, and the count needs a gap above the wanted modes."""
+_MOST_EXTRA = 400
+"""Extra modes after which a count that does not agree is an error."""
 _LARGEST = 1e90
+"""Largest entry of K and M, and of 1/λ: products of three of them stay below the largest double, 1.8e308."""
 _ONE_FACTOR_FROM = 60_000
-"""From this size on, factors are forgotten before others are made: two at a time would fill the memory. So would the
-element matrices, which a model that is configured does not need."""
+"""DOFs from which on factors are released before others are computed: two at a time would fill the memory. So would the
+element matrices, which a configured model does not need."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +50,7 @@ class EigenSolution:
     sturm_shift, sturm_count : number of eigenvalues below a shift that separates the modes found from the rest,
         counted from the inertia of K − σM; −1 where it could not be counted
     sturm_factor : factors of K − σM at `sturm_shift`, kept for large models in place of those at `shift`
-    method : eigen-solver and sparse solver that ran, in words; "" where nobody knows
+    method : eigen-solver and sparse solver that ran, in words; "" if unknown
     """
 
     point: ModelPoint = field(repr=False)
@@ -63,8 +67,8 @@ class EigenSolution:
 
     @cached_property
     def factor(self) -> Factor:
-        """Factors of K − σM, made again where the solution came without them; those of the count of a large model are
-        forgotten first."""
+        """Factors of K − σM, computed again if the solution has none; those of the count of a large model are released
+        first."""
         if self.known_factor is not None:
             return self.known_factor
         if len(self.shapes) >= _ONE_FACTOR_FROM:
@@ -72,14 +76,14 @@ class EigenSolution:
         return factorise(self.point.symmetric_stiffness.plus(-self.shift, self.point.symmetric_mass))
 
     def forget_factors(self) -> None:
-        """Give the memory of the factors back; whoever asks for them later gets them made again."""
+        """Release the memory of the factors; they are computed again when they are next needed."""
         for name in ("known_factor", "sturm_factor"):
             object.__setattr__(self, name, None)
         self.__dict__.pop("factor", None)
 
     @property
     def freq_hz(self) -> NDArray[np.float64]:
-        """Natural frequencies of the wanted modes; rigid-body modes come out as (nearly) zero."""
+        """Natural frequencies of the wanted modes; those of rigid-body modes are (nearly) zero."""
         return np.sqrt(np.maximum(self.eigenvalues[: self.wanted], 0.0)) / (2.0 * np.pi)
 
 
@@ -87,17 +91,17 @@ class EigenSolution:
 def solve_modes(
     point: ModelPoint, count: int | None = None, max_hz: float | None = None, start: EigenSolution | None = None
 ) -> EigenSolution:
-    """The `count` lowest modes, or all up to `max_hz` but at least one, with a notice where that is above it.
+    """The `count` lowest modes, or all up to `max_hz` but at least one, with a notice if that one is above it.
 
-    Where neither is given, there are ten elastic modes (`default_count`) beside the rigid-body modes. Where both are,
-    all up to `max_hz`, at least `count` elastic ones, and at most as many as `MOST_MODES`, with a notice.
+    If neither is given, ten elastic modes (`default_count`) and the rigid-body modes are solved. If both are given, all
+    up to `max_hz`, at least `count` elastic ones, and at most `MOST_MODES`, with a notice.
 
-    That no mode was missed is proven by the Sturm count; a model with fewer modes gives all that it has.
+    The Sturm count proves that no mode was missed; a model with fewer modes returns all of its modes.
 
     Parameters
     ----------
-    start : modes of the same configured model at other values of its parameters; they shorten the way. Where the
-        model is large the factors that it keeps are forgotten first
+    start : modes of the same configured model at other values of its parameters, from which the iteration starts. If
+        the model is large, the factors that it keeps are released first
 
     Raises
     ------
@@ -106,31 +110,31 @@ def solve_modes(
         ``eigen.uncounted``, ``eigen.other-start``
     """
     if max_hz is None:
-        found = _solved(point, default_count(point) if count is None else count, None, start)
-        if count is None or found.wanted <= count:
-            return found
-        whole = Notice("eigen.whole-group", level="info", count=count, wanted=found.wanted)
-        return replace(found, notices=(*found.notices, whole))
+        solution = _solved(point, default_count(point) if count is None else count, None, start)
+        if count is None or solution.wanted <= count:
+            return solution
+        whole = Notice("eigen.whole-group", level="info", count=count, wanted=solution.wanted)
+        return replace(solution, notices=(*solution.notices, whole))
     if count is not None:
         return _reaching(point, count, max_hz, start)
-    found = _solved(point, None, max_hz, start)
-    if not found.wanted or found.freq_hz[0] <= max_hz:
-        return found
-    notice = Notice("eigen.none-below", max_hz=max_hz, lowest=float(found.freq_hz[0]))
-    return replace(found, notices=(*found.notices, notice))
+    solution = _solved(point, None, max_hz, start)
+    if not solution.wanted or solution.freq_hz[0] <= max_hz:
+        return solution
+    notice = Notice("eigen.none-below", max_hz=max_hz, lowest=float(solution.freq_hz[0]))
+    return replace(solution, notices=(*solution.notices, notice))
 
 
 def _reaching(point: ModelPoint, elastic: int, max_hz: float, start: EigenSolution | None) -> EigenSolution:
     """At least some elastic modes, and as many more as it takes to reach a frequency."""
     count = default_count(point, elastic)
-    found = _solved(point, count, None, start)
-    if found.freq_hz[-1] >= max_hz or found.wanted < count:
-        return found
+    solution = _solved(point, count, None, start)
+    if solution.freq_hz[-1] >= max_hz or solution.wanted < count:
+        return solution
     below = _number_below(point, max_hz)
-    if below is None or below <= found.wanted:
-        return found
+    if below is None or below <= solution.wanted:
+        return solution
     most = max(MOST_MODES, count)
-    more = _solved(point, min(below, most), None, found)
+    more = _solved(point, min(below, most), None, solution)
     if below <= most:
         return more
     notice = Notice("eigen.many-modes", below=below, max_hz=max_hz, solved=most, reached=float(more.freq_hz[-1]))
@@ -146,7 +150,7 @@ def _number_below(point: ModelPoint, max_hz: float) -> int | None:
 
 
 def _solved(point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None) -> EigenSolution:
-    """The lowest modes by one of the two."""
+    """The lowest modes, by SLEPc or in this process."""
     _check_start(point, start)
     if point.configured.n_free >= _ONE_FACTOR_FROM:
         point.configured.model.release_terms()
@@ -170,20 +174,20 @@ def _solved(point: ModelPoint, count: int | None, max_hz: float | None, start: E
 def _from_start(
     point: ModelPoint, pencil: Pencil, start: EigenSolution, wanted: int, limit: Count | None
 ) -> EigenSolution | None:
-    """By one factorisation just above the modes, where they are found so."""
+    """By one factorisation just above the modes; None if this does not find them."""
     if pencil.n >= _ONE_FACTOR_FROM:
         start.forget_factors()
     if not is_iterative(pencil, wanted):
         return None
     nearby = Nearby(start.eigenvalues, start.shapes, start.shift, start.sturm_shift, wanted)
-    found = modes_nearby(pencil, nearby, limit)
-    if found is None:
+    modes = modes_nearby(pencil, nearby, limit)
+    if modes is None:
         return None
-    above, kept = found.above, row_major(found.shapes)
+    above, kept = modes.above, row_major(modes.shapes)
     assert above.below is not None
     factor = above.factor if _is_accurate(above.factor) else None
     return EigenSolution(
-        point, found.values, kept, found.whole, start.shift, above.value, above.below, sturm_factor=factor
+        point, modes.values, kept, modes.whole, start.shift, above.value, above.below, sturm_factor=factor
     )
 
 
@@ -203,20 +207,20 @@ def _proven(point: ModelPoint, search: EigenSearch, wanted: int, limit: Count | 
         search = replace(search, start=None, basis=None)
         whole = with_repeats(values, min(wanted, accurate), search.shift)
         complete = asked == possible or len(values) < asked
-        cut, found = _counted(search, values, (whole, accurate), complete, limit)
-        if cut is not None and found.below in (None, cut[1]):
-            solution = _solution(point, search, values[:accurate], shapes[:, :accurate], (whole, cut, found))
+        cut, count = _counted(search, values, (whole, accurate), complete, limit)
+        if cut is not None and count.below in (None, cut[1]):
+            solution = _solution(point, search, values[:accurate], shapes[:, :accurate], (whole, cut, count))
             return replace(solution, method=method_of(search, asked))
         if asked == possible or extra > _MOST_EXTRA:
-            raise missed(cut, found.below)
-        known = _to_keep(search, values[:accurate], shapes[:, :accurate], cut, found.below)
+            raise missed(cut, count.below)
+        known = _to_keep(search, values[:accurate], shapes[:, :accurate], cut, count.below)
         extra *= 4
 
 
 def _counted(
     search: EigenSearch, values: NDArray, sizes: tuple[int, int], complete: bool, limit: Count | None
 ) -> tuple[Cut | None, Count]:
-    """Where to count, and the count: that at the limit of frequency where it serves, to spare a factorisation."""
+    """Where to count, and the count: if possible that at the limit of frequency, which saves a factorisation."""
     whole, accurate = sizes
     if limit is not None and separates(values, whole, accurate, search.shift, limit):
         return (limit.value, whole), limit
@@ -229,7 +233,7 @@ def _counted(
 
 
 def _to_keep(search: EigenSearch, values: NDArray, shapes: NDArray, cut: Cut | None, below: int | None) -> Pairs | None:
-    """The pairs beside which missing ones are sought; none where there are too many."""
+    """The pairs beside which missing ones are sought; None if there are too many."""
     too_many = cut is not None and below is not None and below < cut[1]
     return None if too_many or not is_iterative(search.pencil, len(values) + 1) else (values, shapes)
 
@@ -237,32 +241,43 @@ def _to_keep(search: EigenSearch, values: NDArray, shapes: NDArray, cut: Cut | N
 def _solution(
     point: ModelPoint, search: EigenSearch, values: NDArray, shapes: NDArray, proof: tuple[int, Cut, Count]
 ) -> EigenSolution:
-    whole, cut, found = proof
-    notices = (*((not_counted(),) if found.below is None else ()), *small_for_slepc(search.pencil.M))
-    counted = -1 if found.below is None else found.below
-    # one order in memory, so that what follows is the same to the last bit whoever computed or kept the shapes
+    whole, cut, count = proof
+    notices = (*((not_counted(),) if count.below is None else ()), *small_for_slepc(search.pencil.M))
+    number_below = -1 if count.below is None else count.below
+    # one order in memory, so that later results are the same to the last bit whichever solver computed the shapes
     kept = row_major(shapes)
-    own = search.inverse.at_hand
-    sturm = found.factor if own is None and _is_accurate(found.factor) else None
-    return EigenSolution(point, values, kept, whole, search.shift, cut[0], counted, notices, own, sturm)
+    factor = search.inverse.at_hand
+    sturm = count.factor if factor is None and _is_accurate(count.factor) else None
+    return EigenSolution(
+        point=point,
+        eigenvalues=values,
+        shapes=kept,
+        wanted=whole,
+        shift=search.shift,
+        sturm_shift=cut[0],
+        sturm_count=number_below,
+        notices=notices,
+        known_factor=factor,
+        sturm_factor=sturm,
+    )
 
 
 def _is_accurate(factor: Factor | None) -> bool:
-    """False for what exchanges no pivots, where the matrix is indefinite."""
+    """False for a solver that does not exchange pivots, as an indefinite matrix requires."""
     return factor is not None and factor.name != "SuperLU"
 
 
 def _by_slepc(point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
-    found = solve_by_slepc(point.symmetric_stiffness, point.symmetric_mass, count, max_hz, _end)
-    notices = (not_counted(),) if found.sturm_count < 0 else ()
+    modes = solve_by_slepc(point.symmetric_stiffness, point.symmetric_mass, count, max_hz, _end)
+    notices = (not_counted(),) if modes.sturm_count < 0 else ()
     return EigenSolution(
         point,
-        found.values,
-        np.ascontiguousarray(found.shapes),
-        found.wanted,
-        found.shift,
-        found.sturm_shift,
-        found.sturm_count,
+        modes.values,
+        np.ascontiguousarray(modes.shapes),
+        modes.wanted,
+        modes.shift,
+        modes.sturm_shift,
+        modes.sturm_count,
         notices,
         method="SLEPc (Krylov-Schur) over MPI, sparse factors by MUMPS",
     )

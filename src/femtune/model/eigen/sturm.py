@@ -12,15 +12,16 @@ from femtune.model.eigen.pencil import Pencil
 from femtune.model.solvers.interface import Factor, SingularMatrixError
 
 _REPEATED = 1e-6
-"""Neighbours whose λ − σ differ by less than this fraction are one repeated mode."""
+"""Neighbouring modes whose λ − σ differ by less than this fraction are one repeated mode."""
 _NUDGES = (1.0, 1.0 + 1e-7, 1.0 + 1e-5)
+"""Factors of a value that are tried in turn if K − λM is singular there."""
 
 Cut = tuple[float, int]
 
 
 @dataclass(frozen=True, eq=False)
 class Count:
-    """Number of eigenvalues below a value (None where the pivots hide it), and the factors used."""
+    """Number of eigenvalues below a value (None if the pivots do not show it), and the factors used."""
 
     value: float
     below: int | None

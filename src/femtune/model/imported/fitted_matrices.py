@@ -15,9 +15,10 @@ from femtune.arrays import Reals
 from femtune.parameters.jet import Jet
 from femtune.surrogates import Surrogate, SurrogateRules, fit_surrogate
 
-_REST = 1e-13
-"""Part of the squares of the changes between the runs that components left out may have."""
+_NEGLECTED_VARIANCE = 1e-13
+"""Part of the sum of squares of the changes between the runs that may be neglected: amplitudes below 3e-7."""
 _MOST_COMPONENTS = 40
+"""Principal components that get a surrogate at most: each takes the time of one fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +55,14 @@ def fit_matrices(
     n, r, _ = matrices.shape
     mean = matrices.mean(axis=0)
     away = (matrices - mean).reshape(n, r * r)
-    # what no run changes stays exactly as it is, such as the missing stiffness of rigid-body modes
+    # entries that no run changes stay exactly as they are, such as the missing stiffness of rigid-body modes
     moving = np.flatnonzero(np.ptp(away, axis=0) > 0.0)
     if entries:
         parts = np.eye(r * r)[moving]
     else:
         _, size, rows = np.linalg.svd(away[:, moving], full_matrices=False)
         left = 1.0 - np.cumsum(size**2) / max(float(np.sum(size**2)), np.finfo(float).tiny)
-        count = min(int(np.sum(left > _REST)) + 1, _MOST_COMPONENTS) if size.max(initial=0.0) > 0.0 else 0
+        count = min(int(np.sum(left > _NEGLECTED_VARIANCE)) + 1, _MOST_COMPONENTS) if size.max(initial=0.0) > 0.0 else 0
         parts = np.zeros((count, r * r))
         parts[:, moving] = rows[:count]
     if not len(parts):

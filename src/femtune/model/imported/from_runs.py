@@ -38,21 +38,25 @@ from femtune.model.imported.polynomial import Polynomial, Powers, Variable
 from femtune.surrogates import SurrogateRules
 
 _NEW_DIRECTION = 1e-4
-"""Part of the shapes outside the modes of the central run, over their size, from which it is a direction of its own."""
+"""Part of the shapes outside the modes of the central run, relative to their size, above which it is a further
+direction of the basis: smaller parts are the rounding of listed shapes."""
 _MOST_DIRECTIONS = 40
-_ABOVE = 4.0
-"""Eigenvalues of what is no mode, over the largest one of the central run."""
-_LEFT_SET = 0.05
-"""Least singular value of the modes of a run in those of the central one."""
+"""Further directions at most; each adds a row to every modal matrix."""
+_EIGENVALUE_OF_NO_MODE = 4.0
+"""Eigenvalues of directions that are no modes, relative to the largest one of the central run: twice its frequency."""
+_LEAST_OVERLAP = 0.05
+"""Least singular value of the modes of a run in those of the central one; below, the run has other modes."""
 _RANK = 1e-9
+"""Singular value relative to the largest below which the runs do not determine a coefficient."""
 _UNSEEN = 1e-6
-"""Size of a shape over that of the largest one of its run, below which it is rounding."""
+"""Size of a shape relative to the largest one of its run below which it is rounding: lists have six to seven digits."""
 _ALIKE = 1e-6
-"""Least singular value of the shapes of the central run, each of length one, that tells them apart."""
-_LEVERAGE = 1.0 - 1e-9
+"""Least singular value of the shapes of the central run, each of length one, that distinguishes them."""
+_FULL_LEVERAGE = 1.0 - 1e-9
+"""Leverage of a run from which on the others do not determine the polynomial without it."""
 _RIGID = 1e-4
-"""Frequency over the highest one of a run, below which it is that of a rigid-body mode."""
-_ROUNDED = 1e-6
+"""Frequency relative to the highest one of a run below which it is that of a rigid-body mode."""
+_RAISED_TO = 1e-6
 """Frequency over the highest one of a run, below which it is raised to this where the rigid-body modes of the runs
 differ."""
 
@@ -182,7 +186,17 @@ def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, rules: Surr
         nothing = np.zeros((len(runs.names), *modal.shape[2:]))
         K, M = (np.concatenate([part[:1], nothing]) for part in modal)
         linear, unknown = _powers(len(runs.names), 1, False), np.full(runs.freq_hz.shape, np.nan)
-        return _Fit(basis, K, M, linear, middle, half, used, unknown, 1)
+        return _Fit(
+            basis=basis,
+            stiffness=K,
+            mass=M,
+            powers=linear,
+            middle=middle,
+            half=half,
+            used=used,
+            error=unknown,
+            coefficients=1,
+        )
     if len(chosen.points) < len(powers):
         raise FemtuneError(
             "runs.too-few", n_runs=len(chosen.points), n_coefficients=len(powers), degree=degree,
@@ -193,7 +207,17 @@ def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, rules: Surr
     if singular[-1] < _RANK * singular[0]:
         raise FemtuneError("runs.not-determined", n_runs=len(V), n_coefficients=len(powers))
     K, M = (np.einsum("pn,nij->pij", np.linalg.pinv(V), part) for part in modal)
-    return _Fit(basis, K, M, powers, middle, half, used, _left_out(V, modal, chosen.freq_hz), len(powers))
+    return _Fit(
+        basis=basis,
+        stiffness=K,
+        mass=M,
+        powers=powers,
+        middle=middle,
+        half=half,
+        used=used,
+        error=_left_out(V, modal, chosen.freq_hz),
+        coefficients=len(powers),
+    )
 
 
 def _by_surrogates(chosen: Runs, basis: Reals | None, modal: Reals, used: Flags, rules: SurrogateRules) -> _Fit:
@@ -204,7 +228,18 @@ def _by_surrogates(chosen: Runs, basis: Reals | None, modal: Reals, used: Flags,
     for i, (one, other) in enumerate(zip(K.left_out, M.left_out)):
         error[i] = _errors(one, other, chosen.freq_hz[i])
     count = len(K.parts) + len(M.parts)
-    return _Fit(basis, K.mean[None], M.mean[None], [], middle, half, used, error, count, (K, M))
+    return _Fit(
+        basis=basis,
+        stiffness=K.mean[None],
+        mass=M.mean[None],
+        powers=[],
+        middle=middle,
+        half=half,
+        used=used,
+        error=error,
+        coefficients=count,
+        by_surrogates=(K, M),
+    )
 
 
 def seen_modes(freq_hz: Reals, shapes: Reals, part: float = 1.0) -> tuple[Reals, Reals, int]:
@@ -270,7 +305,7 @@ def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
     # stiffness in the directions of rigid-body modes is exactly zero
     rigid = int((values[centre] == 0.0).sum())
     A[:, rigid:, :rigid] = 0.0
-    used = np.linalg.svd(A, compute_uv=False)[:, -1] > _LEFT_SET
+    used = np.linalg.svd(A, compute_uv=False)[:, -1] > _LEAST_OVERLAP
     extra = _directions(phi, runs.shapes[used] - phi @ A[used])
     D = np.linalg.pinv(extra) @ (runs.shapes - phi @ A)
     D[:, :, :rigid] = 0.0
@@ -278,7 +313,7 @@ def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
     inverse = np.tile(np.eye(r), (n, 1, 1))
     inverse[used, :m, :m] = np.linalg.inv(A[used])
     inverse[:, m:, :m] = -D @ inverse[:, :m, :m]
-    above = np.full((n, r - m), _ABOVE * values[centre].max())
+    above = np.full((n, r - m), _EIGENVALUE_OF_NO_MODE * values[centre].max())
     weights = np.concatenate([values, above], axis=1)
     M = np.einsum("nai,naj->nij", inverse, inverse)
     K = np.einsum("nai,na,naj->nij", inverse, weights, inverse)
@@ -297,7 +332,7 @@ def _rigid_exact(runs: Runs, centre: int) -> Runs:
     highest = runs.freq_hz.max(axis=1, keepdims=True)
     rigid = runs.freq_hz < _RIGID * highest
     count, hz, shapes = int(rigid[centre].sum()), np.where(rigid, 0.0, runs.freq_hz), runs.shapes
-    raised = replace(runs, freq_hz=np.maximum(runs.freq_hz, _ROUNDED * highest))
+    raised = replace(runs, freq_hz=np.maximum(runs.freq_hz, _RAISED_TO * highest))
     if shapes is None:
         return replace(runs, freq_hz=hz) if (rigid == rigid[centre]).all() else raised
     if (rigid.sum(axis=1) != count).any():
@@ -377,14 +412,14 @@ def _structure(parts: Sequence[Runs], nodes: NodeTable, fits: Sequence[_Fit], de
 
 
 def _matrices_of_surrogates(
-    kind: str, name: str, found: FittedMatrices, at: Integers, size: int, factor: int, places: dict[str, int]
+    kind: str, name: str, fitted: FittedMatrices, at: Integers, size: int, factor: int, places: dict[str, int]
 ) -> Iterator[AssembledMatrix]:
     """The mean of the modal matrices, and the parts that surrogates multiply."""
     label, roles = f"{kind} {name}", {"FACTOR": factor}
-    yield AssembledMatrix(kind, label, _on_g_set(found.mean, at, size), roles, factor_of_matrix)  # type: ignore[arg-type]
-    for j, matrix in enumerate(found.parts):
-        assert found.surrogate is not None
-        moving = SurrogateCoefficient(found.surrogate, j)
+    yield AssembledMatrix(kind, label, _on_g_set(fitted.mean, at, size), roles, factor_of_matrix)  # type: ignore[arg-type]
+    for j, matrix in enumerate(fitted.parts):
+        assert fitted.surrogate is not None
+        moving = SurrogateCoefficient(fitted.surrogate, j)
         upper = _on_g_set(matrix, at, size)
         yield AssembledMatrix(kind, label, upper, {**roles, **places}, moving)  # type: ignore[arg-type]
 
@@ -402,7 +437,7 @@ def _left_out(V: Reals, modal: Reals, freq_hz: Reals) -> Reals:
     leverage = np.diag(hat)
     fitted = np.einsum("ij,mjab->miab", hat, modal)
     error = np.full(freq_hz.shape, np.nan)
-    for i in np.flatnonzero(leverage < _LEVERAGE):
+    for i in np.flatnonzero(leverage < _FULL_LEVERAGE):
         K, M = modal[:, i] - (modal[:, i] - fitted[:, i]) / (1.0 - leverage[i])
         error[i] = _errors(K, M, freq_hz[i])
     return error

@@ -25,9 +25,10 @@ from femtune.parameters.jet import Jet
 # Which DOFs imported matrices have entries for: signs of a file that was cut, or of another run.
 
 
-# entries beside a zero diagonal that are rounding, over the largest diagonal
 _ROUNDING = 1e-9
+"""Entries in the row of a zero diagonal that are rounding, relative to the largest diagonal."""
 _SHOWN = 6
+"""DOFs that a message names."""
 
 
 def touched(upper: sp.csr_array, least: float = 0.0) -> Flags:
@@ -87,8 +88,11 @@ def _names(nodes: NodeTable, flags: Flags) -> str:
 
 
 _LARGEST = 1e100
-MATRIX, VARIABLE = "MATRIX", "VARIABLE"
-"""Cards of the fields that imported models have: ``MATRIX FRAME`` is a factor, ``VARIABLE T`` a value."""
+"""Entries above this are no stiffness or mass in any units, and their products overflow."""
+MATRIX = "MATRIX"
+"""Card of the factor of a matrix: ``MATRIX FRAME``."""
+VARIABLE = "VARIABLE"
+"""Card of the value of a variable: ``VARIABLE T``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +232,7 @@ def _empty(assembled: Sequence[AssembledMatrix], listed: NDArray[np.int64]) -> N
 def _of_empty(nodes: NodeTable, empty: NDArray[np.int64]) -> list[Notice]:
     if not empty.size:
         return []
-    shown = ", ".join(str(nodes.describe(int(i)))[:-1] for i in empty[:6]) + (" …" if empty.size > 6 else "")
+    shown = ", ".join(str(nodes.describe(int(i)))[:-1] for i in empty[:_SHOWN]) + (" …" if empty.size > _SHOWN else "")
     return [Notice("matrices.empty-rows", level="info", n_empty=empty.size, dofs=shown)]
 
 
@@ -237,8 +241,8 @@ def _assembled(
 ) -> tuple[list[AssembledMatrix], list[Notice]]:
     if len(matrix.sets) == 1 and not matrix.sets[0].at:
         return _parts(matrix, matrix.sets[0].upper, {"FACTOR": factor}, factor_of_matrix), []
-    found = fit_polynomial(matrix.name, matrix.sets, variables, tolerance, matrix.where)
-    return polynomial_terms(matrix, found, factor, values), [found.notice(matrix.where)]
+    polynomial = fit_polynomial(matrix.name, matrix.sets, variables, tolerance, matrix.where)
+    return polynomial_terms(matrix, polynomial, factor, values), [polynomial.notice(matrix.where)]
 
 
 def polynomial_terms(
@@ -293,8 +297,8 @@ class _Monomial:
         return out
 
 
-def _monomial(found: Polynomial, powers: tuple[int, ...]) -> Coefficient:
-    scaled = zip(found.variables, powers, found.scales)
+def _monomial(polynomial: Polynomial, powers: tuple[int, ...]) -> Coefficient:
+    scaled = zip(polynomial.variables, powers, polynomial.scales)
     return _Monomial(tuple((v.name, power, float(centre), float(half)) for v, power, (centre, half) in scaled))
 
 
@@ -333,5 +337,5 @@ def factor_at(matrix: AssembledMatrix, table: NDArray) -> float | complex:
     if matrix.coefficient is None:
         return 1.0
     values = {name: jet.constant(table[[i]], 0) for name, i in matrix.roles.items()}
-    found: float | complex = matrix.coefficient(values, {}).value[0].item()
-    return found
+    coefficient: float | complex = matrix.coefficient(values, {}).value[0].item()
+    return coefficient

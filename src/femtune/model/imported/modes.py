@@ -16,8 +16,8 @@ from femtune.model.configured import ModelPoint
 # Listed frequencies beside found ones: the digits of a list, and modes that only one of both has.
 
 
-# what rounding may excuse: a list of fewer digits than this shows nothing
 _COARSEST = 0.01
+"""Relative difference that the rounding of a list explains at most: a list of fewer digits checks nothing."""
 
 
 def rounding_hz(listed_hz: Sequence[float]) -> float:
@@ -49,7 +49,7 @@ class UnmatchedModes:
 
 
 def unpaired(found: Reals, listed: Reals, allowed: Reals) -> UnmatchedModes:
-    """Walk up both ascending lists; found modes above the last listed one are no matter.
+    """Walk up both ascending lists; found modes above the last listed one do not count.
 
     Parameters
     ----------
@@ -72,8 +72,18 @@ def unpaired(found: Reals, listed: Reals, allowed: Reals) -> UnmatchedModes:
 
 RIGID = 1e-4
 """Frequency below which a mode counts as rigid, relative to the highest that is compared."""
-_SAME_RATIO, _KNOWN_RATIO, _SHIFTED = 2e-3, 5e-3, 1e-3
-_PENALTY, _SCATTERED, _DRIFTING = 1e6, 0.02, 0.6
+_SAME_RATIO = 2e-3
+"""Scatter of the ratios of all frequencies, relative to their mean, up to which they are one ratio."""
+_KNOWN_RATIO = 5e-3
+"""Relative difference up to which that ratio is one of `_UNITS`; these differ by more than 1 % from each other."""
+_SHIFTED = 1e-3
+"""Relative difference up to which two lists agree if the lowest modes of one of them are left out."""
+_PENALTY = 1e6
+"""Stiffness relative to the median of the diagonal that is a penalty for a held DOF."""
+_SCATTERED = 0.02
+"""Range of the ratios of frequencies that no mass of another kind explains if they do not grow with the mode number."""
+_DRIFTING = 0.6
+"""Correlation of the differences with the mode number from which on they grow with it."""
 
 _UNITS = (
     (2.0 * np.pi, "the listed numbers are in rad/s, not in Hz"),
@@ -89,7 +99,7 @@ _UNITS = (
 
 @dataclass(frozen=True)
 class Cause:
-    """A likely cause and what speaks for it; the larger `weight` the more does."""
+    """A likely cause; the larger its `weight`, the stronger the evidence for it."""
 
     weight: float
     sentence: str
@@ -212,7 +222,7 @@ def _held(c: ListComparison, point: ModelPoint) -> Iterator[Cause]:
 
 
 def _single(c: ListComparison, tolerance: float) -> Iterator[Cause]:
-    """Most modes agree: some lack in the list, or are wrong in it."""
+    """Most modes agree: some are missing from the list, or are wrong in it."""
     allowed = np.maximum(tolerance * c.listed, excused(c.listed, c.rounding))
     only = unpaired(c.found, c.listed, allowed)
     if not only.telling:

@@ -1,8 +1,8 @@
 """Matrices at a few values of some variables as a polynomial: exact through as many sets as it has coefficients.
 
 K(p) = Σ_j ξ^{e_j} B_j with every variable scaled to ξ = (p − centre)/half over the range of the sets, and
-B = V⁻¹ K of the sets that were chosen as nodes (Vandermonde matrix V, nodes by pivoted QR). The sets that are left
-over check it: without at least one of them a wrong degree would go unseen.
+B = V⁻¹ K of the sets that were chosen as nodes (Vandermonde matrix V, nodes by pivoted QR). The other sets
+check it: without at least one of them a wrong degree would not be noticed.
 """
 
 from __future__ import annotations
@@ -29,9 +29,16 @@ from femtune.model.solvers.factorise import factorise
 # (K, D) with the diagonal D give soft motions x; what counts is the error of x·K x over its change between the sets.
 
 
-_MOTIONS, _STEPS = 24, 4
-# stiffness over the diagonal: what is added to make rigid motions solvable, and what is no rigid motion
-_ADDED, _ELASTIC = 1e-10, 1e-8
+_MOTIONS = 24
+"""Soft motions at which the energy is compared; the six rigid-body motions are among them."""
+_STEPS = 4
+"""Steps of subspace iteration: the motions need not be modes, but soft."""
+_ADDED = 1e-10
+"""Stiffness relative to the diagonal that is added so that rigid motions can be solved for."""
+_ELASTIC = 1e-8
+"""Energy relative to that of the diagonal above which a motion is not rigid."""
+_LEAST_CHANGE = 1e-3
+"""Change of an energy between the sets, relative to it, below which it contains few digits of the files."""
 
 
 def soft_error(pattern: sp.csr_array, expected: Reals, missed: Reals, sets: Reals) -> float:
@@ -54,8 +61,8 @@ def soft_error(pattern: sp.csr_array, expected: Reals, missed: Reals, sets: Real
     elastic = energy > _ELASTIC * np.einsum("ij,i,ij->j", X, D, X)
     change = np.ptp([_energies(_full(pattern, data), used, X) for data in sets], axis=0)
     error = np.abs(_energies(_full(pattern, missed), used, X))
-    # what does not change has nothing but the digits of the file
-    known = elastic & (change > 1e-3 * energy)
+    # the change of a constant energy is the rounding of the files
+    known = elastic & (change > _LEAST_CHANGE * energy)
     return float((error[known] / change[known]).max(initial=0.0))
 
 
@@ -85,12 +92,14 @@ def _soft(K: sp.csr_array, D: Reals) -> Reals:
 
 Powers = tuple[int, ...]
 
-# entries of a coefficient matrix that are rounding of those of the sets
 _ROUNDING = 1e-13
-# reciprocal condition below which the sets do not determine the coefficients
+"""Entry of a coefficient matrix, relative to the terms that make it, that is rounding: files have at most 16 digits."""
 _SINGULAR = 1e-10
-# deviation below which only the digits of the files differ; how much more of its change a soft motion may miss
-_DIGITS, _SOFT = 1e-7, 10.0
+"""Reciprocal condition below which the sets do not determine the coefficients."""
+_DIGITS = 1e-7
+"""Deviation below which the sets differ from the polynomial by the digits of the files only."""
+_SOFT = 10.0
+"""Factor of the tolerance for the energy of soft motions, which is a small difference of large entries."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +178,17 @@ def fit_polynomial(
     sizes = np.abs(inverse).sum(axis=1)[:, None] * np.abs(data).max(axis=0)
     coefficients[np.abs(coefficients) <= _ROUNDING * sizes] = 0.0
     rest = np.setdiff1d(np.arange(len(sets)), nodes)
-    deviation = _check(name, sets, rest, V, coefficients, data, pattern, tolerance, where)
+    deviation = _check(
+        name=name,
+        sets=sets,
+        rest=rest,
+        V=V,
+        coefficients=coefficients,
+        data=data,
+        pattern=pattern,
+        tolerance=tolerance,
+        where=where,
+    )
     terms = tuple((p, _matrix(pattern, c)) for p, c in zip(powers, coefficients) if c.any())
     return Polynomial(name, used, scales, terms, deviation, len(rest))
 
@@ -267,7 +286,7 @@ def _check(
     errors = [np.abs(V[r] @ coefficients - data[r]) / scale for r in rest]
     worst = int(np.argmax([e.max() for e in errors]))
     absolute = float(errors[worst].max())
-    # sets that hardly differ: nothing but the digits of the file
+    # sets that hardly differ do so by the digits of the file only
     deviation = absolute / max(change, 1e-9)
     if deviation > tolerance:
         raise _not_polynomial(name, sets[rest[worst]], absolute, change, deviation, tolerance, where)
@@ -283,9 +302,9 @@ def _entry_scale(pattern: sp.csr_array, data: NDArray) -> Reals:
     """√(d_i d_j) of an entry, so that rotations and translations have similar weight."""
     n = pattern.shape[0]
     rows = np.repeat(np.arange(n), np.diff(pattern.indptr))
-    own = rows == pattern.indices
+    on_diagonal = rows == pattern.indices
     diagonal = np.zeros(n)
-    diagonal[rows[own]] = np.abs(data[:, own]).max(axis=0)
+    diagonal[rows[on_diagonal]] = np.abs(data[:, on_diagonal]).max(axis=0)
     scale = np.sqrt(diagonal[rows] * diagonal[pattern.indices])
     return np.maximum(scale, 1e-12 * diagonal.max(initial=0.0))
 

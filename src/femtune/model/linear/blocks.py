@@ -1,4 +1,4 @@
-"""Blocks of vectors whose memory is used again: what the system gives anew costs more than what is done with it."""
+"""Blocks of vectors whose memory is used again: new memory of the system costs more time than the work on it."""
 
 from __future__ import annotations
 
@@ -31,8 +31,10 @@ class _ArrayPool:
 
 
 _POOL: ContextVar[_ArrayPool | None] = ContextVar("pool", default=None)
-_LEAST, _WIDEST = 1 << 17, 32
-"""Fewer numbers are recycled by the system as well; wider blocks are results that stay."""
+_LEAST_RECYCLED = 1 << 17
+"""Numbers from which on memory is kept here; smaller arrays (1 MB) are recycled by the C library as well."""
+_WIDEST_RECYCLED = 32
+"""Columns up to which memory is kept here; wider blocks are results that stay."""
 
 
 @contextmanager
@@ -48,6 +50,6 @@ def recycled() -> Iterator[None]:
 def empty_block(rows: int, columns: int, order: Literal["C", "F"] = "F") -> Reals:
     """A (rows, columns) array, not set to anything."""
     pool = _POOL.get()
-    if pool is None or columns > _WIDEST or rows * columns < _LEAST:
+    if pool is None or columns > _WIDEST_RECYCLED or rows * columns < _LEAST_RECYCLED:
         return np.empty((rows, columns), order=order)
     return pool.take(rows * columns).reshape((rows, columns), order=order)

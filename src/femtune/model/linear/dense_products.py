@@ -1,4 +1,4 @@
-"""Products of tall blocks of vectors, by the threads of the library that factorises where it is at hand.
+"""Products of tall blocks of vectors, by the threads of the library that factorises, if it is available.
 
 Two libraries with threads of their own disturb each other: each waits, busy, for its next work.
 """
@@ -14,12 +14,17 @@ from femtune.arrays import Reals
 from femtune.model.linear.blocks import empty_block
 from femtune.model.solvers import pardiso
 
-_BY_ROWS, _BY_COLUMNS, _PLAIN, _TRANSPOSED = 101, 102, 111, 112
-_ROWS = 1 << 14
+# numbers of cblas.h and lapacke.h
+_BY_ROWS = 101
+_BY_COLUMNS = 102
+_PLAIN = 111
+_TRANSPOSED = 112
+_ROWS_AT_ONCE = 1 << 14
+"""Rows that are multiplied together, so that no second array of the size of the whole is made."""
 _LIBRARY_FROM = 200_000
-"""Numbers in the tall matrix from which the library is worth its start."""
+"""Numbers in the tall matrix from which on the threads of the library save more than their start costs."""
 _EIGEN_FROM = 64
-"""The same for the rows of a small matrix: below, its threads have nothing to do."""
+"""The same for the rows of a small symmetric matrix: below, its threads have nothing to do."""
 
 
 def multiply(A: Reals, B: Reals) -> Reals:
@@ -39,32 +44,32 @@ def add(W: Reals, V: Reals, C: Reals) -> None:
 
 def turn(V: Reals, Y: Reals) -> Reals:
     """V Y in the place of V's first columns, a piece of rows at a time: no second array of V's size is made."""
-    for first in range(0, len(V), _ROWS):
-        rows = V[first : first + _ROWS]
+    for first in range(0, len(V), _ROWS_AT_ONCE):
+        rows = V[first : first + _ROWS_AT_ONCE]
         rows[:, : Y.shape[1]] = rows[:, : Y.shape[0]] @ Y
     return V[:, : Y.shape[1]]
 
 
 def transposed_times(V: Reals, W: Reals) -> Reals:
     """VᵀW for both in Fortran's order."""
-    found = pardiso.library() if V.size >= _LIBRARY_FROM else None
-    if found is None or not W.size or not (V.flags.f_contiguous and W.flags.f_contiguous):
+    mkl = pardiso.library() if V.size >= _LIBRARY_FROM else None
+    if mkl is None or not W.size or not (V.flags.f_contiguous and W.flags.f_contiguous):
         return np.asarray(V.T @ W)
     out = np.empty((V.shape[1], W.shape[1]), order="F")
-    _call(found, _TRANSPOSED, V, W, out, (1.0, 0.0), (V.shape[1], W.shape[1], V.shape[0]))
+    _call(mkl, _TRANSPOSED, V, W, out, (1.0, 0.0), (V.shape[1], W.shape[1], V.shape[0]))
     return out
 
 
 def in_any_order(A: Reals, B: Reals) -> Reals:
     """A B, in C's order, of arrays that are each in C's or Fortran's order, views that are transposed among them."""
-    found = pardiso.library() if max(A.size, B.size) >= _LIBRARY_FROM else None
+    mkl = pardiso.library() if max(A.size, B.size) >= _LIBRARY_FROM else None
     kinds = [_order_of(M) for M in (A, B)]
-    if found is None or None in kinds or not A.size or not B.size:
+    if mkl is None or None in kinds or not A.size or not B.size:
         return np.ascontiguousarray(A @ B)
     out = np.empty((A.shape[0], B.shape[1]))
     leading = (M.shape[1] if kind == _PLAIN else M.shape[0] for M, kind in zip((A, B), kinds))
     first, second = (max(number, 1) for number in leading)
-    found.cblas_dgemm(
+    mkl.cblas_dgemm(
         _BY_ROWS, *kinds, *out.shape, A.shape[1], ctypes.c_double(1.0), _pointer(A), first, _pointer(B), second,
         ctypes.c_double(0.0), _pointer(out), out.shape[1],
     )  # fmt: skip
@@ -80,8 +85,8 @@ def _order_of(M: Reals) -> int | None:
 
 def symmetric_eigen(A: Reals) -> tuple[Reals, Reals]:
     """Eigenvalues of a symmetric matrix, ascending, and its vectors."""
-    found = pardiso.library() if len(A) >= _EIGEN_FROM else None
-    if found is None:
+    mkl = pardiso.library() if len(A) >= _EIGEN_FROM else None
+    if mkl is None:
         values, vectors = la.eigh(A)
         return np.asarray(values), np.asarray(vectors)
     n = len(A)
@@ -91,7 +96,7 @@ def symmetric_eigen(A: Reals) -> tuple[Reals, Reals]:
     vectors, values = aligned[: n * n].reshape((n, n), order="F"), aligned[n * n : n * (n + 1)]
     vectors[...] = A
     jobs = ctypes.c_char(b"V"), ctypes.c_char(b"U")
-    if found.LAPACKE_dsyevd(_BY_COLUMNS, *jobs, n, _pointer(vectors), n, _pointer(values)):
+    if mkl.LAPACKE_dsyevd(_BY_COLUMNS, *jobs, n, _pointer(vectors), n, _pointer(values)):
         raise la.LinAlgError("the eigenvalues of a small matrix did not converge")
     return values, vectors
 
@@ -101,10 +106,10 @@ def _product(A: Reals, B: Reals, out: Reals, alpha: float, beta: float) -> Reals
     if not A.size or not B.size:
         out *= beta
         return out
-    found = pardiso.library() if A.size >= _LIBRARY_FROM else None
+    mkl = pardiso.library() if A.size >= _LIBRARY_FROM else None
     B = np.asfortranarray(B)
-    if found is not None and A.flags.f_contiguous and out.flags.f_contiguous:
-        _call(found, _PLAIN, A, B, out, (alpha, beta), (A.shape[0], B.shape[1], B.shape[0]))
+    if mkl is not None and A.flags.f_contiguous and out.flags.f_contiguous:
+        _call(mkl, _PLAIN, A, B, out, (alpha, beta), (A.shape[0], B.shape[1], B.shape[0]))
         return out
     new = la.blas.dgemm(alpha, A, B, beta=beta, c=out, overwrite_c=True)
     if new is not out:
@@ -113,11 +118,11 @@ def _product(A: Reals, B: Reals, out: Reals, alpha: float, beta: float) -> Reals
 
 
 def _call(
-    found: ctypes.CDLL, kind: int, A: Reals, B: Reals, out: Reals, factors: tuple[float, float],
+    mkl: ctypes.CDLL, kind: int, A: Reals, B: Reals, out: Reals, factors: tuple[float, float],
     sizes: tuple[int, int, int],
 ) -> None:  # fmt: skip
     alpha, beta = (ctypes.c_double(f) for f in factors)
-    found.cblas_dgemm(
+    mkl.cblas_dgemm(
         _BY_COLUMNS, kind, _PLAIN, *sizes, alpha, _pointer(A), A.shape[0], _pointer(B), B.shape[0], beta,
         _pointer(out), out.shape[0],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Free memory of the machine and of what limits this process, so that a shortage is said before the work starts."""
+"""Free memory of the machine and of what limits this process, so that a shortage is reported before the work starts."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ NEGLIGIBLE_BYTES = 1 << 20
 
 
 def free_memory(root: Path = Path("/")) -> int | None:
-    """Bytes that this process can still take; None where nobody says.
+    """Bytes that this process can still take; None if it is not known.
 
     The machine, the control groups and the limit of the process's own addresses (``ulimit -v``) are asked.
 
     `root` is where ``proc`` and ``sys`` are.
     """
-    found = [*_machine(root), *_groups(root), *_addresses(root)]
-    return max(min(found), 0) if found else None
+    limits = [*_machine(root), *_groups(root), *_addresses(root)]
+    return max(min(limits), 0) if limits else None
 
 
 def require_memory(needed_bytes: int, code: str, **facts: Any) -> None:

@@ -1,4 +1,4 @@
-"""Products of one symmetric sparse matrix with many blocks of vectors, by the fastest means at hand."""
+"""Products of one symmetric sparse matrix with many blocks of vectors, in the fastest available way."""
 
 from __future__ import annotations
 
@@ -16,14 +16,23 @@ from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.solvers import pardiso
 
 LIBRARY_FROM = 50_000
-"""Entries from which the threaded library is worth its start."""
+"""Entries from which on the threads of the library save more than their start costs."""
 DENSE_UP_TO = 100
-"""Rows up to which a full array is multiplied: to make a sparse matrix ready takes longer than a hundred products."""
-_NEARLY, _DENSE = 1.25, 0.9
-"""Entries a row of a nearly diagonal matrix, at most; part of a pattern without zeros from which on these may stay."""
-_SUCCESS, _PLAIN, _BY_ROWS, _FROM_ZERO = 0, 10, 101, 0
-_ROWS = 1 << 11
-_SYMMETRIC, _UPPER, _NON_UNIT = 21, 41, 50
+"""Rows up to which a full array is multiplied: preparing a sparse matrix takes longer than a hundred such products."""
+_NEARLY_DIAGONAL = 1.25
+"""Entries per row, at most, of a matrix whose diagonal is multiplied separately."""
+_FEW_ZEROS = 0.9
+"""Part of the entries that are not zero from which on removing the zeros would save little."""
+_ROWS_AT_ONCE = 1 << 11
+"""Rows that are reordered together, few enough for the cache."""
+# numbers of mkl_spblas.h
+_SUCCESS = 0
+_PLAIN = 10
+_BY_ROWS = 101
+_FROM_ZERO = 0
+_SYMMETRIC = 21
+_UPPER = 41
+_NON_UNIT = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +50,15 @@ class Product:
 def product(matrix: SymmetricMatrix, block: int = 0) -> Product:
     """Make a real matrix ready for products; entries that are zero are left out.
 
-    `block` is the usual number of columns where many products will be requested: the library may then keep a copy of
-    the matrix in the order that it likes best.
+    `block` is the usual number of columns if many products follow: the library may then keep a copy of the matrix
+    in the order that is fastest for it.
     """
     n = matrix.shape[0]
     if n <= DENSE_UP_TO:
         array = matrix.full().toarray()
         return Product(matrix.shape, lambda x: column_major(np.asarray(array @ x)))
     lean = without_zeros(matrix)
-    if lean.nnz <= _NEARLY * n:
+    if lean.nnz <= _NEARLY_DIAGONAL * n:
         return Product(matrix.shape, _NearlyDiagonal.of(lean))
     if lean.nnz >= LIBRARY_FROM and pardiso.library() is not None:
         return Product(matrix.shape, _LibraryMatrix(lean, block))
@@ -88,7 +97,7 @@ class _NearlyDiagonal:
 def without_zeros(matrix: SymmetricMatrix) -> sp.csr_array:
     """The upper triangle with its whole diagonal and no other zeros, where these are many."""
     keep = matrix.data != 0.0
-    if np.count_nonzero(keep) > _DENSE * len(keep):
+    if np.count_nonzero(keep) > _FEW_ZEROS * len(keep):
         return matrix.upper
     keep[matrix.indptr[:-1]] = True
     starts = np.concatenate([[0], np.cumsum(keep, dtype=np.int32)]).astype(np.int32)[matrix.indptr]
@@ -108,9 +117,9 @@ class _LibraryMatrix:
     """A matrix in the Math Kernel Library's sparse format; the library reads our arrays."""
 
     def __init__(self, upper: sp.csr_array, block: int) -> None:
-        found = pardiso.library()
-        assert found is not None
-        self._library = found
+        mkl = pardiso.library()
+        assert mkl is not None
+        self._library = mkl
         self._n, self._upper = upper.shape[0], upper
         self._handle = ctypes.c_void_p()
         starts = upper.indptr.ctypes.data
@@ -161,8 +170,8 @@ def _reordered(x: Reals, order: Literal["C", "F"]) -> Reals:
     if x.flags.c_contiguous if order == "C" else x.flags.f_contiguous:
         return x
     out = empty_block(x.shape[0], x.shape[1], order)
-    for first in range(0, len(x), _ROWS):
-        out[first : first + _ROWS] = x[first : first + _ROWS]
+    for first in range(0, len(x), _ROWS_AT_ONCE):
+        out[first : first + _ROWS_AT_ONCE] = x[first : first + _ROWS_AT_ONCE]
     return out
 
 

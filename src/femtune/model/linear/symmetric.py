@@ -9,10 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-_COLUMNS = 16
-"""Columns of a product at a time, so that there is one further array of the size of the result, and no more."""
-_SMALL = 20_000
-"""Entries of a pattern up to which that of both triangles is kept; in small models it takes longer than the factors."""
+_COLUMNS_AT_ONCE = 16
+"""Columns that are multiplied together, so that a product makes no further arrays of the size of its result."""
+_SMALL_PATTERN = 20_000
+"""Entries up to which the pattern of both triangles is kept: for small models finding it takes longer than the
+factors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +52,8 @@ class SymmetricMatrix:
         if x.ndim == 1:
             return self._times(x, self.diagonal())
         out = np.empty(x.shape, np.result_type(self.data, x))
-        for first in range(0, x.shape[1], _COLUMNS):
-            part = slice(first, first + _COLUMNS)
+        for first in range(0, x.shape[1], _COLUMNS_AT_ONCE):
+            part = slice(first, first + _COLUMNS_AT_ONCE)
             out[:, part] = self._times(x[:, part], self.diagonal()[:, None])
         return out
 
@@ -76,7 +77,7 @@ class BothTriangles:
     @classmethod
     def of(cls, indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> BothTriangles:
         """From the pattern of the upper triangle."""
-        if len(indices) <= _SMALL:
+        if len(indices) <= _SMALL_PATTERN:
             return _known(indptr.astype(np.int32).tobytes(), indices.astype(np.int32).tobytes())
         return cls._found(indptr, indices)
 

@@ -23,7 +23,13 @@ from femtune.model.solvers.interface import SingularMatrixError
 
 Method = Literal["guyan", "irs", "serep"]
 
-_DEPENDENT, _LOST = 1e-12, 1e-4
+_DEPENDENT = 1e-12
+"""Eigenvalue of the flexibility at the sensors, scaled to unit diagonal and relative to the largest, below which a
+sensor is a combination of others."""
+_LOST = 1e-4
+"""Relative residual of a solve for a random load above which the factors are lost to rounding: a motion is not held."""
+_UNSEEN = 1e-8
+"""Singular value of the shapes at the sensors, relative to the largest, below which modes cannot be told apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +73,7 @@ def sensor_model(
     ----------
     rows : C (s, n_free), from the free DOFs to the sensors: `SensorMap.matrix @ configured.transformation`
     method : "guyan" static, "irs" with the inertia of what is condensed, "serep" by modes
-    modes : that SEREP keeps; as many as there are sensors without it
+    modes : number that SEREP keeps; by default the number of sensors
 
     Raises
     ------
@@ -83,7 +89,7 @@ def _by_modes(point: ModelPoint, C: sp.csr_array, count: int) -> Reals:
     shapes = solve_modes(point, count).shapes[:, :count]
     seen = np.asarray(C @ shapes)
     singular = la.svdvals(seen)
-    if shapes.shape[1] > C.shape[0] or singular[-1] <= 1e-8 * singular[0]:
+    if shapes.shape[1] > C.shape[0] or singular[-1] <= _UNSEEN * singular[0]:
         raise FemtuneError("reduce.modes-unseen/at-sensors", modes=shapes.shape[1], sensors=C.shape[0])
     return np.asarray(shapes @ la.pinv(seen))
 
@@ -98,7 +104,7 @@ def _static(point: ModelPoint, C: sp.csr_array, improved: bool) -> Reals:
         X = factor.solve(right)
     except SingularMatrixError as error:
         raise _loose() from error
-    # a pivot that rounding kept from zero shows in what the factors solve
+    # a pivot that is zero except for rounding shows in the residual of a solve
     probe = np.random.default_rng(5).standard_normal(A.shape[0])
     if not np.linalg.norm(A @ factor.solve(probe) - probe) <= _LOST * np.linalg.norm(probe):
         raise _loose()

@@ -2,7 +2,7 @@
 
 At the point with the largest error estimate, fixed-interface modes and static shapes of the components whose matrices
 differ there are added. Where they are not enough, the full model is solved, and the parts that its modes have in each
-component are added; so are those of the first solution. Modes that the components lack are made up for by these parts.
+component are added; so are those of the first solution. These parts replace component modes that were not kept.
 """
 
 from __future__ import annotations
@@ -89,9 +89,16 @@ class ComponentTrainer:
         metric = point.symmetric_stiffness.plus(-solution.shift, point.symmetric_mass)
         estimator = ErrorEstimator(metric, self.rules.count, known=solution.factor)
         trained = Trained(
-            model, basis, (first,), points, np.full(len(points), np.inf), TrainingStatus.UNFINISHED, estimator, metric,
-            parts,
-        )  # fmt: skip
+            model=model,
+            basis=basis,
+            certified=(first,),
+            points=points,
+            estimates=np.full(len(points), np.inf),
+            status=TrainingStatus.UNFINISHED,
+            estimator=estimator,
+            metric=metric,
+            components=parts,
+        )
         self.report(trained)
         return trained
 

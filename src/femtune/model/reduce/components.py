@@ -109,7 +109,7 @@ class Division:
 
 
 def divide(configured: ConfiguredModel, components: Components) -> Division | None:
-    """The components that a configuration has; None where the whole of it is one component.
+    """The components that a configuration has; None if it is one component as a whole.
 
     A free DOF belongs to the interface if elements of two components act on it. Rigid elements and multipoint
     constraints are eliminated before, so that a component acts on all DOFs that the motion of its grid points depends
@@ -131,9 +131,9 @@ def divide(configured: ConfiguredModel, components: Components) -> Division | No
         raise FemtuneError("configuration.preload-components", request=preload.request)
     interface = np.flatnonzero(shared)
     parts = tuple(
-        Part(name, np.flatnonzero(own & ~shared), np.flatnonzero(own[interface]))
-        for name, own in zip((*present, OTHERS), has)
-        if name != OTHERS or (own & ~shared).any()
+        Part(name, np.flatnonzero(acts & ~shared), np.flatnonzero(acts[interface]))
+        for name, acts in zip((*present, OTHERS), has)
+        if name != OTHERS or (acts & ~shared).any()
     )
     for part in parts:
         if part.name != OTHERS and not part.boundary.size:
@@ -185,10 +185,10 @@ def alone(whole: ConfiguredModel, components: Components, names: Sequence[str]) 
     kept[row[np.isin(dofs[some], dofs[others])]] = False
     present = mine | np.isin(elements, names_of[kept])
     absent = _moved(T, dofs[~present])
-    own = np.unique(dofs[present])
-    held = own[(abs(T[own]) @ absent.astype(float)) > 0.0]
+    dofs_present = np.unique(dofs[present])
+    held = dofs_present[(abs(T[dofs_present]) @ absent.astype(float)) > 0.0]
     off = frozenset(structure.element_kinds) - here - frozenset(map(int, names_of[kept]))
-    # what rigid elements that are present move has no support of its own
+    # DOFs that depend on rigid elements that are present have no support of their own
     held = np.setdiff1d(held, structure.rigid.dependent[~np.isin(structure.rigid.owner, sorted(off))])
     return Alone(off, _by_node(whole, held))
 
@@ -208,11 +208,11 @@ def _acting(whole: ConfiguredModel) -> tuple[Integers, Integers]:
 def _by_node(whole: ConfiguredModel, dofs: Integers) -> tuple[tuple[int, str], ...]:
     """g-set DOFs as (node, components)."""
     nodes = whole.model.structure.nodes
-    found: dict[int, str] = {}
+    components: dict[int, str] = {}
     for i in dofs:
         dof = nodes.describe(int(i))
-        found[dof.node] = found.get(dof.node, "") + (str(i % 6 + 1) if i < 6 * len(nodes.ids) else "0")
-    return tuple(found.items())
+        components[dof.node] = components.get(dof.node, "") + (str(i % 6 + 1) if i < 6 * len(nodes.ids) else "0")
+    return tuple(components.items())
 
 
 def _dofs_of_parts(configured: ConfiguredModel, parts: Sequence[frozenset[int]], off: frozenset[int]) -> Flags:
@@ -222,12 +222,12 @@ def _dofs_of_parts(configured: ConfiguredModel, parts: Sequence[frozenset[int]],
     numbers = [np.array(sorted(p), np.int64) for p in parts]
     without = np.array(sorted(off), np.int64)
     for dofs, elements in _elements(configured):
-        own = np.full(len(elements), -1)
+        part_of = np.full(len(elements), -1)
         for i, some in enumerate(numbers):
-            own[np.isin(elements, some)] = i
+            part_of[np.isin(elements, some)] = i
         for i in range(len(parts)):
-            has[i] |= _moved(T, dofs[own == i])
-        left.append(dofs[(own < 0) & ~np.isin(elements, without)])
+            has[i] |= _moved(T, dofs[part_of == i])
+        left.append(dofs[(part_of < 0) & ~np.isin(elements, without)])
     for dofs in left:
         _place_others(has, T, dofs)
     for term in configured.model.terms:
@@ -344,8 +344,8 @@ def component_model(
     point = configured.at(np.zeros(len(configured.model.parameters.free)) if x is None else x)
     basis, parts = component_basis(point, division, components, highest_hz)
     model = reduce_model(configured, basis, rows)
-    found = reduced_modes(model.at(point.x), 1).eigenvalues
-    elastic = found[found > RIGID * found[: max(len(found) // 4, 7)].max()]
+    eigenvalues = reduced_modes(model.at(point.x), 1).eigenvalues
+    elastic = eigenvalues[eigenvalues > RIGID * eigenvalues[: max(len(eigenvalues) // 4, 7)].max()]
     return ComponentModel(replace(model, shift=-float(elastic[0])), basis, parts)
 
 
@@ -353,7 +353,7 @@ def component_basis(
     point: ModelPoint, division: Division, components: Components, highest_hz: float
 ) -> tuple[Reals, ComponentBasis]:
     """V (n_free, r) of the components at a point, and its parts (error ``reduce.component-loose``)."""
-    own, end = [], len(division.interface)
+    built, end = [], len(division.interface)
     for part in division.parts:
         block = _Block.of(point, division, part)
         limit = components.limit(part.name, highest_hz)
@@ -363,13 +363,13 @@ def component_basis(
         columns = np.arange(end, end + W.shape[1])
         end += W.shape[1]
         static = static_shapes(block.parts, block.factor)
-        own.append((PartBasis(part, limit, W.shape[1], static, metric, columns, (block.digest,)), W))
+        built.append((PartBasis(part, limit, W.shape[1], static, metric, columns, (block.digest,)), W))
     V = np.zeros((point.configured.n_free, end))
     V[division.interface, np.arange(len(division.interface))] = 1.0
-    for basis, W in own:
+    for basis, W in built:
         V[np.ix_(basis.part.interior, basis.part.boundary)] = basis.static
         V[np.ix_(basis.part.interior, basis.columns)] = W
-    return V, ComponentBasis(division.interface, tuple(basis for basis, _ in own))
+    return V, ComponentBasis(division.interface, tuple(basis for basis, _ in built))
 
 
 @dataclass(frozen=True, eq=False)
@@ -427,12 +427,12 @@ class Motions:
 def with_parts_of(
     basis: Reals, components: ComponentBasis, motions: Motions, negligible: float
 ) -> tuple[Reals, ComponentBasis]:
-    """The basis with the parts of motions in each component's interior: what static shapes and own columns miss."""
+    """The basis with the parts of motions in each component's interior that it does not contain yet."""
     added: dict[str, tuple[tuple[Reals, Reals | None], ...]] = {}
-    for own in components.parts:
-        boundary = motions.shapes[components.interface[own.part.boundary]]
-        missing = motions.shapes[own.part.interior] - own.static @ boundary
-        added[own.part.name] = ((missing, motions.energy),)
+    for component in components.parts:
+        boundary = motions.shapes[components.interface[component.part.boundary]]
+        missing = motions.shapes[component.part.interior] - component.static @ boundary
+        added[component.part.name] = ((missing, motions.energy),)
     return _grown(basis, components, added, negligible)
 
 
@@ -447,17 +447,17 @@ def rebuilt(
     division = Division(tuple(p.part for p in components.parts), components.interface)
     added: dict[str, tuple[tuple[Reals, Reals | None], ...]] = {}
     parts = []
-    for own in components.parts:
-        known = _cut(point, division, own.part)[2]
-        if known in own.built:
-            parts.append(own)
+    for component in components.parts:
+        known = _cut(point, division, component.part)[2]
+        if known in component.built:
+            parts.append(component)
             continue
-        block = _Block.of(point, division, own.part)
-        modes = fixed_interface_modes_up_to(block.parts, block.factor, own.max_hz)
-        change = static_shapes(block.parts, block.factor) - own.static
-        boundary = motions.shapes[components.interface[own.part.boundary]]
-        added[own.part.name] = ((modes, None), (change @ boundary, motions.energy))
-        parts.append(replace(own, built=(*own.built, known)))
+        block = _Block.of(point, division, component.part)
+        modes = fixed_interface_modes_up_to(block.parts, block.factor, component.max_hz)
+        change = static_shapes(block.parts, block.factor) - component.static
+        boundary = motions.shapes[components.interface[component.part.boundary]]
+        added[component.part.name] = ((modes, None), (change @ boundary, motions.energy))
+        parts.append(replace(component, built=(*component.built, known)))
     return _grown(basis, replace(components, parts=tuple(parts)), added, negligible)
 
 
@@ -469,17 +469,17 @@ def _grown(
 ) -> tuple[Reals, ComponentBasis]:
     """The basis with vectors (n_o, m) added to some components; energies None stand for the vectors' own."""
     end, parts, columns = basis.shape[1], [], []
-    for own in components.parts:
-        if not own.part.interior.size or own.part.name not in added:
-            parts.append(own)
+    for component in components.parts:
+        if not component.part.interior.size or component.part.name not in added:
+            parts.append(component)
             continue
-        W = basis[np.ix_(own.part.interior, own.columns)]
+        W = basis[np.ix_(component.part.interior, component.columns)]
         before = W.shape[1]
-        for vectors, energy in added[own.part.name]:
-            W = extend(W, vectors, own.metric, negligible, energy)
+        for vectors, energy in added[component.part.name]:
+            W = extend(W, vectors, component.metric, negligible, energy)
         new = np.zeros((len(basis), W.shape[1] - before))
-        new[own.part.interior] = W[:, before:]
+        new[component.part.interior] = W[:, before:]
         columns.append(new)
-        parts.append(replace(own, columns=np.append(own.columns, np.arange(end, end + new.shape[1]))))
+        parts.append(replace(component, columns=np.append(component.columns, np.arange(end, end + new.shape[1]))))
         end += new.shape[1]
     return np.hstack([basis, *columns]), replace(components, parts=tuple(parts))

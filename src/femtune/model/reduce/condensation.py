@@ -32,7 +32,7 @@ from femtune.model.solvers.interface import Factor, SingularMatrixError
 
 Matrix: TypeAlias = NDArray[np.float64] | sp.sparray
 
-_KEPT = ("ASET", "BSET", "CSET")
+_MASTER_SETS = ("ASET", "BSET", "CSET")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Partition:
         return sp.csr_array(A[rows][:, columns])
 
     def transformation(self, of_slaves: Reals) -> Reals:
-        """T (n, m) from the slaves' part (n − m, m): masters move as they are told."""
+        """T (n, m) from the slaves' part (n − m, m): masters move as prescribed."""
         T = np.zeros((self.K.shape[0], len(self.masters)))
         T[self.masters] = np.eye(len(self.masters))
         T[self.slaves] = of_slaves
@@ -106,26 +106,29 @@ def deck_masters(configured: ConfiguredModel) -> Integers:
     FemtuneError : ``reduce.no-masters`` where the deck has no such set, or none of its DOFs is free
     """
     sets = configured.model.structure.dof_sets
-    kept = _joined(sets[name] for name in _KEPT if name in sets)
+    kept = _joined(sets[name] for name in _MASTER_SETS if name in sets)
     if kept.size:
-        found = np.flatnonzero(np.isin(configured.free, kept))
+        masters = np.flatnonzero(np.isin(configured.free, kept))
     else:
         omitted = sets.get("OMIT", np.zeros(0, np.int64))
-        found = np.flatnonzero(~np.isin(configured.free, omitted)) if omitted.size else omitted
-    if not found.size:
+        masters = np.flatnonzero(~np.isin(configured.free, omitted)) if omitted.size else omitted
+    if not masters.size:
         raise FemtuneError(
             "reduce.no-masters",
             values={"sets": ", ".join(sets) or "none"},
             configuration=configured.configuration.name,
         )
-    return found
+    return masters
 
 
 def _joined(sets: Iterable[Integers]) -> Integers:
     return np.unique(np.concatenate([np.zeros(0, np.int64), *sets]))
 
 
-_SINGULAR, _LOST = 1e-12, 1e-4
+_SINGULAR = 1e-12
+"""Singular value of the shapes at the masters, relative to the largest, below which modes cannot be told apart."""
+_LOST = 1e-4
+"""Relative residual of a solve for a random load above which the factors are lost to rounding: a motion is not held."""
 
 
 def guyan(K: Matrix, M: Matrix, masters: ArrayLike) -> Reduction:
@@ -172,7 +175,7 @@ def serep(K: Matrix, M: Matrix, masters: ArrayLike, shapes: Reals) -> Reduction:
 
     With fewer modes than masters the reduced matrices are singular: they have the rank k.
     Source: O'Callahan, Avitabile and Riemer 1989. Raises FemtuneError ``reduce.masters``, and
-    ``reduce.modes-unseen`` where the masters do not tell the modes apart.
+    ``reduce.modes-unseen`` if the modes cannot be told apart at the masters.
     """
     parts = Partition.of(K, M, masters)
     at_masters = shapes[parts.masters]
@@ -183,6 +186,7 @@ def serep(K: Matrix, M: Matrix, masters: ArrayLike, shapes: Reals) -> Reduction:
 
 
 def static_shapes(parts: Partition, factor: Factor | None) -> Reals:
+    """(n − m, m) static shapes −K_oo⁻¹K_oa of the slaves, for unit motions of the masters."""
     return -_solved(factor, parts.block(parts.K, parts.slaves, parts.masters).toarray())
 
 
@@ -199,7 +203,7 @@ def slaves_factor(parts: Partition) -> Factor | None:
         factor = factorise(A)
     except SingularMatrixError as error:
         raise _loose() from error
-    # a pivot that rounding kept from zero shows in what the factors solve
+    # a pivot that is zero except for rounding shows in the residual of a solve
     probe = np.random.default_rng(3).standard_normal(A.shape[0])
     left = np.linalg.norm(A @ factor.solve(probe) - probe)
     if not left <= _LOST * np.linalg.norm(probe):
@@ -215,14 +219,17 @@ def _loose() -> FemtuneError:
 # Craig-Bampton: modes with the interface held and static shapes of the interface; components joined there.
 
 
-_FIRST_COUNT, _EXTRA = 20, 6
+_FIRST_COUNT = 20
+"""Modes that are computed first if the solver cannot count those below a frequency; then twice as many, and so on."""
+_EXTRA_MODES = 6
+"""Modes that are computed beyond the wanted ones, since the iteration converges at its last modes slowly."""
 
 
 def craig_bampton(K: Matrix, M: Matrix, interface: ArrayLike, modes: int) -> Reduction:
     """Interface DOFs and the `modes` lowest fixed-interface modes: T = [[1, 0], [−K_oo⁻¹K_oa, Φ]].
 
     Exact with all modes, and the static condensation without any. The reduced stiffness has no coupling of interface
-    and modes, the mass has the unit matrix at the modes. Fewer modes are taken where the slaves have fewer.
+    and modes, the mass has the unit matrix at the modes. If the slaves have fewer modes, all of them are taken.
 
     Source: Craig and Bampton 1968. Raises FemtuneError ``reduce.masters``, ``reduce.slaves-loose``.
     """
@@ -267,7 +274,7 @@ def _lowest(pencil: Pencil, factor: Factor, count: int) -> tuple[Reals, Reals]:
     count = min(count, pencil.heavy.size)
     if count <= 0:
         return np.zeros(0), np.zeros((pencil.n, 0))
-    asked = min(count + _EXTRA, pencil.heavy.size)
+    asked = min(count + _EXTRA_MODES, pencil.heavy.size)
     values, shapes, _ = lowest(EigenSearch(Inverse(pencil, 0.0, factor)), asked, count)
     return values[:count], np.ascontiguousarray(shapes[:, :count])
 
@@ -280,10 +287,10 @@ def _pencil_of_slaves(parts: Partition) -> Pencil:
 
 def _on_both(A: sp.csr_array, other: sp.csr_array) -> sp.csr_array:
     """A with zeros where only another matrix has entries, and on its diagonal."""
-    own, more, at = A.tocoo(), other.tocoo(), np.arange(A.shape[0])
+    entries, more, at = A.tocoo(), other.tocoo(), np.arange(A.shape[0])
     zeros = np.zeros(more.nnz + len(at))
-    rows, cols = np.concatenate([own.row, more.row, at]), np.concatenate([own.col, more.col, at])
-    return sp.csr_array(sp.coo_array((np.concatenate([own.data, zeros]), (rows, cols)), shape=A.shape))
+    rows, cols = np.concatenate([entries.row, more.row, at]), np.concatenate([entries.col, more.col, at])
+    return sp.csr_array(sp.coo_array((np.concatenate([entries.data, zeros]), (rows, cols)), shape=A.shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,9 +336,11 @@ def couple(components: Sequence[Component]) -> Coupled:
             names.setdefault(name, len(names))
     places, end = [], len(names)
     for component in components:
-        own = len(component.reduction.mass) - len(component.names)
-        places.append(np.array([*(names[n] for n in component.names), *range(end, end + own)], dtype=np.int64))
-        end += own
+        own_coordinates = len(component.reduction.mass) - len(component.names)
+        places.append(
+            np.array([*(names[n] for n in component.names), *range(end, end + own_coordinates)], dtype=np.int64)
+        )
+        end += own_coordinates
     k, m = np.zeros((end, end)), np.zeros((end, end))
     for component, at in zip(components, places):
         k[np.ix_(at, at)] += component.reduction.stiffness

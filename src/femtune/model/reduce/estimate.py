@@ -1,10 +1,10 @@
-"""How far the eigenvalues of a reduced model are off at any p, without a solution of the full model.
+"""Error estimates of the eigenvalues of a reduced model at any p, without a solution of the full model.
 
 The Ritz pairs (λ, x = Vy) leave residuals r = K(p)x − λM(p)x. With the factors of the nominal A0 = K0 − σM0 the
 vectors d = A0⁻¹r are nearly the errors of the shapes; one Rayleigh-Ritz step on [X, D] gives λ⁺ between the true
-eigenvalue and λ. So λ − λ⁺ never exceeds the true error, and misses a part of it where A0 differs from A(p), for which
-the estimate is multiplied by SAFETY. A mode of which the basis has nothing at all can escape: only a full solution,
-with its Sturm count, certifies.
+eigenvalue and λ. So λ − λ⁺ never exceeds the true error, and is smaller where A0 differs from A(p), for which the
+estimate is multiplied by SAFETY. A mode of which the basis contains nothing can remain undetected: only a full solution
+with its Sturm count certifies the error.
 """
 
 from __future__ import annotations
@@ -30,13 +30,16 @@ from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import Factor
 
 ABOVE = 0.25
-"""Ritz vectors above the wanted ones, as a part of them: what comes down from there shows modes that are missed."""
+"""Ritz vectors above the wanted ones, as a fraction of their number: one whose improved eigenvalue falls among the
+wanted ones shows a mode that the basis misses."""
 SAFETY = 2.0
-"""What the estimate is multiplied by, since the step with the nominal factors finds a part of the error only."""
+"""Factor of the estimate: the step with the nominal factors finds only a part of the error."""
 AS_FREQUENCY = 0.02
 """Relative frequency error that an error of 1 in the logarithm of FRFs counts as."""
 _DEPENDENT = 1e-10
+"""Eigenvalue of the mass of unit corrections, relative to the largest, below which they are linearly dependent."""
 _ROUNDING = 1e-12
+"""Norm of a correction relative to that of the largest Ritz vector below which it is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +73,7 @@ class ErrorEstimator:
     Parameters
     ----------
     metric : A0 = K0 − σM0 of the nominal model
-    known : its factors, where they are at hand; they are made where they are needed without it
+    known : its factors, if they exist already; otherwise they are computed when they are needed
     """
 
     metric: SymmetricMatrix = field(repr=False)
@@ -91,13 +94,15 @@ class ErrorEstimator:
         number = min(int((1.0 + ABOVE) * self.count), model.order)
         values, X = modes.eigenvalues[:number], basis @ modes.shapes[:, :number]
         point = model.configured.at(x)
-        # the whole matrix times rows is quickest for a few products; M has far fewer entries that are not zero
+        # the full matrix times rows is fastest for a few products; M has far fewer entries that are not zero
         K, M = point.stiffness, product(point.symmetric_mass)
         MX = M @ X
         D = row_major(self.factor.solve(column_major(K @ X - MX * values)))
         improved = _ritz(K, M, values, X, MX, D)[: modes.wanted]
-        found = values[: modes.wanted]
-        return ErrorEstimate(np.asarray(x, float), found, improved, SAFETY * frequency_error(found, improved))
+        eigenvalues = values[: modes.wanted]
+        return ErrorEstimate(
+            np.asarray(x, float), eigenvalues, improved, SAFETY * frequency_error(eigenvalues, improved)
+        )
 
     def _with_functions(self, model: ReducedModel, basis: Reals, x: Reals) -> ErrorEstimate:
         """From the modes and FRFs on the basis and on its corrections together."""
@@ -113,9 +118,9 @@ class ErrorEstimator:
         better, more = enlarged_modes(model, basis, x, corrections, forces, sizes, self.count)
         whole = np.hstack([basis, more])
         error = max(function_error(one, modes, one.on(basis), better, one.on(whole)) for one in self.functions)
-        found, improved = modes.eigenvalues[: modes.wanted], better.eigenvalues[: modes.wanted]
-        errors = SAFETY * frequency_error(found, improved)
-        return ErrorEstimate(np.asarray(x, float), found, improved, errors, SAFETY * error)
+        eigenvalues, improved = modes.eigenvalues[: modes.wanted], better.eigenvalues[: modes.wanted]
+        errors = SAFETY * frequency_error(eigenvalues, improved)
+        return ErrorEstimate(np.asarray(x, float), eigenvalues, improved, errors, SAFETY * error)
 
 
 def frequency_error(eigenvalues: Reals, better: Reals) -> Reals:
@@ -128,15 +133,15 @@ def frequency_error(eigenvalues: Reals, better: Reals) -> Reals:
 
 def certified_error(model: ReducedModel, x: Reals, eigenvalues: Reals) -> Reals:
     """(m,) relative frequency errors at a point where the full model was solved; `eigenvalues` (m,) are its own."""
-    found = reduced_modes(model.at(x), len(eigenvalues)).eigenvalues[: len(eigenvalues)]
-    return np.abs(frequency_error(found, eigenvalues[: len(found)]))
+    reduced = reduced_modes(model.at(x), len(eigenvalues)).eigenvalues[: len(eigenvalues)]
+    return np.abs(frequency_error(reduced, eigenvalues[: len(reduced)]))
 
 
 def _ritz(K: sp.csr_array, M: Product, values: Reals, X: Reals, MX: Reals, D: Reals) -> Reals:
     """Eigenvalues on [X, D] of Ritz pairs (λ, X); D is freed of X, of rounding, and of what is linearly dependent."""
     D -= X @ (MX.T @ D)
     size = np.sqrt(np.einsum("ij,ij->j", D, D))
-    # a basis of all motions leaves corrections of nothing but rounding, which point along X again once they are scaled
+    # on a basis of all motions the corrections are rounding only, and would be parallel to X once they are scaled
     some = size > _ROUNDING * np.sqrt(np.einsum("ij,ij->j", X, X)).max(initial=0.0)
     D = D[:, some] / size[some]
     KD, MD = K @ D, M @ D
@@ -150,7 +155,7 @@ def _ritz(K: sp.csr_array, M: Product, values: Reals, X: Reals, MX: Reals, D: Re
 
 
 # ----------------------------------------------------------------------------------------------------
-# Bases of reduced models: vectors made orthonormal in the energy of the nominal model, without what weighs nothing.
+# Bases of reduced models: vectors made orthonormal in the energy of the nominal model, without negligible ones.
 
 
 NEGLIGIBLE = 2e-3
@@ -159,6 +164,8 @@ NEGLIGIBLE = 2e-3
 The relative error of an eigenvalue is of the size of its square.
 """
 DEPENDENT = 1e-9
+"""Singular value of unit vectors below which they are linearly dependent: rounding of their products is some 1e-16, and
+a singular value is the root of it."""
 
 
 def extend(
@@ -197,8 +204,8 @@ def extend_by(basis: Reals, groups: Sequence[tuple[Reals, float, Reals | None]],
         for limit in (negligible, 0.5):
             for part in pieces(0, W.shape[1]):
                 driven = times @ W[:, part]
-                for own in parts:
-                    W[:, part] -= in_any_order(own, in_any_order(own.T, driven))
+                for block in parts:
+                    W[:, part] -= in_any_order(block, in_any_order(block.T, driven))
             W = _orthonormal(W, times, limit)
         parts.append(W)
     return np.ascontiguousarray(np.hstack(parts)) if sum(p.shape[1] for p in parts[1:]) else basis

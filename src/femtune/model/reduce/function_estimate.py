@@ -26,10 +26,13 @@ from femtune.model.response.modal_damping import DampingRatios
 from femtune.model.response.ports import Ports
 
 _INDEPENDENT = 1e-10
+"""Energy of a combination of unit corrections, relative to the largest, above which they are independent."""
 _ROUNDING = 1e-8
+"""Root of the energy of a correction, relative to the motion that it corrects, below which it is rounding."""
 _MOST_LINES = 200
-_COLUMNS = 16
-"""Columns of a solve at once."""
+"""Lines at which the error of FRFs is estimated; the mean over all lines is close to that over these."""
+_COLUMNS_OF_A_SOLVE = 16
+"""Right-hand sides solved together: few enough that they take no memory beside the factors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +72,8 @@ def missed_responses(solution: EigenSolution, forces: sp.csc_array) -> Reals:
     """(n_free, f) what the known modes miss of (K − σM)⁻¹ F, some columns at a time: factors fill the memory."""
     phi, out = solution.shapes, np.empty(forces.shape)
     seen = np.asarray(forces.T @ phi).T / (solution.eigenvalues - solution.shift)[:, None]
-    for first in range(0, forces.shape[1], _COLUMNS):
-        part = slice(first, first + _COLUMNS)
+    for first in range(0, forces.shape[1], _COLUMNS_OF_A_SOLVE):
+        part = slice(first, first + _COLUMNS_OF_A_SOLVE)
         out[:, part] = solution.factor.solve(forces[:, part].toarray(order="F"))
         out[:, part] -= in_any_order(phi, np.ascontiguousarray(seen[:, part]))
     return out
@@ -86,12 +89,12 @@ def inertia_residual(
     low, inertia : X (n_free, m) the lowest modes of the reduced model, and MX
     """
     number, B = low.shape[1], wanted.ports.inputs.toarray()
-    # amid the lines, where the others respond almost statically
+    # in the middle of the lines, where the other modes respond almost statically
     square = 0.5 * float(np.abs(wanted.s[-1])) ** 2
     theta, shift = modes.theta[number:], modes.point.model.shift
-    own = modes.vectors[:, number:]
+    higher = modes.vectors[:, number:]
     pushed = wanted.on(basis).inputs
-    response = basis @ (own @ ((own.T @ pushed) / (1.0 + (shift - square) * theta)[:, None]))
+    response = basis @ (higher @ ((higher.T @ pushed) / (1.0 + (shift - square) * theta)[:, None]))
     return np.asarray(B - inertia @ (low.T @ B) - point.stiffness @ response + square * (point.mass @ response))
 
 
@@ -134,12 +137,12 @@ def enlarged_modes(
     return reduced_modes(cast(ReducedPoint, enlarged), count), D
 
 
-def _bordered(own: Reals, matrix: sp.csr_array, basis: Reals, more: Reals) -> Reals:
+def _bordered(reduced: Reals, matrix: sp.csr_array, basis: Reals, more: Reals) -> Reals:
     if not np.any(matrix.data):
-        return np.zeros((len(own) + more.shape[1],) * 2)
+        return np.zeros((len(reduced) + more.shape[1],) * 2)
     driven = matrix @ more
     side, corner = basis.T @ driven, more.T @ driven
-    return np.block([[own, side], [side.T, 0.5 * (corner + corner.T)]])
+    return np.block([[reduced, side], [side.T, 0.5 * (corner + corner.T)]])
 
 
 def function_error(wanted: FunctionsWanted, modes: ReducedModes, ports: BasisPorts, better: ReducedModes,

@@ -3,7 +3,7 @@
 In the modes of the reduced model, H = Ψ_o Z⁻¹ Ψ_iᵀ with Z = K̂ + s²M̂ + s(Ĉ + D̂) + iĤ. The basis does not change with the
 parameters, so that H′ = −y (K̂′ + s²M̂′ + s(Ĉ′ + D̂′) + iĤ′) x with the responses x to the inputs and y to unit forces at
 the outputs. Modal damping D = MΦ diag(d)ΦᵀM is a function of the matrix M⁻¹K: its derivative follows from divided
-differences of d(λ) (Daleckii and Krein's formula), so that repeated and crossing modes do no harm.
+differences of d(λ) (Daleckii and Krein's formula), which also holds for repeated and crossing modes.
 
 Where the damping couples no modes, those far above the lines respond smoothly over frequency: their part is computed
 at Chebyshev points only and interpolated.
@@ -23,10 +23,11 @@ from femtune.model.response.basis import ModalBasis
 from femtune.model.response.modal_damping import DampingRatios, ModalRates, divided, modal_rates
 from femtune.model.response.reduced import ReducedStiffness, fields, slim
 
-FAR = 2.0
+SMOOTH_ABOVE = 2.0
 """Modes above this many times the highest line respond smoothly over the lines."""
-_NODES = 12
-"""Chebyshev points: with poles beyond FAR times the highest line, the interpolation is exact to 4 · 5.8⁻¹² = 3e-9."""
+_CHEBYSHEV_POINTS = 12
+"""With poles beyond SMOOTH_ABOVE times the highest line, the interpolation has a relative error of 4 · 5.8⁻¹² =
+3e-9."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +82,11 @@ def reduced_functions(
     """
     system = _System.of(modes, ports, s, damped, damping)
     count = modes.point.n_parameters if derivatives else 0
-    found = _all_modes(system, s, count)
+    functions = _all_modes(system, s, count)
     if not left_out:
-        return found
+        return functions
     part = _some_modes(system, list(left_out), ports, s, count)
-    return FunctionsInBasis(found.values - part.values, found.gradient - part.gradient)
+    return FunctionsInBasis(functions.values - part.values, functions.gradient - part.gradient)
 
 
 def _all_modes(system: _System, s: Complexes, count: int) -> FunctionsInBasis:
@@ -120,12 +121,12 @@ def _some_modes(
     outside = reduced_derivative(modes, members, np.vstack(seen)).outside
     driven, moved, viscous, hysteretic = np.split(outside, np.cumsum([len(rows) for rows in seen[:-1]]))
     for p in system.acting(count):
-        own = [(weight, Q.T @ matrix @ Q) for weight, matrix in system.weighted(p, s)]
+        projected = [(weight, Q.T @ matrix @ Q) for weight, matrix in system.weighted(p, s)]
         # the subspace stays orthogonal in K and M as it turns, and modal damping is diagonal in it: these add nothing
         turned = [(s, viscous[:, :, p]), (np.full(len(s), 1j), hysteretic[:, :, p])]
-        changes = own + [(weight, part + part.T) for weight, part in turned]
+        changes = projected + [(weight, part + part.T) for weight, part in turned]
         if system.rates is not None:
-            changes.append((system.damping_weight(s), system.damping_inside(at, p, own[0][1], own[1][1])))
+            changes.append((system.damping_weight(s), system.damping_inside(at, p, projected[0][1], projected[1][1])))
         gradient[..., p] = y @ driven[:, :, p].T + moved[:, :, p] @ x
         for weight, change in changes:
             gradient[..., p] -= weight[:, None, None] * (y @ (change @ x))
@@ -156,15 +157,15 @@ class _System:
     ) -> _System:
         point, theta, shift = modes.point, modes.theta, modes.point.model.shift
         damped = min(damped, len(modes.eigenvalues))
-        reach = (FAR * np.abs(s).max()) ** 2
+        reach = (SMOOTH_ABOVE * np.abs(s).max()) ** 2
         near = max(damped, int(np.searchsorted(modes.eigenvalues, reach, side="right")))
         vectors = np.hstack([modes.shapes[:, :near], modes.vectors[:, near:]])
         stiffness = np.concatenate([modes.eigenvalues[:near], 1.0 + shift * theta[near:]])
         mass = np.concatenate([np.ones(near), theta[near:]])
-        rates, own = None, point.full.mode_ratios
-        if damping is not None or own:
+        rates, model_ratios = None, point.full.mode_ratios
+        if damping is not None or model_ratios:
             rigid = ~elastic(modes.eigenvalues[:damped])
-            rates = modal_rates(modes.eigenvalues[:damped], rigid, damping, own, point.n_parameters)
+            rates = modal_rates(modes.eigenvalues[:damped], rigid, damping, model_ratios, point.n_parameters)
         basis = ModalBasis(vectors, stiffness, mass, near)
         viscous, hysteretic = _damping(point, rates, vectors, np.arange(len(vectors)))
         inputs, outputs = vectors.T @ ports.inputs, ports.outputs @ vectors
@@ -175,7 +176,7 @@ class _System:
         """Those of the first parameters that change the model: none that belong to another specimen."""
         point, rates = self.modes.point, self.rates
         for p in range(count):
-            # not before: a point that serves an estimate of the error has no derivatives
+            # only here, since a point for an error estimate has no derivatives
             kinds = (
                 point.stiffness_derivatives, point.mass_derivatives,
                 point.viscous_derivatives, point.hysteretic_derivatives,
@@ -198,12 +199,12 @@ class _System:
 
     def changes(self, p: int, s: Complexes) -> Iterator[tuple[Complexes, Reals]]:
         """The same in the modes (r, r), with modal damping."""
-        own = [(weight, self.vectors.T @ matrix @ self.vectors) for weight, matrix in self.weighted(p, s)]
-        yield from own
+        projected = [(weight, self.vectors.T @ matrix @ self.vectors) for weight, matrix in self.weighted(p, s)]
+        yield from projected
         if self.rates is not None:
             # zero between modes of which none is damped
-            rows = self.damping_change(p, own[0][1][: self.near], own[1][1][: self.near])
-            whole = np.zeros_like(own[0][1])
+            rows = self.damping_change(p, projected[0][1][: self.near], projected[1][1][: self.near])
+            whole = np.zeros_like(projected[0][1])
             whole[: self.near], whole[:, : self.near] = rows, rows.T
             yield self.damping_weight(s), whole
 
@@ -215,13 +216,13 @@ class _System:
     def damping_inside(self, at: Integers, p: int, stiffness: Reals, mass: Reals) -> Reals:
         """(m, m) block of the derivative of modal damping of the modes at the positions `at`, from those of K̂′, M̂′."""
         assert self.rates is not None
-        own = np.flatnonzero(at < len(self.rates.rates))
+        damped = np.flatnonzero(at < len(self.rates.rates))
         d, slope = np.zeros((2, len(at)))
-        d[own], slope[own] = self.rates.rates[at[own]], self.rates.slopes[at[own]]
+        d[damped], slope[damped] = self.rates.rates[at[damped]], self.rates.slopes[at[damped]]
         values = self.modes.eigenvalues[at]
         inside = divided(values, d, slope) * stiffness - divided(values, d * values, d + slope * values) * mass
         inside = inside + mass * d + d[:, None] * mass
-        inside[own, own] += self.rates.gradients[at[own], p]
+        inside[damped, damped] += self.rates.gradients[at[damped], p]
         return np.asarray(inside)
 
     def damping_change(self, p: int, stiffness: Reals, mass: Reals) -> Reals:
@@ -242,8 +243,8 @@ def _damping(point: ReducedPoint, rates: ModalRates | None, vectors: Reals, at: 
     viscous, hysteretic = (_in_modes(matrix, vectors) for matrix in (point.viscous, point.hysteretic))
     if rates is None:
         return viscous, hysteretic
-    own, added = np.flatnonzero(at < len(rates.rates)), np.zeros(len(at))
-    added[own] = rates.rates[at[own]]
+    damped, added = np.flatnonzero(at < len(rates.rates)), np.zeros(len(at))
+    added[damped] = rates.rates[at[damped]]
     if rates.hysteretic:
         return viscous, _with_diagonal(hysteretic, added)
     return _with_diagonal(viscous, added), hysteretic
@@ -318,14 +319,14 @@ def _nodes(s: Complexes) -> tuple[Complexes, Reals]:
 
     Source: J.-P. Berrut, L. N. Trefethen, SIAM Review 46 (2004), barycentric formula for points of the first kind.
     """
-    if len(s) <= _NODES:
+    if len(s) <= _CHEBYSHEV_POINTS:
         return s, np.eye(len(s))
     low, high = s.imag.min(), s.imag.max()
-    angle = (2.0 * np.arange(_NODES) + 1.0) * np.pi / (2.0 * _NODES)
+    angle = (2.0 * np.arange(_CHEBYSHEV_POINTS) + 1.0) * np.pi / (2.0 * _CHEBYSHEV_POINTS)
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
     gap = s.imag[:, None] - nodes
     hit = gap == 0.0
-    weights = (-1.0) ** np.arange(_NODES) * np.sin(angle) / np.where(hit, 1.0, gap)
+    weights = (-1.0) ** np.arange(_CHEBYSHEV_POINTS) * np.sin(angle) / np.where(hit, 1.0, gap)
     turn = weights / weights.sum(axis=1, keepdims=True)
     met = hit.any(axis=1)
     turn[met] = hit[met]

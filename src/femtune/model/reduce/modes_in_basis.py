@@ -16,8 +16,13 @@ from femtune.model.eigen.default_count import ELASTIC_MODES, MOST_MODES
 from femtune.model.reduce.reduced_model import ReducedPoint
 
 RIGID = 1e-6
-"""λ below this fraction of the highest of the wanted ones are of rigid-body modes."""
-_REPEATED, _MASSLESS, _RIGID_MOTIONS = 1e-9, 1e-14, 6
+"""λ below this fraction of the highest wanted one belong to rigid-body modes: a thousandth in frequency."""
+_REPEATED = 1e-9
+"""|1 − (λ_j − σ)θ| below which two modes cross exactly: their quotient would have no digits."""
+_MASSLESS = 1e-14
+"""θ below this fraction of the largest are motions without mass: rounding of the largest is 1e-16."""
+_RIGID_MOTIONS = 6
+"""Rigid-body modes of a free structure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +96,7 @@ def _indefinite(point: ReducedPoint) -> FemtuneError:
 
 
 def elastic(eigenvalues: Reals) -> NDArray[np.bool_]:
-    """True for modes that are none of a rigid body, by the highest of the given eigenvalues."""
+    """True for elastic modes, relative to the highest of the given eigenvalues."""
     return np.asarray(eigenvalues > RIGID * eigenvalues.max(initial=0.0))
 
 

@@ -22,8 +22,8 @@ from femtune.model.products import projections
 
 KINDS: tuple[MatrixKind, ...] = ("stiffness", "mass", "viscous", "hysteretic")
 
-# bytes of dense terms beyond which a reduced model is none
 MOST_BYTES = 2 * 1024**3
+"""Memory of the dense terms beyond which a reduced model saves nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +116,8 @@ class ReducedPoint:
     @cached_property
     def hysteretic(self) -> NDArray:
         """VᵀHV: loss factors of materials, elements and the whole structure."""
-        own, eta = self._value("hysteretic"), self.full.loss_factor
-        return own if eta is None else own + eta.value * self.stiffness
+        of_terms, eta = self._value("hysteretic"), self.full.loss_factor
+        return of_terms if eta is None else of_terms + eta.value * self.stiffness
 
     @cached_property
     def stiffness_derivatives(self) -> tuple[NDArray, ...]:
@@ -137,19 +137,19 @@ class ReducedPoint:
     @cached_property
     def hysteretic_derivatives(self) -> tuple[NDArray, ...]:
         """Vᵀ(∂H/∂x_i)V of every free parameter."""
-        own, eta = self._first("hysteretic"), self.full.loss_factor
+        of_terms, eta = self._first("hysteretic"), self.full.loss_factor
         if eta is None:
-            return own
-        pairs = zip(own, self.stiffness_derivatives, eta.grad)
+            return of_terms
+        pairs = zip(of_terms, self.stiffness_derivatives, eta.grad)
         return tuple(h + eta.value * k + d * self.stiffness for h, k, d in pairs)
 
     def hysteretic_second_derivative(self, i: int, j: int) -> NDArray:
         """∂²H/∂x_i∂x_j with the loss factor of the whole structure."""
-        own, eta = self.second_derivative("hysteretic", i, j), self.full.loss_factor
+        of_terms, eta = self.second_derivative("hysteretic", i, j), self.full.loss_factor
         if eta is None:
-            return own
+            return of_terms
         k, second = self.stiffness_derivatives, self.second_derivative("stiffness", i, j)
-        return own + eta.value * second + eta.grad[i] * k[j] + eta.grad[j] * k[i] + eta.hess[i, j] * self.stiffness
+        return of_terms + eta.value * second + eta.grad[i] * k[j] + eta.grad[j] * k[i] + eta.hess[i, j] * self.stiffness
 
 
 def _weighed(weights: NDArray, columns: Reals) -> NDArray:
@@ -183,10 +183,17 @@ def reduce_model(
     return model if shift is not None else replace(model, shift=_shift(model))
 
 
+_SHIFT_TO_MEAN = 1e-3
+"""Shift over the mean ratio of stiffness to mass, if no solution of the full model gives one."""
+
+
 def _shift(model: ReducedModel) -> float:
-    """A thousandth of the mean ratio of stiffness to mass: rounding decides over the digits of the lowest modes."""
+    """Minus a thousandth of the mean ratio of stiffness to mass.
+
+    A shift much nearer to zero would leave the lowest modes dominated by rounding errors.
+    """
     nominal = model.at(np.zeros(len(model.configured.model.parameters.free)))
-    return -1e-3 * float(np.trace(nominal.stiffness) / np.trace(nominal.mass))
+    return -_SHIFT_TO_MEAN * float(np.trace(nominal.stiffness) / np.trace(nominal.mass))
 
 
 def enlarge(model: ReducedModel, basis: Reals, rows: NDArray | None = None) -> ReducedModel:
@@ -200,8 +207,8 @@ def enlarge(model: ReducedModel, basis: Reals, rows: NDArray | None = None) -> R
     new = basis[:, model.order :]
     terms: dict[int, Reals] = {}
     for kind in KINDS:
-        found = projections(model.configured, kind, basis, new)
-        terms |= {i: _bordered(model.terms[i], columns) for i, columns in found.items()}
+        products = projections(model.configured, kind, basis, new)
+        terms |= {i: _bordered(model.terms[i], columns) for i, columns in products.items()}
     seen = np.zeros((0, basis.shape[1])) if rows is None else np.hstack([model.rows, np.asarray(rows @ new)])
     return ReducedModel(model.configured, basis.shape[1], terms, seen, model.shift)
 
@@ -224,7 +231,7 @@ def _bordered(old: Reals, columns: Reals) -> Reals:
 
 
 def check_size(configured: ConfiguredModel, order: int) -> None:
-    """Refuse terms that would be larger dense than the sparse model is worth (error ``reduce.too-many-terms``)."""
+    """Refuse dense terms that would take too much memory (error ``reduce.too-many-terms``)."""
     columns = sum(p.term.n_columns for p in configured.projected)
     if 8 * columns * order**2 > MOST_BYTES:
         preload = configured.model.structure.preload

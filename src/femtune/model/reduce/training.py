@@ -85,7 +85,7 @@ class Certified:
     Parameters
     ----------
     eigenvalues : (m,) of the full model
-    estimate : worst estimated frequency error there before, NaN where none was made
+    estimate : worst estimated frequency error there before, NaN without an estimate
     error : worst true frequency error of the model before its basis had the modes of this point, NaN at the first one
     order : of the basis afterwards
     """
@@ -127,7 +127,7 @@ class Trained:
 
 
 # ----------------------------------------------------------------------------------------------------
-# What has to be kept of a training so that it goes on where it stopped.
+# The arrays that a training needs to go on where it stopped.
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +188,7 @@ class SavedBasis:
 
 
 _SEED = 2026
+"""Of the random shift of the candidates, so that a training is repeated exactly."""
 
 
 def points_of(configured: ConfiguredModel, rules: TrainingRules, base: Reals, moving: NDArray[np.bool_]) -> Reals:
@@ -220,16 +221,16 @@ def _sobol(k: int, count: int, seed: int) -> Reals:
     return np.asarray((points + np.random.default_rng(seed).random(k)) % 1.0)
 
 
-_FURTHER = 1.02
-"""Lines this much higher than those that a basis was trained for are still within its range."""
+_HIGHER_LINES = 1.02
+"""Factor by which lines may be higher than those that a basis was trained for."""
 FIRST_MODES = 1.5
-"""Modes of the nominal model that the basis starts from, as a multiple of the wanted ones: elsewhere higher ones come
-down among these."""
+"""Modes of the nominal model that the basis starts from, as a multiple of the wanted ones: at other points higher
+modes become some of these."""
 TRIED = 8
 """Candidates at which the error is estimated before the worst of them is solved, as long as it is above the tolerance:
-an estimate costs a good part of a full solution, and the others' turn comes with the next basis."""
+an estimate costs almost as much as a full solution, and the other candidates are estimated on the next basis."""
 
-_LAST = 2
+_LAST_SOLUTIONS = 2
 """Candidates at the head of rankings that are solved one after the other with small errors before a training ends."""
 
 Solve = Callable[[ModelPoint, int, EigenSolution | None], EigenSolution]
@@ -270,7 +271,7 @@ class Trainer:
             vectors.append(solution.factor.solve(np.asfortranarray(inputs)))
         basis = self._with_responses(orthonormal(np.hstack(vectors), metric), metric, solution)
         if self.rules.ranked and self.functions:
-            # nothing here needs them any more, and beside a basis they would fill the memory
+            # they are not needed any more, and would fill the memory beside a basis
             solution.forget_factors()
             solution.point.release()
         model = reduce_model(self.configured, basis, self.rows, solution.shift)
@@ -288,9 +289,9 @@ class Trainer:
         """What `start` gives, from a basis that a trainer of the same model, base, forces and count has begun."""
         x, moving = base_and_moving(self.configured, self.base, self.moving)
         points = points_of(self.configured, self.rules, x, moving)
-        found = replace(begun, points=points, estimates=np.full(len(points), np.inf))
-        self.report(found)
-        return found
+        renewed = replace(begun, points=points, estimates=np.full(len(points), np.inf))
+        self.report(renewed)
+        return renewed
 
     def served_by(self, other: Trainer) -> bool:
         """Whether another trainer has the same matrices, points and forces, and at least as many modes and lines.
@@ -309,15 +310,15 @@ class Trainer:
     def taken_from(self, other: Trainer, trained: Trained) -> Trained:
         """What a trainer that this one is `served_by` has found, for this one."""
         rows = np.zeros((0, trained.model.order)) if self.rows is None else np.asarray(self.rows @ trained.basis)
-        found = replace(
+        adapted = replace(
             trained,
             model=replace(trained.model, configured=self.configured, rows=rows),
             certified=tuple(replace(c, x=self._in_place_of(other, c.x[None])[0]) for c in trained.certified),
             points=self._in_place_of(other, trained.points),
             estimator=replace(trained.estimator, count=self.rules.count, functions=self.functions),
         )
-        self.report(found)
-        return found
+        self.report(adapted)
+        return adapted
 
     def _own_points(self) -> tuple[Reals, NDArray[np.bool_], Reals, Reals]:
         """Where the parameters that act here begin, which of them move, and their bounds."""
@@ -372,8 +373,8 @@ class Trainer:
     def _train_ranked(self, trained: Trained) -> Trained:
         while True:
             used_up, order = limit_of(trained, self.rules), self._ranking(trained)
-            last = [one.error for one in trained.certified[1:]][-_LAST:]
-            worst = max(last, default=np.inf) if len(last) == _LAST or not len(order) else np.inf
+            last = [one.error for one in trained.certified[1:]][-_LAST_SOLUTIONS:]
+            worst = max(last, default=np.inf) if len(last) == _LAST_SOLUTIONS or not len(order) else np.inf
             if not len(order) or used_up is not None or worst <= self.rules.tolerance:
                 estimates = np.full(len(trained.points), worst if len(order) else 0.0)
                 status = TrainingStatus.CONVERGED if worst <= self.rules.tolerance or not len(order) else used_up
@@ -445,7 +446,7 @@ def acting_positions(configured: ConfiguredModel) -> NDArray[np.int64]:
 def covered(one: FunctionsWanted, other: FunctionsWanted) -> bool:
     """Whether a basis for other FRFs serves these: the same forces, and lines that do not go far beyond."""
     return (
-        one.freq_hz.max() <= _FURTHER * other.freq_hz.max()
+        one.freq_hz.max() <= _HIGHER_LINES * other.freq_hz.max()
         and one.damped == other.damped
         and one.forces.shape == other.forces.shape
         and not (one.forces != other.forces).nnz

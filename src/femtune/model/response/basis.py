@@ -19,17 +19,24 @@ from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
 
 TIMES_HIGHEST_LINE = 2.0
-"""FRFs are superposed from the modes up to this many times the highest frequency line, where nothing else is stated."""
-_DEPENDENT, _ROUNDING = 1e-10, 1e-17
-_PART_OF_SPAN, _SLOPES = 1e-8, 1e-6
+"""FRFs are superposed from the modes up to this many times the highest frequency line by default."""
+_DEPENDENT = 1e-10
+"""Energy of a combination of unit vectors, relative to the largest, below which the vectors are dependent."""
+_ROUNDING_ENERGY = 1e-17
+"""Energy of a residual vector, relative to that of the whole static response, that is rounding of the response."""
+_ROUNDING_PART = 1e-8
+"""Part of a column that is left after projection and is rounding: half of the digits of a double."""
+_SLOPE_ACCURACY = 1e-6
+"""Relative accuracy of the derivatives of the basis."""
 Slopes = Callable[[Reals], Iterator[Reals]]
 """G (n_free, g) -> Q′ᵀG (r, g) by each parameter, for a basis Q; Q′ without its part in the span of Q.
 
 What is computed on a basis depends on its span only, so that this part has no effect. G has no part in the span of Q in
 what it is used for: residuals of equations that the basis solves.
 """
-_MOST_DAMPED = 24
-"""Forces of dashpots and loss factors get residual vectors up to this rank, and up to a quarter of the DOFs."""
+_MOST_DAMPER_RANK = 24
+"""Forces of dashpots and loss factors get residual vectors up to this rank, and up to a quarter of the DOFs: each costs
+a solution and a vector of the basis."""
 
 
 def no_slopes(columns: Reals) -> Iterator[Reals]:
@@ -79,8 +86,8 @@ def modal_basis(modes: EigenSolution, forces: Reals | None) -> ModalBasis:
 def shifted_basis(modes: EigenSolution, forces: Reals) -> ModalBasis:
     """As `modal_basis`, the responses to the forces taken at the shift of the solution instead of at rest.
 
-    They span nearly the same and cost one solution a force, where the static responses of a free structure are found
-    by iteration. There are no slopes.
+    They span nearly the same space and cost one solution per force, whereas the static responses of a free structure
+    are computed by iteration. There are no slopes.
     """
     rigid = is_rigid(modes)
     keep = max(modes.wanted, int(rigid.sum()))
@@ -93,7 +100,7 @@ def shifted_basis(modes: EigenSolution, forces: Reals) -> ModalBasis:
         whole[part] = np.einsum("ij,ij->j", some, response)
         missed[:, part] = response - phi @ ((phi.T @ some) / (values - modes.shift)[:, None])
         energy[part] = np.einsum("ij,ij->j", missed[:, part], modes.point.stiffness @ missed[:, part])
-    missed = missed[:, energy > _ROUNDING * whole]
+    missed = missed[:, energy > _ROUNDING_ENERGY * whole]
     turn, k, m = ritz_vectors(modes.point, missed)
     stiffness = np.concatenate([np.where(rigid, 0.0, modes.eigenvalues)[:keep], k])
     return ModalBasis(np.hstack([phi, missed @ turn]), stiffness, np.concatenate([np.ones(keep), m]), keep)
@@ -133,7 +140,7 @@ def _independent(whole: Reals, columns: Reals) -> tuple[Reals, Reals]:
     size = np.linalg.norm(whole, axis=0)
     scaled = columns / np.where(size > 0.0, size, 1.0)
     U, R, order = la.qr(scaled, mode="economic", pivoting=True)
-    kept = np.abs(np.diag(R)) > _PART_OF_SPAN
+    kept = np.abs(np.diag(R)) > _ROUNDING_PART
     back = np.empty((int(kept.sum()), len(order)))
     back[:, order] = R[: len(back)] * size[order]
     return np.asarray(U[:, : len(back)]), back
@@ -146,14 +153,14 @@ def _outside(modes: EigenSolution, members: Sequence[int], rows: Reals) -> Reals
         return np.zeros((p, m, r))
     size = np.linalg.norm(rows, axis=0)
     size = np.where(size > 0.0, size, 1.0)
-    found = subspace_derivative(modes, members, sp.csr_array((rows / size).T), _SLOPES)
-    return np.asarray(found.outside.transpose(2, 1, 0) * size)
+    derivative = subspace_derivative(modes, members, sp.csr_array((rows / size).T), _SLOPE_ACCURACY)
+    return np.asarray(derivative.outside.transpose(2, 1, 0) * size)
 
 
 def static_complement(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
-    """(n_free, k) what the first `keep` modes miss of the static response to forces.
+    """(n_free, k) part of the static response to forces that the first `keep` modes do not contain.
 
-    These modes hold all rigid-body ones, so that the rest is elastic and its stiffness regular: inertia relief.
+    These modes include all rigid-body ones, so that the rest is elastic and its stiffness regular: inertia relief.
     """
     rest, values = modes.shapes[:, keep:], modes.eigenvalues[keep:]
     known = rest @ ((rest.T @ forces) / values[:, None])
@@ -165,7 +172,7 @@ def residual_vectors(modes: EigenSolution, keep: int, forces: Reals) -> tuple[Re
     missed = static_complement(modes, keep, forces)
     energy = np.einsum("ij,ij->j", missed, modes.point.stiffness @ missed)
     whole = np.einsum("ij,ij->j", forces, modes.factor.solve(forces))
-    some = energy > _ROUNDING * whole
+    some = energy > _ROUNDING_ENERGY * whole
     return np.asarray(missed[:, some]), np.asarray(some)
 
 
@@ -175,8 +182,8 @@ def ritz_vectors(point: ModelPoint, vectors: Reals) -> tuple[Reals, Reals, Reals
     Returns R, the ones and θ. A vector that is not independent of the others is dropped.
     """
     k = vectors.T @ (point.stiffness @ vectors)
-    own = np.sqrt(np.maximum(np.diag(k), 0.0))
-    scale = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0.0)
+    size = np.sqrt(np.maximum(np.diag(k), 0.0))
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
     energy, turn = la.eigh(scale[:, None] * (0.5 * (k + k.T)) * scale)
     kept = energy > _DEPENDENT * energy.max(initial=1.0)
     unit = scale[:, None] * turn[:, kept] / np.sqrt(energy[kept])
@@ -187,10 +194,10 @@ def ritz_vectors(point: ModelPoint, vectors: Reals) -> tuple[Reals, Reals, Reals
 
 
 def damping_forces(point: ModelPoint) -> Reals:
-    """(n_free, k) independent forces of dashpots and of loss factors that act on few DOFs; none where they are many."""
+    """(n_free, k) independent forces of dashpots and of loss factors that act on few DOFs; none if they act on many."""
     n = point.configured.n_free
-    found = [_range(matrix) for matrix in (point.viscous, point.hysteretic)]
-    some = [one for one in found if one.shape[1] <= min(_MOST_DAMPED, n // 4)]
+    ranges = [_range(matrix) for matrix in (point.viscous, point.hysteretic)]
+    some = [one for one in ranges if one.shape[1] <= min(_MOST_DAMPER_RANK, n // 4)]
     return np.hstack([np.zeros((n, 0)), *some])
 
 
@@ -198,7 +205,7 @@ def _range(matrix: sp.csr_array) -> Reals:
     """Basis of the range of a symmetric matrix with few rows; without columns if these are many."""
     rows = np.flatnonzero(np.abs(matrix).sum(axis=1) > 0.0)
     out = np.zeros((matrix.shape[0], 0))
-    if not 0 < len(rows) <= 12 * _MOST_DAMPED:
+    if not 0 < len(rows) <= 12 * _MOST_DAMPER_RANK:
         return out
     values, vectors = la.eigh(matrix[rows][:, rows].toarray())
     some = np.abs(values) > _DEPENDENT * np.abs(values).max()

@@ -24,8 +24,14 @@ from femtune.model.response.rigid import is_rigid
 from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import SingularMatrixError
 
-_CLOSE, _HELD = 1e-6, 0.5
-_CORRECTIONS, _ENOUGH = 2, 1e-7
+_CLOSE = 1e-6
+"""Distance of two poles, relative to their size, below which single modes have no accurate derivatives."""
+_DAMPED_NORM = 0.5
+"""ψᵀCψ of a rigid-body mode is 1 if damping acts on it and 0 if not: a value between the two."""
+_CORRECTIONS = 2
+"""Steps of iterative refinement of each solution."""
+_LARGEST_RESIDUAL = 1e-7
+"""Relative residual of the equation of ψ′ up to which a derivative is accepted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +60,8 @@ def complex_mode_derivative(modes: ComplexModes, mode: int, rows: sp.csr_array |
 
     Raises
     ------
-    FemtuneError : ``derivative.close-poles`` where another pole is as near as rounding, so that the single modes have
-        no derivatives in several parameters; ``derivative.pole-inaccurate``
+    FemtuneError : ``derivative.close-poles`` where another pole coincides with it except for rounding, so that the
+        single modes have no derivatives in several parameters; ``derivative.pole-inaccurate``
     """
     _check_simple(modes, mode)
     stiffness, pole, psi = modes.stiffness, complex(modes.poles[mode]), modes.shapes[:, mode]
@@ -67,7 +73,7 @@ def complex_mode_derivative(modes: ComplexModes, mode: int, rows: sp.csr_array |
     along = -0.5 * _normalisation(stiffness, pole, psi, slope) - by_pole @ bent
     shape = bent + psi[:, None] * along
     residuals = _residuals(stiffness, pole, shape, b, np.abs(forces) + np.abs(by_pole[:, None] * slope))
-    if (residuals > _ENOUGH).any():
+    if (residuals > _LARGEST_RESIDUAL).any():
         raise _inaccurate(pole, float(residuals.max()))
     return ComplexModeDerivative(slope, shape if rows is None else np.asarray(rows @ shape), residuals)
 
@@ -93,7 +99,7 @@ def _check_simple(modes: ComplexModes, mode: int, together: Sequence[int] = ()) 
     gaps[mode] = np.inf if pole.imag == 0.0 else abs(2.0 * pole.imag)
     size = max(abs(pole), 1e-6 * float(np.abs(modes.poles).max(initial=0.0)))
     psi = modes.shapes[:, mode]
-    if modes.kinds[mode] == "rigid" and abs(psi @ modes.stiffness.viscous_times(psi)) < _HELD:
+    if modes.kinds[mode] == "rigid" and abs(psi @ modes.stiffness.viscous_times(psi)) < _DAMPED_NORM:
         # a rigid-body motion that nothing damps is a double pole; a damped one has A = ψᵀCψ = 1
         gaps[mode] = 0.0
     if gaps.min(initial=np.inf) <= _CLOSE * size:
@@ -170,23 +176,24 @@ def _inaccurate(pole: complex, error: float) -> FemtuneError:
 # so that what the reduced pencil adds are the pseudo-modes of the residual vectors.
 
 
-_ROUNDING = 1e-9
+_ROUNDING_PART = 1e-9
+"""Real or imaginary part of a mode, relative to the mode, that is rounding of the other part."""
 
 
 def complex_basis(modes: EigenSolution, stiffness: DynamicStiffness, forces: NDArray | None) -> ModalBasis:
     """Rigid-body modes, the elastic parts of as many complex modes as there are wanted real ones, residual vectors."""
     rigid = modes.shapes[:, is_rigid(modes)]
     f = rigid.shape[1]
-    found = modes_of(modes, stiffness, max(modes.wanted, f))
+    complex_modes = modes_of(modes, stiffness, max(modes.wanted, f))
     pushed = np.zeros((len(rigid), 0)) if forces is None else forces
     static, seen = residual_vectors(modes, f, pushed)
-    parts, kept = _real_parts(found)
+    parts, kept = _real_parts(complex_modes)
     vectors = _without(np.hstack([parts, static]), rigid, stiffness)
     turn, k, m = ritz_vectors(stiffness.point, vectors)
 
     def slopes(columns: Reals) -> Iterator[Reals]:
         columns = columns - (stiffness.point.mass @ rigid) @ (rigid.T @ columns)
-        of_modes = _slopes_of_parts(found, kept, columns)
+        of_modes = _slopes_of_parts(complex_modes, kept, columns)
         of_static = static_slopes(modes, f, static, pushed[:, seen], columns)
         for of_poles, others in zip(of_modes, of_static):
             yield np.vstack([others[:f], turn.T @ np.vstack([of_poles, others[f:]])])
@@ -196,36 +203,36 @@ def complex_basis(modes: EigenSolution, stiffness: DynamicStiffness, forces: NDA
     )
 
 
-def _elastic(found: ComplexModes) -> list[int]:
-    return [j for j, kind in enumerate(found.kinds) if kind != "rigid"]
+def _elastic(modes: ComplexModes) -> list[int]:
+    return [j for j, kind in enumerate(modes.kinds) if kind != "rigid"]
 
 
-def _real_parts(found: ComplexModes) -> tuple[NDArray, NDArray[np.bool_]]:
+def _real_parts(modes: ComplexModes) -> tuple[NDArray, NDArray[np.bool_]]:
     """Real and imaginary parts of the elastic modes, but for those that are rounding of the other part; which."""
-    elastic = found.shapes[:, _elastic(found)] * _turns(found)
+    elastic = modes.shapes[:, _elastic(modes)] * _turns(modes)
     parts = np.hstack([elastic.real, elastic.imag])
     size = np.linalg.norm(parts, axis=0)
-    kept = size > _ROUNDING * np.tile(np.linalg.norm(elastic, axis=0), 2)
+    kept = size > _ROUNDING_PART * np.tile(np.linalg.norm(elastic, axis=0), 2)
     return parts[:, kept], kept
 
 
-def _turns(found: ComplexModes) -> NDArray:
+def _turns(modes: ComplexModes) -> NDArray:
     """Factors of unit size that make real and imaginary part of each elastic mode orthogonal in K.
 
     Modal A = 1 turns lightly damped modes by 45 degrees, which would leave the two parts nearly parallel.
     """
-    elastic = found.shapes[:, _elastic(found)]
-    product = np.einsum("ij,ij->j", elastic, found.stiffness.point.stiffness @ elastic)
+    elastic = modes.shapes[:, _elastic(modes)]
+    product = np.einsum("ij,ij->j", elastic, modes.stiffness.point.stiffness @ elastic)
     return np.asarray(np.exp(-0.5j * np.angle(product)))
 
 
-def _slopes_of_parts(found: ComplexModes, kept: NDArray[np.bool_], columns: Reals) -> Iterator[Reals]:
+def _slopes_of_parts(modes: ComplexModes, kept: NDArray[np.bool_], columns: Reals) -> Iterator[Reals]:
     """Derivatives of the kept parts, ᵀG, by each parameter; zero for poles that coincide, which have none."""
-    members, p, turns = _elastic(found), found.stiffness.point.n_parameters, _turns(found)
+    members, p, turns = _elastic(modes), modes.stiffness.point.n_parameters, _turns(modes)
     by_mode = np.zeros((p, len(members), columns.shape[1]), complex)
     for at, mode in enumerate(members):
         try:
-            by_mode[:, at] = (complex_mode_derivative(found, mode).shape.T @ columns) * turns[at]
+            by_mode[:, at] = (complex_mode_derivative(modes, mode).shape.T @ columns) * turns[at]
         except FemtuneError as error:
             if error.code != "derivative.close-poles":
                 raise

@@ -27,8 +27,16 @@ from femtune.model.solvers.interface import SingularMatrixError
 
 
 DENSE_UP_TO = 150
-_UNTOUCHED, _INFINITE = 1e-8, 1e-13
-_ZERO, _LARGEST_ZERO, _EPS = 1e-6, 1e-2, 64 * np.finfo(float).eps
+"""DOFs up to which all poles are computed densely, so that none can be missed."""
+_UNDAMPED = 1e-8
+"""Damping force on a rigid-body motion, relative to the parts that cancel, below which no damping acts on it."""
+_INFINITE = 1e-13
+"""θ below this fraction of the largest are poles at infinity, of directions without mass."""
+_LEAST_POLE = 1e-6
+_LARGEST_ROUNDING = 1e-2
+"""|λ| relative to s₀: below the first a pole is zero in any case, above the second it is never rounding."""
+_ROUNDING_OF_SUMS = 64 * np.finfo(float).eps
+"""Rounding of φᵀKφ relative to the sum of the magnitudes of its terms: some units in the last place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +46,7 @@ class QuadraticProblem:
     Parameters
     ----------
     origin : s₀ in rad/s
-    free : (n_free, f) rigid-body motions of unit mass that no damping touches; they are taken out
+    free : (n_free, f) rigid-body motions of unit mass on which no damping acts; they are removed
     """
 
     stiffness: DynamicStiffness
@@ -67,11 +75,11 @@ class QuadraticProblem:
     def _rounding(self, poles: Poles, vectors: NDArray) -> Reals:
         """|λ| below which a pole is the rounding of a rigid-body mode's: what K leaves, over what C does."""
         point, size = self.stiffness.point, np.abs(vectors)
-        left = _EPS * np.einsum("ij,ij->j", size, np.abs(point.stiffness) @ size)
+        left = _ROUNDING_OF_SUMS * np.einsum("ij,ij->j", size, np.abs(point.stiffness) @ size)
         slope = 2.0 * poles * (point.mass @ vectors) + self.stiffness.viscous_times(vectors)
         damped = np.abs(np.einsum("ij,ij->j", vectors.conj(), slope))
         rounding = np.divide(left, damped, out=np.zeros_like(left), where=damped > 0.0)
-        return np.asarray(np.clip(rounding, _ZERO * self.origin, _LARGEST_ZERO * self.origin))
+        return np.asarray(np.clip(rounding, _LEAST_POLE * self.origin, _LARGEST_ROUNDING * self.origin))
 
     def _solver(self) -> Solve:
         try:
@@ -124,7 +132,7 @@ def undamped_rigid(modes: EigenSolution, stiffness: DynamicStiffness) -> Reals:
     if not rigid.shape[1]:
         return rigid
     _, size, turn = la.svd(touched, full_matrices=False)
-    return np.asarray(rigid @ turn[size <= _UNTOUCHED].T)
+    return np.asarray(rigid @ turn[size <= _UNDAMPED].T)
 
 
 def _touch(matrix: NDArray, rigid: Reals) -> Reals:
@@ -135,9 +143,25 @@ def _touch(matrix: NDArray, rigid: Reals) -> Reals:
 
 Poles = NDArray[np.complex128]
 
-_REAL, _REPEATED = 1e-8, 1e-7
-_GOOD, _ACCURACY, _ROUNDING, _WORST, _DEFECTIVE = 1e-11, 1e-8, 1e-12, 1e-5, 1e-7
-_MARGIN, _JUST_ABOVE = 8, 1.005
+_REAL = 1e-8
+"""|Im λ| relative to |λ| below which a pole is real: half of the digits of a double."""
+_REPEATED = 1e-7
+"""Distance of two poles, relative to their size, below which they coincide: as `_DEFECTIVE`."""
+_WITHOUT_POLISHING = 1e-11
+"""Residual below which a mode needs no further step of inverse iteration."""
+_ACCURACY = 1e-8
+"""Residual in energy up to which a mode is accepted."""
+_BACKWARD_ROUNDING = 1e-12
+_LARGEST_RESIDUAL = 1e-5
+"""On very fine meshes a residual is the rounding of large parts: if the backward error is below the first, a residual
+up to the second is accepted."""
+_DEFECTIVE = 1e-7
+"""Smallest singular value of modal A, relative to its parts, below which the poles have no independent vectors: at a
+defective pole rounding of ε moves poles and vectors by √ε."""
+_EXTRA_POLES = 8
+"""Poles that are computed beyond twice the wanted ones."""
+_JUST_ABOVE = 1.005
+"""Factor of the largest |λ| up to which real modes are counted: damping shifts |λ| by little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +171,7 @@ class ComplexModes:
     Parameters
     ----------
     poles : (m,) λ in rad/s; rigid-body modes come first and have λ = 0. With loss factors the poles are those of the
-        dynamic stiffness for ω > 0; the response for ω < 0 is its conjugate, and the pencil's other poles mean nothing
+        dynamic stiffness for ω > 0; the response for ω < 0 is its conjugate, and other poles have no meaning
     shapes : (n_free, m), ψᵀ(2λM + C)ψ = 1 (modal A = 1, so that H = Σ ψψᵀ/(iω − λ) + …), the largest entry with a
         positive real part; rigid-body modes that no damping touches have ψᵀMψ = 1 instead, because their A is zero
     kinds : "rigid", "oscillating", or "real" for an overdamped motion or the creep of a dashpot and a spring
@@ -186,7 +210,7 @@ class ComplexModes:
 
 
 def complex_modes(modes: EigenSolution, count: int | None = None, damping: DampingRatios | None = None) -> ComplexModes:
-    """The `count` complex modes of least |λ|; as many as the real modes that are wanted where nothing is said.
+    """The `count` complex modes of least |λ|; by default as many as the wanted real modes.
 
     Small models are solved densely, so that no pole is missing; of larger ones the poles are found by iteration about
     a point on the positive real axis, and a notice compares their number with that of the real modes.
@@ -220,11 +244,11 @@ def modes_of(modes: EigenSolution, stiffness: DynamicStiffness, count: int) -> C
 
 def _upper(problem: QuadraticProblem, wanted: int) -> tuple[Poles, NDArray, bool]:
     """The wanted poles of least |λ| in the upper half plane and on the real axis, and whether all were computed."""
-    asked = 2 * wanted + _MARGIN
+    asked = 2 * wanted + _EXTRA_POLES
     while True:
         poles, vectors, complete = problem.nearest(asked)
         keep = poles.imag >= -_REAL * np.abs(poles)
-        # what was found are the poles nearest to the origin of the pencil: only inside this circle none is left out
+        # these are the poles nearest to the origin of the pencil: only inside this circle none is missing
         radius = np.inf if complete else float(np.abs(poles - problem.origin).max()) - problem.origin
         keep &= np.abs(poles) < radius
         if complete or keep.sum() >= wanted:
@@ -290,9 +314,9 @@ def _residuals(modes: EigenSolution, stiffness: DynamicStiffness, poles: Poles, 
 def _polished(
     modes: EigenSolution, stiffness: DynamicStiffness, poles: Poles, vectors: NDArray
 ) -> tuple[Poles, NDArray]:
-    """Poles far above the lowest, which lose digits to these, by a step of inverse iteration each."""
+    """Poles far above the lowest lose digits to these: each is refined by a step of inverse iteration."""
     poles, vectors = poles.astype(complex), vectors.astype(complex)
-    for j in np.flatnonzero((poles != 0.0) & (_residuals(modes, stiffness, poles, vectors) > _GOOD)):
+    for j in np.flatnonzero((poles != 0.0) & (_residuals(modes, stiffness, poles, vectors) > _WITHOUT_POLISHING)):
         poles[j], vectors[:, j] = _inverse_step(stiffness, complex(poles[j]), vectors[:, j])
     return poles, vectors
 
@@ -320,8 +344,8 @@ def _backward(stiffness: DynamicStiffness, pole: complex, psi: NDArray) -> float
 def _check(stiffness: DynamicStiffness, poles: Poles, psi: NDArray, residuals: Reals) -> None:
     """Refuse a residual above 1e-8 that is not the rounding of large parts, as that of very fine meshes is."""
     for j in np.flatnonzero(~(residuals <= _ACCURACY)):
-        rounding = _backward(stiffness, complex(poles[j]), psi[:, j]) <= _ROUNDING
-        if not (rounding and residuals[j] <= _WORST):
+        rounding = _backward(stiffness, complex(poles[j]), psi[:, j]) <= _BACKWARD_ROUNDING
+        if not (rounding and residuals[j] <= _LARGEST_RESIDUAL):
             raise FemtuneError("complex.inaccurate", values={"pole (rad/s)": f"{poles[j]:.6g}"}, residual=residuals[j])
 
 

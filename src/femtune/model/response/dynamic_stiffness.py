@@ -17,9 +17,13 @@ from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import Factor, SingularMatrixError
 
 _CORRECTIONS = 4
-_REFINED, _LOST = 1e-13, 1e-5
-_NEAR = 1e-2
-"""Modal damping carries Z where |λ + s²| is below this fraction of |s²|."""
+"""Steps of iterative refinement at most."""
+_REFINED = 1e-13
+"""Relative correction after which a solution is as accurate as rounding allows."""
+_LOST = 1e-5
+"""Relative correction above which a solution is lost: the refinement does not converge for a singular Z."""
+_NEAR_RESONANCE = 1e-2
+"""Below this fraction of |s²|, |λ + s²| is so small that modal damping alone keeps Z regular."""
 
 Solve = Callable[[NDArray], NDArray]
 
@@ -128,7 +132,7 @@ class DynamicStiffness:
         assert self.damper is not None
         m = len(self.damper.rates)
         values = self.damper.modes.eigenvalues[:m]
-        near = np.flatnonzero(np.abs(values + s * s) <= _NEAR * abs(s * s))
+        near = np.flatnonzero(np.abs(values + s * s) <= _NEAR_RESONANCE * abs(s * s))
         if not near.size:
             return near, np.zeros(0)
         size = np.abs(self.point.stiffness.diagonal())

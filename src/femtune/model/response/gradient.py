@@ -123,8 +123,8 @@ def _superposed(request: Request, system: System, count: int) -> tuple[NDArray, 
     x, y = q[:, :, :b], np.swapaxes(q[:, :, b:], 1, 2)
     derivatives = []
     for j, moved in enumerate(_moved(request, reduced.basis) if count else ()):
-        own = projected_derivatives(request.stiffness, reduced.basis.vectors, j)
-        parts = tuple(a + n + n.T for a, n in zip(own, moved.parts))
+        projected = projected_derivatives(request.stiffness, reduced.basis.vectors, j)
+        parts = tuple(a + n + n.T for a, n in zip(projected, moved.parts))
         derivatives.append(y @ moved.inputs + moved.outputs.T @ x - _between(parts, request.s, y, x))
     shape = (len(request.s), len(reduced.outputs), b, 0)
     return np.asarray(reduced.outputs @ x), np.stack(derivatives, axis=-1) if derivatives else np.zeros(shape)
@@ -145,11 +145,11 @@ def _moved(request: Request, basis: ModalBasis) -> Iterator[_Moved]:
     B, C = request.ports.inputs.toarray(), request.ports.outputs.T.toarray()
     still = stiffness.stiffness_times(Q)
     columns = [B, C, stiffness.point.mass @ Q, stiffness.viscous_times(Q), still.real, still.imag]
-    # what is zero costs as many solutions as what is not
+    # columns that are zero would cost as many solutions as the others
     some = [bool(np.any(one)) for one in columns]
     ends = np.cumsum([one.shape[1] * known for one, known in zip(columns, some)])[:-1]
-    for found in basis.slopes(np.hstack([one for one, known in zip(columns, some) if known])):
-        cut = np.split(found, ends, axis=1)
+    for slopes in basis.slopes(np.hstack([one for one, known in zip(columns, some) if known])):
+        cut = np.split(slopes, ends, axis=1)
         inputs, outputs, mass, viscous, real, imaginary = (
             part if known else np.zeros((r, one.shape[1])) for part, known, one in zip(cut, some, columns)
         )

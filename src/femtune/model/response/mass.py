@@ -72,8 +72,8 @@ def _rigid_parts(term: TermFunction, motions: NDArray, off: list[int]) -> NDArra
     for part in term.parts():
         active = ~np.isin(term.elements[part], off)
         moved = motions[term.dofs[part][active]]
-        own = np.swapaxes(moved, 1, 2) @ (term.matrices(part)[active] @ moved)
-        np.add.at(out, term.columns[part][active], own)
+        matrices = np.swapaxes(moved, 1, 2) @ (term.matrices(part)[active] @ moved)
+        np.add.at(out, term.columns[part][active], matrices)
     return out
 
 
@@ -100,8 +100,8 @@ def _centre_gradient(matrix: NDArray, gradient: NDArray) -> NDArray:
 # Modal effective mass: how much of the structure's mass a mode moves when the supports move as a rigid body.
 
 
-_NOTHING = 1e-9
-"""Inertia below this part of mass·(largest distance)² is none: points on a line about that line."""
+_NO_INERTIA = 1e-9
+"""Inertia relative to mass·(largest distance)² that is zero except for rounding: that of points on a line about it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ class EffectiveMass:
 def effective_mass(modes: EigenSolution) -> EffectiveMass:
     """(φᵀTᵀM r)² of each wanted mode and each rigid motion r, with φᵀTᵀMTφ = 1.
 
-    M is that of all grid points: where a consistent mass couples supports with what is free, that counts. Over all
+    M is that of all grid points: the coupling of supports with free DOFs by a consistent mass is included. Over all
     modes the sum is the structure's mass, less what sits on the supports.
 
     Source: Wijker, Mechanical Vibrations in Spacecraft Design, Springer 2004, on modal effective mass.
@@ -148,10 +148,10 @@ def effective_mass(modes: EigenSolution) -> EffectiveMass:
 
 
 def _least(total: Reals, arms: Reals) -> Reals:
-    """(6,) what counts as no mass, as no inertia."""
+    """(6,) mass and inertia that count as zero."""
     mass = float(total[:3].max(initial=0.0))
     reach = float((arms**2).sum(axis=1).max(initial=0.0))
-    return _NOTHING * mass * np.repeat([1.0, reach], 3)
+    return _NO_INERTIA * mass * np.repeat([1.0, reach], 3)
 
 
 def inertial_forces(point: ModelPoint, motions: Reals) -> Reals:

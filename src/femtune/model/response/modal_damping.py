@@ -21,7 +21,9 @@ from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
 from femtune.parameters.jet import Jet
 
-_SAME = 1e-6
+_EQUAL = 1e-6
+"""Relative difference of eigenvalues below which the quotient of differences has lost too many digits: the mean slope,
+whose error is of second order in the difference, is more accurate."""
 
 
 class DampingRatios(Protocol):
@@ -97,7 +99,7 @@ class ModalDamper:
 def divided(at: Reals, values: Reals, slopes: Reals) -> Reals:
     """(v_i − v_j)/(a_i − a_j), the mean slope where a_i = a_j but for what would cost the quotient its digits."""
     gap = at[:, None] - at[None, :]
-    same = np.abs(gap) <= _SAME * np.maximum(np.abs(at[:, None]), np.abs(at[None, :]))
+    same = np.abs(gap) <= _EQUAL * np.maximum(np.abs(at[:, None]), np.abs(at[None, :]))
     mean = 0.5 * (slopes[:, None] + slopes[None, :])
     return np.where(same, mean, (values[:, None] - values[None, :]) / np.where(same, 1.0, gap))
 
@@ -113,21 +115,21 @@ class ModalRates:
 
 
 def modal_damper(modes: EigenSolution, damping: DampingRatios | None) -> ModalDamper | None:
-    """The damper of the wanted modes of a solution; None where nothing damps modes. Errors as `modal_rates`."""
-    own, m, p = modes.point.mode_ratios, modes.wanted, modes.point.n_parameters
-    if damping is None and not own:
+    """The damper of the wanted modes of a solution; None without modal damping. Errors as `modal_rates`."""
+    model_ratios, m, p = modes.point.mode_ratios, modes.wanted, modes.point.n_parameters
+    if damping is None and not model_ratios:
         return None
-    of = modal_rates(modes.eigenvalues[:m], is_rigid(modes)[:m], damping, own, p)
+    of = modal_rates(modes.eigenvalues[:m], is_rigid(modes)[:m], damping, model_ratios, p)
     momentum = np.asarray(modes.point.mass @ modes.shapes[:, :m])
     return ModalDamper(modes, of.hysteretic, of.rates, of.slopes, momentum, of.gradients)
 
 
 def modal_rates(
-    eigenvalues: Reals, rigid: NDArray[np.bool_], damping: DampingRatios | None, own: Mapping[int, Jet], p: int
+    eigenvalues: Reals, rigid: NDArray[np.bool_], damping: DampingRatios | None, model_ratios: Mapping[int, Jet], p: int
 ) -> ModalRates:
     """The damping of modes with the eigenvalues (m,).
 
-    Ratios that are values of the model, `own`, take the place of those of `damping` for their modes.
+    Ratios that are values of the model, `model_ratios`, take the place of those of `damping` for their modes.
 
     Raises
     ------
@@ -139,7 +141,7 @@ def modal_rates(
     freq_hz = omega / (2.0 * np.pi)
     # a rigid-body mode has no damping whatever its ratio: a table need not reach to 0 Hz
     asked = np.where(rigid, freq_hz.max(initial=0.0), freq_hz)
-    zeta, slope, gradient = _ratios(own, damping, asked, p)
+    zeta, slope, gradient = _ratios(model_ratios, damping, asked, p)
     zeta = _checked(np.where(rigid, 0.0, zeta), freq_hz)
     rise = np.where(rigid, 0.0, asked * slope)
     # by λ = ω²; `rise` is ω dζ/dω
@@ -150,14 +152,16 @@ def modal_rates(
     return ModalRates(hysteretic, size * zeta, slopes, size[:, None] * gradient)
 
 
-def _ratios(own: Mapping[int, Jet], damping: DampingRatios | None, freq_hz: Reals, p: int) -> tuple[Reals, ...]:
+def _ratios(
+    model_ratios: Mapping[int, Jet], damping: DampingRatios | None, freq_hz: Reals, p: int
+) -> tuple[Reals, ...]:
     """Ratios (m,), their slopes by frequency (m,) and their derivatives by the parameters (m, p)."""
     m = len(freq_hz)
     zeta = np.zeros(m) if damping is None else np.array(damping.ratio(freq_hz), float)
     slope = np.zeros(m) if damping is None else np.array(damping.slope(freq_hz), float)
     gradient = np.zeros((m, p))
     # all modes first, then those with a ratio of their own
-    for number, ratio in sorted(own.items()):
+    for number, ratio in sorted(model_ratios.items()):
         at = slice(None) if number == ALL_MODES else slice(number - 1, number)
         zeta[at], slope[at], gradient[at] = ratio.value, 0.0, ratio.grad
     return zeta, slope, gradient
@@ -180,6 +184,7 @@ def _checked(ratios: Reals, freq_hz: Reals) -> Reals:
 
 
 _PROPORTIONAL = 1e-7
+"""Coupling of a mode by damping, relative to the largest damping force, that is rounding of proportional damping."""
 
 
 def is_proportional(modes: EigenSolution) -> bool:

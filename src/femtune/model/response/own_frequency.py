@@ -21,8 +21,8 @@ def complex_modes_at_own_frequency(point: ModelPoint, count: int) -> list[OwnFre
     out: list[OwnFrequencyMode] = []
     for mode in range(count):
         start_hz = out[-1].freq_hz if out else 0.0
-        found, n = at_own_frequency(point, mode, lambda at, mode=mode: _complex(at, mode), start_hz)  # type: ignore[misc]
-        out.append(found.own(mode, n))
+        solved, n = at_own_frequency(point, mode, lambda at, mode=mode: _complex(at, mode), start_hz)  # type: ignore[misc]
+        out.append(solved.own(mode, n))
     return out
 
 

@@ -98,13 +98,13 @@ def matrix_ports(
 
 
 def _signals(given: Iterable[Signal | Dof | str], what: str) -> list[Signal]:
-    found = []
+    signals = []
     for one in given:
         dof = parse_dof(one) if isinstance(one, str) else one
-        found.append(dof if isinstance(dof, Signal) else Signal(dof, {dof: 1.0}))
-    if not found:
+        signals.append(dof if isinstance(dof, Signal) else Signal(dof, {dof: 1.0}))
+    if not signals:
         raise FemtuneError("response.no-ports", ports=what)
-    return found
+    return signals
 
 
 def _name(signal: Signal) -> str:

@@ -16,10 +16,19 @@ from femtune.model.response.dynamic_stiffness import DynamicStiffness
 from femtune.model.response.modal_damping import ModalDamper
 from femtune.model.response.ports import Ports
 
-_ROUNDING, _DIAGONAL, _SINGULAR, _LOST = 1e-14, 1e-10, 1e-12, 1e-5
+_ROUNDING = 1e-14
+"""Entry of a projected matrix, relative to the sum of the magnitudes of its terms, that is rounding."""
+_DIAGONAL = 1e-10
+"""Coupling of two modes by damping, relative to the damping of both, that is neglected: it changes FRFs by its
+square."""
+_SINGULAR = 1e-12
+"""|Z| relative to its parts at which an undamped mode has its natural frequency."""
+_LOST = 1e-5
+"""Relative correction above which a solution is lost to rounding."""
 _TINY = 1e-300
-_CHUNK = 2_000_000
-"""Entries of matrices that are solved at once."""
+"""Against a division by zero."""
+_ENTRIES_AT_ONCE = 2_000_000
+"""Entries of matrices that are inverted together: 32 MB of complex numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +96,9 @@ def _modal(damper: ModalDamper, Q: Reals) -> Reals:
 
 def slim(matrix: Reals) -> Reals:
     """The diagonal of a matrix that is diagonal but for rounding, relative to its own rows and columns."""
-    own = np.sqrt(np.abs(np.diag(matrix)))
+    size = np.sqrt(np.abs(np.diag(matrix)))
     rest = np.abs(matrix - np.diag(np.diag(matrix)))
-    return np.diag(matrix).copy() if (rest <= _DIAGONAL * np.outer(own, own)).all() else matrix
+    return np.diag(matrix).copy() if (rest <= _DIAGONAL * np.outer(size, size)).all() else matrix
 
 
 def fields(reduced: ReducedStiffness, s: NDArray, forces: Reals) -> NDArray:
@@ -100,7 +109,7 @@ def fields(reduced: ReducedStiffness, s: NDArray, forces: Reals) -> NDArray:
         lost = np.abs(Z) <= _SINGULAR * parts
         inverse = np.where(lost.any(axis=1, keepdims=True), np.nan, 1.0 / np.where(lost, 1.0, Z))
         return np.asarray(inverse[:, :, None] * forces)
-    step = max(1, _CHUNK // len(forces) ** 2)
+    step = max(1, _ENTRIES_AT_ONCE // len(forces) ** 2)
     return np.concatenate([_solved(reduced.full(s[i : i + step]), forces) for i in range(0, len(s), step)])
 
 
@@ -134,8 +143,16 @@ def _one_by_one(Z: NDArray, forces: Reals) -> NDArray:
 # Rigid-body motions that no damping touches would be a double, defective pole 0; they are superposed by themselves.
 
 
-_WORST_CONDITION = 1e7
-_MASSLESS, _NO_MASS, _PENCIL_LOST, _UNTOUCHED, _PENCIL_TINY = 1e-11, 1e-10, 1e-12, 1e-9, 1e-300
+_LARGEST_CONDITION = 1e7
+"""Condition number of the eigenvectors above which poles are defective: residues would lose half of their digits."""
+_MASSLESS = 1e-11
+"""Inertia relative to stiffness plus inertia below which a vector moves no mass."""
+_LITTLE_MASS = 1e-10
+"""m/k relative to the largest below which a vector does not count for the frequency s₀."""
+_PENCIL_LOST = 1e-12
+"""|1 + (s − s₀)θ| relative to its second term at which s is an undamped pole."""
+_UNDAMPED = 1e-9
+"""Damping of a rigid-body motion, relative to the largest entry of the damping matrices, that counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,15 +212,15 @@ def _split(k: Reals, C: Reals, H: Reals) -> tuple[Reals, Reals]:
     unit = np.eye(r)
     touched = np.hstack([C[:, rigid].T, H[:, rigid].T])
     _, size, turn = la.svd(touched.T, full_matrices=True) if rigid.size else (None, np.zeros(0), np.zeros((0, 0)))
-    some = int((size > _UNTOUCHED * max(np.abs(C).max(initial=0.0), np.abs(H).max(initial=0.0), _PENCIL_TINY)).sum())
+    some = int((size > _UNDAMPED * max(np.abs(C).max(initial=0.0), np.abs(H).max(initial=0.0), _TINY)).sum())
     free, held = unit[:, rigid] @ turn[some:].T, unit[:, rigid] @ turn[:some].T
     return free, np.hstack([unit[:, k != 0.0], held])
 
 
 def _origin(k: Reals, m: Reals) -> float:
-    """A positive frequency amid those of the basis, vectors that move next to no mass left out."""
+    """A positive frequency in the middle of those of the basis, without vectors that move almost no mass."""
     theta = np.divide(m, k, out=np.zeros_like(m), where=k > 0.0)
-    some = theta > _NO_MASS * theta.max(initial=0.0)
+    some = theta > _LITTLE_MASS * theta.max(initial=0.0)
     return float(np.exp(-0.5 * np.mean(np.log(theta[some])))) if some.any() else 1.0
 
 
@@ -214,7 +231,7 @@ def _inverted(K: NDArray, C: Reals, M: Reals, s: float) -> tuple[NDArray, NDArra
     inertia, stiff = s * s * values, np.abs(np.einsum("ij,ik,kj->j", vectors, K, vectors))
     heavy = vectors[:, inertia > _MASSLESS * (stiff + inertia)]
     half = M @ heavy
-    # what next to no mass leaves in M would cost the eigenvalues digits
+    # almost massless vectors left in M would cost the eigenvalues digits
     M = half @ heavy.T
     m = heavy.T @ half
     Z = la.inv(K + s * C + s * s * M)
@@ -226,6 +243,6 @@ def _inverted(K: NDArray, C: Reals, M: Reals, s: float) -> tuple[NDArray, NDArra
 
 
 def _left(Y: NDArray, forces: NDArray) -> NDArray:
-    if np.linalg.cond(Y) > _WORST_CONDITION:
+    if np.linalg.cond(Y) > _LARGEST_CONDITION:
         raise FemtuneError("response.defective/left-eigenvector")
     return np.asarray(la.solve(Y, forces))

@@ -1,4 +1,4 @@
-"""Which modes are rigid-body motions, and what they are called."""
+"""Rigid-body modes: which modes these are, and their names."""
 
 from __future__ import annotations
 
@@ -14,20 +14,25 @@ from femtune.model.eigen.pencil import pieces
 from femtune.model.eigen.solution import EigenSolution, solve_modes
 from femtune.model.linear.symmetric import SymmetricMatrix
 
-# λ below these fractions of the shift, which is of the size of the lowest elastic eigenvalues; the larger one holds
-# only where λ is within the rounding of its own strain energy
-_ZERO, _ZERO_BY_ROUNDING = 1e-7, 1e-3
+_ZERO = 1e-7
+"""λ relative to the shift below which a mode is rigid; the shift has the size of the lowest elastic eigenvalues."""
+_ZERO_BY_ROUNDING = 1e-3
+"""The same if λ is within the rounding of its own strain energy."""
 _ROUNDING = 64 * np.finfo(float).eps
-# rounding that is asked for a shift far above the elastic eigenvalues must not make these rigid: what is rigid strains
-# by no more than this fraction of the parts that cancel, or is nothing beside the shift
-_STRAIN, _NOTHING = 1e-9, 1e-11
+"""Rounding of φᵀKφ relative to the sum of the magnitudes of its terms."""
+_STRAIN = 1e-9
+_NEGLIGIBLE = 1e-11
+"""If the shift is far above the elastic eigenvalues, these must not count as rigid: λ of a rigid mode is below the
+first relative to the parts that cancel in the strain energy, or below the second relative to the shift."""
 _IN_SPAN = 1e-5
+"""Part of a translation or rotation outside the span of the rigid modes, of unit length, up to which it is one of
+them."""
 
 
 def is_rigid(modes: EigenSolution) -> NDArray[np.bool_]:
     """(m,) True for the known modes whose eigenvalue is zero but for rounding."""
     value, shift, parts = np.abs(modes.eigenvalues), abs(modes.shift), _strain_parts(modes)
-    unstrained = value <= np.maximum(_STRAIN * parts, _NOTHING * shift)
+    unstrained = value <= np.maximum(_STRAIN * parts, _NEGLIGIBLE * shift)
     by_rounding = value <= np.minimum(_ROUNDING * parts, _ZERO_BY_ROUNDING * shift)
     return np.asarray(((value <= _ZERO * shift) & unstrained) | by_rounding)
 
@@ -53,9 +58,9 @@ def with_elastic_mode(point: ModelPoint) -> EigenSolution:
 
 
 def rigid_names(modes: EigenSolution) -> list[str]:
-    """Names of the rigid-body motions (translations and rotations about the origin) that are free, as far as such.
+    """Names of the rigid-body motions (translations and rotations about the origin) that are free.
 
-    What is free but not one of the six (a hinge, a skew motion) is named by the DOF that moves most.
+    A free motion that is not one of the six (a hinge, a skew motion) is named by the DOF that moves most.
     """
     configured = modes.point.configured
     motion = configured.transformation @ modes.shapes[:, is_rigid(modes)]

@@ -18,6 +18,7 @@ from femtune.model.response.ports import Ports
 from femtune.model.response.rigid import is_rigid, rigid_names, with_elastic_mode
 
 _BALANCED = 1e-8
+"""Resultant of a load relative to the sum of the magnitudes of its parts up to which it balances."""
 
 
 @dataclass(frozen=True, eq=False)

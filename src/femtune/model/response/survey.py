@@ -1,4 +1,4 @@
-"""FRFs for a survey: as those of the modal methods but for the last digits, at a fraction of their cost."""
+"""FRFs for a survey: those of the modal methods except for the last digits, at a fraction of their cost."""
 
 from __future__ import annotations
 

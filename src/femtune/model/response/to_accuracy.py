@@ -37,18 +37,24 @@ from femtune.model.response.modal_damping import DampingRatios
 from femtune.model.response.ports import Ports
 
 ACCURACY = 1e-5
-"""Truncation error of FRFs beside their values, where vectors are added to the basis."""
+"""Truncation error of FRFs relative to their values, if vectors are added to the basis."""
 _BETWEEN_LINES = 0.1
 """The estimates at the sampled lines stay below this part of `ACCURACY`, since other lines may have larger errors."""
 _FLOOR = 1e-2
-"""Errors of values below this fraction of the largest one of their function, near antiresonances, refer to it."""
+"""Errors of values below this fraction of the largest one of their function, near antiresonances, are relative to
+it."""
 _ZERO = 1e-12
 """Functions below this fraction of the largest one are zero but for rounding."""
-_EVEN, _MOST_ROUNDS = 5, 12
-_GAIN = 0.5
+_EVEN_LINES = 5
+"""Evenly spaced lines at which the error is estimated, besides a peak and an antiresonance."""
+_MOST_ROUNDS = 12
+"""Extensions of the basis at most."""
+_LEAST_GAIN = 0.5
+"""Factor by which an extension must reduce the error for another one to be worth its solutions."""
 _SAME_FORCE = 1e-6
+"""Singular values of residual forces, relative to the largest, below which a force is a combination of the others."""
 MOST_DOFS_DIRECT = 30_000
-"""Larger models are not compared with direct solutions."""
+"""Larger models are not compared with direct solutions, each of which costs a factorisation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,11 +117,11 @@ class _Sample:
     largest: Reals
 
     def relative(self, errors: Complexes) -> float:
-        """Largest of the errors of the receptance (k, outputs, inputs) beside the values."""
+        """Largest error of the receptance (k, outputs, inputs) relative to the values."""
         size = np.maximum(self.values, _FLOOR * self.largest)
         counted = np.broadcast_to(self.largest > _ZERO * self.largest.max(initial=0.0), size.shape)
-        found = np.abs(errors * self.request.factor[:, None, None])
-        return float((found[counted] / size[counted]).max(initial=0.0))
+        size_of_errors = np.abs(errors * self.request.factor[:, None, None])
+        return float((size_of_errors[counted] / size[counted]).max(initial=0.0))
 
 
 def _enriched(request: Request, system: System) -> tuple[System, float]:
@@ -127,7 +133,7 @@ def _enriched(request: Request, system: System) -> tuple[System, float]:
             return system, 0.0
         vectors, errors = _missed(some.request, system)
         error = some.relative(errors)
-        if error <= _BETWEEN_LINES * ACCURACY or error > _GAIN * last or not vectors.shape[1]:
+        if error <= _BETWEEN_LINES * ACCURACY or error > _LEAST_GAIN * last or not vectors.shape[1]:
             return system, error
         system, last = system_on(request, _extended(request.stiffness.point, system.reduced.basis, vectors)), error
     return system, last
@@ -142,7 +148,7 @@ def _sample(request: Request, system: System) -> _Sample:
         return _Sample(request, values[:0], largest)
     counted = largest > _ZERO * largest.max()
     parts = values[some][:, counted] / largest[counted]
-    even = np.linspace(0, len(some) - 1, _EVEN).round().astype(int)
+    even = np.linspace(0, len(some) - 1, _EVEN_LINES).round().astype(int)
     highest, deepest = values[some].max(axis=(1, 2)).argmax(), parts.min(axis=1, initial=1.0).argmin()
     at = some[np.unique([*even, int(highest), int(deepest)])]
     return _Sample(replace(request, freq_hz=request.freq_hz[at]), values[at], largest)

@@ -28,10 +28,19 @@ from femtune.model.response.dynamic_stiffness import NoSolutionError, sparse_sol
 from femtune.model.response.frf_methods import check_ports
 from femtune.model.response.ports import Ports
 
-_REAL, _STEPS, _FAR = 1e-6, 12, 0.1
-_COUPLED, _CANCELLED = 1e-12, 1e-9
-# each step squares the error: what is left after one of this size is rounding
+_REAL = 1e-6
+"""|Im μ| relative to |μ| below which a zero of the basis is real, and μ relative to the highest one below which it is
+0: zeros of the basis are refined afterwards, and need few digits."""
+_MOST_STEPS = 12
+"""Steps of Newton's method at most; it converges quadratically from a zero of the basis."""
+_FARTHEST = 0.1
+"""Relative change of μ beyond which Newton's method has left the zero: 5 % in frequency."""
 _CONVERGED = 1e-9
+"""Relative step after which μ is exact to rounding, since each step squares the error."""
+_COUPLED = 1e-12
+"""Contribution of a vector to the function, relative to the largest, below which it joins no input and output."""
+_CANCELLED = 1e-9
+"""Relative distance of a zero from a pole below which the two cancel except for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +83,15 @@ class ZeroFinder:
         A[:n, n], A[n, :n] = top * b / _size(b), top * c / _size(c)
         values = la.eigvals(A, B)
         real = np.isfinite(values) & (np.abs(values.imag) <= _REAL * np.abs(values))
-        found = np.sort(values[real].real)
-        return self._off_poles(found[(found > _REAL * top) & (found <= top)])
+        zeros = np.sort(values[real].real)
+        return self._off_poles(zeros[(zeros > _REAL * top) & (zeros <= top)])
 
-    def _off_poles(self, found: Reals) -> Reals:
-        """Without zeros that cancel a pole but for rounding: a motion that does not couple."""
+    def _off_poles(self, zeros: Reals) -> Reals:
+        """Without zeros that cancel a pole except for rounding, at which the motion does not couple."""
         heavy = self.basis.mass > 0.0
         poles = self.basis.stiffness[heavy] / self.basis.mass[heavy]
-        gap = np.abs(found[:, None] - poles).min(axis=1, initial=np.inf)
-        return np.asarray(found[gap > _CANCELLED * found])
+        gap = np.abs(zeros[:, None] - poles).min(axis=1, initial=np.inf)
+        return np.asarray(zeros[gap > _CANCELLED * zeros])
 
     def _coupled(self, output: int, reference: int, top: float) -> tuple[Reals, Reals, Reals, Reals]:
         """Force, motion, stiffness and mass of the vectors that join input and output.
@@ -115,12 +124,12 @@ class ZeroFinder:
             [self.ports.inputs[:, [reference]].toarray(), self.ports.outputs[[output]].toarray().T]
         )
         mu = eigenvalue
-        for _ in range(_STEPS):
+        for _ in range(_MOST_STEPS):
             both = _solved(point, mu, forces)
             slope = float(both[:, 1] @ (point.mass @ both[:, 0]))
             step = -float(forces[:, 1] @ both[:, 0]) / slope
             mu += step
-            if not abs(mu - eigenvalue) <= _FAR * eigenvalue:
+            if not abs(mu - eigenvalue) <= _FARTHEST * eigenvalue:
                 break
             if abs(step) <= _CONVERGED * mu:
                 count = point.n_parameters if derivatives else 0

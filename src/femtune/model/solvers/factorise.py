@@ -23,13 +23,18 @@ from femtune.model.solvers.superlu import SuperLuAnalysis
 
 __all__ = ["Analysis", "Factor", "SingularMatrixError", "analyse", "available_solvers", "factorise", "solver_asked"]
 
-PARDISO_FROM, PARDISO_FROM_COMPLEX = 3000, 300
-"""Below these sizes the start of the threaded library costs more than it gains. SuperLU's complex kernels are slower by
-far where their threads wait for one another."""
+PARDISO_FROM = 3000
+"""Equations of a real matrix below which starting the threaded library costs more than it saves."""
+PARDISO_FROM_COMPLEX = 300
+"""The same for a complex matrix: SuperLU's complex kernels are much slower if their threads wait for one another."""
 
 SOLVER_VARIABLE = "FEMTUNE_SOLVER"
 _KEPT: OrderedDict[tuple[str, bool, bytes], tuple[Analysis, int]] = OrderedDict()
-_MOST_KEPT, _MOST_ENTRIES = 8, 50_000_000
+_MOST_KEPT = 8
+"""Analyses that are kept for further matrices of the same pattern."""
+_MOST_ENTRIES = 50_000_000
+"""Entries of all patterns whose analyses are kept; beyond, only the last one is, since each has the size of a
+matrix."""
 
 
 def factorise(matrix: sp.csr_array | SymmetricMatrix, solver: str | None = None) -> Factor:
@@ -66,13 +71,13 @@ def analyse(matrix: SymmetricMatrix, solver: str | None = None) -> Analysis:
 
 
 def _digest(matrix: SymmetricMatrix) -> bytes:
-    found = hashlib.blake2b(matrix.indptr.data)
-    found.update(matrix.indices.data)
-    return found.digest()
+    digest = hashlib.blake2b(matrix.indptr.data)
+    digest.update(matrix.indices.data)
+    return digest.digest()
 
 
 def solver_asked(solver: str | None = None) -> str | None:
-    """The solver that is named, here or in the environment; None where femtune may take the fastest.
+    """The solver that is named, here or in the environment; None if femtune may choose the fastest.
 
     Raises
     ------
@@ -83,10 +88,10 @@ def solver_asked(solver: str | None = None) -> str | None:
 
 
 def _chosen(matrix: SymmetricMatrix, solver: str | None) -> str:
-    """The solver that is named, or the fastest one at hand for this size."""
+    """The solver that is named, or the fastest one available for this size."""
     name, imaginary = solver_asked(solver), bool(np.iscomplexobj(matrix.data))
     if name is not None:
-        # what it factorises is Hermitian
+        # CHOLMOD factorises Hermitian matrices
         return _indefinite() if imaginary and name == "CHOLMOD" else name
     least = PARDISO_FROM_COMPLEX if imaginary else PARDISO_FROM
     if matrix.shape[0] < least:
@@ -108,7 +113,7 @@ def _named(asked: str) -> str:
 
 
 def _indefinite() -> str:
-    """The fastest solver at hand that takes indefinite, or complex, matrices."""
+    """The fastest available solver for indefinite or complex matrices."""
     return next(name for name in available_solvers() if name != "CHOLMOD")
 
 

@@ -1,4 +1,4 @@
-"""What each solver can do, whether it is at hand here, and how it is installed."""
+"""What each solver can do, whether it is available here, and how it is installed."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class SolverFacts:
     Parameters
     ----------
     purpose : "factorisation" or "eigenproblem"
-    why_not : why it is not at hand; "" where it is
-    version : "" where it is not at hand
+    why_not : why it is not available; "" if it is
+    version : "" if it is not available
     threads : threads, or processes, that it would take here
     inertia : it counts eigenvalues below a shift (Sturm)
     """
@@ -60,9 +60,18 @@ def _factorisation(
     at_hand = name in available_solvers()
     many = threads() if name != "SuperLU" else 1
     return SolverFacts(
-        name, "factorisation", at_hand, why_not, version if at_hand else "", many, inertia, numbers, False, licence,
-        INSTALLATION[name],
-    )  # fmt: skip
+        name=name,
+        purpose="factorisation",
+        at_hand=at_hand,
+        why_not=why_not,
+        version=version if at_hand else "",
+        threads=many,
+        inertia=inertia,
+        complex_numbers=numbers,
+        distributed=False,
+        licence=licence,
+        installation=INSTALLATION[name],
+    )
 
 
 def _pardiso() -> tuple[str, str]:
@@ -73,18 +82,18 @@ def _pardiso() -> tuple[str, str]:
 
 
 def _python_mumps() -> tuple[str, str]:
-    found = mumps.library()
-    return (found, "") if isinstance(found, str) else ("", _version("python-mumps"))
+    library = mumps.library()
+    return (library, "") if isinstance(library, str) else ("", _version("python-mumps"))
 
 
 def _scikit_sparse() -> tuple[str, str]:
-    found = cholmod.library()
-    return (found, "") if isinstance(found, str) else ("", _version("scikit-sparse"))
+    library = cholmod.library()
+    return (library, "") if isinstance(library, str) else ("", _version("scikit-sparse"))
 
 
 def _rslab() -> tuple[str, str]:
-    found = rslab.library()
-    return (found, "") if isinstance(found, str) else ("", _version("rslab"))
+    library = rslab.library()
+    return (library, "") if isinstance(library, str) else ("", _version("rslab"))
 
 
 def _scipy() -> tuple[str, str]:
@@ -106,9 +115,18 @@ def _slepc() -> SolverFacts:
     except FemtuneError as absent:
         why_not = absent.what
     return SolverFacts(
-        "SLEPc", "eigenproblem", not why_not, why_not, version, processes, True, False, True,
-        "BSD-2-Clause (SLEPc, PETSc); factors by MUMPS, CeCILL-C", launch.INSTALLATION,
-    )  # fmt: skip
+        name="SLEPc",
+        purpose="eigenproblem",
+        at_hand=not why_not,
+        why_not=why_not,
+        version=version,
+        threads=processes,
+        inertia=True,
+        complex_numbers=False,
+        distributed=True,
+        licence="BSD-2-Clause (SLEPc, PETSc); factors by MUMPS, CeCILL-C",
+        installation=launch.INSTALLATION,
+    )
 
 
 def solver_table(solvers: tuple[SolverFacts, ...]) -> str:

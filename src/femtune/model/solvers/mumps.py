@@ -20,8 +20,11 @@ from femtune.model.solvers.interface import (
     unit_diagonal,
 )
 
+# numbers of the MUMPS users' guide: an entry of INFOG, from 1, and errors in INFOG(1)
 _NEGATIVE_PIVOTS = 12
-_STRUCTURALLY_SINGULAR, _SINGULAR, _NO_MEMORY = -6, -10, -13
+_STRUCTURALLY_SINGULAR = -6
+_SINGULAR = -10
+_NO_MEMORY = -13
 
 
 @lru_cache(maxsize=1)

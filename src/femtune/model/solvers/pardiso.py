@@ -31,16 +31,33 @@ from femtune.model.solvers.interface import (
 Integers = NDArray[np.int32]
 
 _NAMES = {"linux": "libmkl_rt.so", "win32": "mkl_rt", "darwin": "libmkl_rt"}
-_SYMMETRIC_INDEFINITE, _COMPLEX_SYMMETRIC = -2, 6
-_ANALYSE, _FACTORISE, _SOLVE, _RELEASE_FACTOR, _RELEASE_ALL = 11, 22, 33, 0, -1
-_ORDERING, _REFINEMENTS, _REPLACED_PIVOTS, _NEGATIVE_EIGENVALUES = 4, 7, 13, 22
-_PEAK_OF_ANALYSIS, _KEPT_OF_ANALYSIS, _OF_FACTOR = 14, 15, 16
-_GIVEN, _RETURNED = 1, 2
-_ZERO_PIVOT, _SINGULAR_DIAGONAL, _NO_MEMORY = -4, -7, -2
+# Numbers of the reference of Intel oneMKL PARDISO.
+# mtype:
+_SYMMETRIC_INDEFINITE = -2
+_COMPLEX_SYMMETRIC = 6
+# phase:
+_ANALYSE = 11
+_FACTORISE = 22
+_SOLVE = 33
+_RELEASE_FACTOR = 0
+_RELEASE_ALL = -1
+# positions in iparm, from 0; those of memory are in KiB:
+_ORDERING = 4
+_REFINEMENTS = 7
+_REPLACED_PIVOTS = 13
+_NEGATIVE_EIGENVALUES = 22
+_KIB_OF_FACTOR = 16
+# values of iparm[_ORDERING]:
+_GIVEN = 1
+_RETURNED = 2
+# error:
+_ZERO_PIVOT = -4
+_SINGULAR_DIAGONAL = -7
+_NO_MEMORY = -2
 _SLOTS = 8
 """Factors that one handle keeps at a time; the ninth opens another handle with the same ordering."""
 _ANALYSIS_BYTES_PER_ENTRY = 40
-"""Measured 37 at the peak of the ordering of shells."""
+"""Bytes per entry of the matrix that the ordering takes at its peak: 37 were measured for shells."""
 
 
 @lru_cache(maxsize=1)
@@ -88,10 +105,10 @@ class _Handle:
         most, which, kind, step, size = (ctypes.byref(ctypes.c_int32(i)) for i in numbers)
         columns = ctypes.c_int32(1 if b is None else b.shape[1])
         silent, error = ctypes.c_int32(0), ctypes.c_int32(0)
-        found = library()
-        assert found is not None
+        mkl = library()
+        assert mkl is not None
         with self.lock:
-            found.pardiso(
+            mkl.pardiso(
                 _pointer(self.memory), most, which, kind, step, size,
                 _pointer(values), _pointer(self.starts), _pointer(self.columns), _pointer(self.ordering),
                 ctypes.byref(columns), _pointer(settings), ctypes.byref(silent),
@@ -106,7 +123,7 @@ class _Handle:
         """Memory of one factorisation where the ordering is done, else that of the ordering."""
         if not self.open:
             return _ANALYSIS_BYTES_PER_ENTRY * len(self.columns)
-        return 1024 * int(self.settings[_OF_FACTOR]) + self.dtype.itemsize * len(self.columns)
+        return 1024 * int(self.settings[_KIB_OF_FACTOR]) + self.dtype.itemsize * len(self.columns)
 
     def release(self, phase: int, slot: int = 1) -> None:
         """Give memory back; of a cycle of garbage the handle may go before its factors."""

@@ -23,8 +23,9 @@ from femtune.model.solvers.interface import (
 from femtune.model.solvers.threads import threads
 
 _ORDERING = "metis"
-"""Nested dissection, as of PARDISO: that of the library's own choice takes longer, for factors of the same size."""
+"""Nested dissection, as in PARDISO: the default of the library takes longer, for factors of the same size."""
 _ANALYSIS_BYTES_PER_ENTRY = 60
+"""Bytes per entry of the matrix that are required for the ordering at its peak, a forecast on the safe side."""
 
 
 @lru_cache(maxsize=1)

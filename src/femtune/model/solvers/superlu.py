@@ -1,4 +1,4 @@
-"""SuperLU of SciPy: always at hand, one thread, real and complex."""
+"""SuperLU of SciPy: always available, one thread, real and complex."""
 
 from __future__ import annotations
 

@@ -19,9 +19,10 @@ from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
 from femtune.model.vibration.transfer import ModalTransfer
 
-_TOLERANCE = 1e-5
+_PIECE_TOLERANCE = 1e-5
 """Largest relative error of a linear piece of a spectrum that is straight in a double logarithmic plot."""
 _MOST_PIECES = 20_000
+"""Linear pieces of a spectrum at most: only extremely steep ones need more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +61,10 @@ class Spectrum:
         """(k,) density at frequencies (k,)."""
         hz = np.asarray(freq_hz, dtype=float)
         inside = (hz >= self.freq_hz[0]) & (hz <= self.freq_hz[-1])
-        found = np.exp(
+        density = np.exp(
             np.interp(np.log(np.where(inside, hz, self.freq_hz[0])), np.log(self.freq_hz), np.log(self.density))
         )
-        return np.where(inside, found, 0.0)
+        return np.where(inside, density, 0.0)
 
     def within(self, low_hz: float, high_hz: float) -> Spectrum | None:
         """The spectrum in a band; None if they have nothing in common."""
@@ -85,9 +86,9 @@ class Spectrum:
 
     @cached_property
     def pieces(self) -> tuple[Reals, Reals]:
-        """Points (p,) in Hz, and densities, between which the density is as good as linear."""
+        """Points (p,) in Hz, and densities, between which the density is linear to the tolerance."""
         slope = np.diff(np.log(self.density)) / np.diff(np.log(self.freq_hz))
-        step = np.sqrt(8.0 * _TOLERANCE / np.maximum(np.abs(slope * (slope - 1.0)), 1e-12))
+        step = np.sqrt(8.0 * _PIECE_TOLERANCE / np.maximum(np.abs(slope * (slope - 1.0)), 1e-12))
         counts = np.maximum(1, np.ceil(np.diff(np.log(self.freq_hz)) / step)).astype(int)
         if counts.sum() > _MOST_PIECES:
             raise FemtuneError("vibration.spectrum/steep")
@@ -132,8 +133,8 @@ def _integrals(poles: Complexes, spectrum: Spectrum) -> tuple[float, Complexes]:
     area = float(np.sum(0.5 * (g[1:] + g[:-1]) * np.diff(hz)))
     # ω + iλ stays below the real axis, so that the principal logarithm has no step
     logs = np.diff(np.log(w + 1j * poles[:, None]), axis=1)
-    found = -1j * (slope * np.diff(w) + (start - 1j * poles[:, None] * slope) * logs)
-    return area, np.asarray(found.sum(axis=1) / (2.0 * np.pi))
+    integrals = -1j * (slope * np.diff(w) + (start - 1j * poles[:, None] * slope) * logs)
+    return area, np.asarray(integrals.sum(axis=1) / (2.0 * np.pi))
 
 
 def _one_each(transfer: ModalTransfer, spectra: list[Spectrum]) -> list[Spectrum]:

@@ -18,11 +18,12 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.model.vibration.transfer import ModalTransfer
 
-_PHASE = 5e-3
+_PHASE_TOLERANCE = 5e-3
 """Largest difference, in rad, between the phase of a step and that of a constant frequency."""
-_PART = 0.02
+_LARGEST_STEP = 0.02
 """Largest step relative to the frequency."""
 _MOST_STEPS = 2_000_000
+"""Steps of a sweep at most; slower sweeps are quasi-static, and the responses are those of a steady state."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Sweep:
 
     def _step(self, freq_hz: float) -> float:
         rate = float(self.slope(np.array(freq_hz)))
-        return min(float(np.sqrt(8.0 * _PHASE * rate / (2.0 * np.pi))), _PART * freq_hz)
+        return min(float(np.sqrt(8.0 * _PHASE_TOLERANCE * rate / (2.0 * np.pi))), _LARGEST_STEP * freq_hz)
 
     def steps(self) -> tuple[Reals, Reals]:
         """Frequencies (n + 1,) at the ends of all steps, and their durations (n,) in s (error ``vibration.sweep``)."""

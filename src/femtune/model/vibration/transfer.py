@@ -50,10 +50,10 @@ class ModalTransfer:
         """(o, i, n) transfer functions at frequencies (n,)."""
         s = 2j * np.pi * np.asarray(freq_hz, dtype=float)
         both = 1.0 / (s - self.poles[:, None]), 1.0 / (s - self.poles.conj()[:, None])
-        found = np.einsum("oim,mn->oin", self.residues, both[0]) + np.einsum(
+        values = np.einsum("oim,mn->oin", self.residues, both[0]) + np.einsum(
             "oim,mn->oin", self.residues.conj(), both[1]
         )
-        return np.asarray(found + self.direct[:, :, None])
+        return np.asarray(values + self.direct[:, :, None])
 
 
 def force_transfer(

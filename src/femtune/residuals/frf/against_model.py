@@ -12,13 +12,21 @@ from femtune.identification.frf_checks import KNOWN_FACTORS
 from femtune.modal import FrfSet
 from femtune.modal.frf_set import KINDS
 
-_OPPOSITE, _ALIKE = -0.6, 0.5
-"""Mean cosine of the phase between measured and computed FRFs: of a channel with a wrong sign, and of the others."""
-_FEWEST, _FEWEST_CHANNELS, _FEWEST_OUTPUTS = 8, 3, 4
+_OPPOSITE = -0.6
+"""Mean cosine of the phase between measured and computed FRFs below which the sign of a channel is wrong."""
+_ALIKE = 0.5
+"""The same, that the other channels must have in the median for this to be said."""
+_FEWEST_VALUES = 8
+"""Values of a channel for a mean: by chance the mean cosine of so many random phases is below −0.6 in about 1 % of all
+cases."""
+_FEWEST_CHANNELS = 3
+"""Responses that are needed to tell the odd one."""
+_FEWEST_OUTPUTS = 4
+"""Responses whose levels are compared."""
 _LEVEL = 3.0
 """Ratio of the levels, in both directions, from which units are doubted."""
 _OUTLYING = 3.0
-"""A channel has a level of its own if its distance from the others is so many times its scatter over the lines, and
+"""A channel has a separate level if its distance from the others is so many times its scatter over the lines, and
 the scatter of the levels of the others."""
 _CLEARER = 0.7
 """Another kind is likely if it makes the scatter of the ratios so much smaller."""
@@ -40,7 +48,7 @@ def against_model(measured: FrfSet, model: Complexes, known: Flags, configuratio
     """
     test = measured.values
     used = known & (model != 0.0) & np.isfinite(test) & (test != 0.0)
-    if used.sum() < _FEWEST:
+    if used.sum() < _FEWEST_VALUES:
         return ()
     ratio = np.divide(model, test, out=np.full(test.shape, np.nan + 0j), where=used)
     sizes = tuple(_sizes(measured, ratio, configuration))
@@ -72,7 +80,7 @@ def _means(values: Reals, axis: int) -> Reals:
     rows = np.moveaxis(values, axis, 0).reshape(values.shape[axis], -1)
     counts = np.isfinite(rows).sum(axis=1)
     sums = np.where(np.isfinite(rows), rows, 0.0).sum(axis=1)
-    return np.where(counts >= _FEWEST, sums / np.maximum(counts, 1), np.nan)
+    return np.where(counts >= _FEWEST_VALUES, sums / np.maximum(counts, 1), np.nan)
 
 
 def _sizes(measured: FrfSet, ratio: Complexes, configuration: str) -> Iterator[Notice]:
@@ -92,7 +100,7 @@ def _sizes(measured: FrfSet, ratio: Complexes, configuration: str) -> Iterator[N
 
 
 def _guess(level: float) -> str:
-    """What is known to cause such a factor."""
+    """Known causes of such a factor."""
     near = [w for w, f in KNOWN_FACTORS.items() for r in (f, 1.0 / f) if abs(np.log(level / r)) < np.log(1.5)]
     return f"; the cause may be {' or '.join(near)}" if near else ""
 
@@ -100,7 +108,7 @@ def _guess(level: float) -> str:
 def _levels(measured: FrfSet, ratio: Complexes, configuration: str) -> Iterator[Notice]:
     """Outputs whose level differs from that of the others, by far more than the levels of the others do."""
     size = -np.log(np.abs(ratio)).reshape(ratio.shape[0], -1)
-    known = np.flatnonzero(np.isfinite(size).sum(axis=1) >= _FEWEST)
+    known = np.flatnonzero(np.isfinite(size).sum(axis=1) >= _FEWEST_VALUES)
     if len(known) < _FEWEST_OUTPUTS:
         return
     level = np.nanmedian(size[known], axis=1)

@@ -34,7 +34,6 @@ from femtune.residuals.weights import ResidualBlock
 
 _TELLING = 3
 """Sensors from which on the motion at an antiresonance says which one it is."""
-_BEYOND = 1e6
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ class CandidateZeros:
         return out
 
     def why_not(self, i: int, j: int | None, gates: ZeroGates) -> str:
-        """What speaks against a pair; "" where nothing does."""
+        """The reason against a pair; "" if there is none."""
         if j is None:
             return "all antiresonances of the model are assigned to others"
         off, mac = float(np.expm1(self.off[i, j])), float(self.mac[i, j])
@@ -106,8 +105,10 @@ def _mac(test: NDArray, model: Reals) -> float:
 
 ZeroSd = float | Literal["test"]
 
-_LEAST = 1e-7
+_LEAST_SD = 1e-7
+"""Relative standard deviation of an identified antiresonance at least; data without noise give zero."""
 _REACH = 1.5
+"""Factor on the highest measured antiresonance up to which zeros of the model are candidates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +157,7 @@ class AntiresonanceResidual(Residual):
         return [b for tests in self.by_function() for b in self._of_function(finder, tests, derivatives)]
 
     def finder(self, modes: EigenSolution) -> ZeroFinder:
-        """Of the test's functions in a model."""
+        """Finder of the zeros of the test's functions in a model."""
         return zero_finder(modes, self._ports(modes))
 
     def _ports(self, modes: EigenSolution) -> Ports:
@@ -176,17 +177,17 @@ class AntiresonanceResidual(Residual):
         self, finder: ZeroFinder, tests: list[Antiresonance], derivatives: bool
     ) -> Iterator[ResidualBlock]:
         place = self.at(tests[0])
-        found = candidates(finder, *place, tests, _REACH)
-        for test, partner in zip(tests, found.assigned()):
+        zeros = candidates(finder, *place, tests, _REACH)
+        for test, partner in zip(tests, zeros.assigned()):
             if partner is None:
                 raise self._lost(test)
-            zero = finder.refined(*place, float(found.eigenvalues[partner]), derivatives)
+            zero = finder.refined(*place, float(zeros.eigenvalues[partner]), derivatives)
             sd = self._sd(test)
             pair = frequency_residual(zero.eigenvalue, zero.gradient, test.freq_hz, sd)
             yield self.block(self.configuration, test.label, *pair, sd)
 
     def _sd(self, test: Antiresonance) -> float:
-        return max(test.sd_hz / test.freq_hz, _LEAST) if self.sd == "test" else float(self.sd)
+        return max(test.sd_hz / test.freq_hz, _LEAST_SD) if self.sd == "test" else float(self.sd)
 
     def _lost(self, test: Antiresonance) -> FemtuneError:
         return FemtuneError("residual.antiresonance-lost", configuration=self.configuration, antiresonance=test.label)

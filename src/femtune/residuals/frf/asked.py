@@ -1,4 +1,4 @@
-"""Residuals of measured FRFs as a study asks for them: settled at the start of the update."""
+"""Residuals of measured FRFs that a study requests; they are settled at the start of the update."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _POOR = 0.1
 
 
 class AskedFrfs(AtFirstState):
-    """FRFs of a configuration's test, as a study asks for them; settled at the start of the update."""
+    """FRFs of the test of a configuration that a study requests; settled at the start of the update."""
 
     key = FrfResidual.key
     label = FrfResidual.label
@@ -48,20 +48,20 @@ class AskedFrfs(AtFirstState):
 
         def settle(state: CaseState) -> Settled:
             used, damping, about = _equalised(asked, measured)
-            found, told = _settled_functions(
+            residual, told = _settled_functions(
                 entry, used, places, scatter, replace(way, damping=damping), (*notices, *about), state
             )
             test = asked.equalised()
             if test is None:
-                return found, told
+                return residual, told
             # lines of an identified test are free of the noise of single lines, which would bias their weights
-            return replace(found, identified=test.redrawn, shift=None), told
+            return replace(residual, identified=test.redrawn, shift=None), told
 
         return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 class AskedAntiresonances(AtFirstState):
-    """Antiresonances of the functions of a configuration's test, likewise."""
+    """Antiresonances of these FRFs, settled in the same way."""
 
     key = AntiresonanceResidual.key
     label = AntiresonanceResidual.label
@@ -92,37 +92,37 @@ class AskedAntiresonances(AtFirstState):
             highest_hz = max((z.freq_hz for z in zeros), default=0.0)
             wanted = ModelWay(modes=_wanted(entry)).settled(state, highest_hz).modes
             modes = full_modes(state, wanted)
-            found, left = antiresonance_residual(modes, measured, zeros, entry.sd, places, gates, wanted)
-            return found, (*notices, *left)
+            residual, left = antiresonance_residual(modes, measured, zeros, entry.sd, places, gates, wanted)
+            return residual, (*notices, *left)
 
         return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | None, tuple[Notice, ...]]:
-    """The functions and the modal damping of the model, both with one damping ratio where the study asks for it."""
-    entry, found = asked.entry, asked.equalised()
-    if found is None:
+    """The functions and the modal damping of the model, both with one damping ratio if the study requests it."""
+    entry, equalised = asked.entry, asked.equalised()
+    if equalised is None:
         return measured, _damping(entry, asked.damping), ()
     if entry.ratio is not None or entry.ratios is not None or entry.averages is not None:
         raise FemtuneError("residual.equalised-keys", where=asked.where())
-    zeta = found.moved.damping_ratio
+    zeta = equalised.moved.damping_ratio
     notice = Notice(
-        "residual.equalised", level="info", configuration=asked.name, ratio=found.damping_ratio,
-        low=found.band_hz[0], high=found.band_hz[1], modes=len(zeta), least=100.0 * zeta.min(initial=1.0),
-        most=100.0 * zeta.max(initial=0.0), lines=len(found.frfs.freq_hz), misfit=100.0 * found.misfit,
-        left_out=_bands(found.left_out_hz),
+        "residual.equalised", level="info", configuration=asked.name, ratio=equalised.damping_ratio,
+        low=equalised.band_hz[0], high=equalised.band_hz[1], modes=len(zeta), least=100.0 * zeta.min(initial=1.0),
+        most=100.0 * zeta.max(initial=0.0), lines=len(equalised.frfs.freq_hz), misfit=100.0 * equalised.misfit,
+        left_out=_bands(equalised.left_out_hz),
     )  # fmt: skip
-    told = [notice, *(r.notice for r in found.identified.remarks if r.notice.code == "identify.damping")]
-    if found.misfit > _POOR:
+    told = [notice, *(r.notice for r in equalised.identified.remarks if r.notice.code == "identify.damping")]
+    if equalised.misfit > _POOR:
         told.append(
             Notice(
-                "residual.equalised-poor", configuration=asked.name, misfit=100.0 * found.misfit, modes=len(zeta),
-                order=found.largest_order,
+                "residual.equalised-poor", configuration=asked.name, misfit=100.0 * equalised.misfit, modes=len(zeta),
+                order=equalised.largest_order,
             )
         )  # fmt: skip
     return (
-        _select(found.frfs, measured.responses, measured.references),
-        constant_damping(found.damping_ratio),
+        _select(equalised.frfs, measured.responses, measured.references),
+        constant_damping(equalised.damping_ratio),
         tuple(told),
     )
 
@@ -133,7 +133,7 @@ def _bands(left_out: Sequence[tuple[float, float]]) -> str:
 
 
 def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[CaseState], Settled]:
-    """What is settled at the start fails at its own table of the study, not at the first one."""
+    """Errors at the start of the update point to the table of this residual, not to the first one."""
 
     def at_its_place(state: CaseState) -> Settled:
         with asked.errors_at():
@@ -150,13 +150,20 @@ def _settled_functions(
     highest_hz = max(float(measured.freq_hz[r.at].max()) * r.stretch for r in lines.regions(measured.freq_hz))
     way = way.settled(state, highest_hz)
     model = way.model(state, highest_hz)
-    found, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
+    residual, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
     left_out = _left_out(entry, state, way)
-    found = replace(found, left_out=left_out)
+    residual = replace(residual, left_out=left_out)
     told = () if left_out is None else (_told_left_out(left_out, state.case.name),)
-    doubts = against_model(found.measured, found.survey(model), np.isfinite(found.sd), found.configuration)
-    found, times = with_enough_modes(found, state)
-    return found, (*notices, *told, *about_lines, *_more_modes(state, found.way, highest_hz, times), *left, *doubts)
+    doubts = against_model(residual.measured, residual.survey(model), np.isfinite(residual.sd), residual.configuration)
+    residual, times = with_enough_modes(residual, state)
+    return residual, (
+        *notices,
+        *told,
+        *about_lines,
+        *_more_modes(state, residual.way, highest_hz, times),
+        *left,
+        *doubts,
+    )
 
 
 def _left_out(entry: Any, state: CaseState, way: ModelWay) -> LeftOutModes | None:
@@ -212,11 +219,11 @@ def _wanted(entry: Any) -> ModesWanted | None:
 def _output_sd(asked: Asked, measured: FrfSet) -> dict[tuple[int, str], float]:
     """Relative standard deviations of single outputs (error ``dof.missing``)."""
     known = {(d.node, d.direction): d for d in measured.responses}
-    found = {}
+    sd_of_outputs = {}
     for label, sd in (asked.entry.output_sd or {}).items():
         dof = _known(known, parse_dof(label), asked.where("output_sd"))
-        found[dof.node, dof.direction] = float(sd)
-    return found
+        sd_of_outputs[dof.node, dof.direction] = float(sd)
+    return sd_of_outputs
 
 
 def _angles(entry: Any) -> dict[int, float]:

@@ -21,11 +21,13 @@ from femtune.residuals.frf.residual import FrfForm, FrfResidual, Places, places_
 from femtune.residuals.frf.scatter import ABOVE_NOISE, FrfScatter
 
 # ----------------------------------------------------------------------------------------------------
-# Functions that are zero in the model whatever drives it: motions that do not couple.
+# Functions that are zero in the model under any force: motions that do not couple.
 
 
-_ZERO = 1e-8
-_LOOKED_AT = 12
+_SILENT = 1e-8
+"""Size of a function relative to those of its driving points, at or below which it is rounding of zero."""
+_SURVEY_LINES = 12
+"""Evenly spaced lines at which functions are surveyed; each costs a solution."""
 
 
 def silent_functions(residual: FrfResidual, model: ModelPoint | EigenSolution) -> NDArray[np.bool_]:
@@ -49,7 +51,7 @@ def silent_functions(residual: FrfResidual, model: ModelPoint | EigenSolution) -
     ).max(axis=2)  # fmt: skip
     a, b = len(ports.output_labels), len(ports.input_labels)
     seen, driven = np.diag(size[:a, b:]), np.diag(size[a:, :b])
-    scale = _ZERO * np.sqrt(np.outer(seen, driven))
+    scale = _SILENT * np.sqrt(np.outer(seen, driven))
     silent = size[:a, :b] <= scale
     if residual.form == "linear" and silent.any():
         silent &= _slopes(residual, ports, model, lines) <= scale
@@ -59,7 +61,7 @@ def silent_functions(residual: FrfResidual, model: ModelPoint | EigenSolution) -
 def _some(measured: FrfSet) -> NDArray[np.float64]:
     """A dozen of the lines."""
     lines = measured.freq_hz
-    at = np.unique(np.linspace(0, len(lines) - 1, min(_LOOKED_AT, len(lines))).round().astype(int))
+    at = np.unique(np.linspace(0, len(lines) - 1, min(_SURVEY_LINES, len(lines))).round().astype(int))
     return np.asarray(lines[at])
 
 
@@ -67,14 +69,15 @@ def _slopes(
     residual: FrfResidual, ports: Ports, model: ModelPoint | EigenSolution, lines: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(outputs, inputs) largest magnitudes of the derivatives of functions over the lines."""
-    found = frf_gradient(
+    functions = frf_gradient(
         model, ports, lines, "receptance", residual.way.method,
         damping=residual.way.damping, residual_vectors=residual.way.residual_vectors,
     )  # fmt: skip
-    return np.asarray(np.abs(found.gradient).max(axis=(2, 3), initial=0.0))
+    return np.asarray(np.abs(functions.gradient).max(axis=(2, 3), initial=0.0))
 
 
-_SHOWN = 8
+_LISTED = 8
+"""Names in a message; it stays one line or two."""
 
 
 def frf_residual(
@@ -139,13 +142,13 @@ def _chosen(
     measured: FrfSet, lines: Lines, scatter: FrfScatter, form: FrfForm
 ) -> tuple[FrfSet, tuple[Region, ...], Reals, Reals]:
     """Functions, regions, σ and shifts at the chosen lines; noise and neighbours are those of all lines."""
-    found = lines.regions(measured.freq_hz)
-    at = np.unique(np.concatenate([r.at for r in found]))
+    regions = lines.regions(measured.freq_hz)
+    at = np.unique(np.concatenate([r.at for r in regions]))
     none = np.zeros(measured.values.shape)
     sd, shift = (scatter.linear(measured), none) if form == "linear" else scatter.logarithmic(measured)
     coherence = None if measured.coherence is None else measured.coherence[:, :, at]
     some = replace(measured, freq_hz=measured.freq_hz[at], values=measured.values[:, :, at], coherence=coherence)
-    return some, tuple(replace(r, at=np.searchsorted(at, r.at)) for r in found), sd[:, :, at], shift[:, :, at]
+    return some, tuple(replace(r, at=np.searchsorted(at, r.at)) for r in regions), sd[:, :, at], shift[:, :, at]
 
 
 def _lost_in_noise(residual: FrfResidual) -> list[Notice]:
@@ -188,7 +191,7 @@ def _named(residual: FrfResidual, i: int, j: int) -> str:
 
 def _listed(labels: Iterable[str]) -> str:
     names = list(labels)
-    return ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
+    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
 
 
 def _nothing_left(name: str, notices: list[Notice]) -> FemtuneError:

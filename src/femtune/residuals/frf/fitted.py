@@ -38,15 +38,15 @@ def fitted_frfs(evaluation: Evaluation) -> Iterator[FittedFrfs]:
     """Functions of all FRF residuals, in their order. They cost no solution: the blocks of the evaluation have them."""
     blocks = iter([b for b in evaluation.blocks if b.kind == FrfResidual.label])
     for residual in (r for state in evaluation.states for r in state.case.residuals):
-        own = _of_functions(residual)
-        if own is not None:
-            values = own.values_of([next(blocks) for _ in range(own.block_count)])
-            phase = own.form != "log-magnitude"
-            yield FittedFrfs(own.configuration, own.measured, phase, values.astype(np.complex64))
+        functions = _of_functions(residual)
+        if functions is not None:
+            values = functions.values_of([next(blocks) for _ in range(functions.block_count)])
+            phase = functions.form != "log-magnitude"
+            yield FittedFrfs(functions.configuration, functions.measured, phase, values.astype(np.complex64))
 
 
 def _of_functions(residual: Residual) -> FrfResidual | None:
-    found = settled(residual)
-    if isinstance(found, ReducedFrfs):
-        return found.own
-    return found if isinstance(found, FrfResidual) else None
+    settled_residual = settled(residual)
+    if isinstance(settled_residual, ReducedFrfs):
+        return settled_residual.own
+    return settled_residual if isinstance(settled_residual, FrfResidual) else None

@@ -19,7 +19,8 @@ from femtune.model import EigenSolution
 
 NEAR = 0.02
 """A mode is named by a frequency that differs from its own by this at most, relative."""
-_SHOWN = 2
+_NEAREST_SHOWN = 2
+"""Nearest modes that a message names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ def left_out_modes(modes: EigenSolution, asked_hz: Sequence[float], configuratio
 
 
 def _not_near(hertz: Reals, asked_hz: float, configuration: str) -> FemtuneError:
-    nearest = np.sort(hertz[np.argsort(np.abs(hertz - asked_hz))[:_SHOWN]])
+    nearest = np.sort(hertz[np.argsort(np.abs(hertz - asked_hz))[:_NEAREST_SHOWN]])
     return FemtuneError(
         "residual.left-out-mode", values={"nearest (Hz)": ", ".join(f"{hz:.5g}" for hz in nearest)},
         configuration=configuration, asked=asked_hz, near=100.0 * NEAR,

@@ -22,17 +22,22 @@ from femtune.dofs import Dof
 from femtune.errors import FemtuneError
 from femtune.modal import FrfSet, as_kind
 
-_TERMS = 6
-_ROUNDING = 1e-9
-_DIFFERENCE, _SQUARES = 4, 70.0
-"""Order of the differences from which the noise is estimated, and the sum of the squares of their factors."""
+_FIT_TERMS = 6
+"""Coefficients of a local fit."""
+_SAME_ZERO = 1e-9
+"""Relative distance of two zeros that is rounding: they are one, found in two valleys."""
+_DIFFERENCE_ORDER = 4
+"""Order of the differences over lines from which the noise is estimated: smooth functions leave next to nothing."""
+_DIFFERENCE_VARIANCE = 70.0
+"""Variance of such a difference of unit noise: 1 + 16 + 36 + 16 + 1."""
 _NEIGHBOURS = 20
 """Lines on each side of a minimum from which the noise is estimated, at least."""
 _PRIOR = 20.0
 """Degrees of freedom of that estimate beside those of the fit."""
 _WITHIN = 0.75
 """Part of the way to the peaks within which a root lies; one beside a pole cancels this pole."""
-_NARROWER = 0.8
+_NARROWING = 0.8
+"""Factor from window to window while the fit does not describe the lines."""
 _UNLIKELY = 2.0
 """Standard deviations by which squares of a fit may exceed their expectation; it is repeated with fewer lines."""
 
@@ -64,7 +69,7 @@ class Antiresonance:
 
 @dataclass(frozen=True)
 class ZeroSearch:
-    """What is taken for an antiresonance.
+    """Criteria for an antiresonance.
 
     Parameters
     ----------
@@ -87,7 +92,7 @@ class ZeroSearch:
 
 @dataclass(frozen=True)
 class FoundZeros:
-    """What was found in the functions of a test.
+    """Antiresonances in the functions of a test.
 
     Parameters
     ----------
@@ -114,15 +119,15 @@ def found_antiresonances(frfs: FrfSet, search: ZeroSearch | None = None) -> Foun
     search = search or ZeroSearch()
     accelerance = as_kind(frfs, "accelerance")
     valleys: list[_Valley] = []
-    found: list[Antiresonance] = []
+    antiresonances: list[Antiresonance] = []
     for i, j in np.ndindex(frfs.values.shape[:2]):
         own = list(_valleys(frfs.freq_hz, accelerance.values[i, j], search))
         valleys += own
-        found += _of_function(accelerance, i, j, search, [v for v in own if v.above_noise])
+        antiresonances += _of_function(accelerance, i, j, search, [v for v in own if v.above_noise])
     in_noise = sum(not v.above_noise for v in valleys)
-    if not found:
+    if not antiresonances:
         raise _none(frfs, search, in_noise)
-    return FoundZeros(tuple(found), in_noise)
+    return FoundZeros(tuple(antiresonances), in_noise)
 
 
 @dataclass(frozen=True)
@@ -142,7 +147,7 @@ def _of_function(
     last = 0.0
     for valley in valleys:
         root, sd, lines = _root(x, values, valley, search.half_width)
-        if not _is_zero(root, x[lines], search) or root.real <= last * (1.0 + _ROUNDING):
+        if not _is_zero(root, x[lines], search) or root.real <= last * (1.0 + _SAME_ZERO):
             continue
         last = root.real
         freq = float(np.sqrt(root.real) / (2.0 * np.pi))
@@ -167,10 +172,10 @@ def _valleys(freq_hz: Reals, values: Complexes, search: ZeroSearch) -> Iterator[
         level = search.above_noise * _noise(values, k - _NEIGHBOURS, k + _NEIGHBOURS)
         left, right = k - _rise(size[k::-1], level), k + _rise(size[k:], level)
         peak = min(size[left], size[right])
-        found = _Valley(k, left, right, bool(peak >= level))
-        known = lowest.get((found.left, found.right))
+        valley = _Valley(k, left, right, bool(peak >= level))
+        known = lowest.get((valley.left, valley.right))
         if size[k] <= search.depth * peak and (known is None or size[k] < size[known.lowest]):
-            lowest[found.left, found.right] = found
+            lowest[valley.left, valley.right] = valley
     yield from sorted(lowest.values(), key=lambda v: v.lowest)
 
 
@@ -179,9 +184,9 @@ def _noise(values: Complexes, first: int, last: int) -> float:
 
     The squares of complex normal values have the median ln 2 times their mean; the median leaves poles out.
     """
-    differences = np.diff(values[max(first, 0) : last + 1], _DIFFERENCE)
+    differences = np.diff(values[max(first, 0) : last + 1], _DIFFERENCE_ORDER)
     known = np.abs(differences[np.isfinite(differences)]) ** 2
-    return float(np.sqrt(np.median(known) / (_SQUARES * np.log(2.0)))) if known.size else 0.0
+    return float(np.sqrt(np.median(known) / (_DIFFERENCE_VARIANCE * np.log(2.0)))) if known.size else 0.0
 
 
 def _rise(size: Reals, level: float) -> int:
@@ -206,7 +211,7 @@ def _root(x: Reals, values: Complexes, valley: _Valley, half_width: int) -> tupl
     before, after = max((centre - valley.left) // 2, half_width), max((valley.right - centre) // 2, half_width)
     fits = [_Fit(x, values, centre, (before, after), poles, noise)]
     while max(before, after) > half_width:
-        before, after = (max(int(_NARROWER * n), half_width) for n in (before, after))
+        before, after = (max(int(_NARROWING * n), half_width) for n in (before, after))
         fits.append(_Fit(x, values, centre, (before, after), poles, noise))
     chosen = next((fit for fit in fits if fit.describes), fits[-1])
     low, high = min(centre, lowest), max(centre, lowest)
@@ -249,7 +254,7 @@ class _Fit:
         A = self._terms((x - at) / scale) * (x / at)[:, None]
         c = np.linalg.lstsq(A, values, rcond=None)[0]
         squares = float(np.sum(np.abs(values - A @ c) ** 2))
-        freedom = max(len(x) - _TERMS, 1)
+        freedom = max(len(x) - _FIT_TERMS, 1)
         self.describes = squares <= noise**2 * (freedom + _UNLIKELY * np.sqrt(freedom))
         of_roots = np.polynomial.polynomial.polyfromroots
         numerator = np.convolve(c[:2], of_roots([p, p, q, q]))

@@ -59,14 +59,14 @@ class ModelWay:
         if self.modes is not None or not self.needs_modes(state.full):
             return self
         case, top = state.case, TIMES_HIGHEST_LINE * highest_hz
-        found = full_modes(state, (None, top))
-        number = found.wanted
+        modes = full_modes(state, (None, top))
+        number = modes.wanted
         # a number that is too small is seen without a solution, whose factors would stay
         enough = case.count is None or case.count >= number if case.max_hz is None else case.max_hz >= top
         shared = case.full is None and enough and state.solution.wanted >= number
         if not shared:
             # those that have just been found serve the residual too
-            state.further[number, None] = found
+            state.further[number, None] = modes
         return replace(self, modes=(case.count, case.max_hz) if shared else (number, None))
 
 
@@ -128,7 +128,7 @@ class AtFirstState(Residual):
 
     @property
     def notices(self) -> tuple[Notice, ...]:
-        """What was left out; nothing before it was asked."""
+        """Notices of what was left out; none until the residual is settled."""
         return self._settled[0][1] if self._settled else ()
 
 
@@ -140,6 +140,6 @@ def settle_all(state: CaseState) -> None:
 
 
 def settled(residual: Residual) -> Residual:
-    """The residual as it was settled; itself where there is nothing to settle, or it was not asked yet."""
-    found = residual.settled if isinstance(residual, AtFirstState) else None
-    return found or residual
+    """The settled residual; the residual itself if there is nothing to settle, or it has not been settled yet."""
+    modes = residual.settled if isinstance(residual, AtFirstState) else None
+    return modes or residual

@@ -53,7 +53,7 @@ def modes_for(state: CaseState, residual: FrfResidual, start: EigenSolution | No
 
 
 def wanted_of(state: CaseState, residual: FrfResidual) -> FunctionsWanted:
-    """What a reduced model is trained for."""
+    """Functions and lines for which a reduced model is trained."""
     lines, _ = residual.model_lines
     ports = residual.places.ports(state.full.configured, residual.measured)
     needs = residual.way.needs_modes(state.full)
@@ -101,14 +101,14 @@ class ReducedFrfs(Residual):
         way = self.own.way
         damped = wanted_number(modes.eigenvalues, *(way.modes or (0, None)))
         ports, left_out = BasisPorts(self.inputs.T, self.outputs), self._left_out(modes, damped)
-        found = reduced_functions(modes, ports, s, damped, way.damping, derivatives, left_out)
+        functions = reduced_functions(modes, ports, s, damped, way.damping, derivatives, left_out)
         factor = s ** KINDS.index(self.own.measured.kind)
-        if not np.isfinite(found.values).all():
+        if not np.isfinite(functions.values).all():
             raise FemtuneError(
                 "residual.frf-not-finite", configuration=self.own.configuration, function="all functions"
             )
-        values = np.moveaxis(found.values * factor[:, None, None], 0, -1)
-        gradient = np.moveaxis(found.gradient * factor[:, None, None, None], 0, 2)
+        values = np.moveaxis(functions.values * factor[:, None, None], 0, -1)
+        gradient = np.moveaxis(functions.gradient * factor[:, None, None, None], 0, 2)
         return self.own.at_lines(values[:, :, back], gradient[:, :, back])
 
     def _left_out(self, modes: ReducedModes, count: int) -> tuple[int, ...]:

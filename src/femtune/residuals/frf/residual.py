@@ -95,7 +95,7 @@ def frf_comparison(form: FrfForm) -> FrfComparison:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Where measured FRFs were driven and seen, as rows over the DOFs of all grid points, whatever the configuration.
+# Where measured FRFs were driven and seen, as rows over the DOFs of all grid points, in every configuration.
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ class KnownFunctions:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """What makes one block.
+    """One block of the residual.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ class FrfResidual(Residual):
     form : "linear", "log-magnitude" or "log-complex"
     way : how the model's functions are computed
     shift : (outputs, inputs, lines) added to logarithms of magnitudes, against the bias of their weights
-    identified : the test that `measured` was computed from; None where it was measured itself
+    identified : the test that `measured` was computed from; None if it was measured itself
     left_out : modes whose part in the model's functions is taken away
     """
 
@@ -205,7 +205,7 @@ class FrfResidual(Residual):
         return self.compared(known.values, known.gradient if derivatives else known.gradient[..., :0])
 
     def known(self, state: CaseState) -> KnownFunctions | None:
-        """Functions at a state that were found on a reduced model; None where the full model has to be asked."""
+        """Functions at a state that were found on a reduced model; None if the full model is needed."""
         return state.shared.get(("functions", self))
 
     def keep(self, state: CaseState, functions: KnownFunctions) -> None:
@@ -266,12 +266,12 @@ class FrfResidual(Residual):
     def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:
         """The model's functions at the lines, (outputs, inputs, lines), and their derivatives (…, p)."""
         lines, back = self.model_lines
-        found = frf_gradient(
+        functions = frf_gradient(
             model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
             damping=self.way.damping, residual_vectors=self.way.residual_vectors, derivatives=derivatives,
             left_out=self._left_out(model),
         )  # fmt: skip
-        return self.at_lines(found.frfs.values[:, :, back], found.gradient[:, :, back])
+        return self.at_lines(functions.frfs.values[:, :, back], functions.gradient[:, :, back])
 
     def survey(self, model: ModelPoint | EigenSolution) -> Complexes:
         """The model's functions at the lines but for their last digits, see `survey_functions`."""
@@ -341,7 +341,7 @@ class FrfResidual(Residual):
 
     @cached_property
     def _compared(self) -> _Compared:
-        """What of the blocks does not change with the model."""
+        """The parts of the blocks that do not change with the model."""
         parts, places, total = list[_Part](), list[Integers](), sum(int(at.sum()) for _, at in self._parts)
         halves = 1 if self.form == "log-magnitude" else 2
         begun = 0

@@ -1,4 +1,4 @@
-"""How well measured FRFs are known: a part of the magnitude, a floor, and what the coherence says.
+"""Standard deviations of measured FRFs: a part of the magnitude, a floor, and a part from the coherence.
 
 A weight that follows the noise of its value makes an estimate biased. Near the noise what stands for the
 magnitude of a function at a line is therefore taken from the lines beside it, whose noise is another; well above it,
@@ -19,6 +19,7 @@ from femtune.modal import FrfSet
 ABOVE_NOISE = 3.0
 """Logarithms are taken of values above so many standard deviations of the noise floor."""
 _WELL_ABOVE = 10.0
+"""Level over the noise above which a single value is known to 10 %, and needs no mean with its neighbours."""
 _TRANSLATIONS = ("X", "Y", "Z")
 
 
@@ -78,12 +79,12 @@ class FrfScatter:
         value itself, and (floor/|H|)² makes up for what that does to the mean; lower it is that of the lines beside.
         Errors as `linear`.
         """
-        noise, own = self._noise(frfs), np.abs(frfs.values)
+        noise, magnitude = self._noise(frfs), np.abs(frfs.values)
         near = np.abs(0.5 * sum(beside(frfs.values)))
         high = near > _WELL_ABOVE * noise
-        part = _ratio(noise, np.where(high, own, near))
+        part = _ratio(noise, np.where(high, magnitude, near))
         part[part >= 1.0 / ABOVE_NOISE] = np.nan
-        size, turned = np.where(high, own, near), self._turned(frfs)
+        size, turned = np.where(high, magnitude, near), self._turned(frfs)
         if self.angles:
             turned = np.divide(turned, size**2, out=np.full(size.shape, np.nan), where=size > 0.0)
         return _known(np.sqrt(self._relative(frfs) + turned + part**2), frfs.values), np.where(high, part**2, 0.0)

@@ -22,7 +22,8 @@ FURTHER_TIMES = (3.0, 4.0)
 """How many times the highest line the modes reach where those up to `TIMES_HIGHEST_LINE` times leave larger errors."""
 _MOST_DOFS = 30_000
 """Larger models keep their modes: the direct solutions would take as long as the update."""
-_EVEN = 4
+_EVEN_LINES = 4
+"""Evenly spaced lines at which all functions are solved directly, to compare; each costs a factorisation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,7 @@ class Truncation:
     function, line_hz : where `largest` is
     vectors : whether residual vectors are added to the modes
     order : of the reduced model that they are of; None for superposed modes of the full model
-    large : DOFs of a full model that is too large for direct solutions; None where they were made
+    large : DOFs of a full model that is too large for direct solutions; None if they were made
     """
 
     configuration: str
@@ -177,7 +178,7 @@ def _lines(residual: FrfResidual, size: Reals) -> Integers:
     """Positions of evenly spaced lines, the last among them, and the one where the least error counts."""
     known = np.isfinite(residual.sd)
     lines = np.flatnonzero(known.any(axis=(0, 1)))
-    even = lines[np.unique(np.linspace(0, len(lines) - 1, _EVEN).round().astype(int))]
+    even = lines[np.unique(np.linspace(0, len(lines) - 1, _EVEN_LINES).round().astype(int))]
     # modes far above the lines add a static displacement
     unit = np.abs(residual.measured.freq_hz) ** ("receptance", "mobility", "accelerance").index(residual.measured.kind)
     allowed = np.where(known, residual.sd * (1.0 if residual.form == "linear" else size) / unit, np.inf)

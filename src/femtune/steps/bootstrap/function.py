@@ -12,7 +12,7 @@ from femtune.study.described import StudySource, Test, source_of
 from femtune.study.progress import silent
 
 if TYPE_CHECKING:
-    from femtune.files.study_file.objects import Parameter
+    from femtune.files.study_file.parameter import Parameter
     from femtune.study.progress import Progress
 from femtune.steps.run_study import _run
 

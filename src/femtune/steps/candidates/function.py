@@ -22,7 +22,7 @@ from femtune.study.solutions import warnings_of
 from femtune.study.study import read_study
 
 if TYPE_CHECKING:
-    from femtune.files.study_file.objects import Parameter
+    from femtune.files.study_file.parameter import Parameter
     from femtune.study.progress import Progress
 from femtune.steps.run_study import opened
 from femtune.study.inputs import check_outputs, inputs_of_study

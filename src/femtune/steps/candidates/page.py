@@ -2,18 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femtune.document.alert_boxes import alert_boxes
-from femtune.document.document import Cell, Figure, KeyNumber, KeyNumbers, Listing, Paragraph, Table, columns, row
+from femtune.document.document import (
+    Cell,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Listing,
+    Paragraph,
+    Table,
+    columns,
+    row,
+)
 from femtune.document.figures.candidates import candidates_svg
-from femtune.document.numbers import NONE, percent, short, typeset, unit_fraction
+from femtune.document.numbers import (
+    NONE,
+    counted,
+    percent,
+    short,
+    typeset,
+    unit_fraction,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from femtune.document.document import Block, Level
+    from femtune.steps.candidates.record import CandidatesResults
+    from femtune.steps.report_source import ReportSource
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
@@ -177,3 +200,9 @@ def undetermined_blocks(models: Sequence[CandidateResults]) -> list[Block]:
     """A sentence for each combination that a model leaves undetermined."""
     found = tuple(f"{c.name}: {one.sentence}" for c in models for one in c.undetermined)
     return [Listing(found)] if found else [Paragraph("The data determine all parameters of every model.")]
+
+
+def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:
+    """The first sentence of the comparison."""
+    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
+    return f"{counted(len(found.candidates), 'model')} compared. {found.sentences[0]}", level

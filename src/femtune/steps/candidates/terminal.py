@@ -5,8 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.document.document import AlertBox, Listing, Section
-from femtune.steps.candidates.page import candidate_numbers, criteria_table, parameter_table, undetermined_blocks
-from femtune.steps.run.page.short_form import candidates_verdict
+from femtune.steps.candidates.page import (
+    candidate_numbers,
+    candidates_verdict,
+    criteria_table,
+    parameter_table,
+    undetermined_blocks,
+)
 
 if TYPE_CHECKING:
     from femtune.document.document import Document

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femtune.arguments import checked
-from femtune.files.study_file.objects import plain
+from femtune.files.study_file.python_table import plain
 from femtune.steps.identify.run import identify as find_modes
 from femtune.steps.report.function import REPORT_FILE
 from femtune.study.progress import silent

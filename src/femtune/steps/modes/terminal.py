@@ -9,9 +9,16 @@ from femtune.document.alert_boxes import alert_boxes
 from femtune.document.document import Cell, Column, Listing, Paragraph, Section, Table, columns, row
 from femtune.document.numbers import NONE, NOT_TESTED, counted, freq
 from femtune.steps.info.terminal import column_groups
-from femtune.steps.modes.page.modes import MESH_HEADS, mesh_cells, mesh_sentences, solved_by
-from femtune.steps.respond.page import fdac_table, frf_table, how, load_blocks, ordered_pairs, pole_blocks
-from femtune.steps.run.page.short_form import responses_verdict, sturm_verdict
+from femtune.steps.modes.page.modes import MESH_HEADS, mesh_cells, mesh_sentences, solved_by, sturm_verdict
+from femtune.steps.respond.page import (
+    fdac_table,
+    frf_table,
+    how,
+    load_blocks,
+    ordered_pairs,
+    pole_blocks,
+    responses_verdict,
+)
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Document

@@ -28,6 +28,11 @@ from femtune.residuals.kinds import FRF_FORMS
 from femtune.steps.modes.page.mode_shapes import structure_of
 
 if TYPE_CHECKING:
+    from femtune.document.document import Block, Level
+    from femtune.steps.plan.record import PlanResults
+    from femtune.steps.report_source import ReportSource
+
+if TYPE_CHECKING:
     from femtune.document.document import Block
     from femtune.steps.plan.record import PlannedExciter, PlannedSensor, PlannedSet, PlanResults
     from femtune.steps.report_source import ReportSource
@@ -337,3 +342,10 @@ def method_sentences(plan: PlanResults) -> list[str]:
     if plan.rigid_left_out:
         found.append(f"{counted(plan.rigid_left_out, 'rigid-body mode')} left out of the target modes.")
     return found
+
+
+def plan_verdict(plan: PlanResults) -> tuple[str, Level]:
+    """Whether the sensors tell the target modes apart, in one sentence."""
+    level: Level = "warning" if any(a.level != "info" for a in plan.alerts) else "info"
+    modes, channels = counted(len(plan.modes), "target mode"), counted(plan.chosen.channels, "measured direction")
+    return f"{channels} for {modes}; the largest AutoMAC is {unit_fraction(plan.chosen.auto_mac)}.", level

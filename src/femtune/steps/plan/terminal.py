@@ -12,10 +12,10 @@ from femtune.steps.plan.page import (
     own_axes,
     parameter_blocks,
     plan_numbers,
+    plan_verdict,
     sensor_table,
     setup_blocks,
 )
-from femtune.steps.run.page.short_form import plan_verdict
 
 if TYPE_CHECKING:
     from femtune.document.document import Document

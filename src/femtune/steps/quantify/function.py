@@ -18,7 +18,7 @@ from femtune.study.solved import nominal
 from femtune.study.study import read_study
 
 if TYPE_CHECKING:
-    from femtune.files.study_file.objects import Parameter
+    from femtune.files.study_file.parameter import Parameter
     from femtune.study.progress import Progress
 
 

@@ -16,6 +16,11 @@ from femtune.document.numbers import NONE, counted, freq, percent, short, signed
 from femtune.steps.report_source import VERSION_WORDS
 
 if TYPE_CHECKING:
+    from femtune.document.document import Block, Level
+    from femtune.steps.report_source import ReportSource
+    from femtune.steps.respond.record import ResponseResults
+
+if TYPE_CHECKING:
     from femtune.document.document import Block
     from femtune.steps.report_source import ReportSource
     from femtune.steps.respond.record import ComplexPole, FrfPair, FrfResults, ResponseResults, StaticResults
@@ -301,3 +306,15 @@ def _row(frfs: Sequence[FrfResults], k: int, measured: bool) -> tuple[Cell, ...]
     if measured:
         cells += [freq(last.test_peak_hz), short(last.test_peak), *(unit_fraction(p.frac, NONE) for p in pairs)]
     return row(last.output, last.input, *cells)
+
+
+def responses_verdict(found: Sequence[ResponseResults]) -> tuple[str, Level]:
+    """How many responses there are, and whether something damps them."""
+    functions = sum(len(r.frfs.pairs) for r in found if r.frfs is not None)
+    loads = sum(len(r.loads) for r in found)
+    parts = [counted(functions, "frequency response")] if functions else []
+    parts += [counted(loads, "load case")] if loads else []
+    what = " and ".join(parts)
+    if any(a.code == "response.undamped" for r in found for a in r.alerts):
+        return f"{what}; the model has no damping.", "warning"
+    return f"{what}.", "info"

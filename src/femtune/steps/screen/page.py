@@ -11,6 +11,11 @@ from femtune.document.figures.effects import beside_svg, main_effects_svg
 from femtune.document.numbers import NONE, counted, freq, short, unit_fraction
 
 if TYPE_CHECKING:
+    from femtune.document.document import Block, Level
+    from femtune.steps.report_source import ReportSource
+    from femtune.steps.screen.record import ScreenResults
+
+if TYPE_CHECKING:
     from femtune.document.document import Block
     from femtune.steps.report_source import ReportSource
     from femtune.steps.screen.record import ElementaryEffect, MainEffect, ScreenedMode, ScreenResults, SobolIndices
@@ -205,3 +210,9 @@ def mode_table(found: ScreenResults) -> Table:
             for m in found.modes
         ),
     )  # fmt: skip
+
+
+def screen_verdict(found: ScreenResults) -> tuple[str, Level]:
+    """The first sentence of a screening."""
+    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
+    return f"{found.design}, {counted(found.runs, 'run')}. {found.sentences[0]}", level

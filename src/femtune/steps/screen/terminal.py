@@ -5,8 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.document.document import Section
-from femtune.steps.run.page.short_form import screen_verdict
-from femtune.steps.screen.page import contribution_table, elementary_table, indices_table, mode_table, summary_blocks
+from femtune.steps.screen.page import (
+    contribution_table,
+    elementary_table,
+    indices_table,
+    mode_table,
+    screen_verdict,
+    summary_blocks,
+)
 
 if TYPE_CHECKING:
     from femtune.document.document import Document

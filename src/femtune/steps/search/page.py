@@ -6,9 +6,24 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from femtune.document.alert_boxes import alert_boxes
-from femtune.document.document import Cell, Figure, KeyNumber, KeyNumbers, Listing, Paragraph, Table, columns, row
+from femtune.document.document import (
+    Cell,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Listing,
+    Paragraph,
+    Table,
+    columns,
+    row,
+)
 from femtune.document.figures.effects import front_svg, search_svg
 from femtune.document.numbers import NONE, counted, short, value
+
+if TYPE_CHECKING:
+    from femtune.document.document import Block, Level
+    from femtune.steps.report_source import ReportSource
+    from femtune.steps.search.record import GlobalSearchResults
 
 if TYPE_CHECKING:
     from femtune.document.document import Block
@@ -161,3 +176,9 @@ def surrogate_blocks(found: GlobalSearchResults) -> list[Block]:
         "near 1 if the intervals are right."
     )
     return [Table("", heads, (line,), note)]
+
+
+def search_verdict(found: GlobalSearchResults) -> tuple[str, Level]:
+    """What the search came to."""
+    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
+    return found.sentences[-1], level

@@ -5,8 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.document.document import Section
-from femtune.steps.run.page.short_form import search_verdict
-from femtune.steps.search.page import front_table, parameter_table, seed_table, summary_blocks, surrogate_blocks
+from femtune.steps.search.page import (
+    front_table,
+    parameter_table,
+    search_verdict,
+    seed_table,
+    summary_blocks,
+    surrogate_blocks,
+)
 
 if TYPE_CHECKING:
     from femtune.document.document import Document

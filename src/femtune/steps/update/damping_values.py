@@ -13,7 +13,7 @@ from femtune.steps.run_folder import unwritable
 
 if TYPE_CHECKING:
     from femtune.fem.fields import FieldRef
-    from femtune.files.study_file import ParameterEntry
+    from femtune.files.study_file import Parameter
     from femtune.steps.update.record.update import ParameterResult, UpdateResults
     from femtune.study.study import Study
 
@@ -41,7 +41,7 @@ def write_damping(study: Study, update: UpdateResults, folder: Path) -> Path | N
         raise unwritable(folder, error) from error
 
 
-def _entry(study: Study, entry: ParameterEntry, found: ParameterResult | None) -> DampingEntry | None:
+def _entry(study: Study, entry: Parameter, found: ParameterResult | None) -> DampingEntry | None:
     if found is None or found.sd is None or not found.sd > 0.0 or not entry.moves_damping:
         return None
     scale = 1.0 if entry.absolute else _value_of_all(study, entry.targets)

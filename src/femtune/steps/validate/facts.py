@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.files.study_file.residual import FrequencyResidualEntry, FrfResidualEntry
+from femtune.files.study_file.residual import FrequencyResidual, FrfResidual
 from femtune.residuals import state_at
 from femtune.steps.correlate.criteria import criteria_profile, of_frfs
 from femtune.steps.info.checks import mesh_not_checked
@@ -133,7 +133,7 @@ def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
     known = case.modal.test.freq_sd_hz
     if known is not None and known[test] > 0.0:
         return float(known[test] / case.modal.test.freq_hz[test])
-    entries = [c.entry for c in study.file.comparisons if isinstance(c.entry, FrequencyResidualEntry)]
+    entries = [c.entry for c in study.file.comparisons if isinstance(c.entry, FrequencyResidual)]
     # of residuals of frequencies in this configuration, else in the others, the largest one
     own = [e for e in entries if e.is_in(case.name, several=False, used=True)]
     return max((e.sd_of_frequency for e in own or entries if e.sd_of_frequency is not None), default=None)
@@ -426,7 +426,7 @@ def responses_not_tested(study: Study, predicted: bool, responses: Iterable[Resp
 
 def compares_frfs(study: Study) -> bool:
     """True if a residual of the study compares measured FRFs line by line."""
-    return any(isinstance(c.entry, FrfResidualEntry) for c in study.file.comparisons)
+    return any(isinstance(c.entry, FrfResidual) for c in study.file.comparisons)
 
 
 def _kinds_not_tested(kinds: set[str]) -> Iterable[str]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.files.study_file import ResponseTable
-from femtune.files.study_file.residual import FrfResidualEntry
+from femtune.files.study_file.residual import FrfResidual as FrfResidualTable
 from femtune.files.study_file.stage import RESONANCES
 from femtune.model import damping_by_mode
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
@@ -116,8 +116,8 @@ def check_frf_band(study: Study) -> None:
         )  # fmt: skip
 
 
-def _entries(study: Study) -> list[FrfResidualEntry]:
-    return [c.entry for c in study.file.comparisons if isinstance(c.entry, FrfResidualEntry)]
+def _entries(study: Study) -> list[FrfResidualTable]:
+    return [c.entry for c in study.file.comparisons if isinstance(c.entry, FrfResidualTable)]
 
 
 def _unused(study: Study, case: StudyCase, x: Reals) -> UnusedFrfs:

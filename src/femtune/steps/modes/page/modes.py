@@ -26,6 +26,12 @@ from femtune.steps.correlate.page.correlation import unpaired_model, unpaired_te
 from femtune.steps.report_source import VERSION_HEADS
 
 if TYPE_CHECKING:
+    from femtune.document.document import Block, Level
+    from femtune.steps.correlate.record.correlation import CorrelationResults, ModePairRecord
+    from femtune.steps.info.record.model import ModelModes
+    from femtune.steps.report_source import ReportSource
+
+if TYPE_CHECKING:
     from femtune.document.document import Block, Tone
     from femtune.steps.correlate.record.correlation import ClusterRecord, CorrelationResults, ModePairRecord
     from femtune.steps.info.record.checks import ModelCheck
@@ -362,3 +368,14 @@ def _total(masses: EffectiveMasses, units: tuple[str, str]) -> tuple[Cell, ...]:
 
 def _sturm(m: ModelModes) -> str:
     return f"{m.configuration}: {m.sturm_sentence or NOT_TESTED}."
+
+
+def sturm_verdict(modes: Sequence[ModelModes]) -> tuple[str, Level]:
+    """Whether a mode was missed, in one sentence."""
+    untested = [m.configuration for m in modes if m.sturm_count is None]
+    missed = [m.configuration for m in modes if m.sturm_count is not None and m.sturm_count != m.modes_below_shift]
+    if missed:
+        return f"The Sturm counts differ in {listed(missed)}: a mode may have been missed.", "problem"
+    if untested:
+        return f"The completeness of the modes was not tested in {listed(untested)}.", "warning"
+    return "No mode was missed: the Sturm counts agree.", "info"

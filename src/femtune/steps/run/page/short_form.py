@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from femtune.document.document import Cell, Heading, Listing, Paragraph, Section, Table, columns, row
@@ -11,7 +10,6 @@ from femtune.document.numbers import (
     NOT_TESTED,
     counted,
     freq,
-    listed,
     percent,
     short,
     signed_percent,
@@ -26,14 +24,8 @@ from femtune.steps.validate.page import deviation_table, untested_reasons, valid
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Level
-    from femtune.steps.candidates.record import CandidatesResults
     from femtune.steps.correlate.record.correlation import CorrelationResults, ModePairRecord
-    from femtune.steps.info.record.model import ModelModes
-    from femtune.steps.plan.record import PlanResults
     from femtune.steps.report_source import ReportSource, Scores
-    from femtune.steps.respond.record import ResponseResults
-    from femtune.steps.screen.record import ScreenResults
-    from femtune.steps.search.record import GlobalSearchResults
     from femtune.steps.update.record.update import ParameterFacts, UpdateResults
 
 _MODES, _PARAMETERS, _LINES = 12, 24, 6
@@ -228,54 +220,6 @@ def _without_modes(source: ReportSource, update: UpdateResults | None) -> tuple[
     caveats = _caveats(source, update)
     sentence = f"After the update, the weighted mean error is {last} % (before: {first} %){_tail(caveats)}."
     return sentence, "warning" if caveats else "info"
-
-
-def sturm_verdict(modes: Sequence[ModelModes]) -> tuple[str, Level]:
-    """Whether a mode was missed, in one sentence."""
-    untested = [m.configuration for m in modes if m.sturm_count is None]
-    missed = [m.configuration for m in modes if m.sturm_count is not None and m.sturm_count != m.modes_below_shift]
-    if missed:
-        return f"The Sturm counts differ in {listed(missed)}: a mode may have been missed.", "problem"
-    if untested:
-        return f"The completeness of the modes was not tested in {listed(untested)}.", "warning"
-    return "No mode was missed: the Sturm counts agree.", "info"
-
-
-def responses_verdict(found: Sequence[ResponseResults]) -> tuple[str, Level]:
-    """How many responses there are, and whether something damps them."""
-    functions = sum(len(r.frfs.pairs) for r in found if r.frfs is not None)
-    loads = sum(len(r.loads) for r in found)
-    parts = [counted(functions, "frequency response")] if functions else []
-    parts += [counted(loads, "load case")] if loads else []
-    what = " and ".join(parts)
-    if any(a.code == "response.undamped" for r in found for a in r.alerts):
-        return f"{what}; the model has no damping.", "warning"
-    return f"{what}.", "info"
-
-
-def plan_verdict(plan: PlanResults) -> tuple[str, Level]:
-    """Whether the sensors tell the target modes apart, in one sentence."""
-    level: Level = "warning" if any(a.level != "info" for a in plan.alerts) else "info"
-    modes, channels = counted(len(plan.modes), "target mode"), counted(plan.chosen.channels, "measured direction")
-    return f"{channels} for {modes}; the largest AutoMAC is {unit_fraction(plan.chosen.auto_mac)}.", level
-
-
-def screen_verdict(found: ScreenResults) -> tuple[str, Level]:
-    """The first sentence of a screening."""
-    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
-    return f"{found.design}, {counted(found.runs, 'run')}. {found.sentences[0]}", level
-
-
-def search_verdict(found: GlobalSearchResults) -> tuple[str, Level]:
-    """What the search came to."""
-    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
-    return found.sentences[-1], level
-
-
-def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:
-    """The first sentence of the comparison."""
-    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
-    return f"{counted(len(found.candidates), 'model')} compared. {found.sentences[0]}", level
 
 
 def agreement(scores: Scores) -> str:

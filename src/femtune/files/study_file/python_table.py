@@ -1,0 +1,71 @@
+"""Tables of a study that are made in Python too: their words are those of the file, and so are the checks of them."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ValidationError
+
+from femtune.errors import ErrorCollector
+from femtune.files.study_file.keys import keys_of
+from femtune.files.study_file.kinds import TomlTable
+from femtune.files.study_file.problems import problems
+from femtune.files.study_file.source import StudyLines
+
+
+def plain(value: Any) -> Any:
+    """A value as in a TOML file: lists as tuples, numpy numbers as numbers, paths as text."""
+    if isinstance(value, BaseModel):
+        kind = {"kind": value.kind} if hasattr(value, "kind") else {}
+        return plain({**kind, **{name: getattr(value, name) for name in value.model_fields_set}})
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if hasattr(value, "tolist"):  # an array or a number of numpy, which is not imported for this
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return tuple(map(plain, value))
+    return str(value) if isinstance(value, Path) else value
+
+
+class _Documented:
+    """The docstring of a table for users: its own text, with the keys as parameters, put together when it is read."""
+
+    def __init__(self, text: str) -> None:
+        self.text = inspect.cleandoc(text)
+
+    def __get__(self, instance: object, owner: type[BaseModel]) -> str:
+        keys = (f"{name} : {key.without_links}" for name, key in keys_of(owner).items() if name != "kind")
+        before, heading, after = self.text.partition("Raises\n------\n")
+        return "\n".join((f"{before}Parameters\n----------", *keys, "", heading + after))
+
+
+class PythonTable(TomlTable):
+    """A table whose class users call: what is wrong with its keys is a FemtuneError.
+
+    The keys and values are checked when it is created; references to the model are checked when the study is assembled.
+    """
+
+    if not TYPE_CHECKING:
+
+        def __init__(self, **words: Any) -> None:
+            given = {name: plain(value) for name, value in words.items() if value is not None}
+            try:
+                super().__init__(**given)
+            except ValidationError as findings:
+                errors = problems(findings, StudyLines(type(self).__name__, whole=type(self).__name__), type(self))
+                ErrorCollector(errors).raise_if_any()
+                raise
+
+        # a table inside a file is not made by this constructor: its problems are collected with those of the file
+        __init__.__pydantic_base_init__ = True
+
+    def __init_subclass__(cls, **words: Any) -> None:
+        super().__init_subclass__(**words)
+        if "Raises\n" in (cls.__doc__ or ""):
+            cls.__doc__ = _Documented(cls.__doc__ or "")  # type: ignore[assignment]
+
+    def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
+        return ((name, getattr(self, name)) for name in type(self).model_fields if name in self.model_fields_set)

@@ -1,0 +1,247 @@
+"""What a step is, in one place: its command, its sections of the report, its own page.
+
+The `STEP` of each folder is read by the command line, which makes a command of it, and by the report, which orders
+sections by their `place`. Functions of the step are named as ``module:function`` below `femtune.steps`, because
+they are imported only when the step runs; so help is quick.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import click
+
+if TYPE_CHECKING:
+    from femtune.errors import FemtuneError, Notice
+
+
+class NamedFile(Protocol):
+    """A study or an identification file, as far as a command looks at it."""
+
+    @property
+    def output_folder(self) -> Path:
+        """Where results go."""
+        ...
+
+
+BAD_INPUT = 2
+"""Exit code for errors in the input."""
+NO_OPTIMUM = 1
+"""Exit code if the update did not reach an optimum, or a criterion fails."""
+
+
+def load(name: str) -> Callable[..., Any]:
+    """The function that ``module:function`` below `femtune.steps` names, imported now."""
+    module, _, function = name.partition(":")
+    loaded: Callable[..., Any] = getattr(import_module(f"femtune.steps.{module}"), function)
+    return loaded
+
+
+def study_of(path: Path) -> NamedFile | None:
+    """The study file at `path`; None for a deck or a folder (errors of `femtune.files.study_file.read_study_file`)."""
+    from femtune.files.study_file.reading import is_deck, read_study_file  # noqa: PLC0415
+
+    return None if is_deck(path) or path.is_dir() else read_study_file(path)
+
+
+def identification_of(path: Path) -> NamedFile | None:
+    """The identification file at `path`; None for a record or functions (errors of `read_identify_file`)."""
+    from femtune.files.identification_file import is_identification_file, read_identify_file  # noqa: PLC0415
+
+    return read_identify_file(path) if is_identification_file(path) else None
+
+
+def no_file(path: Path) -> NamedFile | None:
+    """None: the step itself tells what is wrong with its files."""
+    return None
+
+
+def coloured(said: FemtuneError | Notice) -> str:
+    """A message with its code in red; click removes the colour where no terminal shows it."""
+    return said.text(lambda code: click.style(code, fg="red", bold=True))
+
+
+@dataclass(frozen=True)
+class End:
+    """How a command ends: a sentence on standard error, "" for none, and the exit code."""
+
+    told: str = ""
+    code: int = 0
+
+
+def end_of_run(result: Any) -> End:
+    """The end of a run of a study: it fails if the update did not reach an optimum."""
+    update = result.results.update
+    return End() if update is None or update.ok else End(f"{update.status}: {update.message}", NO_OPTIMUM)
+
+
+def as_given(options: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The options as they are."""
+    return options
+
+
+def given_words(options: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Options that are keys of a table; one that may be repeated and was not given is None."""
+    return {key: (value or None) if isinstance(value, tuple) else value for key, value in options.items()}
+
+
+@dataclass(frozen=True)
+class Command:
+    """The command of a step.
+
+    Parameters
+    ----------
+    help : description of the command; paragraphs are separated by a blank line
+    params : arguments and options; the first argument is the file that the step reads
+    function : what runs, ``module:function``; that of the front door by default
+    reads : checks that file before numpy is imported
+    instead : does something else if the options ask for that, and returns True then
+    asked : keywords of the function, from the options
+    all_remarks : show the remarks of the result, not only its alerts
+    data : what ``--json`` prints: a record, several records, or text
+    document : makes the tables for the terminal, from the subject and what `shown` gives; "" without tables
+    shown : arguments of `document` after the subject; None: the result alone, without a subject
+    tell : prints the result in place of tables
+    whole_run : the short form of the report is shown
+    page_of : the page that was written, if the step always writes one
+    last : the last line on standard output
+    ends : sentence and exit code at the end
+    """
+
+    help: str
+    params: tuple[click.Parameter, ...]
+    function: str = ""
+    reads: Callable[[Path], NamedFile | None] = study_of
+    instead: Callable[[dict[str, Any], bool], bool] | None = None
+    asked: Callable[[dict[str, Any], Path], dict[str, Any]] = as_given
+    all_remarks: bool = True
+    data: Callable[[Any], Any] = lambda result: result.record
+    document: str = ""
+    shown: Callable[[Any], tuple[Any, ...]] | None = lambda result: (result.record,)
+    tell: Callable[[Any, bool], None] | None = None
+    whole_run: bool = False
+    page_of: Callable[[Any], Path | None] | None = None
+    last: Callable[[Any], str] | None = None
+    ends: Callable[[Any], End] = lambda result: End()
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a page.
+
+    Parameters
+    ----------
+    id : its key in the page
+    title : its heading
+    blocks : makes its blocks from the results, ``module:function``
+    intro : opening words
+    optional : folded if the step did not run, and left out if it has no blocks
+    place : position in the report of a run; sections of a step's own page are in the order of the page
+    """
+
+    id: str
+    title: str
+    blocks: str
+    intro: str = ""
+    optional: bool = False
+    place: int = 0
+
+
+@dataclass(frozen=True)
+class Page:
+    """The page of a step that runs alone.
+
+    Parameters
+    ----------
+    record : field of the results with the record of the step
+    genre : what the page is, in words
+    verdict : sentence and level from the record, ``module:function``
+    sections : its sections, in their order
+    """
+
+    record: str
+    genre: str
+    verdict: str
+    sections: tuple[Section, ...]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of a project.
+
+    Parameters
+    ----------
+    name : name of its folder, of its command and of its function
+    command : its command; None for a step that is part of a run only
+    sections : its sections of the report of a run
+    page : its page if it runs alone; None without one
+    """
+
+    name: str
+    command: Command | None = None
+    sections: tuple[Section, ...] = ()
+    page: Page | None = None
+
+    @property
+    def function(self) -> str:
+        """What the command runs, as ``module:function``."""
+        return (self.command and self.command.function) or f"{self.name}.function:{self.name}"
+
+
+# ----------------------------------------------------------------------------------------------------
+# Arguments and options that several commands share.
+
+
+_VARIABLE = "FEMTUNE_EIGENSOLVER"
+
+
+def choose_eigensolver(context: click.Context, option: click.Parameter, name: str | None) -> None:
+    """Set the environment variable that the model reads, until the command ends."""
+    if name is not None:
+        context.with_resource(_set(name))
+
+
+@contextmanager
+def _set(name: str) -> Iterator[None]:
+    before = os.environ.get(_VARIABLE)
+    os.environ[_VARIABLE] = name
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_VARIABLE]
+        else:
+            os.environ[_VARIABLE] = before
+
+
+FILE = click.Path(path_type=Path)
+SCATTER = click.FloatRange(min=0.0, max=1.0)
+
+JOBS_KEY = "femtune.jobs"
+"""Where the context of a command keeps the number of runs at a time."""
+
+
+def keep_jobs(context: click.Context, option: click.Parameter, jobs: int | None) -> None:
+    """Keep the number of runs at a time for the step of this command."""
+    context.find_root().meta[JOBS_KEY] = jobs
+
+
+STUDY = click.Argument(["study"], type=FILE)
+JSON = click.Option(["--json", "as_json"], is_flag=True, help="Print the result as JSON on standard output.")
+OUTPUT = click.Option(["--output"], type=FILE, metavar="FOLDER", help="Run folder, instead of that of the study.")
+FRESH = click.Option(["--fresh"], is_flag=True, help="Ignore the journal of an earlier run and solve everything again.")
+JOBS = click.Option(
+    ["--jobs"], type=click.IntRange(1, 1024), metavar="N", expose_value=False, callback=keep_jobs,
+    help="The most runs at a time that do not depend on each other, in place of [parallel].",
+)  # fmt: skip
+EIGENSOLVER = click.Option(
+    ["--eigensolver"], type=click.Choice(["own", "slepc"]), expose_value=False, callback=choose_eigensolver,
+    help="slepc: distributed over MPI, for models too large for one machine.",
+)  # fmt: skip
+WIDE = click.Option(["--wide"], is_flag=True, default=None, help="Write changed cards in large-field format.")
