@@ -18,7 +18,7 @@ import femtune as ft
 from femtune.cli import main
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.identification_file import IdentifyFile
-from femtune.files.study_file import StudyFile, frozen
+from femtune.files.study_file import StudyFile, frozen, read_study_file
 from femtune.files.study_file.kinds import NamesFile
 from femtune.files.study_file.named_files import FileKey, files_named
 from femtune.files.study_file.reading import study_from_text
@@ -298,7 +298,45 @@ def test_a_pipe_in_place_of_a_table_is_refused_with_its_key(folder: Path) -> Non
 
 
 def test_a_refused_run_leaves_no_folder(folder: Path) -> None:
-    file = _base(folder)
-    with pytest.raises(RuntimeError, match="refused"), held(file, folder / "run", "update"):
+    def refuse(run: Path) -> None:
+        (run / "journal").mkdir()
         raise RuntimeError("refused")
+
+    with pytest.raises(RuntimeError, match="refused"), held(_base(folder), folder / "run", "update") as place:
+        refuse(place.path)
     assert not (folder / "run").exists()
+
+
+def test_a_refused_run_does_not_take_a_folder_that_is_there(folder: Path) -> None:
+    (folder / "run").mkdir()
+    (folder / "run" / "notes.txt").touch()
+    with pytest.raises(RuntimeError, match="refused"), held(_base(folder), folder / "run", "update"):
+        raise RuntimeError("refused")
+    assert os.listdir(folder / "run") == ["notes.txt"]
+
+
+def _of_objects(title: str) -> StudyFile:
+    return ft.Study(model=ft.read_deck("d.bdf", units="m-kg-s"), title=title).file
+
+
+def _hold(file: StudyFile) -> None:
+    with held(file, Path("run"), "update") as place:
+        (place.path / "results.json").touch()
+
+
+def test_studies_of_objects_share_a_folder_but_not_with_a_file(folder: Path) -> None:
+    _hold(_of_objects("first"))
+    # a script that was changed runs again
+    _hold(_of_objects("second"))
+    with pytest.raises(FemtuneError) as caught:
+        _hold(read_study_file(study(folder)))
+    assert caught.value.code == "run.other-study"
+
+
+def test_a_study_of_objects_does_not_take_the_folder_of_a_file(folder: Path) -> None:
+    _hold(read_study_file(study(folder)))
+    with pytest.raises(FemtuneError) as caught:
+        _hold(_of_objects("another"))
+    assert caught.value.code == "run.other-study"
+    # with other tables it is still the study of the file
+    _hold(ft.Study("s.toml", modes={"count": 3}).file)

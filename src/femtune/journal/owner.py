@@ -12,14 +12,11 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from femtune.errors import FemtuneError, Where
 from femtune.files.whole_file import write_whole
 from femtune.journal.run_files import OWNER_FILE, RESULTS_FILE
-
-if TYPE_CHECKING:
-    pass
 
 IN_MEMORY = "(in memory)"
 """In place of the path of a study of Python objects."""
@@ -50,7 +47,12 @@ class Owner:
         return f'"{self.title}"' if self.path is None else f'{self.path.name} ("{self.title}")'
 
     def is_of(self, title: str, path: Path | None) -> bool:
-        """Whether a study, given by its title and its file, is the owner: the same file, or one that was renamed."""
+        """Whether a study, given by its title and its file, is the owner: the same file, or one that was renamed.
+
+        Studies of Python objects share a folder, since a script may change the title from run to run.
+        """
+        if self.path is None and path is None:
+            return True
         if self.path is not None and self.path.is_file():
             return path is not None and os.path.samefile(self.path, path)
         return self.title == title

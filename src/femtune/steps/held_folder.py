@@ -52,6 +52,14 @@ class RunFolder:
             check_cells(study, self.path / VTU_FILE)
         _check_inputs(inputs_of_study(study), self.file, self.path, self.step)
 
+    def give_back(self) -> None:
+        """Leave neither name nor empty journal in a folder where nothing was made."""
+        made = (self.path / name for _, name in made_by(self.step, self.file, Role.RESULT, Role.RESUME))
+        with contextlib.suppress(OSError):
+            if not any(os.listdir(path) if path.is_dir() else os.path.lexists(path) for path in made):
+                (self.path / OWNER_FILE).unlink(missing_ok=True)
+                (self.path / JOURNAL_FOLDER).rmdir()
+
     def forget(self) -> None:
         """Remove what an interrupted run would go on from (error ``run.unwritable``)."""
         try:
@@ -105,20 +113,16 @@ def held(file: StudyFile, folder: Path, step: str) -> Iterator[RunFolder]:
             planned = [name for _, name in made_by(step, file, Role.RESULT)]
             # a page of an earlier report may be replaced, which is checked where pages are written
             check_foreign(folder, owner, [name for name in planned if name != REPORT_FILE])
-            yield RunFolder(folder, file, step, _signed(folder, title_and_path, owner, planned))
+            place = RunFolder(folder, file, step, _signed(folder, title_and_path, owner, planned))
+            try:
+                yield place
+            finally:
+                if owner is None:
+                    place.give_back()
     finally:
         if is_new:
-            _remove_if_empty(folder)
-
-
-def _remove_if_empty(folder: Path) -> None:
-    """Remove a folder into which a run that was refused has brought nothing but its name and an empty journal."""
-    if [name for _, _, files in os.walk(folder) for name in files] == [OWNER_FILE]:
-        (folder / OWNER_FILE).unlink()
-        with contextlib.suppress(OSError):
-            (folder / JOURNAL_FOLDER).rmdir()
-        with contextlib.suppress(OSError):
-            folder.rmdir()
+            with contextlib.suppress(OSError):
+                folder.rmdir()
 
 
 def _signed(folder: Path, of: tuple[str, Path | None], owner: Owner | None, planned: Iterable[str]) -> Owner:

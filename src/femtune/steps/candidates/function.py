@@ -13,9 +13,11 @@ from femtune.steps.candidates.result import CandidatesResult
 from femtune.steps.held_folder import held
 from femtune.steps.report.function import checked_page, with_page
 from femtune.steps.results import Results
+from femtune.steps.run_study import opened
 from femtune.steps.select.run import check_parameters
 from femtune.study.described import StudySource, Test, source_of
 from femtune.study.executor import check_executor
+from femtune.study.inputs import check_outputs, inputs_of_study
 from femtune.study.progress import silent
 from femtune.study.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.study.solutions import warnings_of
@@ -24,8 +26,6 @@ from femtune.study.study import read_study
 if TYPE_CHECKING:
     from femtune.files.study_file.parameter import Parameter
     from femtune.study.progress import Progress
-from femtune.steps.run_study import opened
-from femtune.study.inputs import check_outputs, inputs_of_study
 
 
 @checked
