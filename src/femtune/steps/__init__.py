@@ -20,7 +20,7 @@ NAMES = (
 @cache
 def all_steps() -> tuple[Step, ...]:
     """Every step, as its folder declares it."""
-    return tuple(import_module(f"femtune.steps.{name}.step").STEP for name in NAMES)
+    return tuple(import_module(f"femtune.steps.{name}").STEP for name in NAMES)
 
 
 def report_sections() -> tuple[Section, ...]:

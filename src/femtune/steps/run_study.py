@@ -18,7 +18,7 @@ from femtune.steps.select.run import check_parameters
 from femtune.study.executor import check_executor, with_jobs
 from femtune.study.provenance import Stopwatch, call, inputs_of
 from femtune.study.solutions import keeping
-from femtune.study.study import read_study
+from femtune.study.study import check_solvers, read_study
 
 if TYPE_CHECKING:
     from femtune.study.progress import Progress
@@ -59,6 +59,7 @@ def _run(
 
 def opened(source: Path | str | StudyFile, jobs: int | None, output: Path | str | None) -> tuple[StudyFile, Path]:
     """The study with its run folder, which `output` replaces for all that is kept there."""
+    check_solvers()
     given = with_jobs(source, jobs)
     if not isinstance(given, StudyFile):
         if is_deck(given):

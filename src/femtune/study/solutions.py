@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from femtune.errors import FemtuneError, Notice, folded
 from femtune.journal.journal import open_journal
 from femtune.journal.run_files import JOURNAL_FOLDER
-from femtune.study.journal_record import JournalResults, SolutionCount
+from femtune.study.record import JournalResults, SolutionCount
 from femtune.study.study import solved_by
 
 if TYPE_CHECKING:

@@ -1,1 +1,85 @@
 """Test against model: pairs, frequency errors, MAC, expansion of test shapes."""
+
+from __future__ import annotations
+
+import click
+
+from femtune.steps.step import (
+    EIGENSOLVER,
+    FILE,
+    FRESH,
+    JSON,
+    STUDY,
+    Command,
+    Section,
+    Step,
+)
+
+STEP = Step(
+    "correlate",
+    command=Command(
+        help="Compare the model with the test: frequencies, MAC, mode pairs.",
+        params=(
+            STUDY,
+            click.Option(
+                ["--expand"], metavar="METHOD", help="Expand the test shapes to the model: serep, dynamic or mdre."
+            ),
+            click.Option(
+                ["--uff"], type=FILE, metavar="FILE", help="Write the expanded shapes to a Universal File (55)."
+            ),
+            EIGENSOLVER,
+            FRESH,
+            JSON,
+        ),
+        data=lambda result: result.records,
+        document="correlate.terminal:correlation_document",
+        shown=lambda result: (result.records, result.arrays),
+    ),
+    sections=(
+        Section(
+            "compared",
+            "What was compared",
+            "correlate.page.compared:compared",
+            intro=(
+                "The test and the model were compared at the measured degrees of freedom. Modes that the "
+                "study leaves out are listed with the reason."
+            ),
+            place=20,
+        ),
+        Section(
+            "expansion",
+            "Expanded test shapes",
+            "correlate.page.expansion:expansion",
+            intro=(
+                "The measured shapes are expanded to all grid points of the model. The error at sensors that "
+                "are left out and predicted from the others estimates the error at points without a sensor."
+            ),
+            optional=True,
+            place=50,
+        ),
+        Section(
+            "mac",
+            "MAC matrices",
+            "correlate.page.correlation:mac",
+            intro=(
+                "Rows are test modes and columns are model modes. Rigid-body modes of the model that have no "
+                "partner are not shown. Framed cells are pairs."
+            ),
+            optional=True,
+            place=60,
+        ),
+        Section(
+            "comac",
+            "COMAC",
+            "correlate.page.correlation:comac",
+            intro=(
+                "COMAC measures the agreement at each measured degree of freedom over all paired modes. A "
+                "single low value indicates a local modelling error, or a sensor whose position, direction or "
+                "label is incorrect. The table shows the enhanced COMAC (eCOMAC) and the change of the MAC "
+                "when a degree of freedom is left out."
+            ),
+            optional=True,
+            place=70,
+        ),
+    ),
+)

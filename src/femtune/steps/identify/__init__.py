@@ -1,1 +1,58 @@
 """Modes with standard deviations from records or FRFs."""
+
+from __future__ import annotations
+
+import click
+
+from femtune.steps.step import (
+    FILE,
+    JOBS,
+    JSON,
+    OUTPUT,
+    Command,
+    Step,
+    given_words,
+    identification_of,
+)
+
+STEP = Step(
+    "identify",
+    command=Command(
+        help=(
+            "Identify modes with standard deviations from time records or FRFs.\n\n"
+            "PATH is an identification file (.toml), a record (CSV, UFF, .npy, .npz, .mat, HDF5, WAV) or "
+            "functions (UFF). Options replace keys of [identify] in the file."
+        ),
+        params=(
+            click.Argument(["path"], type=FILE),
+            OUTPUT,
+            click.Option(
+                ["--band", "band_hz"], type=(float, float), metavar="LOW HIGH", help="Frequency range of the modes, Hz."
+            ),
+            click.Option(["--order", "largest_order"], type=int, help="Largest model order."),
+            click.Option(
+                ["--rate", "sampling_hz"], type=float, metavar="HZ", help="Sampling rate, if the file states none."
+            ),
+            click.Option(["--variable"], metavar="NAME", help="Name of the array, if the file has several."),
+            click.Option(
+                ["--method", "methods"], multiple=True, metavar="NAME", help="N4SID, pLSCF, SSI-cov, ERA …; repeatable."
+            ),
+            click.Option(["--fragments"], type=int, help="Divide the record into this number of parts and average."),
+            click.Option(
+                ["--take", "take_hz"], type=float, multiple=True, metavar="HZ", help="Select this cluster; repeatable."
+            ),
+            click.Option(
+                ["--drop", "drop_hz"], type=float, multiple=True, metavar="HZ", help="Drop this cluster; repeatable."
+            ),
+            click.Option(["--units"], metavar="m-kg-s", help="Units, if the file states none."),
+            JOBS,
+            JSON,
+        ),
+        reads=identification_of,
+        asked=given_words,
+        all_remarks=False,
+        page_of=lambda result: result.report,
+        document="identify.page:build_identification_page",
+        shown=None,
+    ),
+)

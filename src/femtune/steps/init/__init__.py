@@ -1,1 +1,46 @@
 """A first study from a deck and a test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from femtune.errors import printable
+from femtune.steps.step import (
+    FILE,
+    JSON,
+    Command,
+    Step,
+    no_file,
+)
+
+
+def _tell(result: Any, quiet: bool) -> None:
+    if not quiet:
+        click.echo(printable(result.overview))
+
+
+STEP = Step(
+    "init",
+    command=Command(
+        help=(
+            "Write a commented study from a deck and a test: units, sensors, modes and parameters are "
+            "proposed.\n\n"
+            "TEST is a Universal File with modes or FRFs, or a record, from which the modes are "
+            "identified first. FOLDER is the current folder by default; it receives study.toml."
+        ),
+        params=(
+            click.Argument(["deck"], type=FILE),
+            click.Argument(["test"], type=FILE),
+            click.Argument(["folder"], type=FILE, default=".", required=False),
+            click.Option(["--units"], metavar="m-kg-s", help="Units of the deck, instead of guessing them."),
+            click.Option(["--force"], is_flag=True, help="Replace files that are there."),
+            JSON,
+        ),
+        reads=no_file,
+        tell=_tell,
+        last=lambda result: f"study: {Path(result.path).resolve()}",
+    ),
+)

@@ -1,1 +1,34 @@
 """Mean and covariance of the parameters from repeated tests."""
+
+from __future__ import annotations
+
+from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, STUDY, Command, Section, Step
+
+STEP = Step(
+    "quantify",
+    command=Command(
+        help="Estimate mean and covariance of the parameters from repeated tests.",
+        params=(
+            STUDY,
+            EIGENSOLVER,
+            FRESH,
+            JOBS,
+            JSON,
+        ),
+        document="quantify.page:quantify_document",
+    ),
+    sections=(
+        Section(
+            "quantify",
+            "Variability over repeated tests",
+            "quantify.page:quantify",
+            intro=(
+                "Nominally identical structures, or one structure that was reassembled, give different test "
+                "results. This section states the variability of the parameters that explains these "
+                "differences."
+            ),
+            optional=True,
+            place=130,
+        ),
+    ),
+)

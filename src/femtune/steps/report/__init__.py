@@ -1,1 +1,34 @@
 """The HTML page of a result, or of a run folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from femtune.steps.step import (
+    FILE,
+    JSON,
+    Command,
+    Step,
+)
+
+
+def _tell(path: Any, quiet: bool) -> None:
+    click.echo(f"report: {Path(path).resolve()}")
+
+
+STEP = Step(
+    "report",
+    command=Command(
+        ("Rewrite the report of a run.\n\nPATH is a run folder, or a study with a run folder."),
+        params=(
+            click.Argument(["path"], type=FILE),
+            JSON,
+        ),
+        data=lambda path: json.dumps({"report": str(Path(path).resolve())}),
+        tell=_tell,
+    ),
+)

@@ -22,7 +22,7 @@ from femtune.study.progress import silent
 
 if TYPE_CHECKING:
     from femtune.document.document import Document
-    from femtune.steps.identify.run import IdentifyResult
+    from femtune.steps.identify.result import IdentifyResult
     from femtune.study.progress import Progress
 
 R = TypeVar("R", CandidatesResult, ModesResult, PlanResult, RespondResult, ScreenResult, SearchResult)

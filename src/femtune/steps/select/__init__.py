@@ -1,1 +1,32 @@
 """Which parameters the data determine."""
+
+from __future__ import annotations
+
+from femtune.steps.step import EIGENSOLVER, FRESH, JSON, STUDY, Command, Section, Step
+
+STEP = Step(
+    "select",
+    command=Command(
+        help="Which parameters and combinations of parameters the data determine.",
+        params=(
+            STUDY,
+            EIGENSOLVER,
+            FRESH,
+            JSON,
+        ),
+        document="select.page:selection_document",
+    ),
+    sections=(
+        Section(
+            "identifiability",
+            "What the data determine",
+            "select.page:identifiability",
+            intro=(
+                "This section states which parameters, and which combinations of parameters, the measurements "
+                "determine."
+            ),
+            optional=True,
+            place=110,
+        ),
+    ),
+)

@@ -1,1 +1,46 @@
 """The update of the parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from femtune.steps.step import (
+    EIGENSOLVER,
+    FRESH,
+    JOBS,
+    JSON,
+    OUTPUT,
+    STUDY,
+    WIDE,
+    Command,
+    Section,
+    Step,
+    end_of_run,
+)
+
+STEP = Step(
+    "update",
+    command=Command(
+        help=(
+            "Update the parameters and write the updated deck.\n\n"
+            "An interrupted run continues from the solutions in its journal."
+        ),
+        params=(
+            STUDY,
+            OUTPUT,
+            WIDE,
+            EIGENSOLVER,
+            FRESH,
+            JOBS,
+            JSON,
+        ),
+        data=lambda result: result.results,
+        whole_run=True,
+        last=lambda result: f"results: {Path(result.folder).resolve()}",
+        ends=end_of_run,
+    ),
+    sections=(
+        Section("parameters", "Parameters", "update.page.parameters:parameters", place=90),
+        Section("convergence", "Convergence", "update.page.convergence:convergence", optional=True, place=100),
+    ),
+)

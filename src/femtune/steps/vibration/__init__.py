@@ -1,1 +1,11 @@
-"""Sweeps and random vibration tests beside the model."""
+"""Sweeps and random vibration tests beside the model; a part of a run."""
+
+from __future__ import annotations
+
+from femtune.steps.step import (
+    Step,
+)
+
+STEP = Step(
+    "vibration",
+)

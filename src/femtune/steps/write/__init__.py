@@ -1,1 +1,12 @@
-"""The updated deck."""
+"""The updated deck; a part of a run."""
+
+from __future__ import annotations
+
+from femtune.steps.step import (
+    Section,
+    Step,
+)
+
+STEP = Step(
+    "write", sections=(Section("write_back", "Changes in the deck", "write.page:write_back", optional=True, place=180),)
+)
