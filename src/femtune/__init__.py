@@ -1,8 +1,8 @@
 """femtune: finite element model updating, from a deck and a vibration test to an updated deck with its uncertainty.
 
 ``import femtune as ft`` gives all classes and functions that a script or a notebook needs. Names are imported at first
-use, so that the import itself is fast. The function of a step is found by `femtune.steps.front_door` if it is not listed
-here, where editors and type checkers look. docs/guide/python.md has an example from deck to result.
+use, so that the import itself is fast. The function of a step is found by `femtune.steps.front_door` if it is not in
+the list that editors and type checkers read. docs/guide/python.md has an example from deck to result.
 """
 
 from __future__ import annotations

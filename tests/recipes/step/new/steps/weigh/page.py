@@ -9,8 +9,7 @@ from femtune.document.numbers import value
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Document, Level
-    from femtune.steps.info.terminal import Subject
-    from femtune.steps.report_source import ReportSource
+    from femtune.steps.report_source import ReportSource, Subject
     from femtune.steps.weigh.record import WeighResults
 
 
