@@ -17,9 +17,8 @@ from typing import Generic, TypeVar
 
 from femtune.errors import Notice, Where
 from femtune.journal.entry import DamagedEntryError, Entry, read_entry, write_entry
+from femtune.journal.run_files import JOURNAL_FOLDER
 
-JOURNAL_FOLDER = "journal"
-"""Folder of the journal, in the run folder."""
 SCHEMA = 1
 """Version of the entries; it rises when those of an earlier femtune must not be used any more."""
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from femtune.errors import Notice, Where
 from femtune.files.modes.solved import SolvedModes
-from femtune.journal.journal import JOURNAL_FOLDER
+from femtune.journal.run_files import JOURNAL_FOLDER
 from femtune.runs.outcome import Failure, FailureKind, RunOutcome
 
 FILE = "runs.sqlite"

@@ -13,10 +13,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from femtune.errors import FemtuneError, Where
+from femtune.journal.run_files import LOCK_FILE
 from femtune.runs.process import is_alive
 from femtune.steps.run_folder import unwritable
-
-LOCK_FILE = "running.lock"
 
 # far behind the text, which others must be able to read where a lock forbids that
 _LOCKED_BYTE = 1 << 30

@@ -24,6 +24,7 @@ from femtune.files.nastran.write import plan_edits, write_deck
 from femtune.files.runs_table import RunsTable
 from femtune.files.study_file import ConfigurationSolver, RunsModelTable
 from femtune.files.whole_file import write_whole
+from femtune.journal.run_files import RUNS_FOLDER
 from femtune.journal.runs import RunJournal, open_run_journal
 from femtune.modal.beside import ModesBeside
 from femtune.model import configure, parametric_model, solve_modes
@@ -50,8 +51,6 @@ if TYPE_CHECKING:
     from femtune.parameters import ParameterSet
     from femtune.study.progress import Progress
 
-RUNS_FOLDER = "external"
-"""Folder of the runs, in the run folder."""
 _RESULT_ROUNDING = 5e-7
 """Relative rounding of results that are written with seven digits."""
 _SMALLEST_STEP = 0.01

@@ -62,11 +62,6 @@ class ModelSource(ABC, Generic[Built]):
         """Files that the model is read from, the first of which names it, without those that they include."""
         return (self.file.path_of(self.name),)
 
-    @property
-    def run_files(self) -> tuple[Path, ...]:
-        """Files that runs read or that hold their results; none where there are no runs."""
-        return ()
-
     def input_of(self, entry: ConfigurationEntry) -> Hashable:
         """What the model of a configuration is made of; equal for configurations that share it."""
         return self.name
@@ -231,12 +226,6 @@ class FromRuns(ModelSource[BuiltModel]):
         grid = self.file.model.grid
         return tuple(dict.fromkeys(map(self.file.path_of, (*names, *([] if grid is None else [grid])))))
 
-    @property
-    def run_files(self) -> tuple[Path, ...]:
-        """The tables of the study and of its configurations."""
-        names = [self.table.file, *(e.runs for e in self.file.configurations if e.runs is not None)]
-        return tuple(map(self.file.path_of, names))
-
     def input_of(self, entry: ConfigurationEntry) -> Hashable:
         """Its table."""
         return entry.runs or self.table.file
@@ -274,14 +263,6 @@ class FromSolver(FromRuns):
     def files(self) -> tuple[Path, ...]:
         """The deck or the first template, and the grid points."""
         return self._with_grid([self.name])
-
-    @property
-    def run_files(self) -> tuple[Path, ...]:
-        """Templates and files of the study and of its configurations."""
-        names = [*self.solver.templates, *self.solver.files]
-        for overrides in (entry.solver for entry in self.file.configurations if entry.solver is not None):
-            names += [*(overrides.templates or ()), *(overrides.files or ())]
-        return tuple(map(self.file.path_of, (*names, self.name)))
 
     def input_of(self, entry: ConfigurationEntry) -> Hashable:
         """Inputs of a configuration that override those of the study."""

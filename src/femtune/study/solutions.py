@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.errors import FemtuneError, Notice, folded
-from femtune.journal.journal import JOURNAL_FOLDER, open_journal
+from femtune.journal.journal import open_journal
+from femtune.journal.run_files import JOURNAL_FOLDER
 from femtune.study.record import JournalResults, SolutionCount
 from femtune.study.study import solved_by
 

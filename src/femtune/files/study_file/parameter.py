@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import keyword
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -135,6 +136,14 @@ class Parameter(PythonTable):
     def targets(self) -> tuple[FieldRef, ...]:
         """The fields that it changes; number 0 stands for all cards of the name."""
         return tuple(field_reference(text) for text in self.fields)
+
+    @property
+    def moves_damping(self) -> bool:
+        """True where all that it changes are loss factors, dashpots or damping ratios."""
+        return bool(self.targets) and all(_DAMPING.fullmatch(ref.name) for ref in self.targets)
+
+
+_DAMPING = re.compile(r"GE\d?|B\d?|ZETA|G")
 
 
 # ----------------------------------------------------------------------------------------------------
