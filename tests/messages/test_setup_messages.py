@@ -14,7 +14,7 @@ from femtune.files.identification_file import IdentifyFile, read_identify_file
 from femtune.files.points_table import read_points
 from femtune.identification.setups import PartlyFound, merge_setups
 from femtune.modal import Channel, ModeSet, TimeSeries
-from femtune.steps.identify import several
+from femtune.steps.identify import setups
 from femtune.steps.identify.rigid_bodies import with_rigid_bodies
 
 FLOOR = '[[rigid_body]]\nnode = 1\nsensors = ["11X+", "12X+", "12Y+", "13Y+"]\n'
@@ -56,7 +56,7 @@ def test_a_setup_without_a_measurement(tmp_path: Path) -> None:
 
 
 def test_modes_of_some_setups() -> None:
-    (notice,) = several.left_notice([PartlyFound(4.321, (0, 2))], 5)
+    (notice,) = setups.left_notice([PartlyFound(4.321, (0, 2))], 5)
     check_shown("identify.setups-left", str(notice))
 
 

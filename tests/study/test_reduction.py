@@ -10,7 +10,7 @@ import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.steps.report.build import build_report
 from femtune.steps.run.result import RunResult
-from femtune.steps.update.reduction import TrainingProgress
+from femtune.steps.update.on_reduced_model import TrainingProgress
 
 from .cantilever import EI, Bench
 

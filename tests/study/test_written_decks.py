@@ -15,7 +15,7 @@ from femtune.files.nastran.build import build_structure
 from femtune.steps.report_source import ReportSource
 from femtune.steps.run.alerts import alerts_of
 from femtune.steps.run.result import RunResult
-from femtune.steps.update.facts import parameter_facts
+from femtune.steps.update.facts.update import parameter_facts
 from femtune.steps.write.page import write_back
 from femtune.study.study import load_study
 

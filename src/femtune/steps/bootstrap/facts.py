@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.steps.update.facts import citations
+from femtune.steps.update.facts.update import citations
 
 if TYPE_CHECKING:
     from femtune.errors import Notice

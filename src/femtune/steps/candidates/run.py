@@ -28,7 +28,7 @@ from femtune.steps.candidates.record import CandidateResults, CandidatesResults,
 from femtune.steps.run_folder import unwritable
 from femtune.steps.select.record.identifiability import CombinationRecord
 from femtune.steps.update.external import least_squares_on_solver, moved_to, opened_solver
-from femtune.steps.update.facts import citations, combination_record
+from femtune.steps.update.facts.update import citations, combination_record
 from femtune.study.error_places import errors_at
 from femtune.study.executor import executor_of
 from femtune.study.external import point_of

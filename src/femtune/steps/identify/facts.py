@@ -12,7 +12,7 @@ from femtune.steps.info.facts import alert_of
 from femtune.study.record import InputFile
 
 if TYPE_CHECKING:
-    from femtune.steps.identify.found import Found
+    from femtune.steps.identify.identified import Found
 
 
 def identification(

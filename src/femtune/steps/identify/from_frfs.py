@@ -18,7 +18,7 @@ from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.periodic import periodic_frfs
 from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
-from femtune.steps.identify.found import Curve, Found
+from femtune.steps.identify.identified import Curve, Found
 from femtune.testdata import NO_GEOMETRY
 from femtune.testdata.checks import phase_collinearity
 

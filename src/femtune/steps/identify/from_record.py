@@ -26,7 +26,7 @@ from femtune.identification.operational import (
 )
 from femtune.identification.record_checks import level_ratios
 from femtune.modal.shape_criteria import mac
-from femtune.steps.identify.found import Curve, Found
+from femtune.steps.identify.identified import Curve, Found
 from femtune.steps.identify.request import check_length
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.files.identification_file import IdentifyFile, LevelEntry
     from femtune.identification.linearity import FunctionsAtLevel, ModeAtLevels, Trend
-    from femtune.steps.identify.found import Found
-    from femtune.steps.identify.several import IdentifyEach
+    from femtune.steps.identify.identified import Found
+    from femtune.steps.identify.setups import IdentifyEach
 
 
 def level_file(file: IdentifyFile, entry: LevelEntry) -> IdentifyFile:

@@ -11,7 +11,7 @@ from femtune.study.rows import Rows, rows_of
 
 if TYPE_CHECKING:
     from femtune.modal import FrfSet, ModeSet
-    from femtune.steps.identify.found import Found
+    from femtune.steps.identify.identified import Found
     from femtune.steps.identify.record import Identification
     from femtune.study.record import Alert
 

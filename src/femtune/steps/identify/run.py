@@ -22,7 +22,7 @@ from femtune.steps.identify.levels import level_file, linearity_notice, linearit
 from femtune.steps.identify.request import asked_of, check_methods, check_usable
 from femtune.steps.identify.result import IdentifyResult
 from femtune.steps.identify.rigid_bodies import with_rigid_bodies
-from femtune.steps.identify.several import found_from_setups
+from femtune.steps.identify.setups import found_from_setups
 from femtune.steps.identify.write import no_modes_file, test_of_modes, write_found
 from femtune.steps.run_folder import check_writable
 from femtune.study.executor import check_jobs
@@ -31,8 +31,8 @@ from femtune.study.record import InputFile
 
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
-    from femtune.steps.identify.found import Found
-    from femtune.steps.identify.several import IdentifyEach
+    from femtune.steps.identify.identified import Found
+    from femtune.steps.identify.setups import IdentifyEach
     from femtune.study.progress import Progress
 
 

@@ -24,7 +24,7 @@ from femtune.units import unit_system
 
 if TYPE_CHECKING:
     from femtune.modal import StateSpace
-    from femtune.steps.identify.found import Found
+    from femtune.steps.identify.identified import Found
     from femtune.steps.identify.record import Identification
 
 RECORD_FILE, MODES_FILE, TABLE_FILE, POLES_FILE, SYSTEM_FILE, DEVIATIONS_FILE = (

@@ -31,7 +31,7 @@ from femtune.steps.plan.record import PlannedFunctions, PlannedSensor, PlannedSe
 from femtune.steps.plan.result import PlanResult
 from femtune.steps.plan.sensors import PlacedSensors, candidate_shapes, given_sensors
 from femtune.steps.results import Results
-from femtune.steps.update.facts import citations
+from femtune.steps.update.facts.update import citations
 from femtune.study.error_places import errors_at
 from femtune.study.progress import silent
 from femtune.study.provenance import Stopwatch, call, inputs_of, provenance, study_facts

@@ -29,7 +29,7 @@ from femtune.steps.quantify.record import (
     RepeatCheck,
 )
 from femtune.steps.run_folder import unwritable
-from femtune.steps.update.facts import citations
+from femtune.steps.update.facts.update import citations
 from femtune.study.error_places import errors_at
 from femtune.study.executor import executor_of
 from femtune.study.repeats import read_repeats

@@ -39,12 +39,12 @@ from femtune.steps.select.run import select_at
 from femtune.steps.specimens.facts import Compared, specimen_results
 from femtune.steps.specimens.run import calibrate_each
 from femtune.steps.update.damping_values import write_damping
-from femtune.steps.update.facts import parameter_facts, update_results, what_ran
-from femtune.steps.update.iterations import iteration_frfs
-from femtune.steps.update.left_out import left_out_mode_records
+from femtune.steps.update.facts.iterations import iteration_frfs
+from femtune.steps.update.facts.left_out import left_out_mode_records
+from femtune.steps.update.facts.stages import stage_results
+from femtune.steps.update.facts.truncation import frf_truncations
+from femtune.steps.update.facts.update import parameter_facts, update_results, what_ran
 from femtune.steps.update.run import find_parameters
-from femtune.steps.update.stages import stage_results
-from femtune.steps.update.truncation import frf_truncations
 from femtune.steps.validate.facts import Sensitivities, predictions, validation
 from femtune.steps.validate.frf_deviation import frf_deviations
 from femtune.steps.validate.frf_validation import check_frf_band, unused_frfs

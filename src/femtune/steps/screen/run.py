@@ -19,7 +19,7 @@ from femtune.steps.screen.record import FailedModelRun, ScreenedMode, ScreenedPa
 from femtune.steps.screen.result import ScreenResult
 from femtune.steps.select.run import check_parameters
 from femtune.steps.update.external import SolverFrequencies, opened_solver
-from femtune.steps.update.facts import citations
+from femtune.steps.update.facts.update import citations
 from femtune.study.csv_table import write_csv
 from femtune.study.error_places import errors_at
 from femtune.study.executor import check_executor, executor_of, with_jobs

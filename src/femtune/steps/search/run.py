@@ -32,7 +32,7 @@ from femtune.steps.search.record import (
 from femtune.steps.search.result import SearchResult
 from femtune.steps.select.run import check_parameters
 from femtune.steps.update.external import SolverResiduals, least_squares_on_solver, opened_solver
-from femtune.steps.update.facts import citations, combination_record
+from femtune.steps.update.facts.update import citations, combination_record
 from femtune.study.csv_table import write_csv
 from femtune.study.error_places import errors_at
 from femtune.study.executor import check_executor, executor_of, with_jobs

@@ -14,7 +14,7 @@ from femtune.steps.info.checks import model_checks
 from femtune.steps.select.fisher import fisher_results, known_of_frfs
 from femtune.steps.select.measures import selection_measures
 from femtune.steps.select.record.identifiability import SmoothnessRecord
-from femtune.steps.update.facts import selection_results
+from femtune.steps.update.facts.update import selection_results
 from femtune.study.solved import solutions_of
 from femtune.study.stages import reduction_rules
 from femtune.updating.on_reduced_model import NOBODY, train, unassessed

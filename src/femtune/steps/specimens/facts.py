@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.arrays import Reals
-from femtune.steps.update.facts import citations
+from femtune.steps.update.facts.update import citations
 from femtune.steps.validate.facts import scatter_of_test
 from femtune.uncertainty import adjusted, common_test, spread_of
 from femtune.uncertainty.specimens import PAPERS, SIGNIFICANCE

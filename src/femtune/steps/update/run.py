@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.steps.select.fisher import known_of_frfs
-from femtune.steps.update.reduction import TrainingProgress, find_on_reduced
+from femtune.steps.update.on_reduced_model import TrainingProgress, find_on_reduced
 from femtune.steps.update.starts import History, find_from_starts
 from femtune.study.error_places import errors_at
 from femtune.study.stages import bottom_up

@@ -15,8 +15,8 @@ from femtune.journal.run_files import HISTORY_FILE, STARTS_FILE
 from femtune.model import digest
 from femtune.status import Status
 from femtune.steps.run_folder import unwritable
-from femtune.steps.update.reduction import TrainingProgress
-from femtune.steps.update.reduction_facts import reduction_results
+from femtune.steps.update.facts.reduction import reduction_results
+from femtune.steps.update.on_reduced_model import TrainingProgress
 from femtune.study.executor import executor_of
 from femtune.study.stages import reduction_rules
 from femtune.study.update_method import start_rules

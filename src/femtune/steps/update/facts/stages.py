@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from femtune.files.study_file.stage import RESONANCES
 from femtune.residuals import pair_case, solve_case
 from femtune.residuals.kinds import RESIDUALS
+from femtune.steps.update.facts.reduction import reduction_results
 from femtune.steps.update.record.reduction import ReductionResults
-from femtune.steps.update.reduction_facts import reduction_results
 from femtune.study.stages import stage_cases, used_in_stage
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.steps.update.facts.reduction import reduction_results
 from femtune.steps.update.record.reduction import ReductionResults
-from femtune.steps.update.reduction_facts import reduction_results
 from femtune.study.stages import reduction_rules
 from femtune.updating import update_reduced
 

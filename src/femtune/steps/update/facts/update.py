@@ -20,13 +20,13 @@ from femtune.modal import freq_and_damping
 from femtune.residuals.frequency import FrequencyResidual
 from femtune.selection import combination_text, sentences, verdict
 from femtune.selection.combinations import NO_EFFECT
-from femtune.steps.update.record.reduction import ReductionResults
-from femtune.steps.update.search_facts import (
+from femtune.steps.update.facts.search import (
     certificate_results,
     smallest_change_results,
     starts_results,
     weight_choice_results,
 )
+from femtune.steps.update.record.reduction import ReductionResults
 from femtune.steps.validate.facts import goodness, goodness_results
 from femtune.study.record import CitationRecord
 from femtune.study.study import quantities

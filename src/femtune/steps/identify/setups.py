@@ -12,7 +12,7 @@ from femtune.files.identification_file import IdentifyFile, SetupEntry
 from femtune.identification.choice import has_candidate
 from femtune.identification.setups import PartlyFound, merge_setups, same_modes
 from femtune.modal import ModeSet
-from femtune.steps.identify.found import Found
+from femtune.steps.identify.identified import Found
 from femtune.testdata import NO_GEOMETRY
 
 IdentifyEach = Callable[[Sequence[tuple[IdentifyFile, str]]], list[Found]]

@@ -1,0 +1,1 @@
+"""The update as records: from what ran to what `results.json` holds."""
