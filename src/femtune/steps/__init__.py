@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from femtune.steps.step import Section, Step
+    from femtune.steps.step import ReportSection, Step
 
 NAMES = (
     "init", "check", "info", "modes", "view", "respond", "plan", "identify", "correlate", "compare", "select",
@@ -28,6 +28,6 @@ def front_door() -> dict[str, str]:
     return {s.name: f"femtune.steps.{s.function.partition(':')[0]}" for s in all_steps() if s.command is not None}
 
 
-def report_sections() -> tuple[Section, ...]:
+def report_sections() -> tuple[ReportSection, ...]:
     """The sections of the report of a run, in their order."""
     return tuple(sorted((section for step in all_steps() for section in step.sections), key=lambda s: s.place))

@@ -132,7 +132,7 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """A section of a page.
 
     Parameters
@@ -168,7 +168,7 @@ class Page:
     record: str
     genre: str
     verdict: str
-    sections: tuple[Section, ...]
+    sections: tuple[ReportSection, ...]
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class Step:
 
     name: str
     command: Command | None = None
-    sections: tuple[Section, ...] = ()
+    sections: tuple[ReportSection, ...] = ()
     page: Page | None = None
 
     @property

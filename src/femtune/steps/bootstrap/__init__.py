@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, OUTPUT, STUDY, Command, End, Section, Step, end_of_run
+from femtune.steps.step import (
+    EIGENSOLVER,
+    FRESH,
+    JOBS,
+    JSON,
+    OUTPUT,
+    STUDY,
+    Command,
+    End,
+    ReportSection,
+    Step,
+    end_of_run,
+)
 
 
 def _end(result: Any) -> End:
@@ -34,7 +46,7 @@ STEP = Step(
         ends=_end,
     ),
     sections=(
-        Section(
+        ReportSection(
             "bootstrap",
             "Bootstrap of the FRFs",
             "bootstrap.page:bootstrap",

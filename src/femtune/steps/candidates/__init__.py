@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, OUTPUT, STUDY, Command, Page, Section, Step
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, OUTPUT, STUDY, Command, Page, ReportSection, Step
 
 STEP = Step(
     "candidates",
@@ -32,8 +32,8 @@ STEP = Step(
         genre="Candidate models",
         verdict="candidates.page:candidates_verdict",
         sections=(
-            Section("candidates_summary", "Candidate models", "candidates.page:candidates_summary"),
-            Section(
+            ReportSection("candidates_summary", "Candidate models", "candidates.page:candidates_summary"),
+            ReportSection(
                 "candidates_table",
                 "Criteria",
                 "candidates.page:candidates_table",
@@ -43,7 +43,7 @@ STEP = Step(
                     "update, one at a time. The largest residual is in its stated standard deviations."
                 ),
             ),
-            Section(
+            ReportSection(
                 "candidates_parameters",
                 "Parameters",
                 "candidates.page:candidates_parameters",
@@ -52,16 +52,16 @@ STEP = Step(
                     "in plain text; = marks a tied parameter, · an initial value, and ! a value at its bound."
                 ),
             ),
-            Section(
+            ReportSection(
                 "candidates_distances",
                 "Distances",
                 "candidates.page:candidates_distances",
                 intro="Root mean square difference of all parameters, relative to their initial values, in %.",
             ),
-            Section(
+            ReportSection(
                 "candidates_undetermined", "What the data do not determine", "candidates.page:candidates_undetermined"
             ),
-            Section("provenance", "Provenance", "run.page.method:provenance"),
+            ReportSection("provenance", "Provenance", "run.page.method:provenance"),
         ),
     ),
 )

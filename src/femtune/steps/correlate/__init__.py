@@ -11,7 +11,7 @@ from femtune.steps.step import (
     JSON,
     STUDY,
     Command,
-    Section,
+    ReportSection,
     Step,
 )
 
@@ -36,7 +36,7 @@ STEP = Step(
         shown=lambda result: (result.records, result.arrays),
     ),
     sections=(
-        Section(
+        ReportSection(
             "compared",
             "What was compared",
             "correlate.page.compared:compared",
@@ -46,7 +46,7 @@ STEP = Step(
             ),
             place=20,
         ),
-        Section(
+        ReportSection(
             "expansion",
             "Expanded test shapes",
             "correlate.page.expansion:expansion",
@@ -57,7 +57,7 @@ STEP = Step(
             optional=True,
             place=50,
         ),
-        Section(
+        ReportSection(
             "mac",
             "MAC matrices",
             "correlate.page.correlation:mac",
@@ -68,7 +68,7 @@ STEP = Step(
             optional=True,
             place=60,
         ),
-        Section(
+        ReportSection(
             "comac",
             "COMAC",
             "correlate.page.correlation:comac",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from femtune.steps.step import (
-    Section,
+    ReportSection,
     Step,
 )
 
 STEP = Step(
     "equalise",
     sections=(
-        Section(
+        ReportSection(
             "measured_damping",
             "Measured damping",
             "equalise.page:measured_damping",

@@ -13,7 +13,7 @@ from femtune.steps.step import (
     FILE,
     JSON,
     Command,
-    Section,
+    ReportSection,
     Step,
 )
 
@@ -50,5 +50,5 @@ STEP = Step(
         all_remarks=False,
         document="info.terminal:info_document",
     ),
-    sections=(Section("checks", "Model checks", "info.page:checks", place=170),),
+    sections=(ReportSection("checks", "Model checks", "info.page:checks", place=170),),
 )

@@ -40,7 +40,7 @@ FREQUENCY_SD, SHAPE_SD = 0.01, 0.1
 
 
 @dataclass(frozen=True)
-class Kind:
+class ProposalKind:
     """What a field of some cards is, and the usual bounds of the factor on it."""
 
     what: str
@@ -48,12 +48,12 @@ class Kind:
     upper: float
 
 
-_MATERIAL = Kind("material: stiffness", 0.8, 1.25)
-_DENSITY = Kind("material: density", 0.9, 1.1)
-_THICKNESS = Kind("property: thickness", 0.8, 1.25)
-_SECTION = Kind("property: section", 0.7, 1.4)
-_JOINT = Kind("joint: stiffness", 0.1, 10.0)
-_MASS = Kind("mass", 0.9, 1.1)
+_MATERIAL = ProposalKind("material: stiffness", 0.8, 1.25)
+_DENSITY = ProposalKind("material: density", 0.9, 1.1)
+_THICKNESS = ProposalKind("property: thickness", 0.8, 1.25)
+_SECTION = ProposalKind("property: section", 0.7, 1.4)
+_JOINT = ProposalKind("joint: stiffness", 0.1, 10.0)
+_MASS = ProposalKind("mass", 0.9, 1.1)
 
 # cards, their fields, and what these are
 _FIELDS = (
@@ -80,7 +80,7 @@ class FieldCandidate:
     """A field of the deck that could be a parameter."""
 
     ref: FieldRef
-    kind: Kind
+    kind: ProposalKind
     value: float
 
     @property

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, SCATTER, Command, Page, Section, Step, study_of
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, SCATTER, Command, Page, ReportSection, Step, study_of
 
 _SCATTER = ("frequency_scatter", "shape_scatter", "seed", "units")
 
@@ -86,7 +86,7 @@ STEP = Step(
         document="modes.page.frequencies:modes_document",
     ),
     sections=(
-        Section(
+        ReportSection(
             "modes",
             "Modes before and after",
             "modes.page.modes:modes",
@@ -96,7 +96,7 @@ STEP = Step(
             ),
             place=30,
         ),
-        Section(
+        ReportSection(
             "mode_shapes",
             "Mode shapes",
             "modes.page.mode_shapes:mode_shapes",
@@ -117,9 +117,9 @@ STEP = Step(
         genre="Natural modes",
         verdict="modes.page.modes:sturm_verdict",
         sections=(
-            Section("model_summary", "Model", "run.page.summary:model_summary"),
-            Section("natural_modes", "Natural modes", "modes.page.modes:natural_modes"),
-            Section(
+            ReportSection("model_summary", "Model", "run.page.summary:model_summary"),
+            ReportSection("natural_modes", "Natural modes", "modes.page.modes:natural_modes"),
+            ReportSection(
                 "pictures",
                 "Mode shapes",
                 "modes.page.mode_shapes:pictures",
@@ -132,8 +132,8 @@ STEP = Step(
                     "rigid-body motions."
                 ),
             ),
-            Section("checks", "Model checks", "info.page:checks"),
-            Section("provenance", "Provenance", "run.page.method:provenance"),
+            ReportSection("checks", "Model checks", "info.page:checks"),
+            ReportSection("provenance", "Provenance", "run.page.method:provenance"),
         ),
     ),
 )

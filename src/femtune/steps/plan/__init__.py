@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, Command, Page, Section, Step, given_words
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, Command, Page, ReportSection, Step, given_words
 
 STEP = Step(
     "plan",
@@ -62,8 +62,8 @@ STEP = Step(
         genre="Test plan",
         verdict="plan.page:plan_verdict",
         sections=(
-            Section("plan_summary", "Test plan", "plan.page:plan_summary"),
-            Section(
+            ReportSection("plan_summary", "Test plan", "plan.page:plan_summary"),
+            ReportSection(
                 "plan_sensors",
                 "Sensors",
                 "plan.page:plan_sensors",
@@ -73,11 +73,13 @@ STEP = Step(
                     "Positions and directions are in the basic coordinate system."
                 ),
             ),
-            Section("plan_modes", "Target modes", "plan.page:plan_modes"),
-            Section("plan_parameters", "Expected standard deviations of the parameters", "plan.page:plan_parameters"),
-            Section("plan_setup", "Frequency lines, masses of the sensors, suspension", "plan.page:plan_setup"),
-            Section("plan_method", "Method", "plan.page:plan_method"),
-            Section("provenance", "Provenance", "run.page.method:provenance"),
+            ReportSection("plan_modes", "Target modes", "plan.page:plan_modes"),
+            ReportSection(
+                "plan_parameters", "Expected standard deviations of the parameters", "plan.page:plan_parameters"
+            ),
+            ReportSection("plan_setup", "Frequency lines, masses of the sensors, suspension", "plan.page:plan_setup"),
+            ReportSection("plan_method", "Method", "plan.page:plan_method"),
+            ReportSection("provenance", "Provenance", "run.page.method:provenance"),
         ),
     ),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, STUDY, Command, Section, Step
+from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, STUDY, Command, ReportSection, Step
 
 STEP = Step(
     "quantify",
@@ -18,7 +18,7 @@ STEP = Step(
         document="quantify.page:quantify_document",
     ),
     sections=(
-        Section(
+        ReportSection(
             "quantify",
             "Variability over repeated tests",
             "quantify.page:quantify",

@@ -20,8 +20,7 @@ from femtune.study.model_source import FromDeck, ModelSource
 if TYPE_CHECKING:
     from femtune.document.document import Block
     from femtune.steps.results import Results
-    from femtune.steps.step import Page
-    from femtune.steps.step import Section as StepSection
+    from femtune.steps.step import Page, ReportSection
     from femtune.study.record import StudyFacts
 
 
@@ -51,14 +50,14 @@ def pages() -> dict[str, Page]:
     return {step.page.record: step.page for step in all_steps() if step.page is not None}
 
 
-def _titled(section: StepSection, study: StudyFacts) -> StepSection:
+def _titled(section: ReportSection, study: StudyFacts) -> ReportSection:
     """Where no deck is changed, the values are for whoever made the model."""
     if study.has_deck or section.id != "write_back":
         return section
     return replace(section, title="Values for the other solver")
 
 
-def _section(section: StepSection, source: ReportSource) -> Section:
+def _section(section: ReportSection, source: ReportSource) -> Section:
     """The section with the blocks of its function; one that only says why it is empty has no opening words."""
     blocks: list[Block] = load(section.blocks)(source)
     folded = section.optional and len(blocks) == 1 and isinstance(blocks[0], Paragraph)

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, SCATTER, Command, Page, Section, Step, given_words
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, SCATTER, Command, Page, ReportSection, Step, given_words
 
 
 def _asked(options: dict[str, Any], path: Path) -> dict[str, Any]:
@@ -65,16 +65,16 @@ STEP = Step(
         shown=lambda result: (result.records,),
         document="respond.page:responses_document",
     ),
-    sections=(Section("responses", "Responses", "respond.page:responses", optional=True, place=80),),
+    sections=(ReportSection("responses", "Responses", "respond.page:responses", optional=True, place=80),),
     page=Page(
         record="responses",
         genre="Responses",
         verdict="respond.page:responses_verdict",
         sections=(
-            Section("frequency_responses", "Frequency responses", "respond.page:frequency_responses"),
-            Section("complex_modes", "Complex modes", "respond.page:complex_modes"),
-            Section("static_loads", "Static loads", "respond.page:static_loads"),
-            Section("provenance", "Provenance", "run.page.method:provenance"),
+            ReportSection("frequency_responses", "Frequency responses", "respond.page:frequency_responses"),
+            ReportSection("complex_modes", "Complex modes", "respond.page:complex_modes"),
+            ReportSection("static_loads", "Static loads", "respond.page:static_loads"),
+            ReportSection("provenance", "Provenance", "run.page.method:provenance"),
         ),
     ),
 )

@@ -13,7 +13,7 @@ from femtune.steps.step import (
     STUDY,
     WIDE,
     Command,
-    Section,
+    ReportSection,
     Step,
     end_of_run,
 )
@@ -41,8 +41,8 @@ STEP = Step(
         ends=end_of_run,
     ),
     sections=(
-        Section("summary", "Summary", "run.page.review:review", place=10),
-        Section("method", "Method and citations", "run.page.method:method", place=200),
-        Section("provenance", "Provenance", "run.page.method:provenance", place=210),
+        ReportSection("summary", "Summary", "run.page.review:review", place=10),
+        ReportSection("method", "Method and citations", "run.page.method:method", place=200),
+        ReportSection("provenance", "Provenance", "run.page.method:provenance", place=210),
     ),
 )

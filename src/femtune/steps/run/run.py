@@ -148,7 +148,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Step:
+class RunStep:
     """A step of a run.
 
     Parameters
@@ -202,7 +202,7 @@ class Run:
         self.place.keep(files)
         return RunResult(self.folder, results, known.arrays, files=files)
 
-    def _done(self, steps: Iterable[Step], known: Known) -> Known:
+    def _done(self, steps: Iterable[RunStep], known: Known) -> Known:
         """What is known after some steps, each of them timed; if a step that may fail fails, an alert reports it."""
         for step in steps:
             arrays: Arrays = {}
@@ -439,32 +439,32 @@ def _write_vtu(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"files": _with(known, write_vtu_files(study, result.x, solved, run.folder / VTU_FILE))}
 
 
-WRITE_EXPANDED = Step("expanded shapes", _write_expanded, optional="file of the expanded test shapes")
+WRITE_EXPANDED = RunStep("expanded shapes", _write_expanded, optional="file of the expanded test shapes")
 UNTIL_UPDATED = (
-    Step("model", _model),
-    Step("correlate", _correlate),
-    Step("checks of later steps", _check_later),
-    Step("respond", _respond),
-    Step("select", _select),
-    Step("update", _update),
-    Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
-    Step("left-out modes", _left_out_modes),
-    Step("correlate after", _correlate_after),
-    Step("file for ParaView", _write_vtu, optional="file for ParaView"),
-    Step("measured damping", _mapped_damping, optional="measured damping on the modes of the updated model"),
-    Step("unused FRFs", _unused_frfs),
-    Step("vibration tests", _vibrations),
+    RunStep("model", _model),
+    RunStep("correlate", _correlate),
+    RunStep("checks of later steps", _check_later),
+    RunStep("respond", _respond),
+    RunStep("select", _select),
+    RunStep("update", _update),
+    RunStep("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
+    RunStep("left-out modes", _left_out_modes),
+    RunStep("correlate after", _correlate_after),
+    RunStep("file for ParaView", _write_vtu, optional="file for ParaView"),
+    RunStep("measured damping", _mapped_damping, optional="measured damping on the modes of the updated model"),
+    RunStep("unused FRFs", _unused_frfs),
+    RunStep("vibration tests", _vibrations),
 )
 ONCE_UPDATED = (
-    Step("specimens", _specimens, optional="comparison of the specimens"),
-    Step("quantify", _quantify, optional="variability of the parameters"),
-    Step("bootstrap", _bootstrap, optional="bootstrap"),
+    RunStep("specimens", _specimens, optional="comparison of the specimens"),
+    RunStep("quantify", _quantify, optional="variability of the parameters"),
+    RunStep("bootstrap", _bootstrap, optional="bootstrap"),
 )
 ON_WRITTEN_DECK = (
-    Step("write back", _write_back),
-    Step("correlate as written", _correlate_as_written),
+    RunStep("write back", _write_back),
+    RunStep("correlate as written", _correlate_as_written),
     WRITE_EXPANDED,
-    Step("respond", _respond_as_written),
+    RunStep("respond", _respond_as_written),
 )
-WITHOUT_DECK = (WRITE_EXPANDED, Step("respond", _respond_after))
+WITHOUT_DECK = (WRITE_EXPANDED, RunStep("respond", _respond_after))
 """Where nothing can be written back, the run ends with the responses at the updated values."""

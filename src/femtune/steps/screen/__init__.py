@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, STUDY, Command, Page, Section, Step
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, STUDY, Command, Page, ReportSection, Step
 
 STEP = Step(
     "screen",
@@ -41,8 +41,8 @@ STEP = Step(
         genre="Screening of parameters",
         verdict="screen.page:screen_verdict",
         sections=(
-            Section("screen_summary", "Effects of the parameters", "screen.page:screen_summary"),
-            Section(
+            ReportSection("screen_summary", "Effects of the parameters", "screen.page:screen_summary"),
+            ReportSection(
                 "screen_contributions",
                 "Contributions",
                 "screen.page:screen_contributions",
@@ -52,7 +52,7 @@ STEP = Step(
                 ),
                 optional=True,
             ),
-            Section(
+            ReportSection(
                 "screen_variance",
                 "Analysis of variance",
                 "screen.page:screen_variance",
@@ -63,7 +63,7 @@ STEP = Step(
                 ),
                 optional=True,
             ),
-            Section(
+            ReportSection(
                 "screen_elementary",
                 "Elementary effects",
                 "screen.page:screen_elementary",
@@ -75,7 +75,7 @@ STEP = Step(
                 ),
                 optional=True,
             ),
-            Section(
+            ReportSection(
                 "screen_indices",
                 "Sobol's indices",
                 "screen.page:screen_indices",
@@ -87,7 +87,7 @@ STEP = Step(
                 ),
                 optional=True,
             ),
-            Section(
+            ReportSection(
                 "screen_modes",
                 "Modes",
                 "screen.page:screen_modes",
@@ -96,7 +96,7 @@ STEP = Step(
                     "that it has mixed with others."
                 ),
             ),
-            Section("provenance", "Provenance", "run.page.method:provenance"),
+            ReportSection("provenance", "Provenance", "run.page.method:provenance"),
         ),
     ),
 )

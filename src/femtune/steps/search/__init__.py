@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, STUDY, Command, Page, Section, Step
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, STUDY, Command, Page, ReportSection, Step
 
 STEP = Step(
     "search",
@@ -46,8 +46,8 @@ STEP = Step(
         genre="Global search",
         verdict="search.page:search_verdict",
         sections=(
-            Section("search_summary", "Global search", "search.page:search_summary"),
-            Section(
+            ReportSection("search_summary", "Global search", "search.page:search_summary"),
+            ReportSection(
                 "search_parameters",
                 "Parameters",
                 "search.page:search_parameters",
@@ -56,10 +56,10 @@ STEP = Step(
                     "start there."
                 ),
             ),
-            Section("search_convergence", "Convergence", "search.page:search_convergence"),
-            Section("search_front", "Frequencies against shapes", "search.page:search_front"),
-            Section("search_surrogate", "Surrogate", "search.page:search_surrogate"),
-            Section("provenance", "Provenance", "run.page.method:provenance"),
+            ReportSection("search_convergence", "Convergence", "search.page:search_convergence"),
+            ReportSection("search_front", "Frequencies against shapes", "search.page:search_front"),
+            ReportSection("search_surrogate", "Surrogate", "search.page:search_surrogate"),
+            ReportSection("provenance", "Provenance", "run.page.method:provenance"),
         ),
     ),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from femtune.steps.step import EIGENSOLVER, FRESH, JSON, STUDY, Command, Section, Step
+from femtune.steps.step import EIGENSOLVER, FRESH, JSON, STUDY, Command, ReportSection, Step
 
 STEP = Step(
     "select",
@@ -17,7 +17,7 @@ STEP = Step(
         document="select.page:selection_document",
     ),
     sections=(
-        Section(
+        ReportSection(
             "identifiability",
             "What the data determine",
             "select.page:identifiability",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from femtune.steps.step import (
-    Section,
+    ReportSection,
     Step,
 )
 
 STEP = Step(
     "specimens",
     sections=(
-        Section(
+        ReportSection(
             "specimens",
             "Specimens",
             "specimens.page:specimens",

@@ -13,7 +13,7 @@ from femtune.steps.step import (
     STUDY,
     WIDE,
     Command,
-    Section,
+    ReportSection,
     Step,
     end_of_run,
 )
@@ -40,7 +40,7 @@ STEP = Step(
         ends=end_of_run,
     ),
     sections=(
-        Section("parameters", "Parameters", "update.page.parameters:parameters", place=90),
-        Section("convergence", "Convergence", "update.page.convergence:convergence", optional=True, place=100),
+        ReportSection("parameters", "Parameters", "update.page.parameters:parameters", place=90),
+        ReportSection("convergence", "Convergence", "update.page.convergence:convergence", optional=True, place=100),
     ),
 )

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, OUTPUT, STUDY, Command, End, Section, Step, end_of_run
+from femtune.steps.step import (
+    EIGENSOLVER,
+    FRESH,
+    JOBS,
+    JSON,
+    OUTPUT,
+    STUDY,
+    Command,
+    End,
+    ReportSection,
+    Step,
+    end_of_run,
+)
 
 
 def _end(result: Any) -> End:
@@ -35,10 +47,10 @@ STEP = Step(
         ends=_end,
     ),
     sections=(
-        Section(
+        ReportSection(
             "validation", "Validation, and what was not tested", "validate.page:validation", optional=True, place=160
         ),
-        Section(
+        ReportSection(
             "criteria",
             "Acceptance criteria",
             "validate.page:criteria",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from femtune.steps.step import (
-    Section,
+    ReportSection,
     Step,
 )
 
 STEP = Step(
-    "write", sections=(Section("write_back", "Changes in the deck", "write.page:write_back", optional=True, place=180),)
+    "write",
+    sections=(ReportSection("write_back", "Changes in the deck", "write.page:write_back", optional=True, place=180),),
 )

@@ -95,9 +95,8 @@ def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wid
     plan, values, blocked = _planned(study, result.x, wide)
     deck = write_deck(plan.edited, folder, NAME, _reserved(study, folder))
     rebuilt = build_allowing(read_deck(deck.main), study.file.study.allow_ignored)
-    rebuilt = with_updated_ratios(rebuilt, values)
     record = _record(study, plan, deck, run, values, blocked)
-    return WriteBack(record, _written(study, plan), {None: rebuilt})
+    return WriteBack(record, _written(study, plan), {None: with_updated_ratios(rebuilt, values)})
 
 
 def _planned(

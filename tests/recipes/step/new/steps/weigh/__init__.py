@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from femtune.steps.step import FILE, JSON, STUDY, Command, End, Page, Section, Step
+from femtune.steps.step import FILE, JSON, STUDY, Command, End, Page, ReportSection, Step
 
 STEP = Step(
     "weigh",
@@ -27,8 +27,8 @@ STEP = Step(
         genre="Mass properties",
         verdict="weigh.page:weigh_verdict",
         sections=(
-            Section("weigh_masses", "Mass properties", "weigh.page:weigh_masses"),
-            Section("provenance", "Provenance", "run.page.method:provenance"),
+            ReportSection("weigh_masses", "Mass properties", "weigh.page:weigh_masses"),
+            ReportSection("provenance", "Provenance", "run.page.method:provenance"),
         ),
     ),
 )
