@@ -1,4 +1,4 @@
-"""What the sections read: the results, their arrays, and the few sums that several sections need."""
+"""What the sections of the report read: the results, their arrays, and sums that several sections need."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""What the results of all steps have in common for Python users: tables, arrays, a representation for notebooks."""
+"""What the results of all steps have in common for Python users: tables, arrays, a representation for notebooks.
+
+A step that treats each configuration separately returns a sequence with one record for each of them; a step on the
+whole study returns one record. Tables are `Rows`, which ``pandas.DataFrame`` accepts directly.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One run at a time in a run folder: a lock file that the system lets go of when its run ends, however it ends."""
+"""One run at a time in a run folder: a lock file, which the system releases whenever the run ends, even in a crash."""
 
 from __future__ import annotations
 

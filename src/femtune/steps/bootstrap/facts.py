@@ -1,4 +1,4 @@
-"""The records of a bootstrap, from what it found."""
+"""The records of a bootstrap, from its resampled updates."""
 
 from __future__ import annotations
 

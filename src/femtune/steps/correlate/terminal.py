@@ -1,4 +1,4 @@
-"""Test against model: pairs, modes without a partner, MAC, criteria; a section each configuration."""
+"""The comparison of test and model on the terminal: pairs, unpaired modes, MAC, criteria for each configuration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The record of an identification, from what it found."""
+"""The record of an identification, from its modes, poles and fits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Found: all that an identification came to, before it is written."""
+"""The result of an identification, before it is written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Identification where the input is known: measured frequency response functions."""
+"""Identification with known input: from measured FRFs, or from records that include the forces."""
 
 from __future__ import annotations
 
@@ -92,10 +92,6 @@ def _curve(frfs: FrfSet) -> Curve:
     size = np.sqrt((np.abs(frfs.values) ** 2).sum(axis=(0, 1)))
     level = 20.0 * np.log10(np.maximum(size, 1e-300) / max(float(size.max()), 1e-300))
     return Curve(frfs.freq_hz, level, "all functions together")
-
-
-# ----------------------------------------------------------------------------------------------------
-# Identification from records in time whose forces were measured: functions first, then their modes.
 
 
 LINES = 400

@@ -1,4 +1,4 @@
-"""Identification where nobody measured the forces: records of responses, and perhaps of the ground."""
+"""Identification with unknown input: from records of responses, with or without the ground motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Further measurements at other levels of force, identified like the first one, and whether the structure is linear."""
+"""Further measurements at other force levels: each identified like the first, and compared for nonlinearity."""
 
 from __future__ import annotations
 
@@ -100,10 +100,6 @@ class LinearityResults(Record):
     """Accepted FRAC."""
     sentence: str
     """The verdict with its numbers."""
-
-
-# ----------------------------------------------------------------------------------------------------
-# How the levels are identified and compared.
 
 
 def level_file(file: IdentifyFile, entry: LevelEntry) -> IdentifyFile:

@@ -1,4 +1,4 @@
-"""The request: an identification file, or a measured file with options."""
+"""The request: an identification file, or a measured file with options; checks of the measured records."""
 
 from __future__ import annotations
 
@@ -67,10 +67,6 @@ def _kind_of(path: Path) -> str:
         return "record"
     types = [read_header(one).function_type for one in scan_uff(path) if one.number == 58]
     return "record" if types and all(t == _TIME_RESPONSE for t in types) else "frfs"
-
-
-# ----------------------------------------------------------------------------------------------------
-# Whether anything can be identified from a record: asked before any method works on it.
 
 
 LARGEST, SMALLEST = 1e60, 1e-60

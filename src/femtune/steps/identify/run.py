@@ -1,4 +1,4 @@
-"""The step as a whole: read, identify, write."""
+"""The step identify: read the measurement, identify modes, write files."""
 
 from __future__ import annotations
 

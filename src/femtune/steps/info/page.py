@@ -1,4 +1,4 @@
-"""Measured mass, rigid-body check, completeness of modes, cards, DOFs constrained by AUTOSPC."""
+"""Sections of the report: checks of mass, lumping and mesh, completeness of the modes, cards, AUTOSPC."""
 
 from __future__ import annotations
 
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from femtune.steps.info.record.checks import ModelCheck
     from femtune.steps.info.record.model import BesideDeck, ElementShapeTest, ModelConfiguration, ModelFacts
     from femtune.steps.report_source import ReportSource
-
-# ----------------------------------------------------------------------------------------------------
-# Errors that updating cannot correct: mass, lumping, mesh.
 
 
 def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
@@ -72,10 +69,6 @@ def mesh_tables(checks: Sequence[ModelCheck]) -> list[Block]:
     """The modes of each configuration whose mesh was checked."""
     found = [c for c in checks if c.modes]
     return [mesh_table(c, len(found) > 1) for c in found]
-
-
-# ----------------------------------------------------------------------------------------------------
-# DOFs constrained by AUTOSPC, grouped: thousands of them must fit into a line or two.
 
 
 _RANGES = 5

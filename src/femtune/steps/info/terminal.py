@@ -1,4 +1,4 @@
-"""The deck and the model that came of it, each configuration by itself."""
+"""Facts of the deck and of each configuration of the model on the terminal; layout of tables to its width."""
 
 from __future__ import annotations
 
@@ -50,9 +50,6 @@ if TYPE_CHECKING:
     )
     from femtune.study.record import Alert
 
-# ----------------------------------------------------------------------------------------------------
-# The damping that a deck describes.
-
 
 def damping_blocks(facts: ModelFacts) -> list[Block]:
     """A line for the whole model, one for the modes, and a table by card and field; nothing where it is not known."""
@@ -86,10 +83,6 @@ def _table(fields: tuple[DampingField, ...]) -> Table:
 def _range(field: DampingField) -> str:
     low, high = value(field.lowest), value(field.highest)
     return low if low == high else f"{low} to {high}"
-
-
-# ----------------------------------------------------------------------------------------------------
-# What a step was run on: a study, or a deck alone.
 
 
 @dataclass(frozen=True)
@@ -285,10 +278,6 @@ def _beginning(table: Table) -> Table:
 def _held(c: ModelConfiguration) -> list[Block]:
     lines = held_lines(c)
     return [Heading("DOFs constrained by AUTOSPC"), Listing(tuple(lines))] if lines else []
-
-
-# ----------------------------------------------------------------------------------------------------
-# How much fits a terminal of 100 columns.
 
 
 WIDTH = 100

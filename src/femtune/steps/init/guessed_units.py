@@ -1,4 +1,4 @@
-"""Which units a deck has: those in which its materials are common and its grid points lie at the test's sensors."""
+"""Units of a deck, guessed from common values of its materials and from the positions of the test sensors."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Parameters that a study could update: the values of properties, materials and joints that elements use, ranked.
+"""Parameters proposed for a study: properties, materials and joints in use, ranked by what the modes determine.
 
-Each candidate is a field of the deck with usual bounds. The test that the model itself would give, with stated standard
-deviations of frequencies and shapes, tells by its Fisher information what the measured modes could determine.
-Candidates are taken in the order in which each adds most to the determinant of the information. One is proposed if,
-with it, the standard deviations of all that are proposed are below a third of those of the prior.
+Each candidate is a field of the deck with usual bounds. The model takes the place of the test: with stated standard
+deviations of frequencies and shapes, the Fisher information tells what the measured modes could determine. Candidates
+are taken in the order in which each adds most to the determinant of the information. A candidate is proposed if the
+standard deviations of all proposed parameters, including its own, then stay below a third of the prior ones.
 """
 
 from __future__ import annotations

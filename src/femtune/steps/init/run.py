@@ -191,10 +191,6 @@ def _check_absent(folder: Path, force: bool) -> None:
         raise FemtuneError("init.exists", where=Where(str(folder / STUDY_FILE)))
 
 
-# ----------------------------------------------------------------------------------------------------
-# The test: modes as they are in the file, or identified from functions and records.
-
-
 @dataclass(frozen=True, eq=False)
 class _Measured:
     """A test with modes.
@@ -280,10 +276,6 @@ def _relative(path: Path, folder: Path) -> str:
         return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
     except ValueError:
         return path.resolve().as_posix()
-
-
-# ----------------------------------------------------------------------------------------------------
-# What is found, and the text.
 
 
 @dataclass(eq=False)
@@ -404,8 +396,6 @@ class _Draft:
         elif structure.support_sets:
             sets = ", ".join(map(str, sorted(structure.support_sets)))
             self.supports += f"; the deck has SPC sets that its case control does not select: {sets}"
-
-    # ------------------------------------------------------------------------------------------------
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The text of a first study: keys with the reasons for their values as comments."""
+"""The text of a first study: keys, with the reasons for their values as comments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Natural frequencies of all configurations side by side."""
+"""Natural frequencies of all configurations side by side, and responses, on the terminal."""
 
 from __future__ import annotations
 
@@ -65,10 +65,6 @@ def _cell(m: ModelModes, i: int) -> Cell:
 
 def _sturm(m: ModelModes) -> str:
     return m.sturm_sentence or NOT_TESTED
-
-
-# ----------------------------------------------------------------------------------------------------
-# Responses on the terminal.
 
 
 _ROWS = 24

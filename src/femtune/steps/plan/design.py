@@ -1,4 +1,4 @@
-"""Sensors, exciters and lines together: by the target modes, or for the parameters in turns."""
+"""Sensors, exciters and lines together: for the target modes, or for the parameters in turns."""
 
 from __future__ import annotations
 
@@ -120,9 +120,6 @@ class Designer:
         if not (self.table.exciters or self.table.exciters_placed):
             return None
         return find_exciters(self.study, self.solution, self.targets, self.table, self.sites, uniaxial)
-
-    # ------------------------------------------------------------------------------------------------
-    # For a calibration with FRFs.
 
     def _for_functions(self, lines_hz: Reals) -> PlannedDesign:
         table = self.table

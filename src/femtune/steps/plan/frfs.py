@@ -1,6 +1,6 @@
-"""What a planned test of FRFs would tell of the parameters: the residual of the calibration, with the model as test.
+"""Information of a planned FRF test on the parameters: the residual of the calibration, with the model as test.
 
-The functions of the model between sensors and exciters take the place of measured ones, so that the Jacobian of
+The FRFs of the model between sensors and exciters take the place of measured ones, so that the Jacobian of
 `FrfResidual` with its forms and standard deviations is that of the calibration. The information of functions and lines
 adds up.
 """
@@ -162,9 +162,6 @@ class Functions:
         """Positions of the directions that are not held."""
         seen = self._matrix(at) @ self.case.configured.transformation
         return np.flatnonzero(np.abs(seen).max(axis=1).toarray().ravel() > 0.0)
-
-    # ------------------------------------------------------------------------------------------------
-    # On a reduced model, where the study has [reduction].
 
     def reduce(self, outputs: Directions, inputs: Directions, rows: Integers) -> None:
         """Train a reduced model for functions between these directions; any at the grid points `rows` are seen of it.

@@ -1,4 +1,4 @@
-"""A planned test: its numbers, the sensors on the structure, the target modes, and how the sensors were placed."""
+"""A planned test: key numbers, sensors on the structure, target modes, and how the sensors were placed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the planned test would tell of the parameters: derivatives of the target modes at candidates and sensors."""
+"""Information of the planned test on the parameters: derivatives of the target modes at candidates and sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The step plan: sensors for a test that has not been made, from the modes of the model."""
+"""The step plan: sensors for a test that has not been made yet, from the modes of the model."""
 
 from __future__ import annotations
 

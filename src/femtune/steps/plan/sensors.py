@@ -1,4 +1,4 @@
-"""Sensors of a plan: those that are given, those that are placed, and those that complete the picture."""
+"""Sensors of a plan: given ones, placed ones, and ones added for visualisation."""
 
 from __future__ import annotations
 

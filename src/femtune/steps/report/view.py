@@ -1,8 +1,8 @@
-"""What the interactive page needs beside its text: geometry, shapes, functions and iterations, as compact data.
+"""Data of the interactive page: geometry, shapes, functions and iterations, in compact form.
 
 The document is plain data: numbers, texts, and arrays packed as base64 of little-endian values. Coordinates and motions
-are stored with 16 bits, to 1/65534 of their range. A large mesh is drawn with fewer faces, and modes that are least
-looked at are left out, so that the page stays small; a sentence says so.
+are stored with 16 bits, to 1/65534 of their range. To keep the page small, a large mesh is drawn with fewer faces and
+the least important modes are left out; a sentence says so.
 """
 
 from __future__ import annotations
@@ -105,10 +105,6 @@ def _complex_modes(source: ReportSource) -> Iterable[_Modes]:
             yield _Modes(kept, title, freq_hz, columns, tuple(p.damping_ratio for p in poles))
 
 
-# ----------------------------------------------------------------------------------------------------
-# Arrays as text.
-
-
 def whole(values: NDArray[Any]) -> Packed:
     """Numbers of rows, each with as few bytes as the largest one needs."""
     most = int(values.max(initial=0))
@@ -146,10 +142,6 @@ def coordinates(points: Reals) -> Packed:
 def _packed(kind: str, values: NDArray[Any], scale: tuple[float, ...] = (), offset: tuple[float, ...] = ()) -> Packed:
     data = np.ascontiguousarray(values).astype(f"<{kind}").tobytes()
     return Packed(kind, tuple(values.shape), base64.b64encode(data).decode(), scale, offset)
-
-
-# ----------------------------------------------------------------------------------------------------
-# Scenes.
 
 
 @dataclass(frozen=True)
@@ -281,10 +273,6 @@ def _wanted(comparison: CorrelationResults | None, real: Sequence[int], room: in
 def _model_numbers(comparison: CorrelationResults, pair: ModePairRecord) -> tuple[int, ...]:
     cluster = next((c for c in comparison.clusters if c.cluster == pair.cluster), None)
     return cluster.model_numbers if cluster else (pair.model_number,)
-
-
-# ----------------------------------------------------------------------------------------------------
-# The test beside the model.
 
 
 @dataclass(frozen=True)
@@ -455,10 +443,6 @@ def _expanded(source: ReportSource, comparison: CorrelationResults, geometry: _G
             moved = shapes[drawn[geometry.rows], :3, j]
             out[:, :, comparison.mac_test_labels.index(mode.test_label)] = in_phase(np.nan_to_num(moved))
     return quantised(out)
-
-
-# ----------------------------------------------------------------------------------------------------
-# Frequency response functions, and the update by iterations.
 
 
 @dataclass(frozen=True)

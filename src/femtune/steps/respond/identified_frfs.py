@@ -1,4 +1,4 @@
-"""FRFs of the modes that were identified in a test, fitted to the measured FRFs of the same test."""
+"""FRFs of the modes identified in a test, fitted to the measured FRFs of the same test."""
 
 from __future__ import annotations
 

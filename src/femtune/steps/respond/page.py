@@ -1,4 +1,4 @@
-"""Frequency responses of the model, before and after the update, beside the measured ones."""
+"""Sections of the report: FRFs before and after beside measured ones, complex modes, static displacements."""
 
 from __future__ import annotations
 
@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     from femtune.document.document import Block
     from femtune.steps.report_source import ReportSource
     from femtune.steps.respond.record import ComplexPole, FrfPair, FrfResults, ResponseResults, StaticResults
-
-# ----------------------------------------------------------------------------------------------------
-# Complex modes beside the real modes that they resemble.
-
 
 _NOTE = (
     "The phase collinearity is 1 if all points move in phase, and lower for complex modes. The difference is "
@@ -72,10 +68,6 @@ def _pole_row(number: int, p: ComplexPole) -> tuple[Cell, ...]:
     moved = 100.0 * (p.freq_hz / p.real_freq_hz - 1.0) if p.real_freq_hz > 0.0 else None
     difference = NONE if moved is None else signed_percent(moved)
     return row(str(number), freq(p.freq_hz), percent(ratio), shown, str(p.real_mode), freq(p.real_freq_hz), difference)
-
-
-# ----------------------------------------------------------------------------------------------------
-# Static displacements under load cases.
 
 
 def static_loads(source: ReportSource) -> list[Block]:

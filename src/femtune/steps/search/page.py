@@ -1,4 +1,4 @@
-"""A global search: what it found, how it converged, and how good the surrogate is."""
+"""Sections of the report: a global search, its convergence, and the accuracy of the surrogate."""
 
 from __future__ import annotations
 

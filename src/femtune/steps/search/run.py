@@ -332,9 +332,6 @@ class _Search:
                 x, y, _surrogate_rules(table), self.bounds, [p.name for p in self.study.parameters.free]
             )
 
-    # ------------------------------------------------------------------------------------------------
-    # The end on the model.
-
     def record(self, ended: _Ended, arrays: dict[str, Any]) -> GlobalSearchResults:
         """Least squares from where the search ended, and all of it as a record."""
         before = len(self.runs)

@@ -1,4 +1,4 @@
-"""Which parameters, and which combinations, the data determine: in words first."""
+"""Sections of the report: which parameters, and which combinations of them, the data determine."""
 
 from __future__ import annotations
 
@@ -32,10 +32,6 @@ if TYPE_CHECKING:
     from femtune.steps.select.record.identifiability import CombinationRecord, SelectionResults
     from femtune.steps.select.record.identifiability import IdentifiabilityResults as Identifiability
     from femtune.steps.select.record.selection import GroupEnergy, ModeEnergies, SelectionMeasures
-
-# ----------------------------------------------------------------------------------------------------
-# Measures that help to choose parameters: order, information, likeness, energies.
-
 
 _MOST_MODES = 10
 
@@ -120,10 +116,6 @@ def _energy(mode: ModeEnergies) -> Table:
 
 def _group(g: GroupEnergy) -> tuple[Cell, ...]:
     return row(g.group, percent(g.strain_percent), percent(g.kinetic_percent), percent(g.residual_percent))
-
-
-# ----------------------------------------------------------------------------------------------------
-# The scaled Jacobian as pictures, a row each residual.
 
 
 _MOST, _A_PAGE = 60, 30

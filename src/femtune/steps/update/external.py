@@ -1,4 +1,4 @@
-"""The update with an external solver: on a model of the runs around a point, which moves to where the update ends."""
+"""The update with an external solver, by a response surface of runs around a point that moves to each optimum."""
 
 from __future__ import annotations
 
@@ -339,10 +339,6 @@ def _led(runs: SolverRuns, moves: int, rejected: int) -> Notice:
     if rejected == _MOST_REJECTED:
         return Notice("external.by-deck/misled", moves=moves)
     return Notice("external.by-deck", level="info", moves=moves, percent=100.0 * runs.relative_step)
-
-
-# ----------------------------------------------------------------------------------------------------
-# The solver at many points: frequencies of modes that are followed, or residuals.
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The update, its parameters and iterations, as records."""
+"""The update, its parameters and its iterations as records."""
 
 from __future__ import annotations
 

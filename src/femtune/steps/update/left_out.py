@@ -1,4 +1,4 @@
-"""Modes of the model that FRFs are compared without, as records."""
+"""Model modes that are excluded from the compared FRFs, as records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The free parameters of a study, found as it asks: at once, in stages, from many starts, on reduced models."""
+"""The update of the free parameters as the study asks: at once, in stages, from many starts, on reduced models."""
 
 from __future__ import annotations
 

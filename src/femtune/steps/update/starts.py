@@ -1,4 +1,4 @@
-"""The update of a study from many starts: each end is on disk as soon as it is known, and is not found twice."""
+"""The update of a study from many starts: each result is written as soon as it is known and reused later."""
 
 from __future__ import annotations
 
@@ -173,10 +173,6 @@ def _key(study: Study, at: Evaluation) -> str:
     tables += "".join(component.model_dump_json() for component in study.file.component)
     lower, upper = study.parameters.bounds
     return digest(tables, at.residuals, at.jacobian, lower, upper)
-
-
-# ----------------------------------------------------------------------------------------------------
-# history.jsonl: a line for every iteration, written as soon as it is known.
 
 
 HISTORY_FILE = "history.jsonl"

@@ -1,4 +1,4 @@
-"""Measured FRFs that the update did not use, beside those of the model, as records."""
+"""Measured FRFs that the update did not use, compared with those of the model, as records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Validation on data that the update did not use: verdicts, predictions, and what was not tested."""
+"""Sections of the report: validation on data that the update did not use, goodness of fit, acceptance criteria."""
 
 from __future__ import annotations
 
@@ -52,10 +52,6 @@ if TYPE_CHECKING:
         ValidationVerdict,
     )
     from femtune.study.record import ModelVersion
-
-# ----------------------------------------------------------------------------------------------------
-# The cell of a verdict.
-
 
 _VERDICT_TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"}
 
@@ -315,10 +311,6 @@ def _peak_error(r: PredictedResonance) -> str:
     return NONE if r.model_hz is None else signed_percent(100.0 * (r.model_hz / r.test_hz - 1.0))
 
 
-# ----------------------------------------------------------------------------------------------------
-# Are the residuals noise of the stated size? In words, and by kind of residual.
-
-
 _TONES: dict[str, Tone] = {"pass": "", "fail": "poor", "not tested": "muted"}
 
 
@@ -357,10 +349,6 @@ def _chance(p: float | None) -> str:
 
 def _found(source: ReportSource) -> GoodnessResults | None:
     return source.results.update.goodness if source.results.update is not None else None
-
-
-# ----------------------------------------------------------------------------------------------------
-# Acceptance criteria: the criterion's number beside the measured one.
 
 
 def criteria(source: ReportSource) -> list[Block]:

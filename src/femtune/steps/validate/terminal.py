@@ -1,4 +1,4 @@
-"""Variability of the parameters, and validation: verdict, tables."""
+"""Repeated tests, bootstrap and validation on the terminal."""
 
 from __future__ import annotations
 
@@ -64,10 +64,6 @@ def _warnings(results: Results) -> tuple[Section, ...]:
     """Warnings on deck, test and update, as in the summary of a report."""
     boxes = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in results.alerts if a.level != "info")
     return (Section("warnings", "Warnings", boxes),) if boxes else ()
-
-
-# ----------------------------------------------------------------------------------------------------
-# The updated model on data that the update did not use.
 
 
 _NOTHING = "no data were held out of the update, so that the quality of predictions was not tested"

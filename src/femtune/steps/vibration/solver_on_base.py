@@ -1,4 +1,4 @@
-"""Modes of an external solver in a vibration test: frequencies, shapes at the outputs, and participation factors."""
+"""Modes of an external solver in a vibration test: frequencies, shapes at the outputs, participation factors."""
 
 from __future__ import annotations
 

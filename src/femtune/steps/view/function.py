@@ -1,4 +1,4 @@
-"""A window, or a picture, in which a mode moves: for models that are too large for the page."""
+"""The function `view`: a moving mode in a window or in a picture, for models too large for the page."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def view(
     if file is None:
         _window(pyvista, mesh, shapes, first)
         return None
-    # without a screen VTK tells that it found none, and draws
+    # without a screen VTK writes a warning and draws all the same
     log = require("vtkmodules.vtkCommonCore").vtkLogger
     log.SetStderrVerbosity(log.VERBOSITY_ERROR)
     plotter = _plotter(pyvista, mesh, shapes, first, off_screen=True)

@@ -1,4 +1,4 @@
-"""Configurations, sensors, modes left out."""
+"""Sections of the report: configurations, sensors, test modes left out."""
 
 from __future__ import annotations
 

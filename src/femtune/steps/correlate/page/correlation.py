@@ -1,4 +1,4 @@
-"""MAC matrices before and after, AutoMAC, cross-orthogonality."""
+"""Sections of the report: MAC matrices before and after, AutoMAC, cross-orthogonality, COMAC, unpaired modes."""
 
 from __future__ import annotations
 
@@ -139,10 +139,6 @@ def dropped_sensors(comparison: CorrelationResults) -> list[Block]:
     return [Paragraph(f"Cross-orthogonality is computed without {listed(names)}: {words}.", tone="muted")]
 
 
-# ----------------------------------------------------------------------------------------------------
-# COMAC by measured DOF.
-
-
 _SHOWN = 40
 _NAMED = 5
 
@@ -200,10 +196,6 @@ def _change(value: float | None) -> str:
 
 def _values(comparison: CorrelationResults | None) -> dict[str, float]:
     return {entry.dof: entry.comac for entry in comparison.comac} if comparison else {}
-
-
-# ----------------------------------------------------------------------------------------------------
-# Modes without a partner, all configurations in one table each.
 
 
 _Row = tuple[str, int, dict[str, float], "CorrelationResults"]

@@ -1,4 +1,4 @@
-"""Test shapes expanded to the model: errors at sensors that were left out, and pictures."""
+"""Section of the report: test shapes expanded to the model, with errors at left-out sensors and pictures."""
 
 from __future__ import annotations
 
@@ -74,10 +74,6 @@ def _note(record: ExpansionResults) -> str:
         words += f" {NONE}: the other sensors do not determine the shape"
         words += "; for SEREP use fewer modes (expand_modes)." if "serep" in unknown else "."
     return words
-
-
-# ----------------------------------------------------------------------------------------------------
-# Pictures of the expanded shapes.
 
 
 def _pictures(source: ReportSource, comparison: CorrelationResults, record: ExpansionResults) -> list[Block]:

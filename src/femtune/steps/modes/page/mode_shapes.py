@@ -1,4 +1,4 @@
-"""Drawings of the paired modes: the model's motion, and the measured one over it."""
+"""Pictures of the paired modes, with the measured shape over that of the model, and of modes without a test."""
 
 from __future__ import annotations
 
@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from femtune.steps.modes.record import ModeShapes
     from femtune.steps.report_source import ReportSource
 
-# ----------------------------------------------------------------------------------------------------
-# The structure that pictures of modes show, from the arrays of the results.
-
-
 _RIGID = 1
 
 
@@ -40,10 +36,6 @@ def structure_of(source: ReportSource, kept: ModeShapes) -> Wireframe | None:
     return Wireframe(
         points.astype(float), lines.astype(np.int64), kinds == _RIGID, none if faces is None else faces.astype(np.int64)
     )
-
-
-# ----------------------------------------------------------------------------------------------------
-# A picture of each solved mode, where there is no test to compare with.
 
 
 _MOST_PICTURES = 80_000

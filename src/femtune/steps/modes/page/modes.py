@@ -1,4 +1,4 @@
-"""Frequencies and MAC before and after, a table each configuration."""
+"""Sections of the report: frequencies and MAC before and after, effective masses, Sturm sequence check."""
 
 from __future__ import annotations
 
@@ -163,10 +163,6 @@ def _named(whose: str, labels: Sequence[str]) -> str:
     return f"{whose} {'mode' if len(labels) == 1 else 'modes'} {listed(labels)}"
 
 
-# ----------------------------------------------------------------------------------------------------
-# Was a mode missed: eigenvalues counted by the signs of the pivots beside those that were found.
-
-
 _STURM = "Completeness of the modes (Sturm sequence check)"
 _VERSIONS: dict[ModelVersion, str] = {"before": "before", "after": "after", "after as written": "written deck"}
 
@@ -217,10 +213,6 @@ def _sentence(found: tuple[ModelModes, ...]) -> str:
 
 def _place(m: ModelModes) -> str:
     return f"{m.configuration} ({_VERSIONS[m.stage]})"
-
-
-# ----------------------------------------------------------------------------------------------------
-# Natural frequencies with effective masses, a table each configuration, and whether a mode was missed.
 
 
 _DIRECTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")

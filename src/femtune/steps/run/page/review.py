@@ -1,4 +1,4 @@
-"""The first page of a review: the numbers, the verdict against the standard, what changed, and what stays open."""
+"""The first page of a review: key numbers, verdicts on the criteria, changed parameters, open points."""
 
 from __future__ import annotations
 
@@ -33,10 +33,6 @@ def review(source: ReportSource) -> list[Block]:
         *_changes(source),
         *([Heading("What stays open"), *open_] if open_ else []),
     ]
-
-
-# ----------------------------------------------------------------------------------------------------
-# Pass, fail, not tested: a line for each criterion and kind of data, the worst of all configurations.
 
 
 @dataclass(frozen=True)
@@ -107,10 +103,6 @@ def _verdict_row(group: list[_Judged]) -> tuple[Cell, ...]:
     where = worst.configuration + (f"; not tested in {left} of {len(group)}" if left else "")
     measured = NONE if worst.measured is None else with_unit(short(worst.measured), worst.unit)
     return row(first.name, first.data, first.asked, measured, where, verdict_cell(worst.verdict))
-
-
-# ----------------------------------------------------------------------------------------------------
-# What changed, in physical values with intervals.
 
 
 def _changes(source: ReportSource) -> list[Block]:

@@ -1,4 +1,4 @@
-"""The short form of the report, for a terminal: two screens, each fact once, what is left to the page said."""
+"""The report in short form, for a terminal: at most two screens, with a reference to the page for the rest."""
 
 from __future__ import annotations
 
@@ -187,10 +187,6 @@ def _with_standards(names: dict[str, set[str]]) -> str:
 def _some(lines: list[str], noun: str) -> list[str]:
     more = len(lines) - _LINES
     return [*lines[:_LINES], *([f"and {counted(more, f'more {noun}')} in the HTML report"] if more > 0 else [])]
-
-
-# ----------------------------------------------------------------------------------------------------
-# The outcome in one sentence.
 
 
 def verdict(source: ReportSource) -> tuple[str, Level]:

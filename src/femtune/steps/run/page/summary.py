@@ -1,4 +1,4 @@
-"""Key numbers before and after, and alerts."""
+"""Sections of the report: key numbers before and after, alerts, and the model at a glance."""
 
 from __future__ import annotations
 
@@ -112,10 +112,6 @@ def _validation(source: ReportSource) -> list[Block]:
         return []
     failed = any(v.verdict == "fail" for v in found.verdicts)
     return [Paragraph(as_sentence(sentence), "poor" if failed else "good")]
-
-
-# ----------------------------------------------------------------------------------------------------
-# The model at a glance: mass, supports, rigid-body check, its first elastic mode.
 
 
 _LOUD = ("problem", "warning")

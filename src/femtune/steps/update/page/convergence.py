@@ -1,4 +1,4 @@
-"""How the update went."""
+"""Sections of the report: convergence of the update, and residuals before and after by kind."""
 
 from __future__ import annotations
 
@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.search import SmallestChangeResults
     from femtune.steps.update.record.truncation import FrfTruncation
     from femtune.steps.update.record.update import ComparisonResults, ParameterFacts, ResidualCount, UpdateResults
-
-# ----------------------------------------------------------------------------------------------------
-# What was compared, by kind of residual, before and after the update.
-
 
 _UNFOLDED = 12
 """Comparisons that are shown at once."""

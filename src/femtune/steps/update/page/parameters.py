@@ -1,4 +1,4 @@
-"""Parameters with their uncertainty."""
+"""Sections of the report: updated parameters with their uncertainty, and quantities derived from them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from femtune.document.document import Block
     from femtune.steps.report_source import ReportSource
     from femtune.steps.update.record.update import DerivedResult, ParameterFacts, ParameterResult, PhysicalValue
-
-# ----------------------------------------------------------------------------------------------------
-# Quantities that follow from the parameters, with their uncertainty.
 
 
 def derived_quantities(found: Sequence[DerivedResult]) -> list[Block]:
@@ -35,10 +32,6 @@ def _derived_row(found: DerivedResult) -> tuple[Cell, ...]:
 def interval_ends(interval: tuple[float, float] | None) -> str:
     """The two ends of an interval."""
     return NONE if interval is None else " … ".join(value(end) for end in interval)
-
-
-# ----------------------------------------------------------------------------------------------------
-# Values of the fields that factors multiply.
 
 
 def physical_values(found: Sequence[ParameterResult], most: int | None = None) -> list[Block]:
@@ -193,10 +186,6 @@ def _fields(fact: ParameterFacts) -> str:
 def _named(fields: tuple[str, ...]) -> str:
     more = len(fields) - _MOST_FIELDS
     return ", ".join(fields[:_MOST_FIELDS]) + (f" and {more} more" if more > 0 else "")
-
-
-# ----------------------------------------------------------------------------------------------------
-# Where a value lies between its bounds.
 
 
 def places(names: Sequence[str], values: Sequence[float], facts: Sequence[ParameterFacts]) -> list[float]:

@@ -1,4 +1,4 @@
-"""Stages of a bottom-up study: what each moved, from where it started, and what its misfits did."""
+"""Section of the report: stages of a bottom-up study, their initial values, changes and misfits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many starts: what became of them, and the optima that they found."""
+"""Sections of the report: the starts and the optima they found, the L-curve, reduced models of the update."""
 
 from __future__ import annotations
 
@@ -65,10 +65,6 @@ def _table(update: UpdateResults, found: StartsResults) -> Block:
     return Table("Distinct optima", heads, tuple(rows))
 
 
-# ----------------------------------------------------------------------------------------------------
-# How the weight of the side constraint was found: the L-curve, and the parameters over the weight.
-
-
 def weight_choice(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block]:
     """A sentence and a picture; nothing where the weight was given."""
     choice = update.weight_choice
@@ -96,10 +92,6 @@ def _relative(
     nominal = {f.name: f.nominal for f in facts}
     base = np.array([nominal.get(name) or 1.0 for name in update.history_parameters])
     return [[float(v) for v in 100.0 * (np.array(p) - base) / np.abs(base)] for p in paths]
-
-
-# ----------------------------------------------------------------------------------------------------
-# Reduced models that an update searched on: their order, what they cost and how right they are.
 
 
 _COST = (

@@ -1,4 +1,4 @@
-"""Modes of the model that are left out of the compared FRFs, before and after the update, as records."""
+"""Record of the model modes that are excluded from the compared FRFs, before and after the update."""
 
 from __future__ import annotations
 
