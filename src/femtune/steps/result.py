@@ -36,7 +36,10 @@ class OneConfiguration(Protocol):
 R = TypeVar("R", bound=OneConfiguration)
 
 
-_MOST_LINES, _LONGEST_LINE = 7, 160
+_MOST_LINES = 7
+"""Lines of a result as text in a notebook; a last line gives the number of the others."""
+_LONGEST_LINE = 160
+"""Characters in a line of a result as text; a longer line is cut."""
 
 
 class StepResult(ABC):

@@ -18,9 +18,13 @@ from femtune.steps.run_folder import unwritable
 
 LOCK_FILE = "running.lock"
 
-# far behind the text, which others must be able to read where a lock forbids that
 _LOCKED_BYTE = 1 << 30
-_MOST_TEXT = 4096
+"""Position of the byte that is locked on Windows.
+
+Far behind the text, because a lock there also forbids others to read.
+"""
+_MOST_TEXT_BYTES = 4096
+"""Bytes of the lock file that are read: its text is shorter, and a file that is no lock file may be long."""
 # a link is not followed, a pipe not waited for
 _FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
@@ -102,7 +106,7 @@ def _sign(handle: int) -> None:
 def _holder(handle: int) -> dict[str, str]:
     """Who has signed; nobody where the text is none of ours."""
     try:
-        text = json.loads(os.read(handle, _MOST_TEXT))
+        text = json.loads(os.read(handle, _MOST_TEXT_BYTES))
     except (ValueError, RecursionError):
         return {}
     signed = isinstance(text, dict) and set(text) == {"pid", "host", "since"}

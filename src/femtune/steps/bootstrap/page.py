@@ -25,8 +25,13 @@ IDENTIFIED = {
     "entries": "Single values of the measured FRFs were drawn with replacement",
     "noise": "Noise as large as the errors of the identified system was added to its FRFs",
 }
-_MOST_SHOWN = 24
-_BIASED = 0.5
+_MOST_LISTED = 24
+"""Parameters in the table and in the pictures; more make the page long without showing more, and are in the results."""
+_LARGE_BIAS = 0.5
+"""Bias relative to the standard deviation from which it is marked.
+
+At half a standard deviation the shift of a 95 % interval is a quarter of its half-width.
+"""
 
 
 def bootstrap(source: ReportSource) -> list[Block]:
@@ -71,16 +76,16 @@ def parameter_table(found: BootstrapResults) -> Table:
         "COV is the standard deviation over the mean of the parameter itself. Bias is the mean of the runs less the "
         "result. Fisher σ follows from the inverse Fisher information and the stated standard deviations of the FRFs."
     )
-    if len(found.parameters) > _MOST_SHOWN:
-        note += f" And {counted(len(found.parameters) - _MOST_SHOWN, 'more parameter')} in the results."
-    return Table("Bootstrap", heads, tuple(map(_parameter, found.parameters[:_MOST_SHOWN])), note)
+    if len(found.parameters) > _MOST_LISTED:
+        note += f" And {counted(len(found.parameters) - _MOST_LISTED, 'more parameter')} in the results."
+    return Table("Bootstrap", heads, tuple(map(_parameter, found.parameters[:_MOST_LISTED])), note)
 
 
 def _parameter(p: BootstrappedParameter) -> tuple[Cell, ...]:
     bias = f"{p.bias:+.2f}"
     return row(
         p.parameter, value(p.value), value(p.mean), short(p.sd), short(p.cov_percent),
-        Cell(bias, tone="poor") if abs(p.bias) > _BIASED else bias,
+        Cell(bias, tone="poor") if abs(p.bias) > _LARGE_BIAS else bias,
         value(p.interval_95[0]), value(p.interval_95[1]), short(p.fisher_sd), short(p.fisher_cov_percent),
     )  # fmt: skip
 
@@ -90,7 +95,7 @@ def _pictures(source: ReportSource, found: BootstrapResults) -> list[Block]:
     samples, correlation = source.array(found.samples_key), source.array(found.correlation_key)
     if samples is None or correlation is None:
         return []
-    names = found.free[:_MOST_SHOWN]
+    names = found.free[:_MOST_LISTED]
     by_name = {p.parameter: p for p in found.parameters}
     known = [by_name[name] for name in names]
     draw = partial(histograms_svg, names, samples, [p.value for p in known], [p.interval_95 for p in known])

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from femtune.steps.report_source import ReportSource
 
 _MOST_COLUMNS = 14
-"""Models side by side in the tables of parameters and distances."""
+"""Models side by side in the tables of parameters and distances; more do not fit the width of a page."""
 
 
 def _of(source: ReportSource) -> CandidatesResults:

@@ -164,7 +164,7 @@ class _Checked:
     def _readable(self, data: dict[str, Any], source: StudyLines) -> tuple[StudyFile | None, bool]:
         """The study without the tables that have mistakes, and whether there were some; None where nothing is left."""
         aside = False
-        for _ in range(_ROUNDS):
+        for _ in range(_MOST_ROUNDS):
             try:
                 return study_from_data(data, self.path, source), aside
             except FemtuneError as error:
@@ -205,7 +205,11 @@ class _Checked:
                     _read_test(self.path.parent / name)
 
 
-_ROUNDS = 20
+_MOST_ROUNDS = 20
+"""Readings of a study, each without the tables in which the previous one found mistakes.
+
+Every reading removes at least one table; the limit ends the check of a file whose mistakes depend on each other.
+"""
 
 
 def _read_test(path: Path) -> None:

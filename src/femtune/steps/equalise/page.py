@@ -16,8 +16,14 @@ if TYPE_CHECKING:
     from femtune.steps.equalise.record import MappedDamping, MappedMode
     from femtune.steps.report_source import ReportSource
 
-_PANELS = 6
-_UNLIKE = 0.9
+_MOST_PANELS = 6
+"""FRFs in the figure, the largest ones first: they must stay large enough to be compared."""
+_LOW_MAC = 0.9
+"""MAC below which a pair is marked.
+
+A model mode with a lower MAC is commonly not accepted as the measured one, so that the damping ratio may belong to
+another mode.
+"""
 
 
 def measured_damping(source: ReportSource) -> list[Block]:
@@ -46,7 +52,7 @@ def damping_table(found: MappedDamping) -> Table:
 
 
 def _row(m: MappedMode, equal: str) -> tuple[Cell, ...]:
-    mac = Cell(unit_fraction(m.mac, NONE), tone="poor" if m.mac is not None and m.mac < _UNLIKE else "")
+    mac = Cell(unit_fraction(m.mac, NONE), tone="poor" if m.mac is not None and m.mac < _LOW_MAC else "")
     remark = m.reason or ("no partner in the test" if m.test_hz is None else "")
     return row(
         freq(m.test_hz), NONE if m.mode is None else str(m.mode), freq(m.model_hz), mac,
@@ -73,7 +79,7 @@ def _figure(source: ReportSource, found: MappedDamping) -> list[Block]:
         return []
     # the largest functions, one after another
     size = np.nanmax(np.abs(values["test"]), axis=2)
-    order = np.argsort(-size, axis=None, kind="stable")[:_PANELS]
+    order = np.argsort(-size, axis=None, kind="stable")[:_MOST_PANELS]
     panels = []
     for i, j in (np.unravel_index(k, size.shape) for k in order):
         curves = tuple(FrfCurve(look, lines, v[i, j]) for look, v in values.items())

@@ -39,10 +39,25 @@ if TYPE_CHECKING:
     from femtune.modal import ModeSet, TimeSeries
     from femtune.study.progress import Progress
 
-DEFAULT_ORDER, DEFAULT_METHODS = 60, ("SSI-cov", "ERA", "FDD")
-_LISTED = 5
-NEAR, ALIKE = 0.02, 0.8
-"""A method has a mode where one of its own is as near in frequency and as like in shape."""
+DEFAULT_ORDER = 60
+"""Largest order of the models if the request gives none.
+
+Each mode needs an order of two, and noise needs several times as much; higher orders take longer.
+"""
+DEFAULT_METHODS = ("SSI-cov", "ERA", "FDD")
+"""Methods if the request gives none: two parametric ones, and one in the frequency domain that makes other errors."""
+_MOST_LISTED = 5
+"""Frequencies of further modes that a notice lists, so that it stays one sentence."""
+FREQUENCY_TOLERANCE = 0.02
+"""Relative difference of frequencies up to which modes of two methods can be the same one.
+
+It must cover the scatter between methods, and stay below the distance of neighbouring modes.
+"""
+LEAST_MAC = 0.8
+"""MAC from which modes of two methods can be the same one.
+
+Noise lowers the MAC of one mode by two methods; the MAC of different modes is mostly far lower.
+"""
 
 
 def read_asked(file: IdentifyFile) -> TimeSeries:
@@ -160,11 +175,11 @@ def _further(first: str, modes: dict[str, ModeSet], dropped: tuple[float, ...]) 
         lacking = [
             float(hz)
             for hz, own in zip(others.freq_hz, _beside(others, modes[first]))
-            if np.isnan(own) and not any(abs(hz - f) <= NEAR * f for f in dropped)
+            if np.isnan(own) and not any(abs(hz - f) <= FREQUENCY_TOLERANCE * f for f in dropped)
         ]
         if lacking:
-            more = f" and {len(lacking) - _LISTED} more" if len(lacking) > _LISTED else ""
-            found.append(f"{name}: {', '.join(f'{hz:.4g}' for hz in lacking[:_LISTED])} Hz{more}")
+            more = f" and {len(lacking) - _MOST_LISTED} more" if len(lacking) > _MOST_LISTED else ""
+            found.append(f"{name}: {', '.join(f'{hz:.4g}' for hz in lacking[:_MOST_LISTED])} Hz{more}")
     notice = Notice("identify.further-modes", level="info", first=first, found="; ".join(found)) if found else None
     return (notice,) if notice else ()
 
@@ -173,10 +188,10 @@ def _beside(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
     """(m,) the frequency of the other method's mode that is the same one, NaN where there is none."""
     if not len(others):
         return np.full(len(modes), np.nan)
-    same = mac(modes.shapes, others.shapes) >= ALIKE
+    same = mac(modes.shapes, others.shapes) >= LEAST_MAC
     away = np.where(same, np.abs(others.freq_hz / modes.freq_hz[:, None] - 1.0), np.inf)
     at = away.argmin(axis=1)
-    near = away[np.arange(len(modes)), at] <= NEAR
+    near = away[np.arange(len(modes)), at] <= FREQUENCY_TOLERANCE
     return np.where(near, others.freq_hz[at], np.nan)
 
 

@@ -139,9 +139,16 @@ def _level(file: IdentifyFile, found: Found, force: float, name: str) -> ForceLe
     return ForceLevel(shown, force, found.modes.select_modes(own), found.measured, _sd(found))
 
 
-_NEIGHBOURS = 17
-"""Lines over which estimates of the noise are averaged."""
-_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+_AVERAGED_LINES = 17
+"""Lines over which estimates of the noise are averaged.
+
+More lines make them more accurate and blur changes over the frequency.
+"""
+_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+"""Coefficients of the fourth difference.
+
+It is zero for a function that is cubic over five lines, so that mainly noise is left.
+"""
 
 
 def _sd(found: Found) -> Reals | None:
@@ -155,10 +162,16 @@ def _sd(found: Found) -> Reals | None:
     values, estimates = found.measured.values, []
     if found.synthesised is not None:
         estimates.append(np.abs(values - found.synthesised.values) ** 2)
-    if values.shape[2] >= len(_FOURTH):
-        rough = np.abs(convolve1d(values.real, _FOURTH, axis=2) + 1j * convolve1d(values.imag, _FOURTH, axis=2)) ** 2
-        estimates.append(rough / np.sum(_FOURTH**2))
-    smooth = [uniform_filter1d(e, _NEIGHBOURS, axis=2, mode="nearest") for e in estimates]
+    if values.shape[2] >= len(_FOURTH_DIFFERENCE):
+        rough = (
+            np.abs(
+                convolve1d(values.real, _FOURTH_DIFFERENCE, axis=2)
+                + 1j * convolve1d(values.imag, _FOURTH_DIFFERENCE, axis=2)
+            )
+            ** 2
+        )
+        estimates.append(rough / np.sum(_FOURTH_DIFFERENCE**2))
+    smooth = [uniform_filter1d(e, _AVERAGED_LINES, axis=2, mode="nearest") for e in estimates]
     return np.asarray(np.sqrt(np.min(smooth, axis=0))) if smooth else None
 
 

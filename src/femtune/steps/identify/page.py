@@ -45,6 +45,10 @@ if TYPE_CHECKING:
     from femtune.testdata import WireFrame
 
 _SHOWN_FUNCTIONS = 6
+"""Measured functions in the figure, those that are fitted best and worst.
+
+They must stay large enough to be compared.
+"""
 
 
 def build_identification_page(made: IdentifyResult) -> Document:
@@ -140,8 +144,10 @@ def _spread(number: float | None) -> str:
     return NONE if number is None else typeset(f"{number:.2g}")
 
 
-_A_FIGURE, _MOST_LINES = 6, 20_000
-"""Modes in a figure, and trace lines in all of them: the page must stay small enough to be sent."""
+_MODES_PER_FIGURE = 6
+"""Modes in one figure: they must stay large enough to be compared."""
+_MOST_TRACE_LINES = 20_000
+"""Trace lines in all figures: the page must stay small enough to be sent."""
 
 
 def _shapes(made: IdentifyResult) -> Iterator[Block]:
@@ -151,9 +157,9 @@ def _shapes(made: IdentifyResult) -> Iterator[Block]:
     if not placed:
         return
     frame = _wire_frame(geometry)
-    most = min(len(modes), max(1, _MOST_LINES // max(len(frame.lines), 1)))
-    for first in range(0, most, _A_FIGURE):
-        group = range(first, min(first + _A_FIGURE, most))
+    most = min(len(modes), max(1, _MOST_TRACE_LINES // max(len(frame.lines), 1)))
+    for first in range(0, most, _MODES_PER_FIGURE):
+        group = range(first, min(first + _MODES_PER_FIGURE, most))
         titles = [f"{modes.labels[i]}: {freq(modes.freq_hz[i])} Hz" for i in group]
         draw = partial(_draw_shapes, frame, geometry, modes, group, placed)
         yield Figure(draw, "", f"Identified mode shapes. {'; '.join(titles)}", wide=True)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 _FUNCTIONS = (".uff", ".unv")
 _TIME_RESPONSE = 1
+"""Function type of a time response in dataset 58."""
 
 
 def asked_of(path: Path | str, options: Mapping[str, Any]) -> IdentifyFile:
@@ -69,10 +70,17 @@ def _kind_of(path: Path) -> str:
     return "record" if types and all(t == _TIME_RESPONSE for t in types) else "frfs"
 
 
-LARGEST, SMALLEST = 1e60, 1e-60
-"""Between these the fourth powers that standard deviations need neither overflow nor vanish."""
-LEAST_SAMPLES, LEAST_LINES = 128, 4
-"""Of a piece of record, and of spectra in the band, that any method can work on."""
+LARGEST_SAMPLE = 1e60
+"""Largest magnitude of samples. Standard deviations need fourth powers, which overflow above it."""
+SMALLEST_SAMPLE = 1e-60
+"""Smallest magnitude of the largest sample of a channel, unless it is zero.
+
+Standard deviations need fourth powers, which underflow below it.
+"""
+LEAST_SAMPLES = 128
+"""Samples that a piece of record needs for any of the methods."""
+LEAST_LINES = 4
+"""Lines that spectra need in the band for any of the methods: less than four cannot show a resonance."""
 
 
 def check_usable(record: TimeSeries) -> None:
@@ -91,10 +99,10 @@ def check_usable(record: TimeSeries) -> None:
 
 def _check_size(record: TimeSeries) -> None:
     largest = np.nanmax(np.abs(record.values), axis=1, initial=0.0)
-    bad = np.flatnonzero((largest > LARGEST) | ((largest < SMALLEST) & (largest > 0.0)))
+    bad = np.flatnonzero((largest > LARGEST_SAMPLE) | ((largest < SMALLEST_SAMPLE) & (largest > 0.0)))
     if len(bad):
         names = ", ".join(str(record.channels[i]) for i in bad[:5])
-        values = {"largest sample": f"{largest[bad[0]]:.3g}", "wanted": f"{SMALLEST:g} to {LARGEST:g}"}
+        values = {"largest sample": f"{largest[bad[0]]:.3g}", "wanted": f"{SMALLEST_SAMPLE:g} to {LARGEST_SAMPLE:g}"}
         raise FemtuneError("record.values/size", values=values, channels=names)
 
 

@@ -67,14 +67,17 @@ def found_from_setups(file: IdentifyFile, identify: IdentifyEach) -> Found:
     )  # fmt: skip
 
 
-SHARE = 0.5
-"""A mode that so many set-ups have is accepted in the others if they have a cluster of stable poles there."""
+LEAST_SHARE = 0.5
+"""Share of the set-ups that must have a mode so that a cluster of stable poles is accepted in the others.
+
+A mode that less than half of the set-ups have may be a pole of noise.
+"""
 
 
 def _to_take(left: list[PartlyFound], each: list[Found]) -> dict[int, tuple[float, ...]]:
     """Frequencies of clusters, by set-up, that are accepted because most other set-ups have the mode."""
     out: dict[int, tuple[float, ...]] = {}
-    for mode in (m for m in left if len(m.having) >= SHARE * len(each)):
+    for mode in (m for m in left if len(m.having) >= LEAST_SHARE * len(each)):
         for k in sorted(set(range(len(each))) - set(mode.having)):
             if has_candidate(each[k].candidates, mode.freq_hz):
                 out[k] = (*out.get(k, ()), mode.freq_hz)

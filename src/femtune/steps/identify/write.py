@@ -27,9 +27,12 @@ if TYPE_CHECKING:
     from femtune.steps.identify.found import Found
     from femtune.steps.identify.record import Identification
 
-RECORD_FILE, MODES_FILE, TABLE_FILE, POLES_FILE, SYSTEM_FILE, DEVIATIONS_FILE = (
-    "identified.json", "modes.uff", "modes.csv", "poles.csv", "system.npz", "deviations.json",
-)  # fmt: skip
+RECORD_FILE = "identified.json"
+MODES_FILE = "modes.uff"
+TABLE_FILE = "modes.csv"
+POLES_FILE = "poles.csv"
+SYSTEM_FILE = "system.npz"
+DEVIATIONS_FILE = "deviations.json"
 
 
 def test_of_modes(found: Found, title: str, units: str) -> ModalTest:

@@ -26,10 +26,16 @@ from femtune.steps.info.record.checks import ModelCheck, ModeMeshError
 Solutions = Mapping[str, EigenSolution]
 
 
-MASS, LUMPING, MESH = "weighed mass", "lumped or consistent mass", "mesh"
+MASS = "weighed mass"
+LUMPING = "lumped or consistent mass"
+MESH = "mesh"
 
 
-_SAME = 1e-6
+_EQUAL_CHANGE = 1e-6
+"""Relative difference up to which changes of two modes are equal.
+
+It is above the rounding of an eigenvalue and far below a change that matters.
+"""
 
 
 _OFF = "refinement = false in [checks]"
@@ -160,7 +166,7 @@ def _worst(case: StudyCase, solution: EigenSolution, values: Reals) -> tuple[int
     if not np.isfinite(inside).any():
         return None
     # modes in two planes change alike: the first of them is named, whatever rounding adds to the others
-    mode = int(np.flatnonzero(inside >= (1.0 - _SAME) * np.nanmax(inside))[0])
+    mode = int(np.flatnonzero(inside >= (1.0 - _EQUAL_CHANGE) * np.nanmax(inside))[0])
     return mode + 1, 100.0 * float(values[mode])
 
 

@@ -156,6 +156,7 @@ def _modal(built: BuiltModel) -> str:
 
 
 _MOST_GROUNDING = 10
+"""Elements that are listed where rigid motion strains them; the largest ones show the mistake."""
 
 
 _NOT_TESTED = "not tested: the factorisation hides the inertia"
@@ -575,7 +576,7 @@ def _of_test_masses(name: str, effect: TestMassEffect | None) -> Iterable[Alert]
     """What the test equipment does to the frequencies, and whether it exchanges modes."""
     if effect is None:
         return
-    if effect.ratio is not None and effect.ratio > _HEAVY:
+    if effect.ratio is not None and effect.ratio > _LARGE_MASS_RATIO:
         yield alert("warning", "model.test-masses/heavy", configuration=name, ratio=effect.ratio)
     if not effect.modes:
         return
@@ -587,14 +588,19 @@ def _of_test_masses(name: str, effect: TestMassEffect | None) -> Iterable[Alert]
         yield alert("warning", "model.test-masses/exchanged", configuration=name, modes=modes)
 
 
-_HEAVY = 0.3
-"""Masses of the test equipment relative to that of the structure from which their unit is doubted."""
+_LARGE_MASS_RATIO = 0.3
+"""Mass of the test equipment relative to that of the structure, from which a mistake of units is suspected.
+
+Equipment of this mass would change the modes so much that nobody would use it.
+"""
 
 
 _MOST_DRILLING = 6
+"""Modes that a notice lists, so that it stays one sentence."""
 
 
 _MOST_GRIDS = 8
+"""Grid points that a notice lists, so that it stays one sentence."""
 
 
 def _of_drilling(name: str, solution: EigenSolution) -> Iterable[Alert]:

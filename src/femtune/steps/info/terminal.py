@@ -124,10 +124,11 @@ _ORDER: tuple[Level, ...] = ("problem", "warning")
 _IN_TABLES = ("deck.ignored-cards", "deck.ignored-param", "deck.dof-set")
 """Notices that repeat the tables of cards, PARAMs and named sets."""
 
-_ROWS = 5
+_MOST_ROWS = 5
+"""First rows of a table that are shown on the terminal; a note gives the number of the others."""
 _AXES = ("x", "y", "z")
-_NOISE = 1e-9
-"""Parts of the largest entry below which an entry is rounding."""
+_ENTRY_ROUNDING = 1e-9
+"""Entries of the mass matrix below this fraction of the largest are rounding and are shown as zero."""
 
 
 def info_document(subject: Subject, facts: ModelFacts) -> Document:
@@ -244,7 +245,7 @@ def _centre(subject: Subject, c: ModelConfiguration) -> str:
 
 
 def _clean(number: float, scale: float) -> str:
-    return value(number if abs(number) > _NOISE * scale else 0.0)
+    return value(number if abs(number) > _ENTRY_ROUNDING * scale else 0.0)
 
 
 def _inertia(subject: Subject, c: ModelConfiguration) -> list[Table]:
@@ -270,9 +271,9 @@ def _rigid_body(c: ModelConfiguration) -> list[Block]:
 
 def _beginning(table: Table) -> Table:
     """The first rows of a table, and how many more there are."""
-    more = len(table.rows) - _ROWS
+    more = len(table.rows) - _MOST_ROWS
     rest = f"and {counted(more, 'more row')}. " if more > 0 else ""
-    return replace(table, rows=table.rows[:_ROWS], note=f"{rest}{table.note}")
+    return replace(table, rows=table.rows[:_MOST_ROWS], note=f"{rest}{table.note}")
 
 
 def _held(c: ModelConfiguration) -> list[Block]:
@@ -280,9 +281,10 @@ def _held(c: ModelConfiguration) -> list[Block]:
     return [Heading("DOFs constrained by AUTOSPC"), Listing(tuple(lines))] if lines else []
 
 
-WIDTH = 100
-GAP = 2
-"""Between two columns."""
+TERMINAL_WIDTH = 100
+"""Width of a terminal, in columns, that tables must not exceed."""
+COLUMN_GAP = 2
+"""Spaces between two columns of a table."""
 
 
 def column_groups(titles: Sequence[str], taken: int, least: int) -> list[tuple[str, ...]]:
@@ -297,10 +299,10 @@ def column_groups(titles: Sequence[str], taken: int, least: int) -> list[tuple[s
     groups: list[tuple[str, ...]] = []
     room = 0
     for title in titles:
-        width = max(len(title), least) + GAP
+        width = max(len(title), least) + COLUMN_GAP
         if width > room:
             groups.append(())
-            room = WIDTH - taken
+            room = TERMINAL_WIDTH - taken
         groups[-1] += (title,)
         room -= width
     return groups

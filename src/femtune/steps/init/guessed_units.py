@@ -20,11 +20,35 @@ if TYPE_CHECKING:
 _OF_TEST = ("m-kg-s", "mm-t-s", "cm-kg-s", "in-slinch-s", "ft-slug-s")
 """Units that are tried for a test whose file states none: one for each unit of length."""
 _SAME_PLACE = 1e-3
-"""Distance of a sensor from its grid point over the diagonal of the model."""
-_COVERED = (0.4, 1.3)
-"""Extent of the sensors over that of the model."""
-_OF_MATERIAL, _POSSIBLE, _OF_PLACES, _OF_EXTENT = 4.0, 1.0, 3.0, 1.5
-_USUAL = 0.1
+"""Distance of a sensor from its grid point, relative to the diagonal of the model.
+
+It covers coordinates that are written with few digits, not sensors between grid points.
+"""
+_USUAL_EXTENT = (0.4, 1.3)
+"""Usual extent of the sensors relative to that of the model, lower and upper limit.
+
+The factors between units of length are at least 2.54, so that wrong units lead out of these limits if the sensors
+cover most of the structure.
+"""
+_MATERIAL_SCORE = 4.0
+"""Score of units in which a material of the deck is a common one; half of it if its density is a weight density.
+
+It is the strongest evidence, because modulus and density rarely agree by chance.
+"""
+_POSSIBLE_SCORE = 1.0
+"""Score of units in which all materials are physically possible: weak evidence, because most systems of units pass."""
+_PLACE_SCORE = 3.0
+"""Score of units in which all grid points of the sensors are found: less than that of a common material."""
+_EXTENT_SCORE = 1.5
+"""Score of units in which the sensors extend over the structure.
+
+It is weaker evidence than sensors that coincide with grid points.
+"""
+_USUAL_SCORE = 0.1
+"""Score of the most common system of units, less for others.
+
+It decides only between systems that are otherwise equal.
+"""
 _MASSES = {"kg": "kg", "t": "t", "slinch": "lbf·s²/in", "lbm": "lbm", "slug": "slug"}
 
 
@@ -60,10 +84,10 @@ class _Try:
 
     @property
     def score(self) -> float:
-        covers = _COVERED[0] <= self.extent <= _COVERED[1]
-        usual = _USUAL * (1.0 - SYSTEMS.index(self.units.name) / len(SYSTEMS))
-        known = _OF_MATERIAL * bool(self.common) + 0.5 * _OF_MATERIAL * bool(self.weight)
-        return known + _POSSIBLE * self.possible + _OF_PLACES * self.share + _OF_EXTENT * covers + usual
+        covers = _USUAL_EXTENT[0] <= self.extent <= _USUAL_EXTENT[1]
+        usual = _USUAL_SCORE * (1.0 - SYSTEMS.index(self.units.name) / len(SYSTEMS))
+        known = _MATERIAL_SCORE * bool(self.common) + 0.5 * _MATERIAL_SCORE * bool(self.weight)
+        return known + _POSSIBLE_SCORE * self.possible + _PLACE_SCORE * self.share + _EXTENT_SCORE * covers + usual
 
 
 def guess_units(structure: Structure, points: Reals, of_test: UnitSystem | None) -> GuessedUnits:
@@ -159,7 +183,12 @@ def _doubts(best: _Try, places: _Places) -> list[str]:
             f"large by the factor {1.0 / factor:.5g}: add PARAM,WTMASS,{factor:.5g} to the deck, or masses and "
             "frequencies are wrong"
         )
-    if places.of_test and places.diagonal and not best.share and not _COVERED[0] <= best.extent <= _COVERED[1]:
+    if (
+        places.of_test
+        and places.diagonal
+        and not best.share
+        and not _USUAL_EXTENT[0] <= best.extent <= _USUAL_EXTENT[1]
+    ):
         found.append(
             f"the test points extend over {100.0 * best.extent:.3g} % of the model: the unit of length of the deck or "
             "of the test may be wrong; state them with the keys units of [study] and of [test]"

@@ -35,8 +35,16 @@ MOST_RANKED = 60
 """Number of candidates that are compared; of more, those with the largest effect."""
 MOST_PROPOSED = 20
 """Number of parameters that are proposed at most."""
-FREQUENCY_SD, SHAPE_SD = 0.01, 0.1
-"""Relative standard deviations of frequencies, and of shapes of unit norm, that a first study states."""
+FREQUENCY_SD = 0.01
+"""Relative standard deviation of frequencies that a first study states.
+
+It is a usual value for the joint scatter of measurement and model; the study says that it is to be replaced.
+"""
+SHAPE_SD = 0.1
+"""Standard deviation of the entries of shapes of unit norm that a first study states.
+
+Shapes are measured less accurately than frequencies.
+"""
 
 
 @dataclass(frozen=True)
@@ -166,13 +174,19 @@ def ranked(
     for j in information.d_order:
         if j not in taken:
             nearest = max(taken, key=lambda t: cosine[j, t], default=None)
-            like = some[nearest].name if nearest is not None and cosine[j, nearest] >= _ALIKE else ""
+            like = some[nearest].name if nearest is not None and cosine[j, nearest] >= _ALIKE_COSINE else ""
             sds = (_finite(_sd(S, [*taken, j])[-1] * percent[j]), _finite(information.alone[j] * percent[j]))
             out.append(Proposed(some[j], False, *sds, like))
     return out, len(found) - len(some)
 
 
-_ALIKE, _NO_EFFECT = 0.95, 1e-9
+_ALIKE_COSINE = 0.95
+"""Cosine of the sensitivities of two parameters from which one is said to act like the other.
+
+The data then hardly separate them.
+"""
+_NO_EFFECT = 1e-9
+"""Sensitivity relative to the largest below which a parameter has no effect but rounding."""
 
 
 def sensitivities(parameters: ParameterSet, case: ComparedCase, solution: EigenSolution) -> Reals:

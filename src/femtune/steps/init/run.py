@@ -51,12 +51,17 @@ if TYPE_CHECKING:
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
 
-STUDY_FILE, IDENTIFY_FILE, IDENTIFIED_FOLDER = "study.toml", "identify.toml", "identified"
+STUDY_FILE = "study.toml"
+IDENTIFY_FILE = "identify.toml"
+IDENTIFIED_FOLDER = "identified"
 _UFF = (".uff", ".unv")
 _MOST_GRIDS = 60
-"""Grid points at which shapes are taken as measured where no sensor could be assigned."""
-_MOST_OFF = 15
-"""Candidates that are not proposed and are listed one by one."""
+"""Grid points at which shapes are taken as measured if no sensor could be assigned.
+
+They must be enough to distinguish the lowest modes, and few enough for a quick ranking.
+"""
+_MOST_UNPROPOSED = 15
+"""Candidates that are not proposed and still listed one by one, so that the study stays short."""
 
 
 class ProposedParameter(Record):
@@ -501,9 +506,9 @@ class _Draft:
         if others:
             text.lines.append("")
             text.say("Not proposed, because the test modes do not determine them beside the parameters above:")
-        for one in others[:_MOST_OFF]:
+        for one in others[:_MOST_UNPROPOSED]:
             text.say(_not_proposed(one), indent="- ")
-        left = len(others[_MOST_OFF:]) + self.skipped
+        left = len(others[_MOST_UNPROPOSED:]) + self.skipped
         if left:
             text.say(f"and {left} more fields with less effect.", indent="- ")
 

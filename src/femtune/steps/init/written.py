@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-_WIDTH = 112
+_LINE_WIDTH = 112
+"""Characters in a line of comments; they stay readable in an editor without wrapping."""
 
 
 @dataclass
@@ -22,7 +23,7 @@ class StudyText:
         for sentence in sentences:
             first, rest = f"# {indent}", f"# {' ' * len(indent)}"
             self.lines += textwrap.wrap(
-                sentence, _WIDTH, initial_indent=first, subsequent_indent=rest, break_long_words=False
+                sentence, _LINE_WIDTH, initial_indent=first, subsequent_indent=rest, break_long_words=False
             )
 
     def listed(self, sentences: Iterable[str]) -> None:

@@ -25,14 +25,18 @@ if TYPE_CHECKING:
     from femtune.testdata import WireFrame
 from femtune.steps.modes.record import ModeShapes
 
-_MOST_MOTIONS = 30_000_000
-"""Entries of the shapes (240 MB) of which the strain energies are computed at once."""
+_ENTRIES_PER_BATCH = 30_000_000
+"""Entries of the shapes (240 MB) for which the strain energies are computed in one batch.
+
+It bounds the memory for temporary arrays.
+"""
 
 
 Arrays = dict[str, NDArray]
 
 
 MOST_MODES = 50
+"""Modes whose shapes are stored for the page; the size of the results grows with them."""
 
 
 def mode_shapes(
@@ -155,7 +159,7 @@ def _in_basic_axes(
 
 def _energies(configured: ConfiguredModel, solution: EigenSolution, mesh: DrawnMesh) -> dict[str, NDArray]:
     """Shares of the elements in the strain energy, %, of the lines that are drawn, and of all else at the points."""
-    most = max(1, _MOST_MOTIONS // solution.shapes.shape[0])
+    most = max(1, _ENTRIES_PER_BATCH // solution.shapes.shape[0])
     parts = [
         strain_shares(solution, range(first, min(first + most, solution.wanted)))
         for first in range(0, solution.wanted, most)

@@ -67,7 +67,8 @@ def _sturm(m: ModelModes) -> str:
     return m.sturm_sentence or NOT_TESTED
 
 
-_ROWS = 24
+_MOST_ROWS = 24
+"""Functions that are listed on the terminal: about a screen; a note gives the number of the others."""
 
 
 def responses_document(subject: Subject, found: Sequence[ResponseResults]) -> Document:
@@ -88,6 +89,6 @@ def _functions(r: ResponseResults, named: bool) -> list[Block]:
     order = ordered_pairs(r.frfs)
     name = f"{r.configuration}. " if named else ""
     alerts = alert_boxes(r.alerts)
-    more = len(order) - _ROWS
+    more = len(order) - _MOST_ROWS
     rest = [Paragraph(f"and {counted(more, 'more function')} in --json and --report", "muted")] if more > 0 else []
-    return [*alerts, Paragraph(name + how(r.frfs)), frf_table([r], order[:_ROWS]), *fdac_table([r]), *rest]
+    return [*alerts, Paragraph(name + how(r.frfs)), frf_table([r], order[:_MOST_ROWS]), *fdac_table([r]), *rest]

@@ -26,9 +26,16 @@ if TYPE_CHECKING:
     from femtune.study.progress import Progress
     from femtune.study.study import Study
 
-_ROUNDS = 6
-"""Turns of sensors, exciters and lines at most."""
-_BETTER = 1e-6
+_MOST_ROUNDS = 6
+"""Rounds of placing sensors, exciters and lines in turns.
+
+Each improves the criterion; the limit bounds the time of a search that improves slowly.
+"""
+_LEAST_GAIN = 1e-6
+"""Increase of the criterion above which a set is better.
+
+Smaller increases are rounding errors and could alternate without end.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,20 +161,20 @@ class Designer:
     ) -> tuple[PlacedSensors, Excitation, FrfCalibration]:
         """Exciters for the sensors, lines for both, sensors for both, as long as the set becomes better."""
         worth = known.worth(placed.sensors)
-        for _ in range(_ROUNDS):
+        for _ in range(_MOST_ROUNDS):
             before = worth
             if self.table.exciters:
                 others = self._exciters(uniaxial, known, placed.sensors)
                 better = FrfCalibration(known.functions, others.exciters, known.lines)
-                if (own := better.worth(placed.sensors)) > worth + _BETTER:
+                if (own := better.worth(placed.sensors)) > worth + _LEAST_GAIN:
                     worth, excitation, known = own, others, better
             better = self._with_lines(known, placed)
-            if (own := better.worth(placed.sensors)) > worth + _BETTER:
+            if (own := better.worth(placed.sensors)) > worth + _LEAST_GAIN:
                 worth, known = own, better
             _, again = self._place(known)
-            if (own := known.worth(again.sensors)) > worth + _BETTER:
+            if (own := known.worth(again.sensors)) > worth + _LEAST_GAIN:
                 worth, placed = own, again
-            if worth <= before + _BETTER:
+            if worth <= before + _LEAST_GAIN:
                 break
         return placed, excitation, known
 

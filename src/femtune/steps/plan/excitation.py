@@ -25,8 +25,11 @@ if TYPE_CHECKING:
     from femtune.study.record import Vector3
     from femtune.study.study import Study
 
-_BEYOND = 0.1
-"""Part of the frequencies by which the lines go beyond the target modes where no band is given."""
+_BAND_MARGIN = 0.1
+"""Fraction of the frequency by which the lines extend beyond the target modes if no band is given.
+
+The flanks of the lowest and highest resonances also carry information.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +191,7 @@ def frequency_lines(table: PlanTable, elastic_hz: Reals, arrays: dict[str, Reals
     """
     if not len(elastic_hz):
         return None
-    low, high = (1.0 - _BEYOND) * elastic_hz.min(), (1.0 + _BEYOND) * elastic_hz.max()
+    low, high = (1.0 - _BAND_MARGIN) * elastic_hz.min(), (1.0 + _BAND_MARGIN) * elastic_hz.max()
     if table.band_hz is not None and table.band_hz[0] > 0.0:
         low, high = table.band_hz
     ratio, per = table.damping_ratio, table.lines_per_half_band

@@ -41,9 +41,15 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
 
 DYNAMIC_RANGE = 1e-4
-"""Values below this part of the largest value at the driving points cannot be measured, and tell nothing: 80 dB."""
-_NUMBERS = 4_000_000
-"""Numbers in the temporary arrays of functions that are computed together."""
+"""Smallest measurable value relative to the largest value at the driving points: 80 dB.
+
+Smaller values are covered by noise and carry no information.
+"""
+_NUMBERS_PER_BATCH = 4_000_000
+"""Numbers in the temporary arrays of functions that are computed together.
+
+It bounds the memory for these arrays.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +295,7 @@ class FrfCalibration:
     ) -> Reals:
         """(n, k, k) of candidates, some at a time."""
         k, lines = self._count, len(self.functions.freq_hz)
-        some = max(1, _NUMBERS // (lines * (others * 4 * k + 100)))
+        some = max(1, _NUMBERS_PER_BATCH // (lines * (others * 4 * k + 100)))
         parts = [np.zeros((0, k, k))]
         for first in range(0, len(candidates), some):
             self.functions.progress.step("information of the FRFs at the candidates", first, len(candidates))

@@ -114,7 +114,7 @@ def sensor_table(plan: PlanResults, unit: str) -> Table:
 def own_axes(plan: PlanResults) -> list[Block]:
     """Whose axes the letters behind a point are, where these are not those of the basic system."""
     axes = [*(s.axes for s in plan.sensors), *(e.axes for e in plan.exciters)]
-    if not any(np.abs(np.asarray(a) - np.eye(3)).max() > _TURNED for a in axes):
+    if not any(np.abs(np.asarray(a) - np.eye(3)).max() > _AXIS_TOLERANCE for a in axes):
         return []
     return [
         Paragraph(
@@ -125,7 +125,8 @@ def own_axes(plan: PlanResults) -> list[Block]:
     ]
 
 
-_TURNED = 1e-6
+_AXIS_TOLERANCE = 1e-6
+"""Difference of the axes of a sensor from those of the basic system that is more than rounding."""
 
 _DIRECTIONS = " X, Y, Z"
 """Of a triaxial sensor, behind the number of its point."""

@@ -53,14 +53,22 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, NDArray[Any]]
 
-_ALIKE = 0.5
-"""AutoMAC of two target modes from which an alert says that they look alike."""
-_LOADED_PERCENT = 0.5
-"""Shift of a frequency by the masses of the sensors from which an alert says so."""
-_UNINFORMED = 0.9
-"""Expected over prior standard deviation of a parameter from which an alert says that the test tells nothing of it."""
-_SOFT = 0.2
-"""Highest frequency of a soft suspension relative to the first elastic mode."""
+_HIGH_AUTO_MAC = 0.5
+"""AutoMAC of two target modes above which an alert says that the sensors hardly distinguish them."""
+_LARGE_SHIFT_PERCENT = 0.5
+"""Shift of a frequency by the masses of the sensors, in %, above which an alert is given.
+
+It is then as large as usual errors of measured frequencies.
+"""
+_UNINFORMED_RATIO = 0.9
+"""Ratio of expected to prior standard deviation of a parameter above which an alert says that the test gives no
+information about it.
+"""
+_SOFT_RATIO = 0.2
+"""Highest frequency of a suspension relative to the first elastic mode up to which it is soft.
+
+At one fifth the suspension changes the first frequency by about 2 %.
+"""
 _PREFIX = {"triaxial": "T", "uniaxial": "U", "visualisation": "V"}
 
 
@@ -342,9 +350,9 @@ class _Plan:
         )
 
     def _alerts_of_setup(self, setup: Mapping[str, Any]) -> Iterator[Alert]:
-        vague = [p.name for p in setup.get("parameters", ()) if p.expected_sd > _UNINFORMED * p.prior_sd]
+        vague = [p.name for p in setup.get("parameters", ()) if p.expected_sd > _UNINFORMED_RATIO * p.prior_sd]
         if vague:
-            yield alert("warning", "plan.uninformed", names=", ".join(vague), percent=100.0 * _UNINFORMED)
+            yield alert("warning", "plan.uninformed", names=", ".join(vague), percent=100.0 * _UNINFORMED_RATIO)
         low = [str(e.number) for e in setup.get("excitation", ()) if e.level < self.table.exciter_level]
         if low:
             percent = 100.0 * self.table.exciter_level
@@ -353,11 +361,11 @@ class _Plan:
         if bare:
             yield alert("info", "plan.no-driving-point", names=", ".join(bare))
         worst = min(setup["loading"], key=lambda m: m.shift_percent, default=None)
-        if worst is not None and worst.shift_percent < -_LOADED_PERCENT:
+        if worst is not None and worst.shift_percent < -_LARGE_SHIFT_PERCENT:
             yield alert("warning", "plan.mass-loading", number=worst.number, shift=worst.shift_percent)
         hung = setup["suspension"]
-        if hung is not None and max(hung.rigid_hz) > _SOFT * hung.first_elastic_hz:
-            facts = {"rigid": max(hung.rigid_hz), "elastic": hung.first_elastic_hz, "limit": 100.0 * _SOFT}
+        if hung is not None and max(hung.rigid_hz) > _SOFT_RATIO * hung.first_elastic_hz:
+            facts = {"rigid": max(hung.rigid_hz), "elastic": hung.first_elastic_hz, "limit": 100.0 * _SOFT_RATIO}
             yield alert("warning", "plan.stiff-suspension", **facts)
 
     def _counts(self, given: tuple[SiteSensor, ...]) -> tuple[int, int]:
@@ -426,7 +434,7 @@ class _Plan:
             found.append(alert("warning", "plan.rejected", **facts))
         if self.still:
             found.append(alert("info", "plan.still", count=self.still))
-        if chosen.largest_off_diagonal > _ALIKE:
+        if chosen.largest_off_diagonal > _HIGH_AUTO_MAC:
             i, j = (int(self.targets.positions[k]) + 1 for k in chosen.worst_pair)
             found.append(alert("warning", "plan.alike", one=i, other=j, mac=chosen.largest_off_diagonal))
         return found

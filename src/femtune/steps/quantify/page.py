@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from femtune.steps.quantify.record import QuantifiedOutput, QuantifiedParameter, QuantifyResults
     from femtune.steps.report_source import ReportSource
 
-_MOST_SHOWN = 24
+_MOST_LISTED = 24
+"""Rows of each table; more rows make the page long without showing more, and are in the results."""
 
 
 def quantify(source: ReportSource) -> list[Block]:
@@ -53,7 +54,7 @@ def _how(found: QuantifyResults) -> str:
 
 def parameter_table(found: QuantifyResults) -> Table:
     """Mean, standard deviation and correlations."""
-    shown = found.parameters[:_MOST_SHOWN]
+    shown = found.parameters[:_MOST_LISTED]
     few = len(shown) <= 8
     heads = columns(
         "Parameter",
@@ -95,7 +96,7 @@ def output_table(found: QuantifyResults) -> Table:
         note += " Model σ contains the stated measurement errors."
     if any(o.robust_sd_hz is not None for o in found.outputs):
         note += " Robust σ: that to which outliers do not contribute."
-    return Table("Forward check", heads, tuple(map(_output, found.outputs[:_MOST_SHOWN])), note)
+    return Table("Forward check", heads, tuple(map(_output, found.outputs[:_MOST_LISTED])), note)
 
 
 def entry_tables(found: QuantifyResults) -> list[Table]:
@@ -104,7 +105,7 @@ def entry_tables(found: QuantifyResults) -> list[Table]:
         return []
     rows = tuple(
         row(e.label, str(e.repeats), *map(short, (e.measured_mean, e.model_mean, e.measured_sd, e.model_sd)))
-        for e in found.entries[:_MOST_SHOWN]
+        for e in found.entries[:_MOST_LISTED]
     )
     heads = columns("Mode and sensor", ">Repeats", ">Measured mean", ">Model mean", ">Measured σ", ">Model σ")
     note = "Shapes have unit norm over the measured sensors, and the sign of the test."
@@ -118,10 +119,10 @@ def interval_blocks(found: QuantifyResults) -> list[Block]:
     box = found.intervals
     if box is None:
         return []
-    parameters = tuple(row(p.parameter, value(p.lower), value(p.upper)) for p in box.parameters[:_MOST_SHOWN])
+    parameters = tuple(row(p.parameter, value(p.lower), value(p.upper)) for p in box.parameters[:_MOST_LISTED])
     outputs = tuple(
         row(o.label, *map(freq, (o.measured_lower_hz, o.model_lower_hz, o.measured_upper_hz, o.model_upper_hz)))
-        for o in box.outputs[:_MOST_SHOWN]
+        for o in box.outputs[:_MOST_LISTED]
     )
     heads = columns("Mode", ">Measured lowest Hz", ">Model lowest Hz", ">Measured highest Hz", ">Model highest Hz")
     note = "The measured limits are the smallest and the largest value of the repeats; more repeats have wider ones."

@@ -48,16 +48,23 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.update import IterationRecord
 
 MOTION_BYTES = 2_800_000
-"""Bytes of all motions of the model; base64 makes them a third larger."""
+"""Bytes of all motions of the model; base64 makes them a third larger. The page must stay small enough to be sent."""
 FUNCTION_BYTES = 1_000_000
-"""Bytes of all frequency response functions."""
+"""Bytes of all frequency response functions: the page must stay small enough to be sent."""
 ITERATION_BYTES = 800_000
-"""Bytes of the functions at all iterations."""
-_FEWEST_FACES = 6_000
-_MODE_BYTES = 7
-"""Of a point in a mode: three components of its motion, and its strain energy."""
-_WHOLE_EDGES = 3_000
-"""Up to so many faces all of their edges are drawn, above it those that show the form."""
+"""Bytes of the functions at all iterations: the page must stay small enough to be sent."""
+_LEAST_FACES = 6_000
+"""Faces that a picture keeps however many modes there are.
+
+With fewer the form of a structure is lost, and modes are left out instead.
+"""
+_BYTES_PER_POINT = 7
+"""Bytes of a point in a mode: three components of its motion with two bytes each, and its strain energy with one."""
+_MOST_FACES_WITH_EDGES = 3_000
+"""Faces up to which all edges are drawn.
+
+Edges of finer meshes would cover the faces, so that only those that show the form are drawn.
+"""
 
 
 def view_of(source: ReportSource) -> PageView:
@@ -170,7 +177,7 @@ def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneVie
     if frame is None or not len(frame.points):
         return None
     geometry = _geometry(frame, share, sum(_mode_count(source, m) for m in shapes))
-    room = max(1, share // (_MODE_BYTES * len(geometry.rows) * len(kept)))
+    room = max(1, share // (_BYTES_PER_POINT * len(geometry.rows) * len(kept)))
     # the test is stored with real modes
     measured = next((m for m in reversed(shapes) if m.test_shapes_key), shapes[-1])
     stages = [_stage(source, m, measured, geometry, room) for m in kept]
@@ -207,13 +214,13 @@ def _geometry(frame: Wireframe, share: int, modes: int) -> _Geometry:
     """With so few faces that all modes have room, but not with fewer than a picture needs."""
     mesh = DrawnMesh(frame.lines, frame.rigid.astype(np.int64), frame.faces)
     # points are about as many as faces
-    mesh = thinned(frame.points, mesh, most_faces=max(_FEWEST_FACES, share // (_MODE_BYTES * max(modes, 1))))
+    mesh = thinned(frame.points, mesh, most_faces=max(_LEAST_FACES, share // (_BYTES_PER_POINT * max(modes, 1))))
     rows = mesh.used
     return _Geometry(frame, mesh.counted_from(rows), rows)
 
 
 def _edges(faces: NDArray[np.int64], points: Reals) -> NDArray[np.int64]:
-    if len(faces) > _WHOLE_EDGES:
+    if len(faces) > _MOST_FACES_WITH_EDGES:
         return outline(faces, points)
     corners = closed(faces)
     sides = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)

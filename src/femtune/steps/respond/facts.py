@@ -94,10 +94,13 @@ def unstable(request: ResponseRequest, poles: ComplexModeTable | None) -> tuple[
     )
     if not growing:
         return ()
-    more = f" and {len(growing) - _SHOWN} more" if len(growing) > _SHOWN else ""
+    more = f" and {len(growing) - _MOST_LISTED} more" if len(growing) > _MOST_LISTED else ""
     return (
         Notice(
-            "response.unstable", configuration=request.case.name, frequencies=", ".join(growing[:_SHOWN]), more=more
+            "response.unstable",
+            configuration=request.case.name,
+            frequencies=", ".join(growing[:_MOST_LISTED]),
+            more=more,
         ),
     )
 
@@ -187,16 +190,23 @@ Arrays = dict[str, NDArray]
 _PER_TIME = {"receptance": "", "mobility": "/s", "accelerance": "/s²"}
 
 
-_SAME_LINE = 1e-6
+_LINE_TOLERANCE = 1e-6
+"""Relative difference of two frequencies up to which they are the same line: frequencies in files have few digits."""
 
 
 _LEAST_LINES = 2
+"""Common lines from which the FRAC is computed: with one line it is always one."""
 
 
-_SHOWN = 6
+_MOST_LISTED = 6
+"""Frequencies or damping ratios that a notice lists, so that it stays one sentence."""
 
 
 _ROUNDING = 1e-12
+"""Functions, or negative damping ratios, up to this magnitude (functions.
+
+Relative to the largest) are zero except for rounding.
+"""
 
 
 def response_results(
@@ -280,12 +290,16 @@ def _about_damping(table: ResponseTable) -> tuple[str, ...]:
     return ("ratios",) if table.ratios is not None else ()
 
 
-_TRUNCATED = 1e-3
+_LARGE_TRUNCATION = 1e-3
+"""Relative error of functions by truncation of the modes above which a notice is given.
+
+It is smaller than errors of measured functions.
+"""
 
 
 def _truncated(request: ResponseRequest, error: float | None) -> tuple[Notice, ...]:
     """A notice where modes are missing that the functions need."""
-    if error is None or error <= _TRUNCATED:
+    if error is None or error <= _LARGE_TRUNCATION:
         return ()
     code = "response.truncated" if request.limit else "response.truncated/default"
     return (Notice(code, configuration=request.case.name, percent=100.0 * error, limit=request.limit),)
@@ -317,7 +331,7 @@ def _words_of_modes(point: ModelPoint) -> str:
     found = [
         f"{float(r.value):.3g} of " + (f"mode {n}" if n else "others") for n, r in sorted(point.mode_ratios.items())
     ]
-    return "updated damping ratios " + ", ".join(found[:_SHOWN]) + (" …" if len(found) > _SHOWN else "")
+    return "updated damping ratios " + ", ".join(found[:_MOST_LISTED]) + (" …" if len(found) > _MOST_LISTED else "")
 
 
 def _frf_results(
@@ -351,8 +365,8 @@ def _frf_results(
     )
 
 
-_FDAC_LINES = 400
-"""Lines of each side of the FDAC: of more, every n-th is used."""
+_MOST_FDAC_LINES = 400
+"""Lines of each side of the FDAC; of more, every n-th is used. It is a picture, whose pixels are not finer."""
 
 
 def _fdac(
@@ -393,11 +407,11 @@ def _or_none(value: float) -> float | None:
 
 
 _LEAST_FUNCTIONS = 2
-"""The FDAC of a single function is one whatever it is."""
+"""Functions of an input from which the FDAC is computed: that of a single function is always one."""
 
 
 def _every(positions: NDArray[np.int64]) -> NDArray[np.int64]:
-    return positions[:: -(-len(positions) // _FDAC_LINES) or 1]
+    return positions[:: -(-len(positions) // _MOST_FDAC_LINES) or 1]
 
 
 def _unit(study: Study, table: ResponseTable) -> str:
@@ -460,5 +474,5 @@ def _common_lines(a: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
     left = right - 1
     right = np.minimum(right, len(b) - 1)
     near = np.where(np.abs(b[left] - a) <= np.abs(b[right] - a), left, right)
-    same = np.flatnonzero(np.abs(b[near] - a) <= _SAME_LINE * a)
+    same = np.flatnonzero(np.abs(b[near] - a) <= _LINE_TOLERANCE * a)
     return same, near[same]

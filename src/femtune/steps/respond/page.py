@@ -30,6 +30,7 @@ _NOTE = (
     "(complex − real)/real."
 )
 _NEARLY_REAL = 0.95
+"""Phase collinearity below which a mode is marked as complex, so that a comparison with real modes is doubtful."""
 
 
 def complex_modes(source: ReportSource) -> list[Block]:
@@ -103,8 +104,10 @@ def _load_table(name: str, named: bool, versions: list[StaticResults], unit: str
     return Table(f"{name}: {last.load}" if named else last.load, heads, rows, note)
 
 
-_PANELS = 6
-_FOLDED = 16
+_MOST_PANELS = 6
+"""Functions in the figure, the largest ones first: they must stay large enough to be compared."""
+_MOST_UNFOLDED_ROWS = 16
+"""Rows of the largest table that is shown unfolded: about half a screen."""
 _ROUNDING = 1e-12
 """Functions below this part of the largest are not drawn: they are zero but for rounding."""
 _CAPTION = "Magnitude (logarithmic) and phase over frequency. The phase is that of motion over force, for e^{iωt}."
@@ -139,7 +142,7 @@ def _configuration(source: ReportSource, name: str, named: bool) -> list[Block]:
     assert last is not None
     order = ordered_pairs(last)
     floor = _ROUNDING * max(p.peak for p in last.pairs)
-    shown = [k for k in order if last.pairs[k].peak >= floor][:_PANELS]
+    shown = [k for k in order if last.pairs[k].peak >= floor][:_MOST_PANELS]
     alerts = alert_boxes(a for r in found for a in r.alerts)
     return [
         *([Heading(name)] if named else []),
@@ -147,13 +150,14 @@ def _configuration(source: ReportSource, name: str, named: bool) -> list[Block]:
         Paragraph(how(last)),
         _figure(source, found, shown),
         *([Paragraph(_rest(len(order) - len(shown)), "muted")] if len(order) > len(shown) else []),
-        frf_table(found, order, folded=len(order) > _FOLDED),
+        frf_table(found, order, folded=len(order) > _MOST_UNFOLDED_ROWS),
         *fdac_table(found),
         *_fdac_figures(source, last),
     ]
 
 
-_FDAC_PANELS = 4
+_MOST_FDAC_PANELS = 4
+"""Pictures of the FDAC, one for each input."""
 
 
 def fdac_table(found: Sequence[ResponseResults]) -> list[Block]:
@@ -185,7 +189,7 @@ def fdac_table(found: Sequence[ResponseResults]) -> list[Block]:
 
 def _fdac_figures(source: ReportSource, frfs: FrfResults) -> list[Block]:
     panels = []
-    for one in frfs.fdac[:_FDAC_PANELS]:
+    for one in frfs.fdac[:_MOST_FDAC_PANELS]:
         values, test, model = map(source.array, (one.values_key, one.test_freq_key, one.model_freq_key))
         if values is not None and test is not None and model is not None and len(test) > 1 and len(model) > 1:
             panels.append(FdacPanel(f"{one.axis} {one.dof}", values, test, model, one.shift_percent))

@@ -31,10 +31,14 @@ _REPEAT_CHECKS = {
     OUTLIERS: "quantify.outlier/found",
     HELD_OUT: "quantify.held-out-differ",
 }
-_WRITTEN_PERCENT = 0.05
+_LARGE_DIFFERENCE_PERCENT = 0.05
+"""Difference of the objective between the updated model and the written deck, in percentage points, above which an
+alert is given. Rounding to the characters of a field usually causes less.
+"""
 FEWEST_SAMPLES = 1000
 """Effective number of samples below which intervals are not accurate: a quantile varies by 0.1 standard deviations."""
 _MOST_UNPAIRED = 8
+"""Unpaired test modes that are listed one by one, so that other alerts stay visible."""
 
 
 _MISFITS = {
@@ -184,7 +188,7 @@ def _of_writing(results: Results) -> Iterable[Alert]:
     for sentence in written.without_field:
         yield alert("warning" if sentence in written.lost else "info", "write.without-field", reason=sentence)
     as_written = update.objective_as_written_percent
-    if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
+    if as_written is not None and abs(as_written - update.objective_after_percent) > _LARGE_DIFFERENCE_PERCENT:
         code = "write.incomplete" if written.lost else "write.rounding"
         errors = {"error_percent": as_written, "updated_percent": update.objective_after_percent}
         yield alert("warning", code, **errors)

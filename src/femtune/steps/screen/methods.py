@@ -33,17 +33,32 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
 
 LITTLE = 0.01
-"""Contribution to every mode below which a parameter is said to matter little."""
+"""Contribution to every mode below which a parameter is said to matter little: it may usually be fixed."""
 MUCH = 0.1
 """Contribution from which a parameter is said to matter for a mode."""
 _UNEXPLAINED = 0.05
-"""Part of the variation from which an alert says that it is not explained."""
+"""Fraction of the variation above which an alert says that it is not explained.
+
+It is smaller than contributions that matter.
+"""
 _CURVED = 0.5
-"""σ relative to μ* from which an effect is said to depend on where it is taken."""
-_LEVELS, _MORRIS_LEVELS, _PER_PARAMETER = 3, 4, 10
+"""Ratio σ/μ* of elementary effects above which an effect is said to depend on where it is taken.
+
+By a nonlinearity or an interaction.
+"""
+_DEFAULT_LEVELS = 3
+"""Levels of each parameter if the study gives none: two would not show a curvature."""
+_DEFAULT_MORRIS_LEVELS = 4
+"""Levels of elementary effects if the study gives none.
+
+The usual number of the method, which visits all levels equally often.
+"""
+_DEFAULT_RUNS_PER_PARAMETER = 10
+"""Runs per parameter for a fitted surrogate if the study gives none: the usual size of a computer experiment."""
 _MOST_NAMED = 6
-_STILL = 1e-10
-"""Relative variation of a frequency below which it is rounding."""
+"""Modes that an alert lists, so that it stays one sentence."""
+_FREQUENCY_ROUNDING = 1e-10
+"""Relative variation of a frequency up to which it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -101,17 +116,21 @@ class ScreenMethod(Protocol):
 def method_of_screen(table: ScreenTable, parameters: int) -> ScreenMethod:
     """The method that a table asks for (errors ``design.*``)."""
     if table.design == "morris":
-        return _Morris(morris_design(parameters, table.trajectories, table.levels or _MORRIS_LEVELS, table.seed))
+        return _Morris(
+            morris_design(parameters, table.trajectories, table.levels or _DEFAULT_MORRIS_LEVELS, table.seed)
+        )
     if table.design == "sobol":
         design = sobol_design(parameters, table.points, table.seed)
         if table.on == "model":
             return _Sobol(design, table.seed)
         return _SobolOfSurrogate(
-            design, table.seed, latin_hypercube(parameters, table.runs or _PER_PARAMETER * parameters, table.seed)
+            design,
+            table.seed,
+            latin_hypercube(parameters, table.runs or _DEFAULT_RUNS_PER_PARAMETER * parameters, table.seed),
         )
     if table.design == "plackett-burman":
         return _ByLevels(plackett_burman(parameters))
-    counts = [table.levels or _LEVELS] * parameters
+    counts = [table.levels or _DEFAULT_LEVELS] * parameters
     if table.design == "factorial":
         return _ByLevels(full_factorial(counts))
     return _ByLevels(orthogonal_design(counts, table.array))
@@ -278,7 +297,7 @@ class _SobolOfSurrogate:
         on = _Sobol(self.design, self.seed)
         found = on.findings(fitted.predict(on.points), places)
         error, spread = np.mean((fitted.left_out - y) ** 2, axis=0), np.var(y, axis=0)
-        varies = spread > (_STILL * y.mean(axis=0)) ** 2
+        varies = spread > (_FREQUENCY_ROUNDING * y.mean(axis=0)) ** 2
         unexplained = np.where(varies, error / np.where(varies, spread, 1.0), 0.0)
         left = 100.0 * (1.0 - unexplained.max())
         return Findings(

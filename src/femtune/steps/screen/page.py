@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from femtune.steps.screen.record import ElementaryEffect, MainEffect, ScreenedMode, ScreenResults, SobolIndices
 
 _MOST_COLUMNS = 12
-"""Modes side by side in a table."""
+"""Modes side by side in a table; more do not fit the width of a page."""
 _MOST_DRAWN = 6
+"""Modes in the figure: they must stay large enough to be compared."""
 
 
 def _of(source: ReportSource) -> ScreenResults:

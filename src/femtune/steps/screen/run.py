@@ -37,9 +37,10 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
     from femtune.study.study import Study
 
-_FOLLOWED = 0.5
-"""MAC below which a mode is said to be lost."""
+_LEAST_FOLLOWED_MAC = 0.5
+"""MAC below which a mode is said to be lost: another mode may then resemble the original one as well."""
 _MOST_NAMED = 6
+"""Runs or modes that an alert lists, so that it stays one sentence."""
 
 
 def screen_parameters(
@@ -187,7 +188,7 @@ class _Runs:
         if failed:
             listed = ", ".join(str(f.run) for f in failed[:_MOST_NAMED])
             out.append(alert("warning", "screen.failed-runs", count=len(failed), runs=listed, reason=failed[0].reason))
-        lost = [f"{m.mode} (MAC {m.least_mac:.2f})" for m in modes if m.least_mac < _FOLLOWED]
+        lost = [f"{m.mode} (MAC {m.least_mac:.2f})" for m in modes if m.least_mac < _LEAST_FOLLOWED_MAC]
         if lost:
             out.append(alert("warning", "screen.lost-modes", modes=", ".join(lost[:_MOST_NAMED])))
         return out

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from femtune.steps.search.record import GlobalSearchResults, SurrogateFacts
 
 _MOST_DRAWN = 6
+"""Searches whose convergence is drawn: the curves of more cover each other."""
 
 
 def _of(source: ReportSource) -> GlobalSearchResults:

@@ -68,17 +68,33 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
     from femtune.study.study import Study
 
-_PER_PARAMETER = 10
-_AT_A_TIME = 5
-"""Further runs by error after which the surrogate is fitted again."""
+_DEFAULT_RUNS_PER_PARAMETER = 10
+"""Runs of the model per parameter for the surrogate if the study gives none.
+
+The usual size of a computer experiment.
+"""
+_RUNS_PER_FIT = 5
+"""Further runs after which the surrogate is fitted again.
+
+Fewer runs use its errors better; more can run in parallel.
+"""
 _MOST_RESPONSES = 12
-"""Residuals beyond which their principal components are fitted."""
-_ENERGY = 1e-10
-"""Part of the squares that components left out may have."""
-_SAME = 1e-3
+"""Residuals that are fitted one by one.
+
+Of more, principal components are fitted, at most this number, because each fit takes time.
+"""
+_LEFT_OUT_SQUARES = 1e-10
+"""Fraction of the sum of squares that the principal components left out may have: far below errors of the surrogate."""
+_SAME_POINT = 1e-3
+"""Largest difference of two points, relative to the ranges of the parameters, up to which they are the same minimum.
+
+It is above the accuracy with which a search ends.
+"""
 _FRONT = "search_front"
-_WRONG = 1.0
-"""Difference of χ² between surrogate and model, relative to that of the model and one, from which an alert says so."""
+_WRONG_SURROGATE = 1.0
+"""Difference of χ² between surrogate and model, relative to 1 + χ² of the model, above which an alert says that the
+surrogate is wrong.
+"""
 
 
 def search_minimum(
@@ -235,7 +251,7 @@ class _Search:
         """Runs of a Latin hypercube, a surrogate of the residuals, further runs, and its minimum."""
         table, (lower, upper) = self.table, self.bounds
         least = _surrogate_rules(table).least_runs(len(lower))
-        wanted = table.runs or max(_PER_PARAMETER * len(lower), least)
+        wanted = table.runs or max(_DEFAULT_RUNS_PER_PARAMETER * len(lower), least)
         if wanted < least:
             where = self.study.file.where("search", "runs")
             raise FemtuneError("search.too-few/asked", where=where, runs=wanted, needed=least, parameters=len(lower))
@@ -296,7 +312,7 @@ class _Search:
             return np.empty((0, surrogate.x.shape[1]))
         if table.infill_by == "improvement":
             return where_better(surrogate, responses.objective, left, table.seed)
-        return where_wrong(surrogate, min(_AT_A_TIME, left), table.seed + made)
+        return where_wrong(surrogate, min(_RUNS_PER_FIT, left), table.seed + made)
 
     def _designed(self, wanted: int) -> tuple[Reals, Reals]:
         """Points of a Latin hypercube and their residuals; as many further ones as runs failed."""
@@ -420,7 +436,7 @@ class _Search:
         points: list[Reals] = []
         width = self.bounds[1] - self.bounds[0]
         for i in np.argsort(ended.chi2, kind="stable"):
-            if all(np.abs((ended.points[i] - p) / width).max() > _SAME for p in points):
+            if all(np.abs((ended.points[i] - p) / width).max() > _SAME_POINT for p in points):
                 points.append(ended.points[i])
         starts = multi_start(
             self.work.problem, method, StartRules(len(points)), nominal=self.work.before, points=np.array(points),
@@ -437,7 +453,8 @@ class _Search:
                 evaluations=int(search.evaluations[-1]),
                 chi2=float(chi2),
                 same=bool(
-                    np.abs((point - best) / width).max() <= (_SAME if self.table.on == "surrogate" else 10 * _SAME)
+                    np.abs((point - best) / width).max()
+                    <= (_SAME_POINT if self.table.on == "surrogate" else 10 * _SAME_POINT)
                 ),
                 converged=search.converged,
             )
@@ -484,7 +501,7 @@ class SearchResponses:
             return cls(np.zeros_like(middle), None)
         _, size, rows = np.linalg.svd(r - middle, full_matrices=False)
         left = 1.0 - np.cumsum(size**2) / max(float(np.sum(size**2)), np.finfo(float).tiny)
-        count = min(int(np.sum(left > _ENERGY)) + 1, _MOST_RESPONSES)
+        count = min(int(np.sum(left > _LEFT_OUT_SQUARES)) + 1, _MOST_RESPONSES)
         return cls(middle, rows[:count].T)
 
     def of_residuals(self, r: Reals) -> Reals:
@@ -575,7 +592,9 @@ def _alerts(found: GlobalSearchResults, open_: Sequence[str]) -> list[Alert]:
     if found.failed:
         out.append(alert("warning", "search.failed-runs", count=len(found.failed), reason=found.failed[0].reason))
     model = found.chi2_model
-    if found.on == "surrogate" and (model is None or abs(model - found.chi2_searched) > _WRONG * (1.0 + model)):
+    if found.on == "surrogate" and (
+        model is None or abs(model - found.chi2_searched) > _WRONG_SURROGATE * (1.0 + model)
+    ):
         shown = "no value" if model is None else f"{model:.4g}"
         out.append(alert("warning", "search.surrogate-wrong", surrogate=found.chi2_searched, model=shown))
     s = found.surrogate

@@ -43,6 +43,7 @@ Groups = dict[str, tuple[int, ...]]
 
 
 _MOST_GROUPS = 12
+"""Groups of elements for which strain energies are stored: those with the largest share."""
 
 
 def selection_measures(

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from femtune.steps.select.record.selection import GroupEnergy, ModeEnergies, SelectionMeasures
 
 _MOST_MODES = 10
+"""Modes side by side in the table of energies; more do not fit the width of a page."""
 
 
 def measures(found: SelectionMeasures | None) -> list[Block]:
@@ -118,8 +119,14 @@ def _group(g: GroupEnergy) -> tuple[Cell, ...]:
     return row(g.group, percent(g.strain_percent), percent(g.kinetic_percent), percent(g.residual_percent))
 
 
-_MOST, _A_PAGE = 60, 30
-_TABLE_COLUMNS, _TABLE_ROWS = 12, 40
+_MOST_RESIDUALS = 60
+"""Residuals in the pictures of the Jacobian, those with the largest norms: weak rows show nothing."""
+_RESIDUALS_PER_PICTURE = 30
+"""Residuals in one picture: the labels of more rows are not legible."""
+_MOST_TABLE_COLUMNS = 12
+"""Parameters up to which the sensitivities are also a table; more do not fit the width of a page."""
+_MOST_TABLE_ROWS = 40
+"""Residuals up to which the sensitivities are also a table: a longer one is not read."""
 _CAPTION = (
     "Scaled sensitivities: change of each residual for a change of one prior standard deviation of a parameter. "
     "Residuals with several values, such as a shape, are shown by the root sum of squares."
@@ -132,10 +139,10 @@ def sensitivities(source: ReportSource, selection: SelectionResults) -> list[Blo
     if values is None or not values.size:
         return [Paragraph("Sensitivities: not tested.")]
     labels, joined = joined_rows(selection.row_labels, values)
-    strongest = np.sort(np.argsort(-np.linalg.norm(joined, axis=1), kind="stable")[:_MOST])
+    strongest = np.sort(np.argsort(-np.linalg.norm(joined, axis=1), kind="stable")[:_MOST_RESIDUALS])
     limit = float(np.abs(joined).max()) or 1.0
-    parts = [strongest[i : i + _A_PAGE] for i in range(0, len(strongest), _A_PAGE)]
-    some = f" The {_MOST} largest of {len(joined)} are shown." if len(joined) > _MOST else ""
+    parts = [strongest[i : i + _RESIDUALS_PER_PICTURE] for i in range(0, len(strongest), _RESIDUALS_PER_PICTURE)]
+    some = f" The {_MOST_RESIDUALS} largest of {len(joined)} are shown." if len(joined) > _MOST_RESIDUALS else ""
     captions = [*[""] * (len(parts) - 1), _CAPTION + some]
     names = selection.column_labels
     return [
@@ -146,7 +153,7 @@ def sensitivities(source: ReportSource, selection: SelectionResults) -> list[Blo
 
 def page_table(selection: SelectionResults) -> list[Block]:
     """The table of the frequencies where it fits a page; the pictures show the others."""
-    fits = len(selection.column_labels) <= _TABLE_COLUMNS and len(selection.sensitivities) <= _TABLE_ROWS
+    fits = len(selection.column_labels) <= _MOST_TABLE_COLUMNS and len(selection.sensitivities) <= _MOST_TABLE_ROWS
     return [frequency_table(selection, selection.column_labels)] if fits and selection.sensitivities else []
 
 
@@ -189,7 +196,8 @@ def _figure(
     return Figure(partial(matrix_svg, picture), caption, alt, wide=True)
 
 
-_PANELS = 4
+_MOST_PANELS = 4
+"""Combinations of parameters in the figure: they must stay large enough to be read."""
 
 
 def identifiability(source: ReportSource) -> list[Block]:
@@ -305,11 +313,11 @@ def _combinations(selection: SelectionResults) -> list[Block]:
     found += [(f"weak {i + 1}", c) for i, c in enumerate(selection.weakly_determined)]
     if not found:
         return []
-    shown = found[:_PANELS]
+    shown = found[:_MOST_PANELS]
     labels = selection.column_labels
     titles, coefficients = [title for title, _ in shown], [_coefficients(c, labels) for _, c in shown]
     draw = partial(combinations_svg, titles, labels, coefficients)
-    more = f" The first {_PANELS} of {len(found)}." if len(found) > _PANELS else ""
+    more = f" The first {_MOST_PANELS} of {len(found)}." if len(found) > _MOST_PANELS else ""
     alt = "; ".join(f"{title}: {_shares(c)}" for title, c in shown)
     caption = f"Combinations of parameters that the data determine weakly or not at all.{more}"
     return [Figure(draw, caption, f"Coefficients by parameter. {alt}")]

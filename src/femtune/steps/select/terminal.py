@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from femtune.document.document import Listing, Paragraph, Section, Table, columns, row
 from femtune.document.numbers import counted, percent, short
 from femtune.steps.info.page import model_check_table
-from femtune.steps.info.terminal import GAP, column_groups, widest
+from femtune.steps.info.terminal import COLUMN_GAP, column_groups, widest
 from femtune.steps.select.page import fisher_blocks, frequency_table, in_words, measures, parameter_table
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def _sensitivities(selection: SelectionResults) -> list[Block]:
     found = selection.sensitivities
     if not found:
         return [Paragraph("Frequencies are not compared.", "muted")]
-    taken = widest(["Configuration", *(s.configuration for s in found)]) + GAP
+    taken = widest(["Configuration", *(s.configuration for s in found)]) + COLUMN_GAP
     taken += widest(["Mode", *(s.test_label for s in found)])
     groups = column_groups(selection.column_labels, taken, _NUMBER)
     return [frequency_table(selection, names) for names in groups]

@@ -31,7 +31,8 @@ from femtune.steps.specimens.record import (
     SpreadRecord,
 )
 
-_LEAST = 2
+_LEAST_SPECIMENS = 2
+"""Values from which a spread is computed: one value has none."""
 
 
 _LEAST_PROBABILITY = 1e-6
@@ -138,7 +139,7 @@ def _value(specimen: str, name: str, joint: UpdateResult, own: UpdateResult | No
 
 def _joint_spread(joint: UpdateResult, names: Sequence[str]) -> SpreadRecord | None:
     """The covariance of individual values is full, because they share the common parameters."""
-    if len(names) < _LEAST:
+    if len(names) < _LEAST_SPECIMENS:
         return None
     at = [joint.parameters.index(name) for name in names]
     scale = joint.parameters.scale[at]
@@ -155,12 +156,12 @@ def _separate_spread(values: Sequence[SpecimenValue]) -> SpreadRecord | None:
 def spread_record(values: Reals, covariance: Reals | None) -> SpreadRecord | None:
     """Spread of values (n,) with the covariance (n, n) of their errors; those without standard deviation are left out
     of the test, all are where `covariance` is None."""
-    if len(values) < _LEAST:
+    if len(values) < _LEAST_SPECIMENS:
         return None
     mean, sd = float(np.mean(values)), float(np.std(values, ddof=1))
     known = np.zeros(len(values), bool) if covariance is None else np.diag(covariance) > 0.0
     found = None
-    if covariance is not None and known.sum() >= _LEAST:
+    if covariance is not None and known.sum() >= _LEAST_SPECIMENS:
         found = spread_of(values[known], covariance[np.ix_(known, known)])
     return SpreadRecord(
         mean=mean,

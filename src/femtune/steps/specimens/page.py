@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from femtune.steps.report_source import ReportSource
     from femtune.steps.specimens.record import SpecimenFrequency, SpecimenParameter, SpecimenResults, SpreadRecord
 
-_MOST_SHOWN, _LEAST_P = 24, 1e-6
+_MOST_LISTED = 24
+"""Parameters in the table and in the pictures; more make the page long without showing more, and are in the results."""
+_LEAST_PROBABILITY = 1e-6
+"""Probability below which only this limit is shown: the distribution is not known so accurately in its tails."""
 _NOTE = (
     "COV is the standard deviation over the specimens relative to the mean. Stated: the standard deviation that the "
     "uncertainty of the values alone would give. p: probability that this uncertainty makes the spread as large, "
@@ -67,14 +70,14 @@ def _parameters(found: SpecimenResults) -> Table:
     heads += [Column(title, "right", name) for name in found.specimens for title in ("Value", "± σ")]
     heads += [Column(t, "right") for t in ("Mean", "COV %", "Stated %", "p")]
     rows = []
-    for p in found.parameters[:_MOST_SHOWN]:
+    for p in found.parameters[:_MOST_LISTED]:
         if p.individual:
             rows.append(_row(p, "joint", p.spread, found.not_calibrated))
         else:
             rows.append(_common_row(p))
         if alone:
             rows.append(_row(p, "separate", None if p.individual else p.spread, found.not_calibrated))
-    more = len(found.parameters) - _MOST_SHOWN
+    more = len(found.parameters) - _MOST_LISTED
     note = f"{_NOTE} And {counted(more, 'more parameter')} in the results." if more > 0 else _NOTE
     return Table("Parameters of the specimens", tuple(heads), tuple(rows), note)
 
@@ -113,13 +116,13 @@ def _spread(spread: SpreadRecord | None) -> list[Cell]:
 def _p(spread: SpreadRecord | None) -> Cell:
     if spread is None or spread.p_adjusted is None:
         return Cell(NONE, tone="muted")
-    words = f"< {short(_LEAST_P)}" if spread.p_adjusted < _LEAST_P else short(spread.p_adjusted)
+    words = f"< {short(_LEAST_PROBABILITY)}" if spread.p_adjusted < _LEAST_PROBABILITY else short(spread.p_adjusted)
     return Cell(words, tone="poor" if spread.verdict == "real" else "")
 
 
 def _pictures(found: SpecimenResults) -> list[Block]:
     """Each individual parameter over the specimens, with its standard deviations."""
-    own = [p for p in found.parameters if p.individual][:_MOST_SHOWN]
+    own = [p for p in found.parameters if p.individual][:_MOST_LISTED]
     if not own:
         return []
     names = tuple(name for name in found.specimens if name not in found.not_calibrated)

@@ -39,16 +39,33 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
     from femtune.updating import Iteration, SensitivityMethod, UpdateResult
 
-_SETTLED = 1e-4
-"""Largest change of a parameter, in half ranges, that moves the model no more."""
-_FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-3
+_SETTLED_STEP = 1e-4
+"""Largest change of a parameter, in half ranges, up to which the update has converged.
+
+Smaller changes do not matter, and each costs runs of the solver.
+"""
+_FIRST_RADIUS = 0.5
+"""First radius of the trust region, in half ranges.
+
+Half of the box, where a model of the derivatives is still useful.
+"""
+_LEAST_RADIUS = 1e-3
+"""Radius of the trust region, in half ranges, below which the update gives up.
+
+Differences of the solver's frequencies are then dominated by the digits that it prints.
+"""
 _MOST_REJECTED = 2
-"""Steps by the derivatives of the deck after which the misfit is not smaller, from which they count as misleading."""
-_SAME = 1e-6
-_NEAR = 1e-9
-_NEGLIGIBLE = 0.5 * ALLOWED
-"""Decrease of the objective that the smallest change may cost where the data leave combinations of the parameters
-open."""
+"""Consecutive steps by the derivatives of the deck without a smaller misfit, after which these derivatives are taken as
+misleading and replaced by runs of the solver.
+"""
+_EQUAL_OBJECTIVE = 1e-6
+"""Relative difference of two objectives up to which they are equal: the printed digits of the solver decide below."""
+_AT_BOUND = 1e-9
+"""Distance from a bound, in normalised parameters, up to which a parameter is at it: rounding of the normalisation."""
+_NEGLIGIBLE_DECREASE = 0.5 * ALLOWED
+"""Decrease of the objective that the smallest change may cost if the data leave combinations of the parameters
+undetermined.
+"""
 _LOST = "fewer modes that move at the nodes than at the initial values"
 _PASSED = ("external.", "eigen.", "correlate.no-pairs", "runs.")
 """Codes of errors at a point from which the way back is shorter steps."""
@@ -82,7 +99,7 @@ class _Place:
         """Objective up to which another point is no worse: the smallest change may cost what the update allows it."""
         small = self.result.smallest_change
         allowed = 0.0 if small is None else 0.5 * (small.chi_square + small.allowed)
-        return max(self.objective, allowed) * (1.0 + _SAME)
+        return max(self.objective, allowed) * (1.0 + _EQUAL_OBJECTIVE)
 
 
 @contextmanager
@@ -160,9 +177,9 @@ class _TrustRegion:
             if self._deck_ends():
                 if not self._by_differences():
                     return False
-            elif self.step <= _SETTLED or self.radius < _LEAST_RADIUS or not self._move():
+            elif self.step <= _SETTLED_STEP or self.radius < _LEAST_RADIUS or not self._move():
                 break
-        return self.step <= _SETTLED
+        return self.step <= _SETTLED_STEP
 
     def _updated(self, study: Study, start: Evaluation, radius: float) -> UpdateResult:
         """The update on the model around a point, at most a radius away from it."""
@@ -256,7 +273,7 @@ def _open_combinations(place: _Place, active: Sequence[str] | None) -> list[str]
         return []
     lower, upper = problem.parameters.bounds
     slope = at.jacobian.T @ at.residuals
-    blocked = ((at.x <= lower + _NEAR) & (slope > 0.0)) | ((at.x >= upper - _NEAR) & (slope < 0.0))
+    blocked = ((at.x <= lower + _AT_BOUND) & (slope > 0.0)) | ((at.x >= upper - _AT_BOUND) & (slope < 0.0))
     moving = moving_parameters(problem, active)
     # at a minimum of all parameters a bound blocks none of them: the slopes are rounding
     for which in (np.flatnonzero(moving), np.flatnonzero(moving & ~blocked)):
@@ -266,7 +283,7 @@ def _open_combinations(place: _Place, active: Sequence[str] | None) -> list[str]
         decrease = 0.5 * float(np.sum((left[:, : known.rank].T @ at.residuals) ** 2))
         shown = 2.0 * at.objective / max(len(at.residuals) - known.rank, 1)
         variance = shown if problem.scatter == "estimated" else min(shown, 1.0)
-        if decrease <= _NEGLIGIBLE * variance:
+        if decrease <= _NEGLIGIBLE_DECREASE * variance:
             return [undetermined_sentence(known, c) for c in known.undetermined]
     return []
 

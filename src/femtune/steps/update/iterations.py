@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 from femtune.steps.update.record.iterations import IterationFrfs
 
 MOST_VALUES = 4_000_000
-"""Values of the model in all iterations of one record (32 MB); of more, some of the outputs are kept."""
+"""Values of the model in all iterations of one record (32 MB); if there are more, only some of the outputs are kept."""
 
 
 def iteration_frfs(

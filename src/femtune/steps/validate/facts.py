@@ -164,7 +164,8 @@ _MASS = (
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
 
 
-_NO_SWEEP, _NO_RANDOM = (f'the study has no [[vibration]] of kind "{kind}"' for kind in ("sweep", "random"))
+_NO_SWEEP = 'the study has no [[vibration]] of kind "sweep"'
+_NO_RANDOM = 'the study has no [[vibration]] of kind "random"'
 
 
 _NO_DATA = {

@@ -219,7 +219,10 @@ def sensor_blocks(found: ValidationResults) -> list[Block]:
     return [Table("Shapes at held-out sensors", heads, rows, note)]
 
 
-_UNFOLDED, _PANELS = 16, 4
+_MOST_UNFOLDED_ROWS = 16
+"""Rows of the largest table of FRFs that is shown unfolded: about half a screen."""
+_MOST_PANELS = 4
+"""Functions in the figure, the largest ones first: they must stay large enough to be compared."""
 
 
 def frf_blocks(found: ValidationResults) -> list[Block]:
@@ -241,7 +244,7 @@ def frf_blocks(found: ValidationResults) -> list[Block]:
     of_peaks = "Peaks of the sum of squares of the FRFs of one input."
     return [
         Heading("Measured FRFs that the update did not use"),
-        Table("", heads, rows, note, folded=len(rows) > _UNFOLDED),
+        Table("", heads, rows, note, folded=len(rows) > _MOST_UNFOLDED_ROWS),
         *([Table("Resonance peaks of these FRFs", peaks, resonances, of_peaks)] if resonances else []),
     ]
 
@@ -276,7 +279,7 @@ def deviation_blocks(found: ValidationResults) -> list[Block]:
     return [
         Heading("Deviation of the measured FRFs before and after the update"),
         *deviation_table(found),
-        Table("The same by FRF", heads, rows, folded=len(rows) > _UNFOLDED),
+        Table("The same by FRF", heads, rows, folded=len(rows) > _MOST_UNFOLDED_ROWS),
     ]
 
 
@@ -296,7 +299,7 @@ def _panels(source: ReportSource, curves: PredictedCurves) -> list[FrfPanel]:
     lines, model, test = (np.asarray(one) for one in arrays)
     known = np.isfinite(test).any(axis=2)
     largest = np.where(known, np.nanmax(np.where(np.isfinite(test), np.abs(test), 0.0), axis=2), -1.0)
-    order = np.argsort(-largest, axis=None)[: min(_PANELS, int(known.sum()))]
+    order = np.argsort(-largest, axis=None)[: min(_MOST_PANELS, int(known.sum()))]
     return [
         FrfPanel(
             f"{curves.outputs[i]} by {curves.inputs[j]}",

@@ -51,8 +51,11 @@ Band = tuple[float, float]
 Arrays = dict[str, NDArray]
 
 
-_MOST_LINES = {"sweep": 3000, "random": 3000, "transient": 20_000}
-"""Of a curve in the arrays of the results."""
+_MOST_STORED_LINES = {"sweep": 3000, "random": 3000, "transient": 20_000}
+"""Lines of a curve in the arrays of the results, by kind of test.
+
+They show the resonances; all lines would multiply the size of the results.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +151,13 @@ def _read(study: Study, entry: VibrationEntry) -> VibrationTest:
     band = _band(entry, excitation, measured)
     if isinstance(excitation, Sweep):
         lines = [np.sort(excitation.steps()[0]), *([] if measured is None else [measured[0]])]
-        if measured is not None and min(int(np.sum((hz >= band[0]) & (hz <= band[1]))) for hz in lines) < _FEWEST_LINES:
-            raise FemtuneError("vibration.no-overlap/lines", name=entry.name, fewest=_FEWEST_LINES)
+        if measured is not None and min(int(np.sum((hz >= band[0]) & (hz <= band[1]))) for hz in lines) < _LEAST_LINES:
+            raise FemtuneError("vibration.no-overlap/lines", name=entry.name, fewest=_LEAST_LINES)
     return VibrationTest(entry, excitation, damping, words, band, measured)
 
 
-_FEWEST_LINES = 3
-"""Fewer lines have no maximum between their ends."""
+_LEAST_LINES = 3
+"""Lines in the band from which a curve is compared: fewer have no maximum between their ends."""
 
 
 def _excitation(study: Study, entry: VibrationEntry) -> Sweep | Spectrum | Curve:
@@ -316,7 +319,7 @@ def _kept(of: tuple[str, str], arrays: Arrays, before: Curve, after: Curve, test
         if curve is None:
             continue
         hz, values = curve
-        kept = np.arange(0, len(hz), -(-len(hz) // _MOST_LINES[kind]))
+        kept = np.arange(0, len(hz), -(-len(hz) // _MOST_STORED_LINES[kind]))
         tops = np.argmax(np.abs(values), axis=1)
         kept = np.unique([*kept, *tops, len(hz) - 1])
         arrays[f"{key}_{name}_lines"], arrays[f"{key}_{name}"] = hz[kept], values[:, kept]

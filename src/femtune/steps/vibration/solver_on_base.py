@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     from femtune.model.response.modal_damping import DampingRatios
     from femtune.study.study import Study
 
-_RIGID = 1e-3
-"""Frequency over the highest one of the run, below which a mode is a rigid-body mode."""
+_RIGID_BODY_RATIO = 1e-3
+"""Frequency relative to the highest one of the run, below which a mode is a rigid-body mode.
+
+Rounding keeps it from being exactly zero.
+"""
 
 
 def solver_transfer(study: Study, entry: VibrationEntry, x: Reals, damping: DampingRatios) -> ModalTransfer:
@@ -56,7 +59,7 @@ def modes_on_base(modes: SolvedModes, outputs: DofSet, base: str, carried: Reals
     ------
     FemtuneError : ``vibration.solver`` in its variants, ``vibration.no-base``
     """
-    if (modes.freq_hz <= _RIGID * modes.freq_hz.max(initial=0.0)).any():
+    if (modes.freq_hz <= _RIGID_BODY_RATIO * modes.freq_hz.max(initial=0.0)).any():
         raise FemtuneError("vibration.no-base")
     if modes.participation is None or not np.isfinite(pushed := modes.participation[DIRECTIONS.index(base) - 1]).all():
         raise FemtuneError("vibration.solver")

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from femtune.steps.write.record import EditedField, NewCardFacts, RepointedElements
 
 _MOST_NUMBERS = 12
+"""Numbers of elements that a cell lists, so that rows stay low."""
 
 
 def write_back(source: ReportSource) -> list[Block]:

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from femtune.steps.info.record.model import MatchedSensor, SensorResults
     from femtune.steps.report_source import ReportSource
 
-_UNFOLDED = 24
-"""Rows of the largest sensor table that is shown at once."""
+_MOST_UNFOLDED_ROWS = 24
+"""Rows of the largest sensor table that is shown unfolded: about half a screen."""
 
 _TOLD_ELSEWHERE = ("update.", "write.")
 """Areas whose notes stand in the sections about the update and the deck."""
@@ -125,7 +125,7 @@ def _matched(names: str, sensors: SensorResults, units: str) -> Block:
     rows = tuple(_at_one_place(together) for together in _by_place(sensors))
     if not rows:
         return Paragraph(f"{names}: no sensor could be matched.")
-    return Table(title, heads, rows, folded=len(rows) > _UNFOLDED)
+    return Table(title, heads, rows, folded=len(rows) > _MOST_UNFOLDED_ROWS)
 
 
 def _by_place(sensors: SensorResults) -> list[list[MatchedSensor]]:

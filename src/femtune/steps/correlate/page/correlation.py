@@ -139,8 +139,10 @@ def dropped_sensors(comparison: CorrelationResults) -> list[Block]:
     return [Paragraph(f"Cross-orthogonality is computed without {listed(names)}: {words}.", tone="muted")]
 
 
-_SHOWN = 40
-_NAMED = 5
+_MOST_COMAC_BARS = 40
+"""Measured DOFs with the lowest COMAC in the chart; the labels of more bars are not legible."""
+_MOST_NAMED_DOFS = 5
+"""Lowest values of COMAC that the caption names, so that it stays one line."""
 
 
 def comac(source: ReportSource) -> list[Block]:
@@ -160,11 +162,11 @@ def _comac_of(source: ReportSource, name: str) -> Figure | Paragraph:
     last = after or before
     if not last:
         return Paragraph(f"{name}, COMAC: not tested (at least two paired modes with shapes are required).")
-    worst = sorted(last, key=lambda dof: last[dof])[:_SHOWN]
+    worst = sorted(last, key=lambda dof: last[dof])[:_MOST_COMAC_BARS]
     dofs = [dof for dof in last if dof in set(worst)]
     draw = partial(comac_svg, dofs, [before.get(d) for d in dofs], [after.get(d) for d in dofs])
-    some = f", the {_SHOWN} lowest of {len(last)} DOFs" if len(last) > _SHOWN else ""
-    caption = f"{name}{some}. Lowest: {listed(f'{unit_fraction(last[d])} at {d}' for d in worst[:_NAMED])}."
+    some = f", the {_MOST_COMAC_BARS} lowest of {len(last)} DOFs" if len(last) > _MOST_COMAC_BARS else ""
+    caption = f"{name}{some}. Lowest: {listed(f'{unit_fraction(last[d])} at {d}' for d in worst[:_MOST_NAMED_DOFS])}."
     return Figure(draw, caption, f"COMAC by measured DOF, {listed(f'{d} {unit_fraction(last[d])}' for d in dofs)}")
 
 
@@ -201,8 +203,11 @@ def _values(comparison: CorrelationResults | None) -> dict[str, float]:
 _Row = tuple[str, int, dict[str, float], "CorrelationResults"]
 """Configuration, number, frequency by version, and the last comparison where a mode has no partner."""
 
-ABOVE = 1.2
-"""Model modes up to so many times the highest test mode are listed one by one."""
+LISTED_UP_TO = 1.2
+"""Model modes up to this multiple of the highest test mode are listed one by one.
+
+Modes just above the measured band can be partners of unpaired test modes; those far above cannot.
+"""
 
 
 def unpaired_test(source: ReportSource, names: list[str]) -> list[Block]:
@@ -243,7 +248,7 @@ def _in_range(entry: _Row) -> bool:
 
 def highest_hz(comparison: CorrelationResults) -> float:
     """Up to where model modes without a partner are listed one by one: a fifth above the highest test mode."""
-    return ABOVE * max(comparison.mac_test_freq_hz, default=0.0)
+    return LISTED_UP_TO * max(comparison.mac_test_freq_hz, default=0.0)
 
 
 def _notes(rows: list[_Row]) -> list[str]:

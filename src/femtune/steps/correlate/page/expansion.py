@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from femtune.steps.correlate.record.expansion import ExpandedMode, ExpansionResults
     from femtune.steps.report_source import ReportSource
 
-_A_FIGURE = 6
-_MOST_PARTS = 24_000
+_SHAPES_PER_FIGURE = 6
+"""Shapes in one figure: they must stay large enough to be compared."""
+_MOST_DRAWN_PARTS = 24_000
+"""Lines and faces in all pictures of a configuration: the page must stay small enough to be sent."""
 
 
 def expansion(source: ReportSource) -> list[Block]:
@@ -87,8 +89,8 @@ def _pictures(source: ReportSource, comparison: CorrelationResults, record: Expa
     known = [j for j, mode in enumerate(record.modes) if mode.misfit_percent is not None]
     if frame is None or shapes is None or rows is None or not known:
         return [Paragraph("The expanded shapes are not drawn.", "muted")]
-    drawn = known[: max(1, _MOST_PARTS // parts_of(frame))]
-    groups = [drawn[i : i + _A_FIGURE] for i in range(0, len(drawn), _A_FIGURE)]
+    drawn = known[: max(1, _MOST_DRAWN_PARTS // parts_of(frame))]
+    groups = [drawn[i : i + _SHAPES_PER_FIGURE] for i in range(0, len(drawn), _SHAPES_PER_FIGURE)]
     motion = shapes[rows, :3].astype(float)
     figures = [_figure(comparison, record, frame, motion, group, axes=group is groups[0]) for group in groups]
     left = len(known) - len(drawn)

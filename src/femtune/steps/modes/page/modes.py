@@ -216,8 +216,11 @@ def _place(m: ModelModes) -> str:
 
 
 _DIRECTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
-_SHOWN = 5e-5
-"""Parts below this are no more than a dash: a table of zeros hides what matters."""
+_LEAST_SHOWN_PART = 5e-5
+"""Fraction of the mass below which a dash is shown: a table of zeros hides what matters.
+
+The table would show it as 0.00 %.
+"""
 _NOTE = (
     "Modal effective mass: the part of the structure's mass (X, Y, Z) and inertia about its centre of gravity (RX, RY, "
     "RZ) that a mode moves when the supports move as a rigid body, in %. A dash is less than 0.005 %. The "
@@ -310,7 +313,7 @@ def _is_free(m: ModelModes, masses: EffectiveMasses) -> bool:
     """True where the rigid-body motions carry all: a table of dashes would say no more."""
     elastic = range(m.rigid_body_modes, len(m.freq_hz))
     parts = (part or 0.0 for i in elastic for part in _parts(masses, range(i, i + 1)))
-    return m.rigid_body_modes == 6 and len(elastic) > 0 and max(parts) < _SHOWN
+    return m.rigid_body_modes == 6 and len(elastic) > 0 and max(parts) < _LEAST_SHOWN_PART
 
 
 def _rows(m: ModelModes, masses: EffectiveMasses | None) -> list[tuple[Cell, ...]]:
@@ -342,7 +345,7 @@ def _parts(masses: EffectiveMasses, modes: range) -> list[float | None]:
 
 
 def _cell(part: float | None) -> Cell:
-    if part is None or part < _SHOWN:
+    if part is None or part < _LEAST_SHOWN_PART:
         return Cell(NONE, tone="muted")
     return Cell(percent(100.0 * part), Bar(0.0, min(1.0, part)))
 

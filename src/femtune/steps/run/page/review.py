@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from femtune.study.record import VerdictWord
 
 _MOST_VALUES = 16
+"""Changed values on the first page, which must fit one sheet of paper."""
 
 
 def review(source: ReportSource) -> list[Block]:

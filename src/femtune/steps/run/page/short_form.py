@@ -28,7 +28,12 @@ if TYPE_CHECKING:
     from femtune.steps.report_source import ReportSource, Scores
     from femtune.steps.update.record.update import ParameterFacts, UpdateResults
 
-_MODES, _PARAMETERS, _LINES = 12, 24, 6
+_MOST_MODES = 12
+"""Test modes in the table: the short form must fit two screens of a terminal."""
+_MOST_PARAMETERS = 24
+"""Parameters in the table: the short form must fit two screens of a terminal."""
+_MOST_LINES = 6
+"""Lines of a list; a last line gives the number of the others."""
 
 
 def short_form(source: ReportSource) -> tuple[Section, ...]:
@@ -66,9 +71,10 @@ def _table(comparisons: list[CorrelationResults]) -> Block:
     heads = columns("Mode", ">Test Hz", *(f">{t} {w}" for w in words for t in ("Hz", "Error %", "MAC")))
     modes = _test_modes(comparisons)
     rows = [
-        row(label, freq(hz), *(cell for s in comparisons for cell in _cells(s, label))) for label, hz in modes[:_MODES]
+        row(label, freq(hz), *(cell for s in comparisons for cell in _cells(s, label)))
+        for label, hz in modes[:_MOST_MODES]
     ]
-    more = len(modes) - _MODES
+    more = len(modes) - _MOST_MODES
     note = f"and {counted(more, 'more test mode')} in the HTML report" if more > 0 else ""
     return Table(comparisons[0].configuration, heads, tuple(rows), note)
 
@@ -108,7 +114,7 @@ def _parameters(source: ReportSource) -> list[Block]:
     results = {p.name: p for p in update.parameters}
     heads = columns("Parameter", "Unit", ">Nominal", ">Updated", ">± σ", ">95 %", ">Change %", ">σ / prior σ", "")
     rows = []
-    for fact in facts[:_PARAMETERS]:
+    for fact in facts[:_MOST_PARAMETERS]:
         result = results.get(fact.name)
         if result is not None:
             spread = short(result.sd) if result.sd is not None else NONE
@@ -128,12 +134,12 @@ def _parameters(source: ReportSource) -> list[Block]:
                     remark,
                 )
             )
-    more = len(facts) - _PARAMETERS
+    more = len(facts) - _MOST_PARAMETERS
     note = f"and {counted(more, 'more parameter')} in the HTML report" if more > 0 else ""
     return [
         Table("", heads, tuple(rows), note),
         *interval_remarks(update.parameters),
-        *physical_values(update.parameters, _PARAMETERS),
+        *physical_values(update.parameters, _MOST_PARAMETERS),
         *derived_quantities(update.derived),
     ]
 
@@ -185,8 +191,8 @@ def _with_standards(names: dict[str, set[str]]) -> str:
 
 
 def _some(lines: list[str], noun: str) -> list[str]:
-    more = len(lines) - _LINES
-    return [*lines[:_LINES], *([f"and {counted(more, f'more {noun}')} in the HTML report"] if more > 0 else [])]
+    more = len(lines) - _MOST_LINES
+    return [*lines[:_MOST_LINES], *([f"and {counted(more, f'more {noun}')} in the HTML report"] if more > 0 else [])]
 
 
 def verdict(source: ReportSource) -> tuple[str, Level]:

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.truncation import FrfTruncation
     from femtune.steps.update.record.update import ComparisonResults, ParameterFacts, ResidualCount, UpdateResults
 
-_UNFOLDED = 12
-"""Comparisons that are shown at once."""
+_MOST_UNFOLDED_ROWS = 12
+"""Rows of the largest table of residuals that is shown unfolded: less than half a screen."""
 _POLES_NOTE = (
     "Of a pole λ the frequency is |λ|/2π, and the damping ratio −Re λ/|λ|. Close modes that are paired together have "
     "one mean pole."
@@ -66,7 +66,7 @@ def _comparisons(update: UpdateResults) -> list[Block]:
     """Every comparison by itself, unfolded where they are few."""
     heads = columns("Configuration", "Compared", ">Values", ">Error % before", ">after", ">Root mean square after")
     rows = tuple(_comparison(c) for c in update.comparisons)
-    return [Table("All residuals", heads, rows, folded=len(rows) > _UNFOLDED)] if rows else []
+    return [Table("All residuals", heads, rows, folded=len(rows) > _MOST_UNFOLDED_ROWS)] if rows else []
 
 
 def _poles(update: UpdateResults) -> list[Block]:

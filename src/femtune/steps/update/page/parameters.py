@@ -92,6 +92,7 @@ _CAPTION = (
 )
 
 _MOST_FIELDS = 6
+"""Fields of a parameter that a cell lists, so that rows stay low."""
 
 
 def parameters(source: ReportSource) -> list[Block]:

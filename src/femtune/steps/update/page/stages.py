@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.stages import StageErrorSum, StageResults, StageRun
 
 _MOST_VALUES = 60
+"""Parameters up to which their values by stage are a table: a longer one is not read."""
 _NOTE = (
     "σ includes the uncertainty of the parameters that were fixed in the stage; σ of the data excludes it. Misfit: "
     "residuals relative to what noise and these parameters explain; it is about 1 for a correct model."

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.search import StartsResults
     from femtune.steps.update.record.update import ParameterFacts, UpdateResults
 
-_SHOWN = 12
+_MOST_OPTIMA = 12
+"""Optima in the table, the best ones first; worse ones rarely matter."""
 
 
 def starts(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block]:
@@ -34,7 +35,7 @@ def starts(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block
 
 def _picture(update: UpdateResults, found: StartsResults, facts: Sequence[ParameterFacts]) -> list[Block]:
     names = update.history_parameters
-    shown = found.optima[:_SHOWN]
+    shown = found.optima[:_MOST_OPTIMA]
     spots = [places(names, o.parameters, facts) for o in shown]
     heights = [places(names, s.start, facts) for s in found.starts]
     counts, good = [len(o.starts) for o in shown], [o.as_good for o in shown]
@@ -60,7 +61,7 @@ def _table(update: UpdateResults, found: StartsResults) -> Block:
             "the best" if i == 1 else "yes" if o.as_good else "no",
             *(short(v) for v in o.parameters[: len(names)]),
         )
-        for i, o in enumerate(found.optima[:_SHOWN], start=1)
+        for i, o in enumerate(found.optima[:_MOST_OPTIMA], start=1)
     ]
     return Table("Distinct optima", heads, tuple(rows))
 
