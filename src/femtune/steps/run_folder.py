@@ -27,7 +27,8 @@ RESULTS_FILE = "results.json"
 ARRAYS_FILE = "arrays.npz"
 _MOST_ARRAY_BYTES = 4 << 30
 """Bytes of all arrays, unpacked, that are read: a damaged or hostile file must not fill the memory."""
-_NUMBER = re.compile("[1-9][0-9]{0,8}")
+_VERSION_NUMBER = re.compile("[1-9][0-9]{0,8}")
+"""Text of a version of the schema."""
 
 
 def write_results(folder: Path | str, results: Results, arrays: Mapping[str, NDArray[Any]]) -> Path:
@@ -140,7 +141,7 @@ def _check_version(path: Path, data: Any) -> None:
         raise _damaged(path, "the key schema_version is missing or is no text")
     if is_known(version):
         return
-    newer = _NUMBER.fullmatch(version) is not None and int(version) > int(SCHEMA_VERSION)
+    newer = _VERSION_NUMBER.fullmatch(version) is not None and int(version) > int(SCHEMA_VERSION)
     raise FemtuneError(
         "run.version" if newer else "run.version/unknown",
         where=Where(str(path), record="schema_version"),

@@ -25,8 +25,8 @@ Far behind the text, because a lock there also forbids others to read.
 """
 _MOST_TEXT_BYTES = 4096
 """Bytes of the lock file that are read: its text is shorter, and a file that is no lock file may be long."""
-# a link is not followed, a pipe not waited for
-_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+_OPEN_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+"""Flags for opening the lock file: a link is not followed, and a pipe does not block."""
 
 
 @contextmanager
@@ -61,7 +61,7 @@ def _let_go(path: Path, handle: int) -> None:
 def _hold(path: Path) -> int:
     """An open lock file that is ours and still in its place."""
     while True:
-        handle = os.open(path, _FLAGS, 0o666)
+        handle = os.open(path, _OPEN_FLAGS, 0o666)
         try:
             holder = _holder(handle)
             if not _is_free(handle, holder):

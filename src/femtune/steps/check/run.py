@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     from femtune.files.study_file import StudyFile
     from femtune.study.progress import Progress
 
-_FOLLOWS = frozenset({"study.missing-key", "tie.unknown", "study.no-test", "sensor.unmatched"})
-"""Codes that may only follow from tables that were set aside because of another mistake."""
-_OF_UNITS = frozenset({"study.units-doubtful", "sensor.units"})
+_CONSEQUENT_ERRORS = frozenset({"study.missing-key", "tie.unknown", "study.no-test", "sensor.unmatched"})
+"""Errors that may only be the consequence of tables that were set aside because of their own mistakes."""
+_UNIT_ERRORS = frozenset({"study.units-doubtful", "sensor.units"})
+"""Remarks about units, which mean nothing if tables of the study were set aside."""
 
 
 class FoundProblem(Record):
@@ -142,7 +143,7 @@ class _Checked:
             yield
         except FemtuneError as error:
             for one in error.errors if isinstance(error, FemtuneErrors) else (error,):
-                if not (follows and one.code in _FOLLOWS):
+                if not (follows and one.code in _CONSEQUENT_ERRORS):
                     self._found.setdefault(f"{one.code} {one.what} {one.where}", one)
 
     def look(self, progress: Progress) -> None:
@@ -181,7 +182,9 @@ class _Checked:
         """The study put together: deck, fields, configurations, tests and sensors."""
         with self.catching(follows=aside):
             study = load_study(source, progress)
-            self.notices += [n for n in (*study.built.notices, *study.notices) if not (aside and n.code in _OF_UNITS)]
+            self.notices += [
+                n for n in (*study.built.notices, *study.notices) if not (aside and n.code in _UNIT_ERRORS)
+            ]
             if study.file.output.vtu and all(case.used is None for case in study.cases):
                 self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from femtune.identification.operational import Operational
     from femtune.modal import TimeSeries
 
-_FUNCTIONS = (".uff", ".unv")
+_UFF_SUFFIXES = (".uff", ".unv")
+"""Suffixes of Universal Files."""
 _TIME_RESPONSE = 1
 """Function type of a time response in dataset 58."""
 
@@ -64,7 +65,7 @@ def _checked(data: dict[str, Any], path: Path) -> IdentifyFile:
 
 def _kind_of(path: Path) -> str:
     """ "frfs" for a Universal File, unless its functions are records in time."""
-    if path.suffix.lower() not in _FUNCTIONS:
+    if path.suffix.lower() not in _UFF_SUFFIXES:
         return "record"
     types = [read_header(one).function_type for one in scan_uff(path) if one.number == 58]
     return "record" if types and all(t == _TIME_RESPONSE for t in types) else "frfs"

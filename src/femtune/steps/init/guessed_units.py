@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from femtune.fem import Structure
     from femtune.study.plausible_units import Material
 
-_OF_TEST = ("m-kg-s", "mm-t-s", "cm-kg-s", "in-slinch-s", "ft-slug-s")
+_TEST_UNITS = ("m-kg-s", "mm-t-s", "cm-kg-s", "in-slinch-s", "ft-slug-s")
 """Units that are tried for a test whose file states none: one for each unit of length."""
 _SAME_PLACE = 1e-3
 """Distance of a sensor from its grid point, relative to the diagonal of the model.
@@ -101,7 +101,7 @@ def guess_units(structure: Structure, points: Reals, of_test: UnitSystem | None)
     """
     materials = tuple(materials_of(structure))
     places = _Places(structure, points)
-    tests = [of_test] if of_test is not None else [unit_system(name) for name in _OF_TEST]
+    tests = [of_test] if of_test is not None else [unit_system(name) for name in _TEST_UNITS]
     tries = [_tried(unit_system(name), test, materials, places) for name in SYSTEMS for test in tests]
     best = max(tries, key=lambda one: one.score)
     return GuessedUnits(

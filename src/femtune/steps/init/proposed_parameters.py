@@ -38,10 +38,10 @@ MOST_PROPOSED = 20
 FREQUENCY_SD = 0.01
 """Relative standard deviation of frequencies that a first study states.
 
-It is a usual value for the joint scatter of measurement and model; the study says that it is to be replaced.
+It stands for errors of the measurement and for what the model cannot represent.
 """
 SHAPE_SD = 0.1
-"""Standard deviation of the entries of shapes of unit norm that a first study states.
+"""Standard deviation of the entries of a shape, relative to its largest entry, that a first study states.
 
 Shapes are measured less accurately than frequencies.
 """

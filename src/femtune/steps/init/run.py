@@ -54,7 +54,8 @@ if TYPE_CHECKING:
 STUDY_FILE = "study.toml"
 IDENTIFY_FILE = "identify.toml"
 IDENTIFIED_FOLDER = "identified"
-_UFF = (".uff", ".unv")
+_UFF_SUFFIXES = (".uff", ".unv")
+"""Suffixes of Universal Files."""
 _MOST_GRIDS = 60
 """Grid points at which shapes are taken as measured if no sensor could be assigned.
 
@@ -218,7 +219,7 @@ class _Measured:
 
 
 def _measured(path: Path, folder: Path, force: bool, units: str | None, progress: Progress) -> _Measured:
-    if path.suffix.lower() in _UFF:
+    if path.suffix.lower() in _UFF_SUFFIXES:
         test, own = _read(path)
         if test.modes is not None:
             return _Measured(test, path, own, f"the modes of {path.name}")
@@ -254,7 +255,7 @@ def _identified(path: Path, folder: Path, force: bool, units: UnitSystem | None,
     text.say(f"Identification of modes from {path.name}: femtune identify {IDENTIFY_FILE}")
     text.table("[identify]")
     text.key(kind, _relative(path, folder))
-    if units is not None and path.suffix.lower() not in _UFF:
+    if units is not None and path.suffix.lower() not in _UFF_SUFFIXES:
         text.key("units", units.name)
     text.off(["band_hz = [2.0, 60.0]    # frequency range of the modes", "largest_order = 40"])
     if kind == "record":

@@ -106,14 +106,15 @@ def _geometry(configured: ConfiguredModel, mesh: DrawnMesh) -> Arrays:
     }
 
 
-_SMALL = {np.dtype(float): np.float32, np.dtype(complex): np.complex64}
+_SINGLE_PRECISION = {np.dtype(float): np.float32, np.dtype(complex): np.complex64}
+"""Types in which shapes are stored: single precision is enough for pictures."""
 
 
 def _stored(
     case: StudyCase, version: ModelVersion, mesh: DrawnMesh, found: Arrays, prefix: str, arrays: Arrays
 ) -> ModeShapes:
     """The record of arrays, which are put away in single precision."""
-    arrays |= {f"{prefix}/{name}": a.astype(_SMALL.get(a.dtype, a.dtype)) for name, a in found.items()}
+    arrays |= {f"{prefix}/{name}": a.astype(_SINGLE_PRECISION.get(a.dtype, a.dtype)) for name, a in found.items()}
     keys = {f"{name}_key": f"{prefix}/{name}" for name in found}
     record = {"configuration": case.name, "stage": version, "simplified": mesh.sentence, **keys}
     return ModeShapes.model_validate(record)

@@ -36,6 +36,7 @@ _LEAST_SPECIMENS = 2
 
 
 _LEAST_PROBABILITY = 1e-6
+"""Probability below which only this limit is stated: the distribution is not known so accurately in its tails."""
 
 
 @dataclass(frozen=True, eq=False)

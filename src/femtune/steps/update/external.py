@@ -52,11 +52,12 @@ Half of the box, where a model of the derivatives is still useful.
 _LEAST_RADIUS = 1e-3
 """Radius of the trust region, in half ranges, below which the update gives up.
 
-Differences of the solver's frequencies are then dominated by the digits that it prints.
+Smaller differences of the solver's frequencies are lost in its printed digits.
 """
 _MOST_REJECTED = 2
-"""Consecutive steps by the derivatives of the deck without a smaller misfit, after which these derivatives are taken as
-misleading and replaced by runs of the solver.
+"""Consecutive steps by the derivatives of the deck that may fail to reduce the misfit.
+
+After them these derivatives are taken as misleading and replaced by runs of the solver.
 """
 _EQUAL_OBJECTIVE = 1e-6
 """Relative difference of two objectives up to which they are equal: the printed digits of the solver decide below."""
@@ -67,8 +68,8 @@ _NEGLIGIBLE_DECREASE = 0.5 * ALLOWED
 undetermined.
 """
 _LOST = "fewer modes that move at the nodes than at the initial values"
-_PASSED = ("external.", "eigen.", "correlate.no-pairs", "runs.")
-"""Codes of errors at a point from which the way back is shorter steps."""
+_RECOVERABLE_ERRORS = ("external.", "eigen.", "correlate.no-pairs", "runs.")
+"""Beginnings of the codes of errors at a point after which the update continues with a shorter step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +233,10 @@ class _TrustRegion:
             start = study.problem().start(x)
             there = _Place(x, study, start, self._updated(study, start, radius))
         except FemtuneError as error:
-            if not error.code.startswith(_PASSED) or error.code in ("external.folder", "external.no-program"):
+            if not error.code.startswith(_RECOVERABLE_ERRORS) or error.code in (
+                "external.folder",
+                "external.no-program",
+            ):
                 raise
             self.told.append(Notice("external.step-halved", reason=error.what))
             return None

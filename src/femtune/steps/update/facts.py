@@ -117,10 +117,12 @@ def _why_no_sd(result: UpdateResult, after: Jet | None) -> str:
 Arrays = dict[str, NDArray]
 
 
-_ALWAYS = ("allemang1982", "lieven1988", "hunt1992", "guyan1965")
+_CITED_ALWAYS = ("allemang1982", "lieven1988", "hunt1992", "guyan1965")
+"""Publications of methods that every comparison of test and model uses."""
 
 
-_OFFSETS = ("mottershead1996",)
+_CITED_FOR_OFFSETS = ("mottershead1996",)
+"""Publications of updating with offsets as parameters."""
 
 
 def what_ran(study: Study) -> tuple[CitationRecord, ...]:
@@ -137,7 +139,7 @@ def what_ran(study: Study) -> tuple[CitationRecord, ...]:
         if study.file.correlate.expand == "none"
         else tuple(key for kind in EXPANSION_METHODS.values() for key in kind.citations)
     )
-    return citations((*_ALWAYS, *expansions, *elements, *(_OFFSETS if moved else ()), *responses))
+    return citations((*_CITED_ALWAYS, *expansions, *elements, *(_CITED_FOR_OFFSETS if moved else ()), *responses))
 
 
 def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
