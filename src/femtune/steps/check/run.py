@@ -91,10 +91,10 @@ class CheckResult(StepResult):
         return rows_of(self.record.problems, "level", "code", "file", "line", "message")
 
     def _sentences(self) -> list[str]:
-        found = self.record
+        record = self.record
         return [
-            f"{found.study}: {_counted(found.errors, 'error')}, {_counted(found.warnings, 'warning')}",
-            *(p.message for p in found.problems if p.level == "error"),
+            f"{record.study}: {_counted(record.errors, 'error')}, {_counted(record.warnings, 'warning')}",
+            *(p.message for p in record.problems if p.level == "error"),
         ]
 
     def _table(self) -> Rows:
@@ -110,11 +110,11 @@ def check_study(path: Path, progress: Progress = silent) -> CheckResult:
 
     Tables with mistakes are set aside, so that what is wrong in the others is found too.
     """
-    found = _Checked(path)
-    with found.catching():
-        found.look(progress)
-    errors = found.errors
-    notices = [n for n in found.notices if n.level != "info"]
+    checked = _Checked(path)
+    with checked.catching():
+        checked.look(progress)
+    errors = checked.errors
+    notices = [n for n in checked.notices if n.level != "info"]
     problems = [*map(_of_error, errors), *map(_of_notice, notices)]
     record = CheckedStudy(study=str(path), errors=len(errors), warnings=len(notices), problems=tuple(problems))
     return CheckResult(record, tuple(errors), tuple(folded(notices)))
@@ -169,10 +169,10 @@ class _Checked:
             try:
                 return study_from_data(data, self.path, source), aside
             except FemtuneError as error:
-                found = error.errors if isinstance(error, FemtuneErrors) else (error,)
+                errors = error.errors if isinstance(error, FemtuneErrors) else (error,)
             with self.catching(follows=aside):
-                raise FemtuneErrors(found)
-            data, source, changed = _without(data, source, found)
+                raise FemtuneErrors(errors)
+            data, source, changed = _without(data, source, errors)
             if not changed:
                 return None, True
             aside = True

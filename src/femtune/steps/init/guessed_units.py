@@ -153,32 +153,32 @@ def _tried(units: UnitSystem, of_test: UnitSystem, materials: Sequence[Material]
 
 
 def _reasons(best: _Try, places: _Places) -> list[str]:
-    units, found = best.units, []
+    units, reasons = best.units, []
     for material, name in best.common[:3]:
-        found.append(
+        reasons.append(
             f"{material.name} is {name}: E = {material.modulus:.4g} is {material.modulus_si(units) / 1e9:.4g} GPa, "
             f"density {material.density:.4g} is {material.density_si(units):.4g} kg/m³"
         )
     if places.diagonal:
         length = units.name.partition("-")[0]
-        found.append(
+        reasons.append(
             f"the grid points extend over {places.diagonal:.4g} {length} ({places.diagonal * units.length:.4g} m)"
         )
     if best.share:
-        found.append(f"{100.0 * best.share:.0f} % of the test points lie at grid points")
+        reasons.append(f"{100.0 * best.share:.0f} % of the test points lie at grid points")
     elif places.of_test and places.diagonal:
-        found.append(f"the test points extend over {100.0 * best.extent:.0f} % of that")
+        reasons.append(f"the test points extend over {100.0 * best.extent:.0f} % of that")
     if not best.common and not best.weight:
-        found.append("no material of the deck is a common one in any system: check the units yourself")
-    return found
+        reasons.append("no material of the deck is a common one in any system: check the units yourself")
+    return reasons
 
 
 def _doubts(best: _Try, places: _Places) -> list[str]:
-    units, found = best.units, []
+    units, doubts = best.units, []
     if best.weight and not best.common:
         material, name = best.weight[0]
         factor = units.length / 9.80665
-        found.append(
+        doubts.append(
             f"the density {material.density:.4g} of {material.name} is that of {name} as a weight per volume, too "
             f"large by the factor {1.0 / factor:.5g}: add PARAM,WTMASS,{factor:.5g} to the deck, or masses and "
             "frequencies are wrong"
@@ -189,11 +189,11 @@ def _doubts(best: _Try, places: _Places) -> list[str]:
         and not best.share
         and not _USUAL_EXTENT[0] <= best.extent <= _USUAL_EXTENT[1]
     ):
-        found.append(
+        doubts.append(
             f"the test points extend over {100.0 * best.extent:.3g} % of the model: the unit of length of the deck or "
             "of the test may be wrong; state them with the keys units of [study] and of [test]"
         )
-    return found
+    return doubts
 
 
 def unit_words(units: UnitSystem) -> str:

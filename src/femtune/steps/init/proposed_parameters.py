@@ -144,21 +144,21 @@ def _candidates(built: BuiltModel) -> Iterator[FieldCandidate]:
 
 
 def ranked(
-    found: Sequence[FieldCandidate], parameters: ParameterSet, case: ComparedCase, solution: EigenSolution
+    fields: Sequence[FieldCandidate], parameters: ParameterSet, case: ComparedCase, solution: EigenSolution
 ) -> tuple[list[Proposed], int]:
     """The candidates, proposed ones first and in the order of selection; and how many were not compared.
 
     Parameters
     ----------
-    found : as many as the free parameters, in their order
+    fields : as many as the free parameters, in their order
     case : the model at the sensors, with its own modes as the test
     solution : modes at the initial values
     """
     S = sensitivities(parameters, case, solution)
     size = np.linalg.norm(S, axis=0)
     order = np.argsort(-size, kind="stable")[:MOST_RANKED]
-    names = tuple(found[i].name for i in order)
-    S, some = S[:, order], [found[i] for i in order]
+    names = tuple(fields[i].name for i in order)
+    S, some = S[:, order], [fields[i] for i in order]
     percent = 100.0 * np.asarray(parameters.prior[1])[order]
     information = fisher_information(S, names)
     taken: list[int] = []
@@ -177,7 +177,7 @@ def ranked(
             like = some[nearest].name if nearest is not None and cosine[j, nearest] >= _ALIKE_COSINE else ""
             sds = (_finite(_sd(S, [*taken, j])[-1] * percent[j]), _finite(information.alone[j] * percent[j]))
             out.append(Proposed(some[j], False, *sds, like))
-    return out, len(found) - len(some)
+    return out, len(fields) - len(some)
 
 
 _ALIKE_COSINE = 0.95

@@ -143,22 +143,22 @@ class InitResult(StepResult):
     @property
     def overview(self) -> str:
         """What was found, line by line."""
-        found = self.record
-        said = [*self._sentences()[:1], f"  units: {'; '.join(found.unit_reasons)}", f"  sensors: {found.sensors}"]
-        said += [f"  supports: {found.supports}", f"  modes: {found.agreement}"]
-        for p in found.parameters:
+        record = self.record
+        said = [*self._sentences()[:1], f"  units: {'; '.join(record.unit_reasons)}", f"  sensors: {record.sensors}"]
+        said += [f"  supports: {record.supports}", f"  modes: {record.agreement}"]
+        for p in record.parameters:
             if p.proposed:
                 bounds = f"{p.lower:g} to {p.upper:g}, ±{_percent(p.sd_percent)}"
                 said.append(f"  parameter {p.name}: {p.field} ({p.what}), {bounds}")
-        return "\n".join([*said, *(f"check: {doubt}" for doubt in found.doubts)])
+        return "\n".join([*said, *(f"check: {doubt}" for doubt in record.doubts)])
 
     def _sentences(self) -> list[str]:
-        found = self.record
-        n = sum(p.proposed for p in found.parameters)
-        paired = "" if found.paired is None else f", {found.paired} paired"
+        record = self.record
+        n = sum(p.proposed for p in record.parameters)
+        paired = "" if record.paired is None else f", {record.paired} paired"
         return [
-            f"{self.path.name}: units {found.units}, {found.test_modes} test modes{paired}, {n} parameters",
-            *found.doubts,
+            f"{self.path.name}: units {record.units}, {record.test_modes} test modes{paired}, {n} parameters",
+            *record.doubts,
         ]
 
     def _table(self) -> Rows:
@@ -220,15 +220,15 @@ class _Measured:
 
 def _measured(path: Path, folder: Path, force: bool, units: str | None, progress: Progress) -> _Measured:
     if path.suffix.lower() in _UFF_SUFFIXES:
-        test, own = _read(path)
+        test, stated = _read(path)
         if test.modes is not None:
-            return _Measured(test, path, own, f"the modes of {path.name}")
-        if test.frfs is not None and own is None:
+            return _Measured(test, path, stated, f"the modes of {path.name}")
+        if test.frfs is not None and stated is None:
             # functions need units; those of the deck are as good as any for the identification
-            own = unit_system(units) if units else SI
+            stated = unit_system(units) if units else SI
     else:
-        own = unit_system(units) if units else None
-    return _identified(path, folder, force, own, progress)
+        stated = unit_system(units) if units else None
+    return _identified(path, folder, force, stated, progress)
 
 
 def _read(path: Path) -> tuple[ModalTest, UnitSystem | None]:
@@ -310,11 +310,11 @@ class _Draft:
         """Units and sensors."""
         structure, measured = self.model.structure, self.measured
         numbers, points = _points(measured.test)
-        found = guess_units(structure, points, measured.units)
+        guessed = guess_units(structure, points, measured.units)
         if self.stated is not None:
-            found = replace(found, units=unit_system(self.stated), reasons=("as stated",), doubts=())
-        self.units = found
-        test = _in_units(measured.test, found)
+            guessed = replace(guessed, units=unit_system(self.stated), reasons=("as stated",), doubts=())
+        self.units = guessed
+        test = _in_units(measured.test, guessed)
         numbers, points = _points(test)
         self.sensors = guess_sensors(structure, numbers, points)
 
@@ -573,10 +573,10 @@ def _points(test: ModalTest) -> tuple[Integers, Reals]:
     return numbers, np.array(points, float).reshape(-1, 3)
 
 
-def _in_units(test: ModalTest, found: GuessedUnits) -> ModalTest:
-    if found.of_test is not None:
-        test = replace(test, units=found.of_test)
-    return convert_units(test, found.units)
+def _in_units(test: ModalTest, guessed: GuessedUnits) -> ModalTest:
+    if guessed.of_test is not None:
+        test = replace(test, units=guessed.of_test)
+    return convert_units(test, guessed.units)
 
 
 def _own_test(study: Study, solution: EigenSolution, highest: float) -> ComparedCase:

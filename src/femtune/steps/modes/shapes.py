@@ -49,13 +49,13 @@ def mode_shapes(
     if reason:
         return ModeShapes(configuration=case.name, stage=version, reason=reason)
     rows = mesh.used
-    found: Arrays = {
+    stored: Arrays = {
         **_geometry(case.configured, mesh),
         "translations": grid_translations(case.configured, solution, rows),
         **_energies(case.configured, solution, mesh),
         **_measured(case, solution),
     }
-    return _stored(case, version, mesh, found, f"{prefix}/shapes", arrays)
+    return _stored(case, version, mesh, stored, f"{prefix}/shapes", arrays)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +88,12 @@ def complex_mode_shapes(
     if reason:
         return ModeShapes(configuration=case.name, stage=version, reason=reason)
     points = len(shown.mesh.used)
-    found = {
+    stored = {
         **_geometry(case.configured, shown.mesh),
         "translations": motion[: 3 * points].reshape(points, 3, -1),
         **({} if case.modal is None else {"model_at_sensors": motion[3 * points :]}),
     }
-    return _stored(case, version, shown.mesh, found, f"{prefix}/complex_shapes", arrays)
+    return _stored(case, version, shown.mesh, stored, f"{prefix}/complex_shapes", arrays)
 
 
 def _geometry(configured: ConfiguredModel, mesh: DrawnMesh) -> Arrays:
@@ -111,11 +111,11 @@ _SINGLE_PRECISION = {np.dtype(float): np.float32, np.dtype(complex): np.complex6
 
 
 def _stored(
-    case: StudyCase, version: ModelVersion, mesh: DrawnMesh, found: Arrays, prefix: str, arrays: Arrays
+    case: StudyCase, version: ModelVersion, mesh: DrawnMesh, stored: Arrays, prefix: str, arrays: Arrays
 ) -> ModeShapes:
     """The record of arrays, which are put away in single precision."""
-    arrays |= {f"{prefix}/{name}": a.astype(_SINGLE_PRECISION.get(a.dtype, a.dtype)) for name, a in found.items()}
-    keys = {f"{name}_key": f"{prefix}/{name}" for name in found}
+    arrays |= {f"{prefix}/{name}": a.astype(_SINGLE_PRECISION.get(a.dtype, a.dtype)) for name, a in stored.items()}
+    keys = {f"{name}_key": f"{prefix}/{name}" for name in stored}
     record = {"configuration": case.name, "stage": version, "simplified": mesh.sentence, **keys}
     return ModeShapes.model_validate(record)
 

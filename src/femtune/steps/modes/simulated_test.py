@@ -77,10 +77,10 @@ def check_simulated(study: Study, wanted: SimulatedTest) -> None:
 
 def sensor_dofs(sensors: Sequence[str]) -> DofSet:
     """The sensors, each once (errors ``dof.syntax``, ``study.support``; ``uff.cannot-write`` for none)."""
-    found = dict.fromkeys(dof for text in sensors for dof in _named(text))
-    if not found:
+    dofs = dict.fromkeys(dof for text in sensors for dof in _named(text))
+    if not dofs:
         raise FemtuneError("uff.cannot-write/no-sensors")  # fmt: skip
-    return DofSet(tuple(found))
+    return DofSet(tuple(dofs))
 
 
 def _named(text: str) -> Iterable[Dof]:

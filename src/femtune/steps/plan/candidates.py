@@ -204,11 +204,11 @@ def uniaxial_of(sites: Sites, table: PlanTable) -> Uniaxial:
     return _moving_axes(sites, Uniaxial(site, np.tile(np.array(axes), len(sites))))
 
 
-def _moving_axes(sites: Sites, found: Uniaxial) -> Uniaxial:
-    size = np.abs(sites.local[found.site, found.axis])
+def _moving_axes(sites: Sites, uniaxial: Uniaxial) -> Uniaxial:
+    size = np.abs(sites.local[uniaxial.site, uniaxial.axis])
     largest = np.linalg.norm(sites.motion, axis=1).max(axis=0, initial=0.0)
     some = (size > _LEAST_MOTION * largest).any(axis=1)
-    return Uniaxial(found.site[some], found.axis[some])
+    return Uniaxial(uniaxial.site[some], uniaxial.axis[some])
 
 
 def masses_at(study: Study, case: StudyCase, table: PlanTable, rows: Integers) -> Reals:

@@ -150,11 +150,11 @@ class Designer:
         return PlannedDesign(placed, plan.uniaxial, excitation, known, every, chosen, functions.order)
 
     def _functions(self, lines_hz: Reals, placed: PlacedSensors, excitation: Excitation, rows: Integers) -> Functions:
-        found = Functions(self.study, self.case, self.table, lines_hz, self.progress)
+        functions = Functions(self.study, self.case, self.table, lines_hz, self.progress)
         inputs = directions_of(excitation.exciters)
-        found.reduce(directions_of(placed.sensors), inputs, rows)
-        found.refer_to(inputs)
-        return found
+        functions.reduce(directions_of(placed.sensors), inputs, rows)
+        functions.refer_to(inputs)
+        return functions
 
     def _turns(
         self, uniaxial: Uniaxial, placed: PlacedSensors, excitation: Excitation, known: FrfCalibration
@@ -166,14 +166,14 @@ class Designer:
             if self.table.exciters:
                 others = self._exciters(uniaxial, known, placed.sensors)
                 better = FrfCalibration(known.functions, others.exciters, known.lines)
-                if (own := better.worth(placed.sensors)) > worth + _LEAST_GAIN:
-                    worth, excitation, known = own, others, better
+                if (new_worth := better.worth(placed.sensors)) > worth + _LEAST_GAIN:
+                    worth, excitation, known = new_worth, others, better
             better = self._with_lines(known, placed)
-            if (own := better.worth(placed.sensors)) > worth + _LEAST_GAIN:
-                worth, known = own, better
+            if (new_worth := better.worth(placed.sensors)) > worth + _LEAST_GAIN:
+                worth, known = new_worth, better
             _, again = self._place(known)
-            if (own := known.worth(again.sensors)) > worth + _LEAST_GAIN:
-                worth, placed = own, again
+            if (new_worth := known.worth(again.sensors)) > worth + _LEAST_GAIN:
+                worth, placed = new_worth, again
             if worth <= before + _LEAST_GAIN:
                 break
         return placed, excitation, known

@@ -106,15 +106,17 @@ class Functions:
         Real and imaginary parts, or the parts of logarithms, along c; zero where nothing would be compared.
         """
         values, gradient = self._computed(p, outputs, inputs)
-        own = self._residual(values, self._places(outputs, inputs))
-        own = replace(own, sd=np.where(np.abs(values) <= DYNAMIC_RANGE * self._levels[p], np.nan, own.sd))
-        known, k = np.isfinite(own.sd), gradient.shape[-1]
-        parts = 1 if own.form == "log-magnitude" else 2
-        found = np.zeros((*known.shape, parts, k))
+        residual = self._residual(values, self._places(outputs, inputs))
+        residual = replace(
+            residual, sd=np.where(np.abs(values) <= DYNAMIC_RANGE * self._levels[p], np.nan, residual.sd)
+        )
+        known, k = np.isfinite(residual.sd), gradient.shape[-1]
+        parts = 1 if residual.form == "log-magnitude" else 2
+        derivatives = np.zeros((*known.shape, parts, k))
         if known.any():
-            (block,) = own.compared(values, gradient)
-            found[known] = block.jacobian.reshape(parts, -1, k).swapaxes(0, 1) * self.study.parameters.prior[1]
-        return found
+            (block,) = residual.compared(values, gradient)
+            derivatives[known] = block.jacobian.reshape(parts, -1, k).swapaxes(0, 1) * self.study.parameters.prior[1]
+        return derivatives
 
     def refer_to(self, inputs: Directions) -> None:
         """Make the largest value at these driving points what others must not be small beside."""
@@ -140,12 +142,12 @@ class Functions:
         return values, gradient
 
     def _model(self, p: int, outputs: Directions, inputs: Directions) -> tuple[Complexes, Complexes]:
-        own = self._residual(
+        residual = self._residual(
             np.ones((len(outputs), len(inputs), len(self.freq_hz)), complex), self._places(outputs, inputs)
         )
         if self._reduced is None:
-            return own.functions(self.way.model(self._states[p], float(self.freq_hz[-1])), derivatives=True)
-        on_basis = ReducedFrfs(own, self._on_basis(outputs), self._on_basis(inputs))
+            return residual.functions(self.way.model(self._states[p], float(self.freq_hz[-1])), derivatives=True)
+        on_basis = ReducedFrfs(residual, self._on_basis(outputs), self._on_basis(inputs))
         return on_basis.functions(self._states[p], True)
 
     def _unmeasured(self, outputs: Directions, inputs: Directions) -> FrfResidual:
@@ -270,21 +272,21 @@ class FrfCalibration:
     def of_lines(self, sensors: Sequence[SiteSensor]) -> list[Reals]:
         """(l, k, k) information of each line, at each point."""
         outputs = directions_of(sensors)
-        found = []
+        information = []
         for p in range(len(self.functions.points)):
             J = self.functions.slopes(p, outputs, self._inputs)
-            found.append(np.einsum("oilck,oilcm->lkm", J, J, optimize=True))
-        return found
+            information.append(np.einsum("oilck,oilcm->lkm", J, J, optimize=True))
+        return information
 
     def _of(self, outputs: Directions) -> list[Reals]:
         """(n, k, k) information of each direction, at each point."""
-        keys, found = outputs.keys, []
+        keys, functions = outputs.keys, []
         for p, known in enumerate(self._known):
             new = np.array([i for i, key in enumerate(keys) if key not in known], np.int64)
             for i, F in zip(new, self._in_parts(p, outputs.select(new), len(self._inputs), self._of_outputs)):
                 known[keys[i]] = F
-            found.append(np.array([known[key] for key in keys]).reshape(-1, self._count, self._count))
-        return found
+            functions.append(np.array([known[key] for key in keys]).reshape(-1, self._count, self._count))
+        return functions
 
     def _of_outputs(self, p: int, some: Directions) -> Reals:
         J = self.functions.slopes(p, some, self._inputs)[:, :, self.lines]

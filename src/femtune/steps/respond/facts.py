@@ -228,15 +228,15 @@ def response_results(
     if table is None and not study.file.load:
         return None
     point = case.configured.at(x)
-    found = ResponseResults(configuration=case.name, stage=version)
+    record = ResponseResults(configuration=case.name, stage=version)
     doing = partial(_say, progress, f"{case.name}, {version}")
     if table is not None:
         request = response_request(study, case, table)
         key = f"{array_prefix(version, case.name, number)}/frf"
-        found = _with_frfs(study, request, point, found, key, arrays, doing)
+        record = _with_frfs(study, request, point, record, key, arrays, doing)
     doing("static displacements")
     outputs = None if table is None else request.outputs
-    return found.model_copy(update={"loads": static_results(study, case, point, outputs)})
+    return record.model_copy(update={"loads": static_results(study, case, point, outputs)})
 
 
 def _say(progress: Progress, subject: str, doing: str, done: int = 0, total: int | None = None) -> None:
@@ -247,7 +247,7 @@ def _with_frfs(
     study: Study,
     request: ResponseRequest,
     point: ModelPoint,
-    found: ResponseResults,
+    record: ResponseResults,
     prefix: str,
     arrays: Arrays,
     doing: Callable[..., None],
@@ -271,7 +271,7 @@ def _with_frfs(
     doing("complex modes")
     shown = shape_rows(request.case)
     poles, reason = listed_poles(study, request, point, modes, shown, damped=bool(damping))
-    case, stage = request.case, found.stage
+    case, stage = request.case, record.stage
     shapes = None if poles is None else complex_mode_shapes(case, stage, shown, poles.motion, prefix, arrays)
     notices = (*notices, *unstable(request, poles))
     parts = {
@@ -283,7 +283,7 @@ def _with_frfs(
         "pole_shapes": shapes,
         "alerts": tuple(map(alert_of, notices)),
     }
-    return found.model_copy(update=parts)
+    return record.model_copy(update=parts)
 
 
 def _about_damping(table: ResponseTable) -> tuple[str, ...]:
@@ -328,10 +328,10 @@ def damping_words(study: Study, request: ResponseRequest, point: ModelPoint) -> 
 
 def _words_of_modes(point: ModelPoint) -> str:
     """Ratios that are parameters."""
-    found = [
+    ratios = [
         f"{float(r.value):.3g} of " + (f"mode {n}" if n else "others") for n, r in sorted(point.mode_ratios.items())
     ]
-    return "updated damping ratios " + ", ".join(found[:_MOST_LISTED]) + (" …" if len(found) > _MOST_LISTED else "")
+    return "updated damping ratios " + ", ".join(ratios[:_MOST_LISTED]) + (" …" if len(ratios) > _MOST_LISTED else "")
 
 
 def _frf_results(
@@ -443,13 +443,13 @@ def _pair(
     floor: float,
 ) -> FrfPair:
     at = int(np.argmax(np.abs(model)))
-    found = {} if common is None else _beside(request, model, i, j, common)
-    if found and abs(model[at]) <= floor:
+    comparison = {} if common is None else _beside(request, model, i, j, common)
+    if comparison and abs(model[at]) <= floor:
         # how rounding compares says nothing
-        found["frac"] = None
+        comparison["frac"] = None
     return FrfPair(
         output=str(request.outputs.labels[i]), input=str(request.inputs.labels[j]), driving_point=driven,
-        peak_hz=float(request.freq_hz[at]), peak=float(abs(model[at])), **found,
+        peak_hz=float(request.freq_hz[at]), peak=float(abs(model[at])), **comparison,
     )  # fmt: skip
 
 

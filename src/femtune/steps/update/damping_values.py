@@ -52,15 +52,16 @@ def is_damping(entry: Parameter) -> bool:
     return bool(entry.targets) and all(_DAMPING.fullmatch(ref.name) for ref in entry.targets)
 
 
-def _entry(study: Study, entry: Parameter, found: ParameterResult | None) -> DampingEntry | None:
-    if found is None or found.sd is None or not found.sd > 0.0 or not is_damping(entry):
+def _entry(study: Study, entry: Parameter, parameter: ParameterResult | None) -> DampingEntry | None:
+    if parameter is None or parameter.sd is None or not parameter.sd > 0.0 or not is_damping(entry):
         return None
     scale = 1.0 if entry.absolute else _value_of_all(study, entry.targets)
     if not scale:
         return None
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
     return DampingEntry(
-        entry.name, _kind(entry.targets[0]), tuple(map(str, entry.targets)), scale * found.value, scale * found.sd,
+        entry.name, _kind(entry.targets[0]), tuple(map(str, entry.targets)),
+        scale * parameter.value, scale * parameter.sd,
         entry.unit if entry.absolute else "", study.source.name, today, study.file.study.title[:500],
     )  # fmt: skip
 

@@ -337,7 +337,7 @@ def _numbered(history: Sequence[Iteration], first: int) -> list[Iteration]:
 
 def _difference(before: _Place, there: _Place) -> float:
     """Largest relative difference at a point between the frequencies of the last model and those of the runs."""
-    found = 0.0
+    largest = 0.0
     for old, new in zip(before.study.cases, there.study.cases):
         if old.compared is None or new.compared is None:
             continue
@@ -346,8 +346,8 @@ def _difference(before: _Place, there: _Place) -> float:
             for case in (old.compared, new.compared)
         ]
         size = np.maximum(hz[1], 1e-3 * hz[1].max())
-        found = max(found, float((np.abs(hz[0] - hz[1]) / size).max()))
-    return found
+        largest = max(largest, float((np.abs(hz[0] - hz[1]) / size).max()))
+    return largest
 
 
 def _told(moves: int, started: int, difference: float | None) -> Notice:
@@ -383,14 +383,14 @@ class SolverFrequencies:
         known = runs.run([first])[0]
         if known.failure is not None:
             raise runs.failed(first, known)
-        tables, found = runs.tables([(first, known)]), []
+        tables, residuals = runs.tables([(first, known)]), []
         for case in study.cases:
             hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
             elastic = np.flatnonzero(hz > RIGID_FREQUENCY_RATIO * hz.max(initial=0.0))
             if not len(elastic):
                 raise FemtuneError("screen.no-modes", configuration=case.name)
-            found.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))
-        return cls(study, runs, known, tuple(found))
+            residuals.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))
+        return cls(study, runs, known, tuple(residuals))
 
     def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
         """See `ManyAtOnce`."""
@@ -402,13 +402,13 @@ class SolverFrequencies:
         seen = [_seen(tables[part_of(self.study.file, case.entry)]) for case in self.study.cases]
         size = sum(len(modes.numbers) for modes in self.followed)
         nothing = np.full(size, np.nan)
-        found = [ModelRun(nothing, nothing, str(outcome.failure)) for outcome in outcomes]
+        model_runs = [ModelRun(nothing, nothing, str(outcome.failure)) for outcome in outcomes]
         for row, i in enumerate(good, start=1):
             ends = [_followed(*own, row, modes.numbers - 1) for own, modes in zip(seen, self.followed)]
             values, mac = (np.concatenate(parts) for parts in zip(*ends))
             lost = np.isnan(values).any()
-            found[i] = ModelRun(values, mac, _LOST if lost else "")
-        return found
+            model_runs[i] = ModelRun(values, mac, _LOST if lost else "")
+        return model_runs
 
 
 def _seen(table: RunsTable) -> tuple[Reals, Reals | None]:
@@ -454,13 +454,13 @@ class SolverResiduals:
             return ModelRun(nothing, np.empty(0), str(outcome.failure))
         try:
             problem = at_outcome(self.study, self.runs, place, outcome).problem()
-            found = problem.assess(x, problem.solved(x), derivatives=False)
-            problem.check_compared(found)
+            point = problem.assess(x, problem.solved(x), derivatives=False)
+            problem.check_compared(point)
         except FemtuneError as error:
             return ModelRun(nothing, np.empty(0), f"[{error.code}] {error.what}")
-        if len(found.residuals) != len(nothing):
+        if len(point.residuals) != len(nothing):
             return ModelRun(nothing, np.empty(0), "another number of residuals than at the initial values")
-        return ModelRun(found.residuals, np.empty(0))
+        return ModelRun(point.residuals, np.empty(0))
 
 
 def least_squares_on_solver(

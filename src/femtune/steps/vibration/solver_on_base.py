@@ -41,12 +41,12 @@ def solver_transfer(study: Study, entry: VibrationEntry, x: Reals, damping: Damp
     runs = own_runs(study.file, entry.solver or _of_configuration(study.file, entry), where)
     try:
         point = point_of(study.parameters, runs, x)
-        found = runs.run([point])[0]
+        run = runs.run([point])[0]
     finally:
         runs.journal.close()
-    modes = found.parts[0].modes
+    modes = run.parts[0].modes
     if modes is None:
-        raise runs.failed(point, found)
+        raise runs.failed(point, run)
     outputs = DofSet.parse(entry.outputs)
     on_base = modes_on_base(modes, outputs, entry.base, _carried(study.file, outputs, entry.base))
     return transfer_of_base(on_base, damping, tuple(map(str, outputs)), f"base {entry.base}")
