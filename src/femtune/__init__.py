@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from femtune.steps.correlate.result import CorrelateResult
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
     from femtune.steps.identify.function import identify
-    from femtune.steps.identify.run import IdentifyResult
+    from femtune.steps.identify.result import IdentifyResult
     from femtune.steps.info.function import info
     from femtune.steps.info.result import InfoResult
     from femtune.steps.init.function import init

@@ -21,7 +21,7 @@ from femtune.steps.run.result import RunResult
 from femtune.steps.select.result import SelectResult
 
 if TYPE_CHECKING:
-    from femtune.steps.identify.run import IdentifyResult
+    from femtune.steps.identify.result import IdentifyResult
 
 Variables = dict[str, tuple[tuple[str, ...], Any, dict[str, str]]]
 """Dimensions, values and attributes by name."""

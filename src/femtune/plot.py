@@ -21,18 +21,18 @@ from femtune.modal import FrfSet
 from femtune.steps.correlate.result import CorrelateResult
 from femtune.steps.modes.record import ModeShapes
 from femtune.steps.modes.result import ModesResult
-from femtune.steps.respond.facts import frf_unit
 from femtune.steps.respond.result import RespondResult
 from femtune.steps.run.result import RunResult
 from femtune.steps.update.record.update import ParameterResult, UpdateResults
-from femtune.units import unit_system
+from femtune.units import frf_unit, unit_system
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from femtune.steps.correlate.record.correlation import CorrelationResults
-    from femtune.steps.identify.run import IdentifyResult
+    from femtune.steps.identify.result import IdentifyResult
+
 
 __all__ = ["convergence", "frf", "mac", "modes", "parameters", "stabilisation"]
 

@@ -101,3 +101,22 @@ def unit_system(name: str) -> UnitSystem:
         hint=did_you_mean(name, known) if len(parts) == 3 else 'write for example units = "m-kg-s"',
         name=name,
     )
+
+
+def force_unit(units: UnitSystem) -> str:
+    """Name of the unit of force: N, kN, mN or lbf where it is one of these, else mass.length/s2."""
+    for name, size in (("N", 1.0), ("mN", 1e-3), ("kN", 1e3), ("lbf", 4.4482216152605)):
+        if abs(units.force / size - 1.0) < 1e-12:
+            return name
+    length, mass, _ = units.name.split("-")
+    return f"{mass}.{length}/s2"
+
+
+_PER_TIME = {"receptance": "", "mobility": "/s", "accelerance": "/s²"}
+
+
+def frf_unit(kind: str, units: UnitSystem) -> str:
+    """Unit of a function between a force and a translation: "m/s²/N"."""
+    force = force_unit(units)
+    length = units.name.split("-", maxsplit=1)[0]
+    return f"{length}{_PER_TIME[kind]}/{force if '/' not in force else f'({force})'}"

@@ -8,20 +8,20 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from femtune.document.document import Document, Table, columns, row, without_column
+from femtune.document.document import Document, Table, column_groups, columns, row, without_column
 from femtune.document.numbers import sensitivity
 from femtune.reporting.terminal import print_terminal
 from femtune.steps.correlate.terminal import correlation_document
 from femtune.steps.info.page import checks
-from femtune.steps.info.terminal import Subject, column_groups, info_document, subject_of
-from femtune.steps.modes.terminal import modes_document
-from femtune.steps.report_source import ReportSource
+from femtune.steps.info.terminal import info_document
+from femtune.steps.modes.page.frequencies import modes_document
+from femtune.steps.report_source import ReportSource, Subject
 from femtune.steps.results import Results
-from femtune.steps.select.page import page_table
+from femtune.steps.select.page import page_table, selection_document
 from femtune.steps.select.record.identifiability import SelectionResults
-from femtune.steps.select.terminal import selection_document
+from femtune.steps.subject import subject_of
 
-SUBJECT = Subject("Frame", "frame.bdf", "m", "kg")
+SUBJECT = Subject("Frame", "frame.bdf", "m", "kg", "Deck", True)
 
 
 def _printed(document: Document) -> str:
@@ -237,7 +237,7 @@ def test_a_column_is_taken_out() -> None:
 
 
 def test_a_deck_alone_has_no_units(tmp_path: Any) -> None:
-    assert subject_of(tmp_path / "a.bdf") == Subject("a.bdf", str(tmp_path / "a.bdf"))
+    assert subject_of(tmp_path / "a.bdf") == Subject("a.bdf", str(tmp_path / "a.bdf"), "", "", "Deck", True)
     (tmp_path / "a.bdf").touch()
     (tmp_path / "s.toml").write_text('[study]\ntitle = "T"\ndeck = "a.bdf"\nunits = "mm-t-s"\n')
-    assert subject_of(tmp_path / "s.toml") == Subject("T", "a.bdf", "mm", "t")
+    assert subject_of(tmp_path / "s.toml") == Subject("T", "a.bdf", "mm", "t", "Deck", True)

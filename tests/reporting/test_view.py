@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from femtune.document.document import Document
-from femtune.document.page_view import PageView, SceneView
+from femtune.document.page_view import PageView, SceneView, quantised
 from femtune.steps.report import view as views
-from femtune.steps.report.view import in_phase, quantised, view_of
+from femtune.steps.report.view import in_phase, view_of
 from femtune.steps.report_source import ReportSource
 from femtune.steps.results import Results
 

@@ -15,11 +15,11 @@ from femtune.errors import FemtuneError, Notice
 from femtune.model import damping_by_mode, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.residuals import state_at
-from femtune.steps.info.terminal import subject_of
+from femtune.steps.bootstrap.page import bootstrap_document
 from femtune.steps.report.view import view_of
 from femtune.steps.report_source import ReportSource
 from femtune.steps.run.result import RunResult
-from femtune.steps.validate.terminal import bootstrap_document
+from femtune.steps.subject import subject_of
 from femtune.study.study import load_study
 
 from ..messages.shown import check_shown

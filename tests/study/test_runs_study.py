@@ -291,4 +291,4 @@ def test_a_missing_table_is_said_of_its_line_in_the_study(study: Path) -> None:
     (study.parent / "runs.csv").unlink()
     with pytest.raises(FemtuneError) as caught:
         ft.info(study)
-    check_shown("runs.table, absent", str(caught.value).replace(str(study.parent), "FOLDER"))
+    check_shown("study.missing-file, table of runs", str(caught.value).replace(str(study.parent), "FOLDER"))

@@ -8,10 +8,10 @@ from scipy import stats
 
 import femtune as ft
 from femtune.model import eigenvalue_derivatives
-from femtune.steps.info.terminal import subject_of
 from femtune.steps.report.build import build_report
+from femtune.steps.select.page import selection_document
 from femtune.steps.select.record.selection import SelectionMeasures
-from femtune.steps.select.terminal import selection_document
+from femtune.steps.subject import subject_of
 from femtune.study.progress import silent
 from femtune.study.solved import solved_cases
 from femtune.study.study import load_study

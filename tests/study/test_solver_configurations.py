@@ -192,7 +192,9 @@ def test_a_missing_table_is_said_of_its_configuration(tables: Path) -> None:
     (tables.parent / "bolted.csv").unlink()
     with pytest.raises(FemtuneError) as caught:
         ft.info(tables)
-    check_shown("runs.table, absent in a configuration", str(caught.value).replace(str(tables.parent), "FOLDER"))
+    check_shown(
+        "study.missing-file, table of runs of a configuration", str(caught.value).replace(str(tables.parent), "FOLDER")
+    )
 
 
 def test_several_tables_need_shapes(tables: Path) -> None:

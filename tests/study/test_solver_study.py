@@ -155,7 +155,7 @@ def test_what_was_run_is_said(study: Path) -> None:
     ("name", "old", "new"),
     [
         ("external.no-program, study", '"-I", "-S", "solve.py"', '"x"'),
-        ("external.unreadable, study", 'templates = ["in.txt"]', 'templates = ["input.txt"]'),
+        ("study.missing-file, template", 'templates = ["in.txt"]', 'templates = ["input.txt"]'),
         ("external.study, input", 'templates = ["in.txt"]\n', ""),
         ("external.study, runs", "[sensors]", '[runs]\nfile = "runs.csv"\n\n[sensors]'),
         ("external.study, count", "[modes]\ncount = 2\n", ""),
@@ -171,6 +171,7 @@ def test_what_is_wrong_is_said(study: Path, name: str, old: str, new: str) -> No
     if name.startswith("external.no-program"):
         text = text.replace(sys.executable, "no_such_solver")
     study.write_text(text)
+    (study.parent / "runs.csv").write_text("k1,f1_hz\n")
     with pytest.raises(FemtuneError) as caught:
         ft.info(study)
     shown = str(caught.value).replace(str(study.parent), "FOLDER")

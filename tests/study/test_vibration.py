@@ -389,7 +389,8 @@ def test_signals_that_cannot_be_used(beam: Bench, monkeypatch: pytest.MonkeyPatc
 def test_a_file_that_is_not_there(beam: Bench) -> None:
     with pytest.raises(FemtuneError) as caught:
         ft.run(beam.study(EI + SWEEP.replace("{damping}", "0.02") + LIMITS))
-    assert caught.value.code == "vibration.file"
+    assert caught.value.code == "study.missing-file"
+    assert caught.value.where.record == "vibration[1].measured"
 
 
 @pytest.mark.parametrize(
@@ -408,6 +409,7 @@ def test_entries_that_are_not_complete(
     beam: Bench, monkeypatch: pytest.MonkeyPatch, name: str, old: str, new: str
 ) -> None:
     monkeypatch.chdir(beam.folder)
+    (beam.folder / "sweep.csv").write_text("Hz,5Y+,3Y+\n10,1,1\n80,1,1\n")
     beam.study(EI + SWEEP.replace("{damping}", "0.02").replace(old, new) + LIMITS)
     with pytest.raises(FemtuneError) as caught:
         ft.run(Path("study.toml"))

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from poles_and_functions import identified_svg
 
-from femtune.document.figures.stabilisation import identified_svg
 from femtune.dofs import DofSet
 from femtune.files.uff import read_uff
 from femtune.identification import IdentifiedModes, InputKnown, Rule, identify_frfs

@@ -50,7 +50,7 @@ def show(command: Command, path: Path, result: Any) -> None:
         show_document(document(result))
     else:
         # the function of the subject reads the study file, which help does without
-        show_document(document(load("info.terminal:subject_of")(path), *command.shown(result)))
+        show_document(document(load("subject:subject_of")(path), *command.shown(result)))
 
 
 def name_page(page: Path | None, as_json: bool) -> None:

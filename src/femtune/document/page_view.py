@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
 
 
 @dataclass(frozen=True)
@@ -183,3 +191,62 @@ class PageView:
         """As JSON that may stand inside a script element: without the characters that could end it."""
         text = json.dumps(asdict(self), separators=(",", ":"), allow_nan=False)
         return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+# ----------------------------------------------------------------------------------------------------
+# Arrays as text.
+
+
+FUNCTION_BYTES = 1_000_000
+"""Bytes of all frequency response functions."""
+
+
+def whole(values: NDArray[Any]) -> Packed:
+    """Numbers of rows, each with as few bytes as the largest one needs."""
+    most = int(values.max(initial=0))
+    kind = "u1" if most < 1 << 8 else "u2" if most < 1 << 16 else "u4"
+    return _packed(kind, values)
+
+
+def single(values: NDArray[Any]) -> Packed:
+    """Real numbers in single precision."""
+    return _packed("f4", np.nan_to_num(values))
+
+
+def quantised(values: Reals) -> Packed:
+    """Real numbers as 16-bit multiples of the largest magnitude along all axes but the last."""
+    filled = np.nan_to_num(np.asarray(values, dtype=float))
+    largest = np.abs(filled).reshape(-1, filled.shape[-1]).max(axis=0, initial=0.0)
+    steps = np.where(largest > 0.0, largest, 1.0) / 32767.0
+    return _packed("i2", np.round(filled / steps), tuple(map(float, steps)))
+
+
+def coarse(values: Reals) -> Packed:
+    """Values that are not negative, as 8-bit multiples of the largest of each column: enough for a colour."""
+    largest = values.max(axis=0, initial=0.0).astype(float)
+    steps = np.where(largest > 0.0, largest, 1.0) / 255.0
+    return _packed("u1", np.round(values / steps), tuple(map(float, steps)))
+
+
+def coordinates(points: Reals) -> Packed:
+    """Points (n, 3) as 16-bit steps along each axis."""
+    first, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-300)
+    steps = size / 65535.0
+    return _packed("u2", np.round((points - first) / steps), tuple(map(float, steps)), tuple(map(float, first)))
+
+
+def _packed(kind: str, values: NDArray[Any], scale: tuple[float, ...] = (), offset: tuple[float, ...] = ()) -> Packed:
+    data = np.ascontiguousarray(values).astype(f"<{kind}").tobytes()
+    return Packed(kind, tuple(values.shape), base64.b64encode(data).decode(), scale, offset)
+
+
+def phases(shapes: NDArray[Any]) -> NDArray[Any]:
+    """(m,) factors of magnitude one that make the real parts of shapes (n, m) as large as they can be."""
+    if not np.iscomplexobj(shapes):
+        return np.ones(shapes.shape[1])
+    return np.asarray(np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0))))
+
+
+def curve_view(look: str, freq_hz: Reals, values: NDArray[Any], phase: bool = True) -> CurveView:
+    """Curves of `values` (functions, lines), 0 where not measured."""
+    return CurveView(look, single(freq_hz), single(np.real(values)), single(np.imag(values)), phase)

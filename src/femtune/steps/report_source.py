@@ -1,4 +1,4 @@
-"""What the sections of the report read: the results, their arrays, and sums that several sections need."""
+"""What pages read: the results with their arrays, what a step was run on, and what several sections need."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.document.document import Paragraph
+from femtune.document.document import AlertBox, Document, Paragraph, Section
 
 if TYPE_CHECKING:
+    from femtune.document.document import Level
     from femtune.steps.correlate.record.correlation import CorrelationResults, ModePairRecord
     from femtune.steps.results import Results
     from femtune.study.record import ModelVersion
+
 
 VERSION_WORDS: dict[ModelVersion, str] = {
     "before": "before the update",
@@ -133,3 +135,28 @@ def _lowest(values: Iterable[tuple[float, str]]) -> tuple[float | None, str]:
 def versions(source: ReportSource) -> tuple[ModelVersion, ...]:
     """The model versions that the report shows: before, and the last one where there is one."""
     return ("before", source.final_version) if source.scores(source.final_version) else ("before",)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Title, name of the model with the word before it, and units of length and mass; "" for a deck, which tells none.
+
+    `has_cards` is False for a model without elements.
+    """
+
+    title: str
+    deck: str
+    length_unit: str
+    mass_unit: str
+    word: str
+    has_cards: bool
+
+    def document(self, verdict: str, level: Level, sections: Iterable[Section]) -> Document:
+        """A document that has nothing but sections for the terminal."""
+        return Document(self.title, verdict, level, (), (), short=tuple(s for s in sections if s.blocks))
+
+
+def warnings_of(results: Results) -> tuple[Section, ...]:
+    """Warnings on deck, test and update, as in the summary of a report."""
+    boxes = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in results.alerts if a.level != "info")
+    return (Section("warnings", "Warnings", boxes),) if boxes else ()

@@ -26,11 +26,11 @@ from femtune.steps.specimens.record import SpecimenResults
 from femtune.steps.update.record.update import ParameterFacts, UpdateResults
 from femtune.steps.validate.record.validation import ValidationResults
 from femtune.steps.write.record import WriteBackResults
-from femtune.study.journal_record import JournalResults
-from femtune.study.record import Alert, CitationRecord, Provenance, Record, StudyFacts
+from femtune.study.record import Alert, CitationRecord, JournalResults, Provenance, Record, StudyFacts
 
 if TYPE_CHECKING:
     from femtune.steps.info.record.checks import ModelCheck
+
 
 SCHEMA_VERSION = "2"
 

@@ -148,3 +148,25 @@ class StudyFacts(Record):
     def has_deck(self) -> bool:
         """True for the model of a deck, which is changed and written back."""
         return not self.imported
+
+
+class SolutionCount(Record):
+    """Solutions of one kind."""
+
+    kind: str
+    """"modes" or "derivative"."""
+    solved: int
+    """Number of solutions in this run."""
+    recalled: int
+    """Number of solutions from the journal of an earlier run."""
+
+
+class JournalResults(Record):
+    """Solutions of the full model, by origin."""
+
+    solved: int
+    """Number of solutions in this run."""
+    recalled: int
+    """Number of solutions from the journal of an earlier run."""
+    kinds: tuple[SolutionCount, ...]
+    """The same by kind."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from femtune.errors import FemtuneError, Notice, folded
 from femtune.journal.journal import JOURNAL_FOLDER, open_journal
-from femtune.study.journal_record import JournalResults, SolutionCount
+from femtune.study.record import JournalResults, SolutionCount
 from femtune.study.study import solved_by
 
 if TYPE_CHECKING:

@@ -32,3 +32,6 @@ WEIGHT_RULES: tuple[WeightRule, ...] = get_args(WeightRule)
 
 WeightTarget = Literal["whole-change", "each-step"]
 """What the weight of a side constraint acts on: the change from the initial values, or every step alone."""
+
+IntervalKind = Literal["", "normal", "Student's t", "truncated", "bounds"]
+"""Why an interval has its limits; "bounds": the data hardly narrow what the bounds leave open."""

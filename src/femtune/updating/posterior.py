@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 import scipy.linalg as la
@@ -24,10 +23,8 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.parameters import Jet
 from femtune.selection import determined
+from femtune.updating.kinds import IntervalKind
 from femtune.updating.truncated import BoxSamples, SamplerRules, sample_box
-
-IntervalKind = Literal["", "normal", "Student's t", "truncated", "bounds"]
-"""Why an interval has its limits; "bounds": the data hardly narrow what the bounds leave open."""
 
 NEGLIGIBLE = 1e-3
 """Probability outside the bounds, summed over all bounds, below which they are ignored."""

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
-from femtune.files.uff import force_unit, read_uff, write_uff_frfs
+from femtune.files.uff import read_uff, write_uff_frfs
 from femtune.modal import FrfSet
 from femtune.modal.frf_set import KINDS
 from femtune.testdata import ModalTest, WireFrame
-from femtune.units import unit_system
+from femtune.units import force_unit, unit_system
 
 _RESPONSES, _REFERENCES = DofSet.parse(["1X+", "2RX-", "30S+"]), DofSet.parse(["1X-", "2RY+"])
 _LINES = [np.arange(1, 100) / 3.0, np.array([0.0, 1.0, 2.5, 7.123456789]), np.array([5.0]), np.linspace(0, 1e5, 7)]

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from femtune.files.uff.mode_records import ModeRecord
     from femtune.files.uff.read import UffContent, UffFile, read_uff
     from femtune.files.uff.scan import DataSet, scan_uff
-    from femtune.files.uff.write import check_modes, force_unit, write_uff_frfs, write_uff_geometry, write_uff_modes
+    from femtune.files.uff.write import check_modes, write_uff_frfs, write_uff_geometry, write_uff_modes
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
@@ -21,7 +21,6 @@ __all__ = [
     "UffContent",
     "UffFile",
     "check_modes",
-    "force_unit",
     "read_uff",
     "scan_uff",
     "write_uff_frfs",

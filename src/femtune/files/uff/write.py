@@ -18,7 +18,7 @@ from femtune.files.uff.geometry import OBLIQUE
 from femtune.files.whole_file import write_whole
 from femtune.modal import FrfSet, ModeSet
 from femtune.testdata import ModalTest, WireFrame
-from femtune.units import UnitSystem
+from femtune.units import UnitSystem, force_unit
 
 
 def write_uff_modes(path: str | Path, tests: ModalTest | Sequence[ModalTest], title_lines: Sequence[str] = ()) -> None:
@@ -384,15 +384,6 @@ def _load(dof: Dof, units: UnitSystem) -> tuple[tuple[int, int], str, str]:
         length = units.name.split("-", maxsplit=1)[0]
         return (1, 1), "Excitation Force", f"{force}.{length}"
     return (0, 1), "Excitation Force", force
-
-
-def force_unit(units: UnitSystem) -> str:
-    """Name of the unit of force: N, kN, mN or lbf where it is one of these, else mass.length/s2."""
-    for name, size in (("N", 1.0), ("mN", 1e-3), ("kN", 1e3), ("lbf", 4.4482216152605)):
-        if abs(units.force / size - 1.0) < 1e-12:
-            return name
-    length, mass, _ = units.name.split("-")
-    return f"{mass}.{length}/s2"
 
 
 def _abscissa(x: float) -> str:

@@ -4,19 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from femtune.steps.step import (
-    EIGENSOLVER,
-    FRESH,
-    JOBS,
-    JSON,
-    OUTPUT,
-    STUDY,
-    Command,
-    End,
-    Section,
-    Step,
-    end_of_run,
-)
+from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, OUTPUT, STUDY, Command, End, Section, Step, end_of_run
 
 
 def _end(result: Any) -> End:
@@ -41,7 +29,7 @@ STEP = Step(
             JSON,
         ),
         data=lambda result: result.results.bootstrap,
-        document="validate.terminal:bootstrap_document",
+        document="bootstrap.page:bootstrap_document",
         shown=lambda result: (result.results,),
         ends=_end,
     ),

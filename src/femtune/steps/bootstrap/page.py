@@ -5,15 +5,18 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from femtune.document.document import Cell, Figure, Listing, Paragraph, Table, columns, row
+from femtune.document.document import Cell, Figure, Listing, Paragraph, Section, Table, columns, row
 from femtune.document.figures.histograms import histograms_svg
 from femtune.document.figures.matrix import MatrixPicture, matrix_svg
-from femtune.document.numbers import counted, short, value
+from femtune.document.numbers import as_sentence, counted, short, value
+from femtune.steps.report_source import warnings_of
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block
+    from femtune.document.document import Block, Document, Level
     from femtune.steps.bootstrap.record import BootstrappedParameter, BootstrapResults
-    from femtune.steps.report_source import ReportSource
+    from femtune.steps.report_source import ReportSource, Subject
+    from femtune.steps.results import Results
+
 
 WHAT = {
     "lines": "Frequency lines were drawn with replacement, all FRFs of a line together",
@@ -107,3 +110,15 @@ def _pictures(source: ReportSource, found: BootstrapResults) -> list[Block]:
         words = "Correlation of the parameters over the runs."
         out.append(Figure(partial(matrix_svg, picture), words, words))
     return out
+
+
+def bootstrap_document(subject: Subject, results: Results) -> Document:
+    """The first sentence, or why there is no bootstrap."""
+    found = results.bootstrap
+    if found is None:
+        reasons = [a.sentence for a in results.alerts if a.code.startswith(("bootstrap.", "executor."))]
+        return subject.document(as_sentence((reasons or ["there was no bootstrap"])[0]), "problem", ())
+    sections = (Section("bootstrap", "Bootstrap", tuple(bootstrap_blocks(found))), *warnings_of(results))
+    warned = any(a.code.startswith("bootstrap.") and a.level != "info" for a in results.alerts)
+    level: Level = "info" if found.converged == found.runs and not warned else "warning"
+    return subject.document(found.sentences[0], level, sections)

@@ -4,19 +4,7 @@ from __future__ import annotations
 
 import click
 
-from femtune.steps.step import (
-    EIGENSOLVER,
-    FILE,
-    FRESH,
-    JOBS,
-    JSON,
-    OUTPUT,
-    STUDY,
-    Command,
-    Page,
-    Section,
-    Step,
-)
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, OUTPUT, STUDY, Command, Page, Section, Step
 
 STEP = Step(
     "candidates",
@@ -37,7 +25,7 @@ STEP = Step(
             JOBS,
             JSON,
         ),
-        document="candidates.terminal:candidates_document",
+        document="candidates.page:candidates_document",
     ),
     page=Page(
         record="candidates",

@@ -10,39 +10,30 @@ import numpy as np
 
 from femtune.document.alert_boxes import alert_boxes
 from femtune.document.document import (
+    AlertBox,
     Cell,
     Figure,
     KeyNumber,
     KeyNumbers,
     Listing,
     Paragraph,
+    Section,
     Table,
     columns,
     row,
 )
 from femtune.document.figures.candidates import candidates_svg
-from femtune.document.numbers import (
-    NONE,
-    counted,
-    percent,
-    short,
-    typeset,
-    unit_fraction,
-)
-
-if TYPE_CHECKING:
-    from femtune.document.document import Block, Level
-    from femtune.steps.candidates.record import CandidatesResults
-    from femtune.steps.report_source import ReportSource
+from femtune.document.numbers import NONE, counted, percent, short, typeset, unit_fraction
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from femtune.document.document import Block
+    from femtune.document.document import Block, Document, Level
     from femtune.steps.candidates.record import CandidateResults, CandidatesResults, CandidateValue
-    from femtune.steps.report_source import ReportSource
+    from femtune.steps.report_source import ReportSource, Subject
+
 
 _MOST_COLUMNS = 14
 """Models side by side in the tables of parameters and distances; more do not fit the width of a page."""
@@ -206,3 +197,16 @@ def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:
     """The first sentence of the comparison."""
     level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
     return f"{counted(len(found.candidates), 'model')} compared. {found.sentences[0]}", level
+
+
+def candidates_document(subject: Subject, found: CandidatesResults) -> Document:
+    """Sentences, criteria, parameters, and what is undetermined."""
+    verdict, level = candidates_verdict(found)
+    alerts = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in found.alerts)
+    sections = (
+        Section("candidates", "Candidate models", (candidate_numbers(found), Listing(found.sentences), *alerts)),
+        Section("criteria", "Criteria", (criteria_table(found),)),
+        Section("parameters", "Parameters", (parameter_table(found),)),
+        Section("open", "What the data do not determine", tuple(undetermined_blocks(found.solved))),
+    )
+    return subject.document(verdict, level, sections)

@@ -29,7 +29,8 @@ from femtune.steps.validate.page import criterion_cells, tested, untested
 if TYPE_CHECKING:
     from femtune.document.document import Block, Document
     from femtune.steps.correlate.record.correlation import CorrelationResults, ModePairRecord
-    from femtune.steps.info.terminal import Subject
+    from femtune.steps.report_source import Subject
+
 
 Arrays = Mapping[str, NDArray[Any]]
 

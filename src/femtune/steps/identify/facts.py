@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune import __version__
-from femtune.steps.identify.levels import LinearityResults
+from femtune.steps.identify.record import Identification, IdentifiedMode, LinearityResults, PoleCluster
 from femtune.steps.info.facts import alert_of
 from femtune.study.record import InputFile
 
 if TYPE_CHECKING:
     from femtune.steps.identify.found import Found
-from femtune.steps.identify.record import Identification, IdentifiedMode, PoleCluster
 
 
 def identification(

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.identification.choice import Limits, stable
 from femtune.testdata import NO_GEOMETRY
 
 if TYPE_CHECKING:
+    from femtune.arrays import Flags
     from femtune.errors import Notice
     from femtune.identification.choice import Candidate
     from femtune.identification.input_lines import InputVerdict
@@ -70,6 +72,10 @@ class Found:
     remarks: tuple[ModeRemark, ...] = ()
     measured_sd: NDArray[np.float64] | None = field(default=None, repr=False)
     geometry: WireFrame = field(default=NO_GEOMETRY, repr=False)
+
+    def stable_poles(self) -> Flags:
+        """Which poles of `table` are stable from order to order; empty without a table."""
+        return np.zeros(0, dtype=bool) if self.table is None else stable(self.table, Limits())
 
     def of_structure(self, i: int) -> bool:
         """False for a peak of the excitation."""

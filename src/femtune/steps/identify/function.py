@@ -13,7 +13,7 @@ from femtune.steps.report.function import REPORT_FILE
 from femtune.study.progress import silent
 
 if TYPE_CHECKING:
-    from femtune.steps.identify.run import IdentifyResult
+    from femtune.steps.identify.result import IdentifyResult
     from femtune.study.progress import Progress
 
 

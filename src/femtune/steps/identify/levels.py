@@ -10,7 +10,7 @@ from scipy.ndimage import convolve1d, uniform_filter1d
 
 from femtune.errors import Notice
 from femtune.identification.linearity import ForceLevel, Linearity, LinearityLimits, check_linearity
-from femtune.study.record import Record
+from femtune.steps.identify.record import LevelFunctions, LevelMode, LevelTrend, LinearityResults
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -18,88 +18,6 @@ if TYPE_CHECKING:
     from femtune.identification.linearity import FunctionsAtLevel, ModeAtLevels, Trend
     from femtune.steps.identify.found import Found
     from femtune.steps.identify.several import IdentifyEach
-
-
-class LevelTrend(Record):
-    """Change of the frequency or the damping ratio of a mode with the level of the force."""
-
-    largest_percent: float | None
-    """(value − value at the first level)/value at the first level of largest magnitude, in %; None if the mode was
-    found at one level only."""
-    sd_percent: float | None
-    """Standard deviation of this change, in %; None if not known."""
-    per_doubling_percent: float | None
-    """Change for twice the force by a line over the logarithm of the force, in %; None if all levels are equal."""
-    per_doubling_sd_percent: float | None
-    """Its standard deviation, in %; None if not known."""
-    beyond_limit: bool
-    """True if a change is above the limit, and above three standard deviations where these are known."""
-
-
-class LevelMode(Record):
-    """A mode of the first level at all levels."""
-
-    label: str
-    """Label of the mode at the first level."""
-    freq_hz: tuple[float | None, ...]
-    """Natural frequency by level, Hz; None where the mode was not found."""
-    damping_ratio: tuple[float | None, ...]
-    """Damping ratio by level; None where it is not known."""
-    mac: tuple[float | None, ...]
-    """MAC with the shape at the first level."""
-    frequency: LevelTrend
-    """Change of the frequency."""
-    damping: LevelTrend
-    """Change of the damping ratio."""
-    linear: bool | None
-    """Whether neither change is beyond its limit; None if the mode was found at the first level only."""
-
-
-class LevelFunctions(Record):
-    """FRFs of one level beside those of the first."""
-
-    functions: int
-    """Number of functions that are compared; 0 if none."""
-    lines: int
-    """Number of common frequency lines."""
-    frac: float | None
-    """FRAC of all functions together."""
-    lowest_frac: float | None
-    """FRAC of the function that differs most."""
-    lowest: str
-    """Response and reference of this function."""
-    change_percent: float | None
-    """|H − H of the first level| relative to |H of the first level|, all functions together, in %."""
-    noise_percent: float | None
-    """The value that noise alone would give, in %; None if the noise is not known."""
-    differing: int
-    """Number of functions whose FRAC is below the limit and that differ by more than noise; if the noise is not known,
-    1 if the FRAC of all functions together is below the limit."""
-    reason: str
-    """The reason why nothing was compared; "" if it was."""
-
-
-class LinearityResults(Record):
-    """Linearity from tests at several levels of force."""
-
-    names: tuple[str, ...]
-    """The levels; the first is the reference."""
-    forces: tuple[float, ...]
-    """Their forces."""
-    modes: tuple[LevelMode, ...]
-    """Modes of the first level."""
-    functions: tuple[LevelFunctions, ...]
-    """One entry for each further level."""
-    linear: bool | None
-    """The verdict; None if neither modes nor functions could be compared."""
-    frequency_limit_percent: float
-    """Accepted change of a frequency, in %."""
-    damping_limit_percent: float
-    """Accepted change of a damping ratio, in %."""
-    frac_limit: float
-    """Accepted FRAC."""
-    sentence: str
-    """The verdict with its numbers."""
 
 
 def level_file(file: IdentifyFile, entry: LevelEntry) -> IdentifyFile:

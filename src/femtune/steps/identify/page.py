@@ -27,22 +27,30 @@ from femtune.document.numbers import (
     typeset,
     unit_fraction,
 )
-from femtune.document.page_view import FunctionsView, PageView, SceneView, StageView
-from femtune.identification.choice import Limits, stable
+from femtune.document.page_view import (
+    FUNCTION_BYTES,
+    FunctionsView,
+    PageView,
+    SceneView,
+    StageView,
+    coordinates,
+    curve_view,
+    phases,
+    quantised,
+    whole,
+)
 from femtune.identification.mode_checks import LARGE_DAMPING
-from femtune.steps.report.view import FUNCTION_BYTES, coordinates, curve_view, phases, quantised, whole
-from femtune.steps.respond.facts import frf_unit
-from femtune.units import unit_system
+from femtune.units import frf_unit, unit_system
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from femtune.document.document import Block, Level
     from femtune.modal import ModeSet
-    from femtune.steps.identify.levels import LevelFunctions, LevelMode, LevelTrend, LinearityResults
-    from femtune.steps.identify.record import IdentifiedMode
-    from femtune.steps.identify.run import IdentifyResult
+    from femtune.steps.identify.record import IdentifiedMode, LevelFunctions, LevelMode, LevelTrend, LinearityResults
+    from femtune.steps.identify.result import IdentifyResult
     from femtune.testdata import WireFrame
+
 
 _SHOWN_FUNCTIONS = 6
 """Measured functions in the figure, those that are fitted best and worst.
@@ -285,7 +293,7 @@ def _picture(made: IdentifyResult) -> StabilisationPicture:
             nothing, np.zeros(0, int), (), np.zeros(0, bool), curve.freq_hz, curve.level_db, own, others, band
         )
     inside = (table.freq_hz >= band[0]) & (table.freq_hz <= band[1])
-    shown, firm = table.select(inside), stable(table, Limits())[inside]
+    shown, firm = table.select(inside), found.stable_poles()[inside]
     return StabilisationPicture(
         shown.freq_hz, shown.order, shown.method, firm, curve.freq_hz, curve.level_db, own, others, band
     )

@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,118 +14,26 @@ from typing import TYPE_CHECKING, Any
 from femtune.errors import FemtuneError, Notice, Where, with_notices
 from femtune.executor import Processes
 from femtune.files.described_test import read_described_geometry
-from femtune.identification.choice import Limits, stable
 from femtune.identification.record_checks import check_record
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.steps.identify.from_record import found_from_record, read_asked
 from femtune.steps.identify.levels import level_file, linearity_notice, linearity_of
 from femtune.steps.identify.request import asked_of, check_methods, check_usable
+from femtune.steps.identify.result import IdentifyResult
 from femtune.steps.identify.rigid_bodies import with_rigid_bodies
 from femtune.steps.identify.several import found_from_setups
 from femtune.steps.identify.write import no_modes_file, test_of_modes, write_found
-from femtune.steps.result import StepResult
 from femtune.steps.run_folder import check_writable
 from femtune.study.executor import check_jobs
 from femtune.study.progress import silent
 from femtune.study.record import InputFile
-from femtune.study.rows import Rows, rows_of
 
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
-    from femtune.modal import FrfSet, ModeSet
     from femtune.steps.identify.found import Found
-    from femtune.steps.identify.record import Identification
     from femtune.steps.identify.several import IdentifyEach
     from femtune.study.progress import Progress
-    from femtune.study.record import Alert
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class IdentifyResult(StepResult):
-    """The identified modes, the poles from which they were chosen, and the folder of their files.
-
-    Parameters
-    ----------
-    folder : where the files are
-    record : all results except the arrays, as in identified.json
-    found : the modes with the poles of every order, the measured and the synthesised functions
-    files : names of the files in the folder
-    report : the page that was written, None without one
-    """
-
-    folder: Path
-    record: Identification
-    found: Found
-    files: tuple[str, ...]
-    report: Path | None = None
-
-    @property
-    def modes(self) -> ModeSet:
-        """The identified modes, with shapes at the sensors and standard deviations."""
-        return self.found.modes
-
-    @property
-    def frequencies(self) -> Rows:
-        """One line a mode: frequency in Hz and damping ratio with standard deviations, phase collinearity."""
-        columns = ("label", "freq_hz", "freq_sd_hz", "damping_ratio", "damping_sd", "phase_collinearity", "remark")
-        return rows_of(self.record.modes, *columns)
-
-    @property
-    def clusters(self) -> Rows:
-        """Clusters of stable poles, chosen or not, and why."""
-        return rows_of(self.record.clusters, "freq_hz", "damping_ratio", "chosen", "reason")
-
-    @property
-    def linearity(self) -> Rows:
-        """Changes of each mode over the levels of the force, in %, and the verdict; no rows with one level."""
-        record = self.record.linearity
-        return Rows.of(
-            {
-                "label": m.label,
-                "frequency_percent": m.frequency.largest_percent,
-                "frequency_per_doubling_percent": m.frequency.per_doubling_percent,
-                "damping_percent": m.damping.largest_percent,
-                "damping_per_doubling_percent": m.damping.per_doubling_percent,
-                "linear": m.linear,
-            }
-            for m in (record.modes if record is not None else ())
-        )
-
-    @property
-    def poles(self) -> Rows:
-        """Every pole of every order and method; no rows for methods without orders."""
-        table = self.found.table
-        if table is None:
-            return Rows()
-        rows = zip(table.method, table.order, table.freq_hz, table.damping_ratio, stable(table, Limits()))
-        return Rows.of(
-            {"method": m, "order": int(o), "freq_hz": float(f), "damping_ratio": float(z), "stable": bool(s)}
-            for m, o, f, z, s in rows
-        )
-
-    @property
-    def measured(self) -> FrfSet | None:
-        """The measured functions at the lines of the fit; None if the input is not known."""
-        return self.found.measured
-
-    @property
-    def synthesised(self) -> FrfSet | None:
-        """The functions of the identified modes at the same lines; None if the input is not known."""
-        return self.found.synthesised
-
-    @property
-    def notices(self) -> tuple[Alert, ...]:
-        """Alerts and remarks."""
-        return self.record.alerts
-
-    def _sentences(self) -> list[str]:
-        modes = [f"{m.label}: {m.freq_hz:.5g} Hz" for m in self.record.modes]
-        alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
-        return [f"{len(modes)} modes at {len(self.record.dofs)} sensors, {self.folder}", *modes, *alerts]
-
-    def _table(self) -> Rows:
-        return self.frequencies
 
 
 def identify(

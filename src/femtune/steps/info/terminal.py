@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,6 @@ from femtune.document.document import (
     without_column,
 )
 from femtune.document.numbers import NOT_TESTED, counted, listed, signed_percent, value, with_unit
-from femtune.files.study_file import is_deck, read_study_file
 from femtune.steps.info.page import (
     beside_deck_tables,
     cards,
@@ -37,7 +35,7 @@ from femtune.steps.info.page import (
     shape_blocks,
     support_words,
 )
-from femtune.study.model_source import FromDeck, model_source
+from femtune.steps.report_source import Subject
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Level, Tone
@@ -83,41 +81,6 @@ def _table(fields: tuple[DampingField, ...]) -> Table:
 def _range(field: DampingField) -> str:
     low, high = value(field.lowest), value(field.highest)
     return low if low == high else f"{low} to {high}"
-
-
-@dataclass(frozen=True)
-class Subject:
-    """Title, name of the model with the word before it, and units of length and mass; "" for a deck, which tells none.
-
-    `has_cards` is False for a model without elements.
-    """
-
-    title: str
-    deck: str
-    length_unit: str = ""
-    mass_unit: str = ""
-    word: str = FromDeck.title
-    has_cards: bool = FromDeck.has_elements
-
-    def document(self, verdict: str, level: Level, sections: Iterable[Section]) -> Document:
-        """A document that has nothing but sections for the terminal."""
-        return Document(self.title, verdict, level, (), (), short=tuple(s for s in sections if s.blocks))
-
-
-def subject_of(path: Path | str) -> Subject:
-    """Of the study or the deck at `path`.
-
-    Raises
-    ------
-    FemtuneError : ``study.*``, what is wrong with the study file
-    """
-    path = Path(path)
-    if is_deck(path):
-        return Subject(path.name, str(path))
-    file = read_study_file(path)
-    length, mass, _ = file.study.units.split("-")
-    source = model_source(file)
-    return Subject(file.study.title, source.name, length, mass, source.title, source.has_elements)
 
 
 _ORDER: tuple[Level, ...] = ("problem", "warning")
@@ -279,35 +242,3 @@ def _beginning(table: Table) -> Table:
 def _held(c: ModelConfiguration) -> list[Block]:
     lines = held_lines(c)
     return [Heading("DOFs constrained by AUTOSPC"), Listing(tuple(lines))] if lines else []
-
-
-TERMINAL_WIDTH = 100
-"""Width of a terminal, in columns, that tables must not exceed."""
-COLUMN_GAP = 2
-"""Spaces between two columns of a table."""
-
-
-def column_groups(titles: Sequence[str], taken: int, least: int) -> list[tuple[str, ...]]:
-    """Columns side by side as far as they fit.
-
-    Parameters
-    ----------
-    titles : heads of the columns
-    taken : width of what every group begins with
-    least : width of the numbers, for heads that are shorter
-    """
-    groups: list[tuple[str, ...]] = []
-    room = 0
-    for title in titles:
-        width = max(len(title), least) + COLUMN_GAP
-        if width > room:
-            groups.append(())
-            room = TERMINAL_WIDTH - taken
-        groups[-1] += (title,)
-        room -= width
-    return groups
-
-
-def widest(texts: Iterable[str]) -> int:
-    """Length of the longest text; 0 where there is none."""
-    return max(map(len, texts), default=0)

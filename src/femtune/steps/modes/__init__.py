@@ -7,18 +7,7 @@ from typing import Any
 
 import click
 
-from femtune.steps.step import (
-    EIGENSOLVER,
-    FILE,
-    FRESH,
-    JSON,
-    SCATTER,
-    Command,
-    Page,
-    Section,
-    Step,
-    study_of,
-)
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, SCATTER, Command, Page, Section, Step, study_of
 
 _SCATTER = ("frequency_scatter", "shape_scatter", "seed", "units")
 
@@ -94,7 +83,7 @@ STEP = Step(
         asked=_asked,
         data=lambda result: result.records,
         shown=lambda result: (result.records,),
-        document="modes.terminal:modes_document",
+        document="modes.page.frequencies:modes_document",
     ),
     sections=(
         Section(

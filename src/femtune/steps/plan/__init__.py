@@ -4,17 +4,7 @@ from __future__ import annotations
 
 import click
 
-from femtune.steps.step import (
-    EIGENSOLVER,
-    FILE,
-    FRESH,
-    JSON,
-    Command,
-    Page,
-    Section,
-    Step,
-    given_words,
-)
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, Command, Page, Section, Step, given_words
 
 STEP = Step(
     "plan",
@@ -65,7 +55,7 @@ STEP = Step(
             JSON,
         ),
         asked=given_words,
-        document="plan.terminal:plan_document",
+        document="plan.page:plan_document",
     ),
     page=Page(
         record="plan",

@@ -9,6 +9,7 @@ import numpy as np
 
 from femtune.document.alert_boxes import alert_boxes
 from femtune.document.document import (
+    AlertBox,
     Cell,
     Figure,
     Heading,
@@ -16,6 +17,7 @@ from femtune.document.document import (
     KeyNumbers,
     Listing,
     Paragraph,
+    Section,
     Table,
     columns,
     row,
@@ -28,14 +30,9 @@ from femtune.residuals.kinds import FRF_FORMS
 from femtune.steps.modes.page.mode_shapes import structure_of
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block, Level
-    from femtune.steps.plan.record import PlanResults
-    from femtune.steps.report_source import ReportSource
-
-if TYPE_CHECKING:
-    from femtune.document.document import Block
+    from femtune.document.document import Block, Document, Level
     from femtune.steps.plan.record import PlannedExciter, PlannedSensor, PlannedSet, PlanResults
-    from femtune.steps.report_source import ReportSource
+    from femtune.steps.report_source import ReportSource, Subject
 
 
 def _plan(source: ReportSource) -> PlanResults:
@@ -350,3 +347,26 @@ def plan_verdict(plan: PlanResults) -> tuple[str, Level]:
     level: Level = "warning" if any(a.level != "info" for a in plan.alerts) else "info"
     modes, channels = counted(len(plan.modes), "target mode"), counted(plan.chosen.channels, "measured direction")
     return f"{channels} for {modes}; the largest AutoMAC is {unit_fraction(plan.chosen.auto_mac)}.", level
+
+
+def plan_document(subject: Subject, plan: PlanResults) -> Document:
+    """Numbers, sensors, target modes and method."""
+    verdict, level = plan_verdict(plan)
+    alerts = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in plan.alerts)
+    sections = (
+        Section("plan", f"Test plan: {plan.configuration}", (plan_numbers(plan), *alerts)),
+        Section(
+            "sensors",
+            "Sensors",
+            (sensor_table(plan, subject.length_unit), *own_axes(plan), *exciter_tables(plan, subject.length_unit)),
+        ),
+        Section("modes", "Target modes", (mode_table(plan),)),
+        Section("parameters", "Expected standard deviations of the parameters", tuple(parameter_blocks(plan))),
+        Section("setup", "Frequency lines, masses, suspension", tuple(setup_blocks(plan, _units(subject)))),
+        Section("method", "Method", (Listing(tuple(method_sentences(plan))),)),
+    )
+    return subject.document(verdict, level, sections)
+
+
+def _units(subject: Subject) -> str:
+    return f"{subject.length_unit}-{subject.mass_unit}-s" if subject.mass_unit else ""

@@ -2,16 +2,7 @@
 
 from __future__ import annotations
 
-from femtune.steps.step import (
-    EIGENSOLVER,
-    FRESH,
-    JOBS,
-    JSON,
-    STUDY,
-    Command,
-    Section,
-    Step,
-)
+from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, STUDY, Command, Section, Step
 
 STEP = Step(
     "quantify",
@@ -24,7 +15,7 @@ STEP = Step(
             JOBS,
             JSON,
         ),
-        document="validate.terminal:quantify_document",
+        document="quantify.page:quantify_document",
     ),
     sections=(
         Section(

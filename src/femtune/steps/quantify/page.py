@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.document.document import Cell, Figure, Listing, Paragraph, Table, columns, row
+from femtune.document.document import Cell, Figure, Listing, Paragraph, Section, Table, columns, row
 from femtune.document.figures.parameters import Cloud, clouds_svg
 from femtune.document.numbers import counted, freq, listed, short, signed_percent, value
 from femtune.steps.quantify.record import ORDER
@@ -15,9 +15,10 @@ from femtune.steps.validate.page import verdict_cell
 from femtune.uncertainty.kinds import QUANTIFY_METHODS
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block
+    from femtune.document.document import Block, Document, Level
     from femtune.steps.quantify.record import QuantifiedOutput, QuantifiedParameter, QuantifyResults
-    from femtune.steps.report_source import ReportSource
+    from femtune.steps.report_source import ReportSource, Subject
+
 
 _MOST_LISTED = 24
 """Rows of each table; more rows make the page long without showing more, and are in the results."""
@@ -176,3 +177,20 @@ def _pictures(source: ReportSource, found: QuantifyResults) -> list[Block]:
         alt = f"{caption} {listed(f'{p.parameter} {value(p.mean)} ± {short(p.sd)}' for p in found.parameters)}"
         out.append(Figure(partial(clouds_svg, [p.parameter for p in found.parameters], own), caption, alt, wide=True))
     return out
+
+
+def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
+    """The verdict is the first sentence."""
+    first, *_ = found.sentences
+    failed = any(c.verdict == "fail" for c in found.checks)
+    level: Level = "info" if found.ok and found.agrees and not failed else "warning"
+    words = tuple(b for b in variability_blocks(found)[1:] if isinstance(b, Listing))
+    how = next(b for b in variability_blocks(found)[1:] if isinstance(b, Paragraph))
+    sections = (
+        Section("words", "Reliability", words),
+        Section("parameters", "Variability of the parameters", (how, parameter_table(found))),
+        Section("outputs", "Forward check", (output_table(found), *entry_tables(found))),
+        *(Section("checks", "Tests of the repeats", (table,)) for table in check_tables(found)),
+        *([Section("intervals", "Intervals", tuple(interval_blocks(found)))] if found.intervals else []),
+    )
+    return subject.document(first, level, sections)

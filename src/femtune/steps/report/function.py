@@ -21,7 +21,7 @@ from femtune.study.progress import silent
 
 if TYPE_CHECKING:
     from femtune.document.document import Document
-    from femtune.steps.identify.run import IdentifyResult
+    from femtune.steps.identify.result import IdentifyResult
     from femtune.study.progress import Progress
 
 REPORT_FILE = "report.html"

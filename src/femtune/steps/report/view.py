@@ -7,7 +7,6 @@ the least important modes are left out; a sentence says so.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,7 @@ from scipy.spatial import cKDTree
 from femtune.document.figures.shapes import closed, outline
 from femtune.document.numbers import percent
 from femtune.document.page_view import (
+    FUNCTION_BYTES,
     CurveView,
     FunctionsView,
     HistoryView,
@@ -29,6 +29,13 @@ from femtune.document.page_view import (
     PairView,
     SceneView,
     StageView,
+    coarse,
+    coordinates,
+    curve_view,
+    phases,
+    quantised,
+    single,
+    whole,
 )
 from femtune.steps.correlate.page.correlation import pair_places, shown_columns
 from femtune.steps.modes.page.mode_shapes import measured_places, structure_of
@@ -47,10 +54,9 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.iterations import IterationFrfs
     from femtune.steps.update.record.update import IterationRecord
 
+
 MOTION_BYTES = 2_800_000
 """Bytes of all motions of the model; base64 makes them a third larger. The page must stay small enough to be sent."""
-FUNCTION_BYTES = 1_000_000
-"""Bytes of all frequency response functions: the page must stay small enough to be sent."""
 ITERATION_BYTES = 800_000
 """Bytes of the functions at all iterations: the page must stay small enough to be sent."""
 _LEAST_FACES = 6_000
@@ -110,45 +116,6 @@ def _complex_modes(source: ReportSource) -> Iterable[_Modes]:
             title = f"{VERSION_HEADS[kept.stage]}, complex modes"
             freq_hz = tuple(p.freq_hz for p in poles)
             yield _Modes(kept, title, freq_hz, columns, tuple(p.damping_ratio for p in poles))
-
-
-def whole(values: NDArray[Any]) -> Packed:
-    """Numbers of rows, each with as few bytes as the largest one needs."""
-    most = int(values.max(initial=0))
-    kind = "u1" if most < 1 << 8 else "u2" if most < 1 << 16 else "u4"
-    return _packed(kind, values)
-
-
-def single(values: NDArray[Any]) -> Packed:
-    """Real numbers in single precision."""
-    return _packed("f4", np.nan_to_num(values))
-
-
-def quantised(values: Reals) -> Packed:
-    """Real numbers as 16-bit multiples of the largest magnitude along all axes but the last."""
-    filled = np.nan_to_num(np.asarray(values, dtype=float))
-    largest = np.abs(filled).reshape(-1, filled.shape[-1]).max(axis=0, initial=0.0)
-    steps = np.where(largest > 0.0, largest, 1.0) / 32767.0
-    return _packed("i2", np.round(filled / steps), tuple(map(float, steps)))
-
-
-def _coarse(values: Reals) -> Packed:
-    """Values that are not negative, as 8-bit multiples of the largest of each column: enough for a colour."""
-    largest = values.max(axis=0, initial=0.0).astype(float)
-    steps = np.where(largest > 0.0, largest, 1.0) / 255.0
-    return _packed("u1", np.round(values / steps), tuple(map(float, steps)))
-
-
-def coordinates(points: Reals) -> Packed:
-    """Points (n, 3) as 16-bit steps along each axis."""
-    first, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-300)
-    steps = size / 65535.0
-    return _packed("u2", np.round((points - first) / steps), tuple(map(float, steps)), tuple(map(float, first)))
-
-
-def _packed(kind: str, values: NDArray[Any], scale: tuple[float, ...] = (), offset: tuple[float, ...] = ()) -> Packed:
-    data = np.ascontiguousarray(values).astype(f"<{kind}").tobytes()
-    return Packed(kind, tuple(values.shape), base64.b64encode(data).decode(), scale, offset)
 
 
 @dataclass(frozen=True)
@@ -243,8 +210,8 @@ def _stage(source: ReportSource, modes: _Modes, measured: ModeShapes, geometry: 
         freq_hz=modes.freq_hz[:count],
         stored=tuple(columns),
         motion=quantised((stored * turn).real),
-        energy=None if energy is None else _coarse(energy[np.ix_(geometry.rows, np.array(columns))]),
-        line_energy=None if of_lines is None else _coarse(of_lines[np.ix_(geometry.lines, np.array(columns))]),
+        energy=None if energy is None else coarse(energy[np.ix_(geometry.rows, np.array(columns))]),
+        line_energy=None if of_lines is None else coarse(of_lines[np.ix_(geometry.lines, np.array(columns))]),
         damping_ratio=modes.damping_ratio[:count],
         motion_imaginary=quantised((stored * turn).imag) if modes.is_complex else None,
     )
@@ -253,13 +220,6 @@ def _stage(source: ReportSource, modes: _Modes, measured: ModeShapes, geometry: 
     turned = np.ones(count, complex)
     turned[columns] = turn
     return _compared(source, modes, measured, comparison, geometry, plain, turned)
-
-
-def phases(shapes: NDArray[Any]) -> NDArray[Any]:
-    """(m,) factors of magnitude one that make the real parts of shapes (n, m) as large as they can be."""
-    if not np.iscomplexobj(shapes):
-        return np.ones(shapes.shape[1])
-    return np.asarray(np.exp(-0.5j * np.angle(np.sum(shapes**2, axis=0))))
 
 
 def _frequencies(source: ReportSource, kept: ModeShapes) -> tuple[float, ...]:
@@ -568,11 +528,6 @@ def _places(mapped: MappedDamping, outputs: Sequence[str], inputs: Sequence[str]
 def _function_title(frfs: FrfResults, k: int) -> str:
     pair = frfs.pairs[k]
     return f"{pair.output} by {pair.input}" + (" (driving point)" if pair.driving_point else "")
-
-
-def curve_view(look: str, freq_hz: Reals, values: NDArray[Any], phase: bool = True) -> CurveView:
-    """Curves of `values` (functions, lines), 0 where not measured."""
-    return CurveView(look, single(freq_hz), single(np.real(values)), single(np.imag(values)), phase)
 
 
 def _history(source: ReportSource) -> HistoryView | None:

@@ -7,18 +7,7 @@ from typing import Any
 
 import click
 
-from femtune.steps.step import (
-    EIGENSOLVER,
-    FILE,
-    FRESH,
-    JSON,
-    SCATTER,
-    Command,
-    Page,
-    Section,
-    Step,
-    given_words,
-)
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, SCATTER, Command, Page, Section, Step, given_words
 
 
 def _asked(options: dict[str, Any], path: Path) -> dict[str, Any]:
@@ -74,7 +63,7 @@ STEP = Step(
         asked=_asked,
         data=lambda result: result.records,
         shown=lambda result: (result.records,),
-        document="modes.terminal:responses_document",
+        document="respond.page:responses_document",
     ),
     sections=(Section("responses", "Responses", "respond.page:responses", optional=True, place=80),),
     page=Page(

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice
-from femtune.files.uff import force_unit
 from femtune.modal import fdac, frac, frequency_shift
 from femtune.model.damping import without_element_damping
 from femtune.model.response import matrix_ports
@@ -21,11 +20,21 @@ from femtune.steps.correlate.facts import array_prefix
 from femtune.steps.info.facts import alert_of
 from femtune.steps.modes.shapes import complex_mode_shapes, shape_rows
 from femtune.steps.respond.identified_frfs import identified_frfs
+from femtune.steps.respond.record import (
+    ComplexPole,
+    Displacement,
+    FdacResults,
+    FrfPair,
+    FrfResults,
+    ResponseResults,
+    StaticResults,
+)
 from femtune.study.axes import named_axis, same_motion
 from femtune.study.error_places import errors_at, errors_at_grid
 from femtune.study.progress import silent
 from femtune.study.record import ModelVersion
 from femtune.study.response import response_request, solved_frfs, solved_poles, solved_static
+from femtune.units import frf_unit
 
 if TYPE_CHECKING:
     from femtune.arrays import Complexes
@@ -39,16 +48,6 @@ if TYPE_CHECKING:
     from femtune.study.progress import Progress
     from femtune.study.response import ComplexModeTable, ResponseRequest, Solve
     from femtune.study.study import Study
-    from femtune.units import UnitSystem
-from femtune.steps.respond.record import (
-    ComplexPole,
-    Displacement,
-    FdacResults,
-    FrfPair,
-    FrfResults,
-    ResponseResults,
-    StaticResults,
-)
 
 
 def listed_poles(
@@ -185,9 +184,6 @@ def _record(load: LoadEntry, axis: Axis, values: NDArray[np.float64], relief: bo
 
 
 Arrays = dict[str, NDArray]
-
-
-_PER_TIME = {"receptance": "", "mobility": "/s", "accelerance": "/s²"}
 
 
 _LINE_TOLERANCE = 1e-6
@@ -416,13 +412,6 @@ def _every(positions: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _unit(study: Study, table: ResponseTable) -> str:
     return frf_unit(table.kind, study.file.study.unit_system) if study.units_known else ""
-
-
-def frf_unit(kind: str, units: UnitSystem) -> str:
-    """Unit of a function between a force and a translation: "m/s²/N"."""
-    force = force_unit(units)
-    length = units.name.split("-", maxsplit=1)[0]
-    return f"{length}{_PER_TIME[kind]}/{force if '/' not in force else f'({force})'}"
 
 
 def _pairs(request: ResponseRequest, values: Complexes) -> list[FrfPair]:

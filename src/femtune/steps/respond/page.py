@@ -1,4 +1,4 @@
-"""Sections of the report: FRFs before and after beside measured ones, complex modes, static displacements."""
+"""FRFs before and after beside measured ones, complex modes, static displacements: sections and terminal."""
 
 from __future__ import annotations
 
@@ -9,20 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.document.alert_boxes import alert_boxes
-from femtune.document.document import Cell, Column, Figure, Heading, Paragraph, Table, columns, row
+from femtune.document.document import Cell, Column, Figure, Heading, Paragraph, Section, Table, columns, row
 from femtune.document.figures.fdac import FdacPanel, fdac_svg
 from femtune.document.figures.frfs import FrfCurve, FrfPanel, frfs_svg
 from femtune.document.numbers import NONE, counted, freq, percent, short, signed_percent, unit_fraction, value
 from femtune.steps.report_source import VERSION_WORDS
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block, Level
-    from femtune.steps.report_source import ReportSource
-    from femtune.steps.respond.record import ResponseResults
-
-if TYPE_CHECKING:
-    from femtune.document.document import Block
-    from femtune.steps.report_source import ReportSource
+    from femtune.document.document import Block, Document, Level
+    from femtune.steps.report_source import ReportSource, Subject
     from femtune.steps.respond.record import ComplexPole, FrfPair, FrfResults, ResponseResults, StaticResults
 
 _NOTE = (
@@ -314,3 +309,30 @@ def responses_verdict(found: Sequence[ResponseResults]) -> tuple[str, Level]:
     if any(a.code == "response.undamped" for r in found for a in r.alerts):
         return f"{what}; the model has no damping.", "warning"
     return f"{what}.", "info"
+
+
+_MOST_ROWS = 24
+"""Functions that are listed on the terminal: about a screen; a note gives the number of the others."""
+
+
+def responses_document(subject: Subject, found: Sequence[ResponseResults]) -> Document:
+    """Peaks of the functions, complex modes, displacements."""
+    verdict, level = responses_verdict(found)
+    blocks = [b for r in found for b in _functions(r, len(found) > 1)]
+    sections = (
+        Section("functions", "Frequency responses", tuple(blocks)),
+        Section("poles", "Complex modes", tuple(pole_blocks([r for r in found if r.frfs is not None]))),
+        Section("loads", "Static loads", tuple(load_blocks(list(found), subject.length_unit))),
+    )
+    return subject.document(verdict, level, sections)
+
+
+def _functions(r: ResponseResults, named: bool) -> list[Block]:
+    if r.frfs is None:
+        return []
+    order = ordered_pairs(r.frfs)
+    name = f"{r.configuration}. " if named else ""
+    alerts = alert_boxes(r.alerts)
+    more = len(order) - _MOST_ROWS
+    rest = [Paragraph(f"and {counted(more, 'more function')} in --json and --report", "muted")] if more > 0 else []
+    return [*alerts, Paragraph(name + how(r.frfs)), frf_table([r], order[:_MOST_ROWS]), *fdac_table([r]), *rest]

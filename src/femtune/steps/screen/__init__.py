@@ -4,18 +4,7 @@ from __future__ import annotations
 
 import click
 
-from femtune.steps.step import (
-    EIGENSOLVER,
-    FILE,
-    FRESH,
-    JOBS,
-    JSON,
-    STUDY,
-    Command,
-    Page,
-    Section,
-    Step,
-)
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, STUDY, Command, Page, Section, Step
 
 STEP = Step(
     "screen",
@@ -45,7 +34,7 @@ STEP = Step(
             JOBS,
             JSON,
         ),
-        document="screen.terminal:screen_document",
+        document="screen.page:screen_document",
     ),
     page=Page(
         record="screen",

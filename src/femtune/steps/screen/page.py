@@ -6,19 +6,15 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from femtune.document.alert_boxes import alert_boxes
-from femtune.document.document import Bar, Cell, Figure, Listing, Table, columns, row
+from femtune.document.document import Bar, Cell, Figure, Listing, Section, Table, columns, row
 from femtune.document.figures.effects import beside_svg, main_effects_svg
 from femtune.document.numbers import NONE, counted, freq, short, unit_fraction
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block, Level
-    from femtune.steps.report_source import ReportSource
-    from femtune.steps.screen.record import ScreenResults
-
-if TYPE_CHECKING:
-    from femtune.document.document import Block
-    from femtune.steps.report_source import ReportSource
+    from femtune.document.document import Block, Document, Level
+    from femtune.steps.report_source import ReportSource, Subject
     from femtune.steps.screen.record import ElementaryEffect, MainEffect, ScreenedMode, ScreenResults, SobolIndices
+
 
 _MOST_COLUMNS = 12
 """Modes side by side in a table; more do not fit the width of a page."""
@@ -217,3 +213,17 @@ def screen_verdict(found: ScreenResults) -> tuple[str, Level]:
     """The first sentence of a screening."""
     level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
     return f"{found.design}, {counted(found.runs, 'run')}. {found.sentences[0]}", level
+
+
+def screen_document(subject: Subject, found: ScreenResults) -> Document:
+    """Sentences, effects and modes."""
+    verdict, level = screen_verdict(found)
+    parts = (
+        ("screen", "Effects of the parameters", summary_blocks(found)),
+        ("contributions", "Contribution to the variation of each frequency in %", contribution_table(found)),
+        ("elementary", "Elementary effects", elementary_table(found)),
+        ("indices", "Sobol's indices", indices_table(found)),
+        ("modes", "Modes", [mode_table(found)]),
+    )
+    sections = tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
+    return subject.document(verdict, level, sections)

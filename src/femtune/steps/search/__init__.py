@@ -4,18 +4,7 @@ from __future__ import annotations
 
 import click
 
-from femtune.steps.step import (
-    EIGENSOLVER,
-    FILE,
-    FRESH,
-    JOBS,
-    JSON,
-    STUDY,
-    Command,
-    Page,
-    Section,
-    Step,
-)
+from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, STUDY, Command, Page, Section, Step
 
 STEP = Step(
     "search",
@@ -50,7 +39,7 @@ STEP = Step(
             JOBS,
             JSON,
         ),
-        document="search.terminal:search_document",
+        document="search.page:search_document",
     ),
     page=Page(
         record="search",

@@ -1,4 +1,4 @@
-"""Sections of the report: a global search, its convergence, and the accuracy of the surrogate."""
+"""A global search, its convergence, and the accuracy of the surrogate: sections of the report and terminal."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from femtune.document.document import (
     KeyNumbers,
     Listing,
     Paragraph,
+    Section,
     Table,
     columns,
     row,
@@ -21,14 +22,10 @@ from femtune.document.figures.effects import front_svg, search_svg
 from femtune.document.numbers import NONE, counted, short, value
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block, Level
-    from femtune.steps.report_source import ReportSource
-    from femtune.steps.search.record import GlobalSearchResults
-
-if TYPE_CHECKING:
-    from femtune.document.document import Block
-    from femtune.steps.report_source import ReportSource
+    from femtune.document.document import Block, Document, Level
+    from femtune.steps.report_source import ReportSource, Subject
     from femtune.steps.search.record import GlobalSearchResults, SurrogateFacts
+
 
 _MOST_DRAWN = 6
 """Searches whose convergence is drawn: the curves of more cover each other."""
@@ -183,3 +180,17 @@ def search_verdict(found: GlobalSearchResults) -> tuple[str, Level]:
     """What the search came to."""
     level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
     return found.sentences[-1], level
+
+
+def search_document(subject: Subject, found: GlobalSearchResults) -> Document:
+    """Numbers, parameters, seeds, surrogate."""
+    verdict, level = search_verdict(found)
+    front = () if found.front is None else (Section("front", "Frequencies against shapes", (front_table(found),)),)
+    sections = (
+        Section("search", "Global search", tuple(summary_blocks(found))),
+        Section("parameters", "Parameters", (parameter_table(found),)),
+        Section("seeds", "Searches", (seed_table(found),)),
+        *front,
+        Section("surrogate", "Surrogate", tuple(surrogate_blocks(found))),
+    )
+    return subject.document(verdict, level, sections)

@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-from femtune.steps.step import (
-    EIGENSOLVER,
-    FRESH,
-    JSON,
-    STUDY,
-    Command,
-    Section,
-    Step,
-)
+from femtune.steps.step import EIGENSOLVER, FRESH, JSON, STUDY, Command, Section, Step
 
 STEP = Step(
     "select",
@@ -22,7 +14,7 @@ STEP = Step(
             FRESH,
             JSON,
         ),
-        document="select.terminal:selection_document",
+        document="select.page:selection_document",
     ),
     sections=(
         Section(

@@ -1,4 +1,4 @@
-"""Sections of the report: which parameters, and which combinations of them, the data determine."""
+"""What the data determine: sections of the report on parameters and their combinations, tables on the terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.document.document import Bar, Cell, Figure, Heading, Listing, Paragraph, Table, columns, row
+from femtune.document.document import (
+    GAP,
+    Bar,
+    Cell,
+    Figure,
+    Heading,
+    Listing,
+    Paragraph,
+    Section,
+    Table,
+    column_groups,
+    columns,
+    row,
+    widest,
+)
 from femtune.document.figures.bars import combinations_svg, singular_values_svg
 from femtune.document.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
 from femtune.document.numbers import (
@@ -24,10 +38,11 @@ from femtune.document.numbers import (
     unit_fraction,
     value,
 )
+from femtune.steps.info.page import model_check_table
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block
-    from femtune.steps.report_source import ReportSource
+    from femtune.document.document import Block, Document, Level
+    from femtune.steps.report_source import ReportSource, Subject
     from femtune.steps.select.record.fisher import FisherResults, KnownParameter
     from femtune.steps.select.record.identifiability import CombinationRecord, SelectionResults
     from femtune.steps.select.record.identifiability import IdentifiabilityResults as Identifiability
@@ -352,3 +367,58 @@ def _strongest(values: NDArray[Any], labels: tuple[str, ...]) -> str:
     order = np.argsort(-np.abs(np.nan_to_num(values[rows, columns])), kind="stable")[:3]
     pairs = [f"{labels[rows[k]]} and {labels[columns[k]]} {short(float(values[rows[k], columns[k]]))}" for k in order]
     return f"; largest: {listed(pairs)}" if pairs else ""
+
+
+_NUMBER = len("−0.000")
+
+
+def selection_document(subject: Subject, selection: SelectionResults) -> Document:
+    """The verdict is the first sentence of the selection."""
+    first, *others = in_words(selection)
+    level: Level = "warning" if selection.undetermined else "info"
+    sections = (
+        Section("words", "Combinations of parameters", _listing(others)),
+        Section("sensitivities", "Sensitivities", tuple(_sensitivities(selection))),
+        Section("parameters", "Parameters", (parameter_table(selection), _singular_values(selection))),
+        Section("expected", "Expected standard deviations", tuple(fisher_blocks(selection.fisher))),
+        Section("choice", "Choice of parameters", tuple(measures(selection.measures)[1:])),
+        Section("model", "Checks of the model before the update", tuple(model_check_table(selection.model_checks))),
+        Section("combinations", "Undetermined and weak combinations", tuple(_open_and_weak(selection))),
+    )
+    return subject.document(first, level, sections)
+
+
+def _listing(sentences: list[str]) -> tuple[Block, ...]:
+    return (Listing(tuple(sentences)),) if sentences else ()
+
+
+def _sensitivities(selection: SelectionResults) -> list[Block]:
+    """Groups of columns one below the other where the parameters are many."""
+    found = selection.sensitivities
+    if not found:
+        return [Paragraph("Frequencies are not compared.", "muted")]
+    taken = widest(["Configuration", *(s.configuration for s in found)]) + GAP
+    taken += widest(["Mode", *(s.test_label for s in found)])
+    groups = column_groups(selection.column_labels, taken, _NUMBER)
+    return [frequency_table(selection, names) for names in groups]
+
+
+def _singular_values(selection: SelectionResults) -> Block:
+    if not selection.singular_values:
+        return Paragraph("Singular values: not tested.", "muted")
+    words = ", ".join(map(short, selection.singular_values))
+    open_ = len(selection.singular_values) - selection.rank
+    zero = f"; the last {open_} {'is' if open_ == 1 else 'are'} treated as zero" if open_ else ""
+    return Paragraph(f"Singular values of the scaled Jacobian: {words}{zero}.")
+
+
+def _open_and_weak(selection: SelectionResults) -> list[Block]:
+    rows = [_combination_row("undetermined", c) for c in selection.undetermined]
+    rows += [_combination_row("weak", c) for c in selection.weakly_determined]
+    heads = columns("", ">Singular value", ">Posterior σ / prior σ", "Combination")
+    note = f"{counted(selection.rank, 'combination')} of {len(selection.column_labels)} are determined by the data."
+    return [Table("", heads, tuple(rows), note)] if rows else []
+
+
+def _combination_row(kind: str, c: CombinationRecord) -> tuple[Cell, ...]:
+    return row(kind, short(c.singular_value), percent(c.sd_ratio), c.sentence)

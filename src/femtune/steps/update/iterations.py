@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import DofSet
-from femtune.steps.respond.facts import frf_unit
 from femtune.steps.respond.identified_frfs import identified_frfs
+from femtune.steps.update.record.iterations import IterationFrfs
+from femtune.units import frf_unit
 
 if TYPE_CHECKING:
     from femtune.residuals.frf.fitted import FittedFrfs
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
     from femtune.updating import Iteration
-from femtune.steps.update.record.iterations import IterationFrfs
+
 
 MOST_VALUES = 4_000_000
 """Values of the model in all iterations of one record (32 MB); if there are more, only some of the outputs are kept."""

@@ -1,4 +1,4 @@
-"""Sections of the report: validation on data that the update did not use, goodness of fit, acceptance criteria."""
+"""Validation on data that the update did not use, goodness of fit and criteria: sections and terminal."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from femtune.document.document import (
     Heading,
     Listing,
     Paragraph,
+    Section,
     Table,
     columns,
     row,
@@ -37,20 +38,17 @@ from femtune.document.numbers import (
     with_unit,
 )
 from femtune.steps.modes.page.modes import mac_cell
-from femtune.steps.report_source import VERSION_HEADS, VERSION_WORDS, versions
+from femtune.steps.report_source import VERSION_HEADS, VERSION_WORDS, versions, warnings_of
+from femtune.steps.validate.record.validation import ValidationResults
 from femtune.steps.vibration.page import vibration_blocks
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block, Tone
+    from femtune.document.document import Block, Document, Level, Tone
     from femtune.steps.correlate.record.correlation import CriterionRecord
-    from femtune.steps.report_source import ReportSource
+    from femtune.steps.report_source import ReportSource, Subject
+    from femtune.steps.results import Results
     from femtune.steps.validate.record.frf_validation import PredictedCurves, PredictedResonance
-    from femtune.steps.validate.record.validation import (
-        GoodnessResults,
-        Prediction,
-        ValidationResults,
-        ValidationVerdict,
-    )
+    from femtune.steps.validate.record.validation import GoodnessResults, Prediction, ValidationVerdict
     from femtune.study.record import ModelVersion
 
 _VERDICT_TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"}
@@ -418,3 +416,33 @@ def criterion_cells(c: CriterionRecord) -> tuple[Cell, ...]:
 
 def _asked(c: CriterionRecord) -> str:
     return with_unit(f"{'≤' if c.sense == 'at most' else '≥'} {value(c.limit)}", c.unit)
+
+
+_NOTHING = "no data were held out of the update, so that the quality of predictions was not tested"
+
+
+def validation_document(subject: Subject, results: Results) -> Document:
+    """Verdicts, predictions, held-out sensors, whether the residuals of the update are noise, what was not tested."""
+    found = results.validation or ValidationResults(predictions=(), not_tested=())
+    sentence = outcome_sentence(found) or _NOTHING
+    sections = (
+        Section("verdicts", "Verdicts", tuple(validation_verdicts(found)[1:])),
+        Section("predictions", "Predictions", tuple(prediction_blocks(found, []) if found.predictions else ())),
+        Section("sensors", "Held-out sensors", tuple(sensor_blocks(found))),
+        Section("residuals", "Residuals of the update", tuple(_residuals(results))),
+        Section("open", "What was not tested", (Listing((*untested_reasons(found), *found.not_tested)),)),
+        *warnings_of(results),
+    )
+    return subject.document(as_sentence(sentence), _level(found), sections)
+
+
+def _residuals(results: Results) -> list[Block]:
+    update = results.update
+    if update is None or update.goodness is None:
+        return []
+    return [Paragraph(as_sentence(update.goodness.sentence), "poor" if update.goodness.verdict == "fail" else "")]
+
+
+def _level(found: ValidationResults) -> Level:
+    words = {v.verdict for v in found.verdicts}
+    return "problem" if "fail" in words else "info" if words - {NOT_TESTED} else "warning"

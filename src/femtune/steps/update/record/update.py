@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from femtune.steps.select.record.fisher import FisherResults
 from femtune.steps.update.record.iterations import IterationFrfs
@@ -18,11 +18,7 @@ from femtune.steps.update.record.stages import StageResults
 from femtune.steps.update.record.truncation import FrfTruncation
 from femtune.steps.validate.record.validation import GoodnessResults
 from femtune.study.record import CitationRecord, Record
-from femtune.updating.posterior import IntervalKind
-
-if TYPE_CHECKING:
-    pass
-
+from femtune.updating.kinds import IntervalKind
 
 BoundState = Literal["", "lower", "upper"]
 

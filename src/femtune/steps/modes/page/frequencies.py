@@ -1,4 +1,4 @@
-"""Natural frequencies of all configurations side by side, and responses, on the terminal."""
+"""Natural frequencies of all configurations side by side, on the terminal."""
 
 from __future__ import annotations
 
@@ -6,25 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from femtune.document.alert_boxes import alert_boxes
-from femtune.document.document import Cell, Column, Listing, Paragraph, Section, Table, columns, row
-from femtune.document.numbers import NONE, NOT_TESTED, counted, freq
-from femtune.steps.info.terminal import column_groups
+from femtune.document.document import Cell, Column, Listing, Section, Table, column_groups, columns, row
+from femtune.document.numbers import NONE, NOT_TESTED, freq
 from femtune.steps.modes.page.modes import MESH_HEADS, mesh_cells, mesh_sentences, solved_by, sturm_verdict
-from femtune.steps.respond.page import (
-    fdac_table,
-    frf_table,
-    how,
-    load_blocks,
-    ordered_pairs,
-    pole_blocks,
-    responses_verdict,
-)
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Document
     from femtune.steps.info.record.model import ModelModes
-    from femtune.steps.info.terminal import Subject
-    from femtune.steps.respond.record import ResponseResults
+    from femtune.steps.report_source import Subject
+
 
 _RIGID = "rigid body"
 _MODE = "Mode"
@@ -65,30 +55,3 @@ def _cell(m: ModelModes, i: int) -> Cell:
 
 def _sturm(m: ModelModes) -> str:
     return m.sturm_sentence or NOT_TESTED
-
-
-_MOST_ROWS = 24
-"""Functions that are listed on the terminal: about a screen; a note gives the number of the others."""
-
-
-def responses_document(subject: Subject, found: Sequence[ResponseResults]) -> Document:
-    """Peaks of the functions, complex modes, displacements."""
-    verdict, level = responses_verdict(found)
-    blocks = [b for r in found for b in _functions(r, len(found) > 1)]
-    sections = (
-        Section("functions", "Frequency responses", tuple(blocks)),
-        Section("poles", "Complex modes", tuple(pole_blocks([r for r in found if r.frfs is not None]))),
-        Section("loads", "Static loads", tuple(load_blocks(list(found), subject.length_unit))),
-    )
-    return subject.document(verdict, level, sections)
-
-
-def _functions(r: ResponseResults, named: bool) -> list[Block]:
-    if r.frfs is None:
-        return []
-    order = ordered_pairs(r.frfs)
-    name = f"{r.configuration}. " if named else ""
-    alerts = alert_boxes(r.alerts)
-    more = len(order) - _MOST_ROWS
-    rest = [Paragraph(f"and {counted(more, 'more function')} in --json and --report", "muted")] if more > 0 else []
-    return [*alerts, Paragraph(name + how(r.frfs)), frf_table([r], order[:_MOST_ROWS]), *fdac_table([r]), *rest]
