@@ -50,7 +50,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _let_go(path: Path, handle: int) -> None:
-    """Remove the file while it is held, so that nobody's else is removed; Windows removes no open file."""
+    """Remove the file while it is locked, so that no other run loses its file; Windows cannot remove an open file."""
     if sys.platform != "win32" and _in_place(path, handle):
         os.unlink(path)
     os.close(handle)
@@ -104,7 +104,7 @@ def _sign(handle: int) -> None:
 
 
 def _holder(handle: int) -> dict[str, str]:
-    """Who has signed; nobody where the text is none of ours."""
+    """Owner of the lock; empty if the text is not that of a lock file."""
     try:
         text = json.loads(os.read(handle, _MOST_TEXT_BYTES))
     except (ValueError, RecursionError):

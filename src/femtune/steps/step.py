@@ -58,7 +58,7 @@ def identification_of(path: Path) -> NamedFile | None:
 
 
 def no_file(path: Path) -> NamedFile | None:
-    """None: the step itself tells what is wrong with its files."""
+    """None: the step itself reports what is wrong with its files."""
     return None
 
 

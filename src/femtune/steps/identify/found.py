@@ -39,7 +39,7 @@ class Found:
     ----------
     modes : the result
     table, candidates : poles of every order and their clusters; None and () for methods without orders
-    by_method : frequencies (m,) of every method beside those of `modes`; NaN where it lacks the mode
+    by_method : frequencies (m,) by every method for each of `modes`; NaN where the method did not find the mode
     found_in : (m,) estimates that had each mode, of `estimates`; None where there is only one
     dropped : frequency and number of estimates of what too few of them had
     curve : behind the stabilisation diagram

@@ -87,7 +87,7 @@ def _by_method(made: IdentifiedModes) -> dict[str, NDArray[np.float64]]:
 
 
 def _in_order(values: NDArray, chosen: NDArray, modes: NDArray) -> NDArray[np.float64]:
-    """Values of the chosen clusters beside the fitted modes, which may have changed places."""
+    """Values of the chosen clusters in the order of the fitted modes, which may differ from that of the clusters."""
     at = [int(np.argmin(np.abs(chosen - f))) for f in modes]
     return np.asarray(values[at], dtype=float)
 

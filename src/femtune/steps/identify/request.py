@@ -91,7 +91,7 @@ def check_usable(record: TimeSeries) -> None:
     ------
     FemtuneError : ``record.dead`` where no response moves, ``record.values`` for numbers that are too large or small
     """
-    # sizes first: the squares that tell a dead channel would overflow
+    # magnitudes are checked first, because the squares that reveal a dead channel could overflow
     _check_size(record)
     responses = record.select_channels([*record.positions("reference"), *record.positions("response")])
     if len(responses) and dead_channels(responses).all():

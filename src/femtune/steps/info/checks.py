@@ -85,7 +85,7 @@ def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelChe
 
 
 def checks_of_modes(study: Study) -> tuple[list[ModelCheck], list[Alert]]:
-    """What the modes of each configuration tell of its mesh and of the mass of beams, if the model is small enough."""
+    """Checks of the mesh and of the mass of beams by the modes of each configuration, if the model is small enough."""
     reason, limit = mesh_not_checked(study), 100.0 * study.file.checks.mesh_error
     checks: list[ModelCheck] = []
     told: list[Alert] = []
@@ -165,7 +165,7 @@ def _worst(case: StudyCase, solution: EigenSolution, values: Reals) -> tuple[int
     inside = np.where(solution.freq_hz[: len(values)] <= top, np.abs(values), np.nan)
     if not np.isfinite(inside).any():
         return None
-    # modes in two planes change alike: the first of them is named, whatever rounding adds to the others
+    # modes in two planes change equally: the first of them is named, whatever the rounding of the others
     mode = int(np.flatnonzero(inside >= (1.0 - _EQUAL_CHANGE) * np.nanmax(inside))[0])
     return mode + 1, 100.0 * float(values[mode])
 

@@ -618,7 +618,7 @@ def _of_drilling(name: str, solution: EigenSolution) -> Iterable[Alert]:
 
 def _effective_masses(solution: EigenSolution) -> EffectiveMasses:
     masses = effective_mass(solution)
-    # rotations about a centre that nobody knows
+    # rotations about an unknown centre
     known = 6 if solution.point.configured.model.structure.nodes.has_coordinates else 3
     total = np.where(np.arange(6) < known, masses.total, 0.0)
     fractions = [

@@ -113,17 +113,17 @@ def _points(nodes: Sequence[int]) -> str:
 
 def _ranges(nodes: Sequence[int]) -> list[tuple[int, int]]:
     """Runs of numbers without a gap, of ascending numbers."""
-    found: list[tuple[int, int]] = []
+    ranges: list[tuple[int, int]] = []
     for node in nodes:
-        if found and node == found[-1][1] + 1:
-            found[-1] = found[-1][0], node
+        if ranges and node == ranges[-1][1] + 1:
+            ranges[-1] = ranges[-1][0], node
         else:
-            found.append((node, node))
-    return found
+            ranges.append((node, node))
+    return ranges
 
 
 def beside_deck_tables(found: Sequence[BesideDeck]) -> list[Block]:
-    """The elastic modes of the external solver beside those of the deck, for page and terminal; a table each input."""
+    """The elastic modes of the external solver and those of the deck, for page and terminal: one table per input."""
     heads = columns("Mode", ">Solver Hz", ">Deck Hz", ">Difference %", ">MAC", "Alike")
     used = "The update begins with derivatives of the deck."
     unused = "Derivatives are those of the solver alone."

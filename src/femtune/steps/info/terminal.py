@@ -95,7 +95,7 @@ _ENTRY_ROUNDING = 1e-9
 
 
 def info_document(subject: Subject, facts: ModelFacts) -> Document:
-    """Cards, PARAMs and notices, then a section each configuration."""
+    """Cards, PARAMs and notices, then one section for each configuration."""
     level: Level = "info" if all(c.rigid_body_check.verdict == "pass" for c in facts.configurations) else "warning"
     deck = Section("deck", f"{subject.word} {subject.deck}", tuple(_deck(subject, facts)))
     each = (Section(c.configuration, c.configuration, tuple(_configuration(subject, c))) for c in facts.configurations)
@@ -103,13 +103,13 @@ def info_document(subject: Subject, facts: ModelFacts) -> Document:
 
 
 def _verdict(facts: ModelFacts) -> str:
-    found: dict[str, list[str]] = {}
+    remarks: dict[str, list[str]] = {}
     for c in facts.configurations:
-        found.setdefault(c.rigid_body_check.verdict, []).append(c.configuration)
+        remarks.setdefault(c.rigid_body_check.verdict, []).append(c.configuration)
     words = {"pass": "passed", "fail": "failed", "not tested": NOT_TESTED}
     if len(facts.configurations) == 1:
-        return f"Rigid-body check: {words[next(iter(found))]}."
-    parts = [f"{words[verdict]} in {listed(names)}" for verdict, names in found.items()]
+        return f"Rigid-body check: {words[next(iter(remarks))]}."
+    parts = [f"{words[verdict]} in {listed(names)}" for verdict, names in remarks.items()]
     return f"Rigid-body check: {'; '.join(parts)}." if parts else "There is no configuration."
 
 
@@ -137,10 +137,10 @@ def _beside(subject: Subject, facts: ModelFacts) -> ModelFacts:
     return facts.model_copy(update={"cards_ignored": ignored})
 
 
-def _parameters(found: tuple[DeckParameterRecord, ...]) -> list[Block]:
+def _parameters(parameters: tuple[DeckParameterRecord, ...]) -> list[Block]:
     """A line each effect, those with the same remark together."""
     groups: dict[str, list[str]] = {}
-    for p in sorted(found, key=lambda p: not p.understood):
+    for p in sorted(parameters, key=lambda p: not p.understood):
         remark = f" ({p.remark})" if p.remark else ""
         head = f"PARAM {'understood' if p.understood else 'ignored'}{remark}"
         groups.setdefault(head, []).append(f"{p.name}={p.value}" if p.value else p.name)

@@ -60,7 +60,7 @@ class GuessedUnits:
     ----------
     units : of the deck
     of_test : of the test; None where the file states them
-    reasons : sentences that tell why
+    reasons : sentences with the reasons
     doubts : contradictions, each with what to write
     """
 

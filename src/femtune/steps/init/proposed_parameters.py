@@ -49,7 +49,7 @@ Shapes are measured less accurately than frequencies.
 
 @dataclass(frozen=True)
 class Kind:
-    """What a field of some cards is, and the usual bounds of the factor on it."""
+    """Meaning of a field of some cards, and the usual bounds of the factor on it."""
 
     what: str
     lower: float
@@ -106,15 +106,15 @@ class FieldCandidate:
 
 @dataclass(frozen=True)
 class Proposed:
-    """A candidate and what the test could tell of it, standard deviations in % of its value.
+    """A candidate and the information of the test on it, as standard deviations in % of its value.
 
     Parameters
     ----------
     proposed : whether it should be updated
-    sd_percent : expected standard deviation beside the other proposed ones, or, of one that is not proposed, beside
-        them as one more; None where the data leave it open
+    sd_percent : expected standard deviation if all proposed parameters are updated, and this one in addition if it
+        is not proposed; None where the data do not determine it
     alone_percent : the same if all others were known; None without effect
-    like : a proposed parameter with nearly the same effect, "" where there is none
+    like : a proposed parameter with nearly the same effect, "" without one
     """
 
     candidate: FieldCandidate
@@ -201,7 +201,7 @@ def sensitivities(parameters: ParameterSet, case: ComparedCase, solution: EigenS
 
 
 def _sd(S: Reals, columns: list[int]) -> Reals:
-    """Standard deviations of some parameters beside each other, in those of the prior; inf where undetermined."""
+    """Standard deviations of parameters updated together, in units of the prior ones; inf where undetermined."""
     if not columns:
         return np.zeros(0)
     return fisher_information(S[:, columns], ("",) * len(columns)).together

@@ -19,7 +19,7 @@ class StudyText:
     lines: list[str] = field(default_factory=list)
 
     def say(self, *sentences: str, indent: str = "") -> None:
-        """Comments, each sentence on lines of its own."""
+        """Comments; each sentence begins a new line."""
         for sentence in sentences:
             first, rest = f"# {indent}", f"# {' ' * len(indent)}"
             self.lines += textwrap.wrap(

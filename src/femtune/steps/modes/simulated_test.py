@@ -35,7 +35,7 @@ class SimulatedTest:
     path : Universal File to write; with several configurations each has its own, with its number in the name; None
         where none is wanted
     sensors : ``"12Z+"``, or nodes and components: ``"101 THRU 160:123"``, along the displacement axes of the points
-    units : length-mass-s of a deck alone, which tells none
+    units : length-mass-s of a deck alone, which does not state them
     frequency_scatter : standard deviation of each frequency, relative to it
     shape_scatter : standard deviation at each sensor, relative to the largest entry of the shape
     seed : of the random errors

@@ -46,7 +46,7 @@ class PlannedDesign:
     ----------
     uniaxial : candidates
     excitation : None without exciters
-    known : what the test tells of the parameters; None without free parameters
+    known : information of the test on the parameters; None without free parameters
     every : (k, k) information with a sensor at every candidate, where it is known
     lines : positions of the frequency lines that were chosen; None for all of them
     order : of the reduced model that the FRFs are from; None for the full one

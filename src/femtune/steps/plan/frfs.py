@@ -68,7 +68,7 @@ class Directions:
 
     @property
     def keys(self) -> list[bytes]:
-        """What tells one from another."""
+        """Keys that distinguish the directions."""
         return [np.append(r, v).tobytes() for r, v in zip(self.rows.astype(float), self.vectors)]
 
 

@@ -156,7 +156,7 @@ class _Maker:
         return (self.sites.axes @ motion).reshape(-1, motion.shape[-1])
 
     def at(self, solution: EigenSolution, targets: Integers) -> PointDerivatives:
-        """At one solution; rigid-body modes tell nothing."""
+        """At one solution; rigid-body modes carry no information."""
         rigid = is_rigid(solution)[: solution.wanted]
         elastic = [int(t) for t in targets if not rigid[t]]
         largest = largest_entries(self._at_sites(solution))
@@ -191,7 +191,7 @@ class _Maker:
 
 
 class CalibrationKnown(Protocol):
-    """What the planned test would tell of the parameters, of the calibration with modes or with FRFs."""
+    """Information of the planned test on the parameters, in a calibration with modes or with FRFs."""
 
     def objective(self, rows: Integers, axes: Reals, placed: Sequence[SiteSensor]) -> Objective:
         """For candidates at rows (s,) along directions (s, d, 3), beside sensors that are there."""

@@ -89,7 +89,7 @@ def plan_test(
     options : keys of [plan] that take the place of the study's
     fresh : do not take solutions from the journal of the study's run folder
     files : a Universal File and a table to write
-    units : of a deck alone, which tells none
+    units : of a deck alone, which does not state them
     page : where the report will be written; not a file that was read
 
     Raises

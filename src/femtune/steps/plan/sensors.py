@@ -188,7 +188,7 @@ class SensorPlan:
             self.sensors.append(self._sensor("visualisation", int(i), self._best_axis(int(i))))
 
     def _best_axis(self, i: int) -> int:
-        """The normal, or where there is none the axis along which the target modes move most."""
+        """The normal, or without one the axis along which the target modes move most."""
         if self._table.directions == "normal" and self._sites.on_surface[i]:
             return 2
         return int(np.argmax((self._sites.local[i] ** 2).sum(axis=1)))

@@ -553,7 +553,7 @@ def _ordinate(kind: str, unit: str) -> str:
 
 
 def _iteration_functions(source: ReportSource, frfs: IterationFrfs, share: int) -> IterationFunctionsView:
-    """Functions, evenly spaced where there is no room for all, and every n-th line where there is none for one."""
+    """Functions, evenly spaced if there is no room for all, and every n-th line if there is no room for a whole one."""
     freq, values, test = (source.arrays[key] for key in (frfs.freq_key, frfs.values_key, frfs.test_values_key))
     iterations, _, inputs, lines = values.shape
     thin = slice(None, None, -(-8 * iterations * lines // share))

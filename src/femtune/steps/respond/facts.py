@@ -173,7 +173,7 @@ def _ports(
 
 
 def _numbered(count: int) -> DofSet:
-    """Labels for combinations that have no DOF of their own; names and order tell them apart."""
+    """Labels for combinations that are not a single DOF; names and order distinguish them."""
     return DofSet(Dof(k + 1, "S") for k in range(count))
 
 

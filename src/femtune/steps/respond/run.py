@@ -93,7 +93,7 @@ def solve_responses(
     ----------
     options : keys of [response] that take the place of the study's
     uff : Universal File for the FRFs; with several configurations each has its own, with its number in the name
-    units : of a deck alone, which tells none
+    units : of a deck alone, which does not state them
     page : where the report will be written; not a file that was read
     noise : of the FRFs in the file; what is returned has none
 

@@ -106,7 +106,7 @@ def search_minimum(
     jobs: int | None = None,
     table_of_front: Path | None = None,
 ) -> SearchResult:
-    """The minimum of the squared residuals within the bounds, from the initial values of nobody.
+    """The minimum of the squared residuals within the bounds, without initial values.
 
     Parameters
     ----------

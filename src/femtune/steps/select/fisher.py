@@ -20,7 +20,7 @@ from femtune.steps.select.record.fisher import FisherResults, KnownParameter
 def known_of_frfs(
     study: Study, at: Evaluation, stage: Literal["before", "after"], active: Sequence[str] | None = None
 ) -> ExpectedKnowledge | None:
-    """What the data tell at an evaluation; None for studies without residuals of measured FRFs.
+    """Information of the data at an evaluation; None for studies without residuals of measured FRFs.
 
     Parameters
     ----------

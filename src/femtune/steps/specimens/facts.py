@@ -1,4 +1,4 @@
-"""Nominally identical specimens beside each other, as records."""
+"""The comparison of nominally identical specimens, as records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The step specimens: each specimen of a study calibrated by itself, beside the joint calibration."""
+"""The step specimens: each specimen of a study calibrated separately, and compared with the joint calibration."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ _NO_VALUE = "its expression is not finite at the updated parameters"
 
 
 def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResult]:
-    """The derived quantities of a study after an update; an expression without a value there says so."""
+    """The derived quantities of a study after an update; an expression without a value has a sentence instead."""
     for quantity in quantities(study):
         before, after = (_known(quantity, result.parameters, x) for x in (np.zeros(len(result.x)), result.x))
         sd = np.nan if after is None else result.spread(after.grad)

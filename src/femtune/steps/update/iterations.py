@@ -38,7 +38,7 @@ def iteration_frfs(
     ----------
     units : of the functions; None where they are not known
     arrays : gets the lines and the values
-    identified : tests by configuration, whose identified modes are shown beside the measured functions
+    identified : tests by configuration, whose identified modes are shown with the measured functions
     """
     sets: dict[tuple, list[tuple[int, FittedFrfs]]] = {}
     for number, iteration in enumerate(history):

@@ -393,7 +393,8 @@ def _not_tested(
 
 
 def _of_ratio(study: Study) -> bool:
-    """True if no data tell how large stiffness and mass are: none depends on it, nothing was weighed or added.
+    """True if the data determine only the ratio of stiffness to mass: no residual depends on their level, and nothing
+    was weighed or added.
 
     An error that all frequencies share is stated in `common_frequency_sd`, and then shown.
     """
@@ -410,7 +411,7 @@ def responses_not_tested(study: Study, predicted: bool, responses: Iterable[Resp
 
     Parameters
     ----------
-    predicted : whether FRFs that were not used, or vibration tests, are beside those of the model
+    predicted : whether FRFs that were not used, or vibration tests, are compared with those of the model
     responses : those of [response] at the end
     """
     with_ratios = any(c.entry.kind in ("complex-eigenvalue", "damping") for c in study.file.comparisons)

@@ -1,4 +1,4 @@
-"""Sweeps and random vibration tests beside the model."""
+"""Sweeps, random vibration and transient tests compared with the model."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def pair_places(comparison: CorrelationResults) -> tuple[tuple[int, int], ...]:
 
 
 def _auto(source: ReportSource, comparison: CorrelationResults) -> list[Block]:
-    """AutoMAC of test and model: which shapes the sensors can tell apart."""
+    """AutoMAC of test and model: which shapes the sensors can distinguish."""
     test = _labels(comparison.mac_test_labels, comparison.mac_test_freq_hz)
     kept = shown_columns(comparison)
     parts = (
@@ -212,15 +212,15 @@ Modes just above the measured band can be partners of unpaired test modes; those
 
 def unpaired_test(source: ReportSource, names: list[str]) -> list[Block]:
     """Test modes without a partner with the reason; versions with the same reason share a row."""
-    found: dict[tuple[str, str, float, str], list[str]] = {}
+    modes: dict[tuple[str, str, float, str], list[str]] = {}
     for name in names:
         for comparison in source.shown(name):
             for m in comparison.unpaired_test:
                 key = (name, m.test_label, m.test_freq_hz, m.reason)
-                found.setdefault(key, []).append(VERSION_HEADS[comparison.stage])
+                modes.setdefault(key, []).append(VERSION_HEADS[comparison.stage])
     rows = [
         row(name, label, freq(hz), " and ".join(versions), reason)
-        for (name, label, hz, reason), versions in found.items()
+        for (name, label, hz, reason), versions in modes.items()
     ]
     heads = columns("Configuration", "Test mode", ">Hz", "When", "Reason")
     return [Table("Test modes without a partner", heads, tuple(rows))] if rows else []
@@ -231,12 +231,12 @@ def unpaired_model(source: ReportSource, names: list[str]) -> list[Block]:
 
     How many lie higher is said, and rigid-body motions share a line.
     """
-    found = [_model_rows(source.shown(name)) for name in names]
-    near = [r for rows in found for r in rows if _in_range(r)]
-    if not any(found):
+    rows_of = [_model_rows(source.shown(name)) for name in names]
+    near = [r for rows in rows_of for r in rows if _in_range(r)]
+    if not any(rows_of):
         return []
     heads = columns("Configuration", ">Model mode", ">Hz before", ">Hz after", "Remark")
-    notes = [note for rows in found for note in _notes(rows)]
+    notes = [note for rows in rows_of for note in _notes(rows)]
     table = Table("Model modes without a partner", heads, tuple(_plain(source, r) for r in near), " ".join(notes))
     return [table] if near else [Paragraph(note, "muted") for note in notes]
 
@@ -269,12 +269,12 @@ def others(name: str, comparison: CorrelationResults, rigid: int, higher: int) -
 
 def _model_rows(comparisons: list[CorrelationResults]) -> list[_Row]:
     """Configuration, number, frequency by version, and the last comparison where it has no partner."""
-    found: dict[int, tuple[dict[str, float], CorrelationResults]] = {}
+    modes: dict[int, tuple[dict[str, float], CorrelationResults]] = {}
     for comparison in comparisons:
         for m in comparison.unpaired_model:
-            known = found[m.model_number][0] if m.model_number in found else {}
-            found[m.model_number] = (known | {VERSION_HEADS[comparison.stage]: m.model_freq_hz}, comparison)
-    return [(comparison.configuration, number, hz, comparison) for number, (hz, comparison) in sorted(found.items())]
+            known = modes[m.model_number][0] if m.model_number in modes else {}
+            modes[m.model_number] = (known | {VERSION_HEADS[comparison.stage]: m.model_freq_hz}, comparison)
+    return [(comparison.configuration, number, hz, comparison) for number, (hz, comparison) in sorted(modes.items())]
 
 
 def _plain(source: ReportSource, entry: _Row) -> tuple[Cell, ...]:

@@ -36,12 +36,12 @@ def expansion(source: ReportSource) -> list[Block]:
     return blocks or [Paragraph("Not computed: the study does not request an expansion (expand in [correlate]).")]
 
 
-def _configuration(source: ReportSource, name: str, found: Sequence[CorrelationResults]) -> list[Block]:
-    last = found[-1]
+def _configuration(source: ReportSource, name: str, correlations: Sequence[CorrelationResults]) -> list[Block]:
+    last = correlations[-1]
     assert last.expansion is not None
     return [
         Heading(name),
-        *(block for c in found if c.expansion is not None for block in expansion_table(c, c.expansion)),
+        *(block for c in correlations if c.expansion is not None for block in expansion_table(c, c.expansion)),
         *_pictures(source, last, last.expansion),
     ]
 

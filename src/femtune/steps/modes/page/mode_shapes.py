@@ -164,11 +164,11 @@ def _drawn(source: ReportSource, kept: ModeShapes, comparison: CorrelationResult
         kept.translations_key, kept.sensor_positions_key, kept.sensor_directions_key, kept.sensor_rotations_key,
         kept.test_shapes_key, kept.model_at_sensors_key,
     )  # fmt: skip
-    found = [a for a in map(source.array, keys) if a is not None]
+    arrays = [a for a in map(source.array, keys) if a is not None]
     frame = structure_of(source, kept)
-    if frame is None or len(found) < len(keys):
+    if frame is None or len(arrays) < len(keys):
         return None
-    motion, seats, directions, rotations, test, seen = found
+    motion, seats, directions, rotations, test, seen = arrays
     return _Drawn(
         frame, motion.astype(float), seats.astype(float), directions.astype(float), rotations.astype(bool),
         test.astype(float), seen.astype(float), comparison.mac_test_labels,

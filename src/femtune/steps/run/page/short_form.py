@@ -80,12 +80,12 @@ def _table(comparisons: list[CorrelationResults]) -> Block:
 
 
 def _test_modes(comparisons: list[CorrelationResults]) -> list[tuple[str, float]]:
-    found: dict[str, float] = {}
+    modes: dict[str, float] = {}
     for s in comparisons:
-        found |= {p.test_label: p.test_freq_hz for p in s.pairs}
-        found |= {m.test_label: m.test_freq_hz for m in s.unpaired_test}
-        found |= {m.test_label: m.test_freq_hz for m in s.left_out}
-    return sorted(found.items(), key=lambda entry: entry[1])
+        modes |= {p.test_label: p.test_freq_hz for p in s.pairs}
+        modes |= {m.test_label: m.test_freq_hz for m in s.unpaired_test}
+        modes |= {m.test_label: m.test_freq_hz for m in s.left_out}
+    return sorted(modes.items(), key=lambda entry: entry[1])
 
 
 def _cells(comparison: CorrelationResults, label: str) -> list[Cell]:
@@ -153,24 +153,24 @@ def undetermined(source: ReportSource) -> list[Block]:
     selection = source.results.selection
     if selection is None:
         return [Paragraph("The identifiability of the parameters was not tested.")]
-    weak, found = len(selection.weakly_determined), selection.undetermined
+    weak, combinations = len(selection.weakly_determined), selection.undetermined
     tail = f"; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined" if weak else ""
     update = source.results.update
     fisher = None if update is None else update.fisher
     known: list[Block] = [] if fisher is None else [Listing(fisher.sentences)]
     known += [Paragraph(s.sentence) for s in selection.smoothness if s.sentence]
-    if not found:
+    if not combinations:
         return [Paragraph(f"The data leave no combination of parameters undetermined{tail}."), *known]
-    lines = _some([c.sentence for c in found], "combination")
+    lines = _some([c.sentence for c in combinations], "combination")
     return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines)), *known]
 
 
 def not_tested(source: ReportSource) -> list[Block]:
-    """What nobody tested: predictions and criteria."""
-    found = source.results.validation
-    if found is None:
+    """Predictions and criteria that were not tested."""
+    validation = source.results.validation
+    if validation is None:
         return [Paragraph("Not tested: prediction of data that the update did not use. No validation was run.")]
-    lines = [*_untested_criteria(source), *untested_reasons(found), *found.not_tested]
+    lines = [*_untested_criteria(source), *untested_reasons(validation), *validation.not_tested]
     return [Heading("Not tested"), Listing(tuple(_some(lines, "line")))] if lines else []
 
 

@@ -168,12 +168,14 @@ def _optimality(update: UpdateResults) -> list[Block]:
     """Which point the result is, what it costs, and how well it meets the conditions of a minimum."""
     if not update.ok or update.certificate is None:
         return []
-    found, small = update.certificate, update.smallest_change
-    negative = [m for m in found.multipliers if m.value < 0.0]
-    bounds = f"{counted(len(found.multipliers), 'parameter')} at a bound, {len(negative)} with a negative multiplier"
+    certificate, small = update.certificate, update.smallest_change
+    negative = [m for m in certificate.multipliers if m.value < 0.0]
+    bounds = (
+        f"{counted(len(certificate.multipliers), 'parameter')} at a bound, {len(negative)} with a negative multiplier"
+    )
     conditions = (
-        f"Conditions of a minimum: projected gradient {short(found.projected_gradient)}; a further Gauss-Newton step "
-        f"would reduce the sum of squares by {short(found.predicted_decrease)} of its value; {bounds}."
+        f"Conditions of a minimum: projected gradient {short(certificate.projected_gradient)}; a further Gauss-Newton "
+        f"step would reduce the sum of squares by {short(certificate.predicted_decrease)} of its value; {bounds}."
     )
     if small is None:
         which = f"The result is the minimum within the bounds: χ² = {value(update.chi_square)}."
@@ -185,10 +187,14 @@ def which_point(update: UpdateResults) -> list[str]:
     """A short sentence on which point the result is; none without an optimum."""
     if not update.ok or update.certificate is None:
         return []
-    found, small = update.certificate, update.smallest_change
-    negative = sum(m.value < 0.0 for m in found.multipliers)
-    signs = f", {negative} of {counted(len(found.multipliers), 'multiplier')} negative" if found.multipliers else ""
-    conditions = f"projected gradient {short(found.projected_gradient)}{signs}"
+    certificate, small = update.certificate, update.smallest_change
+    negative = sum(m.value < 0.0 for m in certificate.multipliers)
+    signs = (
+        f", {negative} of {counted(len(certificate.multipliers), 'multiplier')} negative"
+        if certificate.multipliers
+        else ""
+    )
+    conditions = f"projected gradient {short(certificate.projected_gradient)}{signs}"
     if small is None:
         return [f"Result: the minimum within the bounds, χ² = {value(update.chi_square)} ({conditions})."]
     return [
