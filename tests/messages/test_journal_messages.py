@@ -10,8 +10,11 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
+from femtune.files.study_file import StudyFile, read_study_file
 from femtune.journal.entry import Entry
 from femtune.journal.journal import open_journal
+from femtune.journal.run_files import RESULTS_FILE
+from femtune.steps.held_folder import held
 from femtune.steps.run_lock import LOCK_FILE, locked
 
 ENTRY = Entry({"shapes": np.zeros(1000)}, {})
@@ -53,3 +56,35 @@ def test_a_full_journal(tmp_path: Path) -> None:
 def test_a_journal_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "journal").touch()
     check_shown("journal.unwritable", _notices(tmp_path))
+
+
+def _study(folder: Path, name: str, title: str) -> StudyFile:
+    path = folder / name
+    path.write_text(f'[study]\ntitle = "{title}"\ndeck = "beam.bdf"\nunits = "m-kg-s"\n[output]\nfolder = "run"\n')
+    return read_study_file(path)
+
+
+def _refusal(folder: Path, file: StudyFile) -> str:
+    with pytest.raises(FemtuneError) as caught, held(file, folder / "run", "update"):
+        pass
+    return str(caught.value).replace(str(folder), "FOLDER")
+
+
+@pytest.fixture
+def beams(tmp_path: Path) -> Path:
+    (tmp_path / "beam.bdf").write_text("BEGIN BULK\nENDDATA\n")
+    return tmp_path
+
+
+def test_the_folder_of_another_study(beams: Path) -> None:
+    first, second = _study(beams, "first.toml", "First beam"), _study(beams, "second.toml", "Second beam")
+    with held(first, beams / "run", "update") as place:
+        (place.path / RESULTS_FILE).touch()
+    check_shown("run.other-study", _refusal(beams, second))
+
+
+def test_a_file_of_another(beams: Path) -> None:
+    (beams / "run").mkdir()
+    (beams / "run" / RESULTS_FILE).write_text("mine")
+    check_shown("run.other-file", _refusal(beams, _study(beams, "first.toml", "First beam")))
+    assert (beams / "run" / RESULTS_FILE).read_text() == "mine"

@@ -15,6 +15,7 @@ import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.uff import write_uff_modes
+from femtune.journal.run_files import OWNER_FILE
 from femtune.modal import ModeSet
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
@@ -231,13 +232,15 @@ CASES = (
          "run", None, "run is a file, not a folder", "another folder"),
     Case("run.unwritable", lambda f: f.tail('[output]\nfolder = "beam.uff/run"\n'),
          "beam.uff/run", None, "beam.uff is a file", "another folder"),
-    Case("write.overwrites-input", _run_over_the_deck, "updated.bdf", None, "would overwrite", "another folder"),
+    Case("write.overwrites-input", _run_over_the_deck, "study.toml", None, "the deck would be overwritten",
+         "another name or folder"),
 )  # fmt: skip
 
 
 def _contents(folder: Path) -> dict[Path, bytes]:
-    """All files but the journal, which keeps what was solved before an error."""
-    return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file() and p.parent.name != "journal"}
+    """All files but the journal, which keeps what was solved before an error, and the note whose it is."""
+    files = (p for p in folder.rglob("*") if p.is_file() and p.parent.name != "journal" and p.name != OWNER_FILE)
+    return {p: p.read_bytes() for p in files}
 
 
 def _error(files: Files) -> FemtuneError:

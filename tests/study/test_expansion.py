@@ -169,9 +169,10 @@ def test_a_reversed_sensor_is_the_one_that_lowers_the_mac(bench: Bench) -> None:
 
 def test_a_file_that_cannot_be_written_is_an_alert_and_not_the_end_of_a_run(beam: Bench) -> None:
     study = beam.study(f'{EI}[correlate]\nexpand = "serep"\n')
-    (beam.folder / "run").mkdir()
+    assert "expanded.uff" in ft.update(study).files
     (beam.folder / "run" / "expanded.uff").write_text("not a Universal File")
     result = ft.update(study)
+    assert "expanded.uff" not in result.files
     assert [a.code for a in result.results.alerts if a.level == "problem"] == ["uff.cannot-write"]
     assert (result.folder / "expanded.uff").read_text() == "not a Universal File"
     assert result.deck is not None

@@ -14,9 +14,10 @@ from femtune.errors import FemtuneError
 from femtune.executor import Serial
 from femtune.executor.interface import nothing
 from femtune.files.study_file import QuantifyTable
+from femtune.journal.run_files import forget
 from femtune.steps.quantify.page import variability_blocks
 from femtune.steps.quantify.record import QuantifyResults
-from femtune.steps.quantify.run import SAMPLES_FILE, forget_samples, in_words_of_the_study, quantify_at, repeats_of
+from femtune.steps.quantify.run import SAMPLES_FILE, in_words_of_the_study, quantify_at, repeats_of
 from femtune.steps.report.build import build_report
 from femtune.study.progress import silent
 from femtune.study.study import load_study
@@ -142,7 +143,7 @@ def test_samples_of_other_processes_that_have_ended_survive_a_kill(repeated, mon
     # another model: nothing of it is used
     x = np.array([0.01, 0.0])
     assert cloud(31, bench.folder)[0] == 30
-    forget_samples(bench.folder)
+    forget(bench.folder, "update")
     assert not file.exists()
 
 

@@ -1,4 +1,4 @@
-"""The group of commands: one for each step, as its folder declares it, and two that are no steps.
+"""The group of commands: one for each step, as its folder declares it, and two others.
 
 What they do is in the library; it is imported when a command runs, so that help is quick.
 """

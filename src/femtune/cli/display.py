@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 QUIET_S = 2.0
-"""What takes less than this shows nothing."""
-
+"""Time in s before progress is shown; shorter steps show none."""
 BETWEEN_LINES_S = 5.0
+"""Time in s between two lines of progress where the output is no terminal: log files stay short."""
 
 
 class Display:
@@ -50,7 +50,7 @@ class Display:
             self._show.step(printable(text), done, total)
 
     def _log(self, text: str, done: int, total: int | None) -> None:
-        """Every new step; of a step that counts, a line now and then and the last."""
+        """A line for every new step, and for a step that counts also a line every few seconds and one at its end."""
         now = self._clock()
         if text != self._logged or done == total or now >= self._next:
             log_step(text, done, total)
@@ -71,13 +71,13 @@ class _Lines:
             self._next = self._clock() + BETWEEN_LINES_S
 
     def close(self) -> None:
-        """Nothing is left open."""
+        """Nothing to close."""
 
 
 class _Bar:
-    """A bar that a timer makes visible, so that it also appears while a step says nothing.
+    """A bar that a timer shows, so that it also appears while a step reports nothing.
 
-    rich is imported by the timer: what takes less than two seconds does without.
+    The timer imports rich: a command of less than two seconds does not need it.
     """
 
     def __init__(self) -> None:

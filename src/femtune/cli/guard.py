@@ -24,20 +24,25 @@ from femtune.cli.log import RESULTS
 from femtune.errors import FemtuneError, printable
 from femtune.steps.step import BAD_INPUT, coloured
 
-FAULT, INTERRUPTED, TERMINATED = 70, 130, 143
-
+FAULT = 70
+"""Exit status after an error in femtune itself: EX_SOFTWARE of sysexits.h."""
+INTERRUPTED = 130
+"""Exit status after Ctrl-C: 128 + SIGINT, as shells report it."""
+TERMINATED = 143
+"""Exit status after a request to terminate: 128 + SIGTERM."""
 CRASH_FILE = "femtune-crash.txt"
+"""File with the traceback of an error in femtune itself."""
 
 
 @dataclass(frozen=True)
 class Running:
-    """The command that runs: where it writes, as far as that is known, and since when."""
+    """The command that is running: its run folder, if known, and the time of its start."""
 
     place: Path
     started: float = field(default_factory=time.time)
 
     def folder(self) -> Path | None:
-        """The run folder where it exists."""
+        """The run folder, if it exists."""
         # False too for a name that no folder can have
         return self.place if os.path.isdir(self.place) else None
 
@@ -47,18 +52,18 @@ class Running:
         return sorted(f for f in folder.iterdir() if f.is_file() and self._is_new(f)) if folder else []
 
     def journaled(self) -> list[str]:
-        """What is in the journal, in words, where the command has written into the run folder."""
+        """Contents of the journal in words, if the command has written into the run folder."""
         folder = self.folder()
         journal = folder / "journal" if folder is not None else None
         if journal is None or not os.path.isdir(journal):
             return []
-        found = []
+        counts = []
         if self._is_new(journal) or self.written():
-            found.append(_counted(sum(name.endswith(".npz") for name in os.listdir(journal)), "solution", journal))
+            counts.append(_counted(sum(name.endswith(".npz") for name in os.listdir(journal)), "solution", journal))
         runs = journal / "runs.sqlite"
         if runs.is_file() and self._is_new(runs):
-            found.append(_counted(_rows(runs), "external run", runs))
-        return [text for text in found if text]
+            counts.append(_counted(_rows(runs), "external run", runs))
+        return [text for text in counts if text]
 
     def _is_new(self, path: Path) -> bool:
         # file systems store times with a granularity of up to 2 s
@@ -70,7 +75,7 @@ def _counted(count: int, what: str, place: Path) -> str:
 
 
 def _rows(path: Path) -> int:
-    """Number of external runs in their journal; 0 where it cannot be read."""
+    """Number of external runs in their journal; 0 if it cannot be read."""
     import sqlite3  # noqa: PLC0415  few interrupted commands have external runs
 
     try:
@@ -90,7 +95,7 @@ def _terminate(*_: object) -> NoReturn:
 
 @contextmanager
 def _ends_when_asked() -> Iterator[None]:
-    """SIGTERM ends the command as Ctrl-C does; only the main thread may say so."""
+    """Let SIGTERM end the command as Ctrl-C does; only the main thread may set a handler."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -155,6 +160,7 @@ def _refused(ctx: click.Context, error: FemtuneError) -> NoReturn:
 
 
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of the operating system: the disk is full, the quota is used up, the file is too large."""
 
 
 def _disk_full(fault: OSError) -> FemtuneError:
@@ -173,7 +179,7 @@ def _out_of_memory(short: MemoryError) -> FemtuneError:
 
 
 def _interrupted(ctx: click.Context, asked: KeyboardInterrupt) -> NoReturn:
-    """Say what has been kept."""
+    """State what has been kept."""
     running = ctx.find_object(Running)
     files = ", ".join(str(file) for file in running.written()) if running else ""
     kept = f"kept: {files}" if files else "nothing was written"
@@ -199,7 +205,8 @@ def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:
 
 
 def _write_crash(running: Running | None, fault: Exception) -> str:
-    """Path of the file with the traceback: in the run folder, else here, else where temporary files are kept."""
+    """Path of the file with the traceback: in the run folder, else in the current folder, else in that of temporary
+    files."""
     lines = [f"femtune {__version__}, Python {sys.version.split()[0]}, {platform.platform()}"]
     lines += [f"command: {' '.join(sys.argv)}", "", *traceback.format_exception(fault)]
     text = "\n".join(line.rstrip("\n") for line in lines)

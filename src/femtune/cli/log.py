@@ -1,7 +1,7 @@
 """The log of a command: every step, warning and error with its time, in a file or on standard error.
 
 The lines are records of the loggers ``femtune.progress`` and ``femtune.results`` of Python's `logging`, which also a
-program that uses the library can send wherever it likes.
+program that uses the library can direct as it likes.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ RESULTS = logging.getLogger("femtune.results")
 _ALL = logging.getLogger("femtune")
 # without a handler Python would print warnings once more
 _ALL.addHandler(logging.NullHandler())
-_FORM = "%(asctime)s %(levelname)-7s %(message)s"
-_LINE = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ")
+_FORMAT = "%(asctime)s %(levelname)-7s %(message)s"
+_DATED_LINE = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ")
 _VERBOSE = "femtune.verbose"
 
 
@@ -37,7 +37,7 @@ class _Utc(logging.Formatter):
     converter = staticmethod(time.gmtime)
 
     def __init__(self) -> None:
-        super().__init__(_FORM, "%Y-%m-%dT%H:%M:%SZ")
+        super().__init__(_FORMAT, "%Y-%m-%dT%H:%M:%SZ")
 
     def format(self, record: logging.LogRecord) -> str:
         """One line for each line of the message, without control characters."""
@@ -79,18 +79,18 @@ def _is_log(path: Path) -> bool:
         return False
     with path.open("rb") as stream:
         begin = stream.read(30)
-    return not begin or _LINE.match(begin) is not None
+    return not begin or _DATED_LINE.match(begin) is not None
 
 
 def be_verbose(context: click.Context, option: click.Parameter, given: bool) -> None:
-    """Every step as a line on standard error, in place of the bar."""
+    """Print every step as a line on standard error, instead of the bar."""
     if given:
         context.find_root().meta[_VERBOSE] = True
         context.find_root().with_resource(_receiving(PROGRESS, logging.StreamHandler(sys.stderr)))
 
 
 def is_verbose(context: click.Context) -> bool:
-    """Whether the steps are shown as lines already."""
+    """True if the steps are already shown as lines."""
     return bool(context.find_root().meta.get(_VERBOSE))
 
 

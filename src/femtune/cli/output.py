@@ -107,16 +107,6 @@ def document_of(run: RunResult, progress: Progress) -> Document:
     from femtune.steps.report.build import build_report  # noqa: PLC0415
 
     document = build_report(run.results, run.arrays)
-    files = Section("files", "Files", (Paragraph(f"{run.folder}: {', '.join(_written(run))}"),))
+    names = (*((run.report.name,) if run.report else ()), *run.files)
+    files = Section("files", "Files", (Paragraph(f"{run.folder}: {', '.join(names)}"),))
     return replace(document, short=(*document.short, files))
-
-
-def _written(run: RunResult) -> list[str]:
-    from femtune.steps.run_folder import ARRAYS_FILE, RESULTS_FILE  # noqa: PLC0415
-    from femtune.steps.update.starts import HISTORY_FILE  # noqa: PLC0415
-
-    deck = run.results.write_back.files if run.results.write_back else ()
-    page = (run.report.name,) if run.report else ()
-    frfs = sorted(f.name for f in Path(run.folder).glob("frfs*.uff")) if run.results.responses else []
-    meshes = sorted(f.name for f in Path(run.folder).glob("shapes*.vtu"))
-    return [*page, *frfs, *meshes, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *deck]

@@ -1,4 +1,4 @@
-"""Alerts as boxes: those of one kind are folded where they are many, and the first is told in full."""
+"""Alerts as boxes: if there are many of one kind, the first is shown in full, and the others are folded."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
 
 MOST_OF_A_KIND = 3
-"""Boxes of one code; of more, only the first is shown and the others are listed on demand."""
+"""Boxes of one code that are all shown; of more, only the first is, and the others are listed on demand."""
 
 
 def alert_boxes(alerts: Iterable[Alert]) -> list[Block]:

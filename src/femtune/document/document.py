@@ -1,4 +1,4 @@
-"""The report as data: sections of blocks, without a word about HTML or terminals."""
+"""The report as data: sections of blocks, independent of HTML and terminals."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Listing:
 
 @dataclass(frozen=True)
 class AlertBox:
-    """Something that the reader should not overlook."""
+    """An alert that the reader should not overlook."""
 
     level: Level
     code: str
@@ -64,7 +64,7 @@ class KeyNumber:
 
 @dataclass(frozen=True)
 class KeyNumbers:
-    """The numbers that a reader in a hurry looks at."""
+    """The most important numbers."""
 
     numbers: tuple[KeyNumber, ...]
     kind: ClassVar[str] = "key_numbers"
@@ -191,7 +191,7 @@ class Document:
 
     @cached_property
     def view(self) -> PageView | None:
-        """What moves on the page, made once."""
+        """The data of the interactive view, made once."""
         return None if self.collect is None else self.collect()
 
 
@@ -213,9 +213,9 @@ def without_column(table: Table, title: str) -> Table:
 
 
 def table_or_none(title: str, heads: tuple[Column, ...], rows: Iterable[tuple[Cell, ...]], none: str) -> Block:
-    """A table, or the sentence `none` where it would have no rows."""
-    found = tuple(rows)
-    return Table(title, heads, found) if found else Paragraph(none)
+    """A table, or the sentence `none` if it would have no rows."""
+    listed = tuple(rows)
+    return Table(title, heads, listed) if listed else Paragraph(none)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -223,8 +223,9 @@ def table_or_none(title: str, heads: tuple[Column, ...], rows: Iterable[tuple[Ce
 
 
 WIDTH = 100
+"""Columns of a terminal that tables are fitted to."""
 GAP = 2
-"""Between two columns."""
+"""Spaces between two columns."""
 
 
 def column_groups(titles: Sequence[str], taken: int, least: int) -> list[tuple[str, ...]]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 NOT_TESTED = "not tested"
+"""What stands for the result of a comparison that was not made."""
 NONE = "–"
+"""What stands for any other number that is not known."""
 
 
 def typeset(text: str) -> str:
@@ -67,8 +69,8 @@ def as_sentence(words: str) -> str:
 
 def listed(words: Iterable[str]) -> str:
     """ "a, b and c"."""
-    found = list(words)
-    return " and ".join([", ".join(found[:-1]), found[-1]]) if len(found) > 1 else "".join(found)
+    listed = list(words)
+    return " and ".join([", ".join(listed[:-1]), listed[-1]]) if len(listed) > 1 else "".join(listed)
 
 
 def with_unit(text: str, unit: str) -> str:

@@ -1,4 +1,4 @@
-"""The typed document of what moves on a page: numbers, texts, and arrays packed as base64 of little-endian values."""
+"""The data of the interactive view of a page: numbers, texts, and arrays packed as base64 of little-endian values."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ class HistoryView:
 
 @dataclass(frozen=True)
 class PageView:
-    """All that moves on the page."""
+    """The data of the interactive view of a page."""
 
     scenes: tuple[SceneView, ...] = ()
     functions: tuple[FunctionsView, ...] = ()
@@ -184,7 +184,7 @@ class PageView:
 
     @property
     def empty(self) -> bool:
-        """True where nothing can be shown."""
+        """True if nothing can be shown."""
         return not (self.scenes or self.functions or self.history)
 
     def json(self) -> str:

@@ -25,7 +25,7 @@ def join_frfs(sets: Sequence[FrfSet]) -> FrfSet:
     if len(kinds) != 1:
         raise FemtuneError("identify.kinds-differ", values={"kinds": ", ".join(sorted(kinds))})
     lines = np.unique(np.concatenate([frfs.freq_hz for frfs in sets]))
-    responses, references = (_union([getattr(frfs, name) for frfs in sets]) for name in ("responses", "references"))
+    responses, references = _union([frfs.responses for frfs in sets]), _union([frfs.references for frfs in sets])
     values = np.full((len(responses), len(references), len(lines)), np.nan, dtype=complex)
     for frfs in reversed(sets):
         _put(values, frfs, lines, responses, references)

@@ -6,7 +6,7 @@ is evidence of nonlinearity if it is larger than a limit and than three standard
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -201,11 +201,14 @@ def _mode(
     levels: Sequence[ForceLevel], places: Sequence[dict[int, tuple[int, float]]], i: int, limits: LinearityLimits
 ) -> ModeAtLevels:
     at = [place.get(i) for place in places]
-    columns = [
-        np.array([np.nan if j is None else _value(getattr(v.modes, name), j[0]) for v, j in zip(levels, at)])
-        for name in ("freq_hz", "freq_sd_hz", "damping_ratio", "damping_sd")
-    ]
-    freq, freq_sd, damping, damping_sd = columns
+
+    def at_levels(values: Iterable[NDArray | None]) -> Reals:
+        return np.array([np.nan if j is None else _value(v, j[0]) for v, j in zip(values, at)])
+
+    freq = at_levels(v.modes.freq_hz for v in levels)
+    freq_sd = at_levels(v.modes.freq_sd_hz for v in levels)
+    damping = at_levels(v.modes.damping_ratio for v in levels)
+    damping_sd = at_levels(v.modes.damping_sd for v in levels)
     doublings = np.log2(np.array([v.force for v in levels]) / levels[0].force)
     of_freq = _trend(freq, freq_sd, doublings, limits.frequency)
     of_damping = _trend(damping, damping_sd, doublings, limits.damping)

@@ -52,7 +52,7 @@ def merge_setups(setups: Sequence[ModeSet]) -> ModeSet:
         merged,
         dofs,
         setups[0].labels,
-        _mean_of("damping_ratio", setups),
+        _mean([s.damping_ratio for s in setups]),
         freq_sd_hz=_sd_of_mean(freq),
         source=f"{len(setups)} set-ups merged",
     )
@@ -173,8 +173,7 @@ def _unlike(setups: Sequence[ModeSet]) -> Reals:
     return np.block(blocks)
 
 
-def _mean_of(name: str, setups: Sequence[ModeSet]) -> Reals | None:
-    values = [getattr(s, name) for s in setups]
+def _mean(values: Sequence[Reals | None]) -> Reals | None:
     return None if any(v is None for v in values) else np.asarray(np.mean(values, axis=0))
 
 

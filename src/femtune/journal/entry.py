@@ -1,4 +1,4 @@
-"""One file of the journal: named arrays and a few facts, in an archive that is read without trust.
+"""One file of the journal: named arrays and a few facts, in an archive that is checked while it is read.
 
 Nothing in it is compressed, so that it can hold no more than its own size, and nothing is ever unpickled.
 """
@@ -23,10 +23,16 @@ from numpy.typing import NDArray
 from femtune.files.whole_file import write_whole_by
 
 _FACTS = "facts.json"
-_MOST_MEMBERS, _MOST_FACTS = 64, 1 << 20
-_CHUNK = 1 << 24
+"""Member of an entry that has its numbers and texts; every other member is an array."""
+_MOST_MEMBERS = 64
+"""Members of an entry; none of femtune's has as many, and a file with more is damaged or forged."""
+_MOST_FACT_BYTES = 1 << 20
+"""Bytes of the facts, which are read at once: 1 MiB."""
+_CHUNK_BYTES = 1 << 24
+"""Bytes that are read at a time while a checksum is tested: 16 MiB."""
 _DATE = (1980, 1, 1, 0, 0, 0)
-# a link is not followed, a pipe not waited for
+"""Date of all members, the earliest that ZIP can state: equal entries are equal files."""
+# a link is not followed, and a pipe is not waited for
 _FLAGS = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 # what the standard library and numpy raise on archives that are damaged or made to deceive
@@ -45,7 +51,7 @@ class Entry:
 
     @property
     def n_bytes(self) -> int:
-        """Size of its file, about."""
+        """Approximate size of its file."""
         return 4096 + sum(a.nbytes for a in self.arrays.values())
 
 
@@ -73,7 +79,7 @@ def _pack(stream: IO[bytes], entry: Entry) -> None:
 
 
 def read_entry(path: Path, most_bytes: int) -> Entry | None:
-    """What `write_entry` wrote; None where there is no file.
+    """What `write_entry` wrote; None if there is no file.
 
     Raises
     ------
@@ -115,7 +121,7 @@ def _check_members(archive: zipfile.ZipFile, size: int) -> None:
         raise DamagedEntryError("a part of it is compressed or encrypted")
     if sum(m.file_size for m in members) > size:
         raise DamagedEntryError("its parts claim to be larger than the file")
-    if archive.getinfo(_FACTS).file_size > _MOST_FACTS:
+    if archive.getinfo(_FACTS).file_size > _MOST_FACT_BYTES:
         raise DamagedEntryError("its facts are too long")
 
 
@@ -126,7 +132,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(member)
         if dtype.kind not in "fcbiu" or fortran:
             raise DamagedEntryError(f"{info.filename} holds no plain numbers")
-        # believed only if it is what is there: an array is made of it
+        # the stated size must be that of the data, because an array of this size is allocated
         if math.prod(shape) * dtype.itemsize != info.file_size - member.tell() or min(shape, default=0) < 0:
             raise DamagedEntryError(f"{info.filename} has another size than it says")
         array = np.empty(shape, dtype)
@@ -139,7 +145,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
 def _fill(room: memoryview, member: IO[bytes]) -> None:
     """Read a part to its end, where its check sum is compared."""
     at = 0
-    while data := member.read(_CHUNK):
+    while data := member.read(_CHUNK_BYTES):
         room[at : at + len(data)] = data
         at += len(data)
     if at != len(room):

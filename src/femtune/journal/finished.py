@@ -1,4 +1,4 @@
-"""Runs that have ended, kept one by one: a line of JSON for each, behind a line that says what they are runs of.
+"""Finished runs in a file: a line of JSON for each, after a line that identifies the study and its inputs.
 
 A line is on the disk before the next run is told of. Whatever ends the program, a power cut too, at most the line that
 was being written is lost; what was kept before it is never written again.
@@ -18,6 +18,7 @@ from femtune.files.whole_file import write_whole
 Line = Mapping[str, Any]
 
 _MOST_BYTES = 1 << 30
+"""Bytes of the file, which is read at once: 1 GiB. Larger ones are not read."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class FinishedRuns:
     key: str
 
     def begin(self, resume: bool) -> list[Line]:
-        """The lines of an earlier run of the same, if `resume`; otherwise the file begins anew (errors OSError)."""
+        """The lines of an earlier run with the same key, if `resume`; otherwise the file is begun anew (errors
+        OSError)."""
         lines, whole = self._read() if resume else ([], False)
         if not whole:
             text = "".join(_text(line) for line in ({"key": self.key}, *lines))
@@ -49,21 +51,21 @@ class FinishedRuns:
             os.fsync(stream.fileno())
 
     def _read(self) -> tuple[list[Line], bool]:
-        """Whole lines of a file of the same key, and whether that is all that is in the file."""
+        """Complete lines of a file with the same key, and whether the file contains nothing else."""
         try:
             if self.path.is_symlink() or self.path.stat().st_size > _MOST_BYTES:
                 return [], False
             content = self.path.read_bytes()
         except OSError:
             return [], False
-        found = list(_lines(content))
-        if not found or found[0] != {"key": self.key}:
+        entries = list(_lines(content))
+        if not entries or entries[0] != {"key": self.key}:
             return [], False
-        return found[1:], content == b"".join(_text(line).encode() for line in found)
+        return entries[1:], content == b"".join(_text(line).encode() for line in entries)
 
 
 def _lines(content: bytes) -> Iterator[Line]:
-    """Lines up to the first one that is broken off or damaged."""
+    """Lines up to the first incomplete or damaged one."""
     for text in content.split(b"\n")[:-1]:
         try:
             line = json.loads(text)

@@ -1,4 +1,4 @@
-"""The journal of a run folder: every solution of the full model, kept by what it depends on.
+"""The journal of a run folder: every solution of the full model, under a key of all that it depends on.
 
 One file a solution, ``<kind>-<key>.npz``, that appears whole. Nothing is changed or removed while a run goes on, so
 that a run that was interrupted finds what the earlier one had solved.
@@ -17,23 +17,23 @@ from typing import Generic, TypeVar
 
 from femtune.errors import Notice, Where
 from femtune.journal.entry import DamagedEntryError, Entry, read_entry, write_entry
+from femtune.journal.run_files import JOURNAL_FOLDER
 
-JOURNAL_FOLDER = "journal"
 SCHEMA = 1
-"""Rises when entries of an earlier femtune must not be used any more."""
+"""Version of the entries; it rises when those of an earlier femtune must not be used any more."""
 
 T = TypeVar("T")
-# entries, and with a dot before it what was being written when a run was killed
-_OWN = re.compile(r"[a-z]+-[^.]+\.npz|\.[a-z]+-[^.]+\..+")
+_FILE_NAME = re.compile(r"[a-z]+-[^.]+\.npz|\.[a-z]+-[^.]+\..+")
+"""Names of entries, and, with a leading dot, of files that were being written when a run was killed."""
 _FLUSHED_S = 0.1
-"""What was solved quicker is not worth waiting for the disk."""
+"""Time of a solution in s from which its entry is flushed to the disk; a quicker one is sooner solved again."""
 
 
 @dataclass(frozen=True)
 class Form(Generic[T]):
-    """How one kind of solution becomes an entry of the journal and is made of one again.
+    """How one kind of solution is packed into an entry of the journal and unpacked again.
 
-    `unpack` raises ValueError, KeyError or TypeError where the entry is not such a solution.
+    `unpack` raises ValueError, KeyError or TypeError if the entry is not such a solution.
     """
 
     kind: str
@@ -65,26 +65,26 @@ class Journal:
         known = self.recall(form.kind, key)
         if known is not None:
             try:
-                found = form.unpack(known)
+                solution = form.unpack(known)
             except (ValueError, KeyError, TypeError) as error:
                 self._damaged.append((self.path(form.kind, key), str(error)))
             else:
                 self._count_recalled(form.kind, self.path(form.kind, key))
-                return found
+                return solution
         begin = time.perf_counter()
-        found = solve()
+        solution = solve()
         self.solved[form.kind] += 1
         if self.writes:
-            self.keep(form.kind, key, form.pack(found), time.perf_counter() - begin > _FLUSHED_S)
-        return found
+            self.keep(form.kind, key, form.pack(solution), time.perf_counter() - begin > _FLUSHED_S)
+        return solution
 
     def _count_recalled(self, kind: str, path: Path) -> None:
-        """Each solution once; what this run has solved itself is not recalled."""
+        """Count each solution once; those that this run has solved itself are not counted as recalled."""
         self.recalled[kind] += path not in self._kept and path not in self._recalled
         self._recalled.add(path)
 
     def recall(self, kind: str, key: str) -> Entry | None:
-        """The entry of a key, None where there is none that can be used."""
+        """The entry of a key; None if there is none that can be used."""
         path = self.path(kind, key)
         try:
             entry = read_entry(path, self.most_bytes)
@@ -96,7 +96,7 @@ class Journal:
         return entry
 
     def keep(self, kind: str, key: str, entry: Entry, flush: bool = True) -> None:
-        """Write an entry; where that fails the run goes on without the journal, with a notice.
+        """Write an entry; if that fails, the run continues without the journal, with a notice.
 
         Without `flush` a loss of power may damage it, which is noticed when it is recalled.
         """
@@ -122,12 +122,12 @@ class Journal:
 
     @property
     def reused(self) -> tuple[Notice, ...]:
-        """How much came from an earlier run; none where nothing did."""
+        """Notice of the solutions that came from an earlier run; none if there were none."""
         return from_journal(self.recalled.total(), self.solved.total())
 
 
 def from_journal(recalled: int, solved: int) -> tuple[Notice, ...]:
-    """How much of a run came from an earlier one; none where nothing did."""
+    """Notice of the part of a run that came from an earlier one; none if there was none."""
     told = f"{recalled} of {recalled + solved} solutions from the journal of an earlier run"
     return (Notice("", told, level="info"),) if recalled else ()
 
@@ -135,7 +135,7 @@ def from_journal(recalled: int, solved: int) -> tuple[Notice, ...]:
 def open_journal(run_folder: Path, most_gib: float, *, writes: bool = True, fresh: bool = False) -> Journal:
     """The journal of a run folder; `fresh` removes what is in it.
 
-    What cannot be made or cleared is a notice of the journal, and the run goes on without.
+    If the folder cannot be made or cleared, the journal has a notice, and the run continues without it.
     """
     journal = Journal(run_folder / JOURNAL_FOLDER, int(most_gib * 2**30), writes)
     if writes:
@@ -147,7 +147,7 @@ def open_journal(run_folder: Path, most_gib: float, *, writes: bool = True, fres
 
 
 def _prepare(journal: Journal, fresh: bool) -> None:
-    """Make the folder, remove what an interrupted run left half-written, and sum up what is there."""
+    """Make the folder, remove incomplete files of an interrupted run, and sum up the sizes of the others."""
     if os.path.islink(journal.folder):
         raise OSError("it is a link to another place")
     journal.folder.mkdir(parents=True, exist_ok=True)
@@ -159,10 +159,10 @@ def _prepare(journal: Journal, fresh: bool) -> None:
 
 
 def _files(folder: Path) -> Iterator[os.DirEntry[str]]:
-    """Files that look like the journal's own, half-written ones too; links are named, never followed."""
-    with os.scandir(folder) as found:
-        for file in found:
-            if _OWN.fullmatch(file.name) and not file.is_dir(follow_symlinks=False):
+    """Files with names of the journal, incomplete ones included; links are listed but not followed."""
+    with os.scandir(folder) as files:
+        for file in files:
+            if _FILE_NAME.fullmatch(file.name) and not file.is_dir(follow_symlinks=False):
                 yield file
 
 

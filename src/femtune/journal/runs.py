@@ -19,17 +19,24 @@ import numpy as np
 
 from femtune.errors import Notice, Where
 from femtune.files.modes.solved import SolvedModes
-from femtune.journal.journal import JOURNAL_FOLDER
+from femtune.journal.run_files import JOURNAL_FOLDER
 from femtune.runs.outcome import Failure, FailureKind, RunOutcome
 
 FILE = "runs.sqlite"
+"""Database of the runs, in the folder of the journal."""
 _KIND = "external run"
+"""What the runs are called where solutions are counted."""
 _SCHEMA = 1
+"""Version of the database; a file of another version is not used."""
 _TABLE = (
     "CREATE TABLE IF NOT EXISTS runs (key TEXT PRIMARY KEY, state TEXT NOT NULL, facts TEXT NOT NULL, "
     "freq_hz BLOB, nodes BLOB, shapes BLOB)"
 )
-_REAL, _INTEGER = np.dtype("<f8"), np.dtype("<i8")
+_REAL = np.dtype("<f8")
+"""Type of frequencies and shapes in the database, the same on all machines."""
+_INTEGER = np.dtype("<i8")
+"""Type of node numbers in the database."""
+# what SQLite, the standard library and numpy raise on databases that are damaged
 _TROUBLES = (sqlite3.Error, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 
 
@@ -45,22 +52,22 @@ class RunJournal:
     _database: sqlite3.Connection | None = None
 
     def recall(self, key: str) -> RunOutcome | None:
-        """The outcome of a key; None where there is none that can be used."""
+        """The outcome of a key; None if there is none that can be used."""
         if self._database is None:
             return None
         try:
             row = self._database.execute(
                 "SELECT facts, freq_hz, nodes, shapes FROM runs WHERE key = ?", (key,)
             ).fetchone()
-            found = None if row is None else _outcome(key, row)
+            outcome = None if row is None else _outcome(key, row)
         except _TROUBLES as error:
             self._remarks.append(_damaged(self.path, error))
             return None
-        self.recalled[_KIND] += found is not None
-        return found
+        self.recalled[_KIND] += outcome is not None
+        return outcome
 
     def keep(self, outcome: RunOutcome) -> None:
-        """Keep an outcome; where that fails the runs go on without the journal, with a notice."""
+        """Keep an outcome; if that fails, the runs continue without the journal, with a notice."""
         self.solved[_KIND] += 1
         if self._database is None or self.stopped is not None:
             return
@@ -74,8 +81,8 @@ class RunJournal:
         """Number of outcomes by their state, for tables."""
         if self._database is None:
             return {}
-        found = self._database.execute("SELECT state, COUNT(*) FROM runs GROUP BY state ORDER BY state")
-        return {str(state): int(count) for state, count in found}
+        counts = self._database.execute("SELECT state, COUNT(*) FROM runs GROUP BY state ORDER BY state")
+        return {str(state): int(count) for state, count in counts}
 
     def close(self) -> None:
         """Close the file."""
@@ -92,7 +99,8 @@ class RunJournal:
 def open_run_journal(run_folder: Path, *, fresh: bool = False) -> RunJournal:
     """The journal of external runs in a run folder; `fresh` removes what is in it.
 
-    What is no such journal is put aside; what cannot be made is a notice, and the runs go on without.
+    A file that is not such a journal is put aside. If none can be made, there is a notice, and the runs continue
+    without it.
     """
     journal = RunJournal(run_folder / JOURNAL_FOLDER / FILE)
     try:
@@ -129,7 +137,7 @@ def _begin_anew(journal: RunJournal) -> None:
 
 
 def _opened(path: Path) -> sqlite3.Connection:
-    """Errors: sqlite3.Error, ValueError where the file is another kind of database."""
+    """Errors: sqlite3.Error, ValueError if the file is another kind of database."""
     database = sqlite3.connect(path, timeout=30.0)
     try:
         database.execute("PRAGMA trusted_schema = OFF")
@@ -169,7 +177,7 @@ def _row(outcome: RunOutcome) -> Sequence[Any]:
 
 
 def _outcome(key: str, row: Sequence[Any]) -> RunOutcome:
-    """Raises ValueError, TypeError, KeyError where the row is none of the journal's."""
+    """Raises ValueError, TypeError, KeyError if the row is not one of the journal."""
     facts = json.loads(row[0])
     failures = tuple(Failure(FailureKind(kind), str(text), str(folder)) for kind, text, folder in facts["failures"])
     if row[1] is None:

@@ -24,19 +24,20 @@ if TYPE_CHECKING:
     from femtune.model import ModelPoint
     from femtune.model.full_model import ModelSolver
 
-_DERIVATIVE = ("eigenvalues", "stiffness", "mass", "outside", "shapes")
+_DERIVATIVE_FIELDS = ("eigenvalues", "stiffness", "mass", "outside", "shapes")
 
 
 @dataclass(frozen=True, eq=False)
 class JournaledSolver:
-    """Looks up first. Keys are made of the matrices themselves, so that whatever changes them is another key."""
+    """Solver that looks up solutions first. Keys are digests of the matrices, so that every change of these is a new
+    key."""
 
     journal: Journal
     solver: ModelSolver = direct
     _digests: WeakKeyDictionary[EigenSolution, str] = field(default_factory=WeakKeyDictionary)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """In another process there is no journal, which belongs to this one."""
+        """Without the journal in another process: it belongs to this process."""
         return _without_journal, (self.solver,)
 
     def modes(
@@ -105,22 +106,26 @@ def _modes(point: ModelPoint, entry: Entry) -> EigenSolution:
     return EigenSolution(point, values, shapes, wanted, shift, cut, counted, notices, method=method)
 
 
-_ALIKE, _ROUNDING = 1e-5, 1e-12
+_TOLERANCE = 1e-5
+"""Relative error of recalled modes in the equation of motion and in orthogonality. It is well above that of any
+eigen-solver, and well below that of modes of other matrices."""
+_STIFFNESS_ROUNDING = 1e-12
+"""Rounding of φᵀKφ relative to the largest diagonal term of K; it is large beside eigenvalues near zero."""
 
 
 def check_pairs(point: ModelPoint, values: NDArray[np.float64], shapes: NDArray[np.float64]) -> None:
-    """The recalled pairs are modes of these matrices: ΦᵀKΦ = Λ, ΦᵀMΦ = 1, and Kφ = λMφ.
+    """Check that the recalled pairs are modes of these matrices: ΦᵀKΦ = Λ, ΦᵀMΦ = 1, and Kφ = λMφ.
 
-    The first two show values and scales that are wrong, the last one shapes; each is compared with rounding.
+    The first two reveal wrong eigenvalues and scales, the last one wrong shapes.
     """
     elastic, inertial = point.stiffness @ shapes, point.mass @ shapes
     largest = float(np.abs(point.stiffness.diagonal()).max(initial=0.0))
     lengths = np.linalg.norm(shapes, axis=0)
-    rounding = _ROUNDING * largest * np.outer(lengths, lengths)
+    rounding = _STIFFNESS_ROUNDING * largest * np.outer(lengths, lengths)
     size = np.sqrt(np.abs(np.outer(values, values)))
-    energy = np.abs(shapes.T @ elastic - np.diag(values)) <= _ALIKE * size + rounding
-    unit = np.abs(shapes.T @ inertial - np.eye(len(values))) <= _ALIKE
-    rest = np.linalg.norm(elastic - inertial * values, axis=0) <= _ALIKE * largest * lengths
+    energy = np.abs(shapes.T @ elastic - np.diag(values)) <= _TOLERANCE * size + rounding
+    unit = np.abs(shapes.T @ inertial - np.eye(len(values))) <= _TOLERANCE
+    rest = np.linalg.norm(elastic - inertial * values, axis=0) <= _TOLERANCE * largest * lengths
     if not (energy.all() and unit.all() and rest.all()):
         raise ValueError("its modes do not satisfy the equation of motion")
 
@@ -132,14 +137,16 @@ def _notice(code: object, what: object, level: object) -> Notice:
 
 
 def _of_derivative(derivative: SubspaceDerivative) -> Entry:
-    return Entry({name: getattr(derivative, name) for name in _DERIVATIVE}, {})
+    return Entry({name: getattr(derivative, name) for name in _DERIVATIVE_FIELDS}, {})
 
 
 def _derivative(shape: tuple[int, int, int], entry: Entry) -> SubspaceDerivative:
     k, c, rows = shape
     shapes = ((c,), (k, c, c), (k, c, c), (rows, c, k), (rows, c))
-    values, stiffness, mass, outside, own = (_floats(entry, name, s) for name, s in zip(_DERIVATIVE, shapes))
-    return SubspaceDerivative(values, stiffness, mass, outside, own)
+    values, stiffness, mass, outside, mode_shapes = (
+        _floats(entry, name, s) for name, s in zip(_DERIVATIVE_FIELDS, shapes)
+    )
+    return SubspaceDerivative(values, stiffness, mass, outside, mode_shapes)
 
 
 def _floats(entry: Entry, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -54,7 +54,7 @@ def _draw(document: Document, progress: Progress) -> None:
 
 
 def check_page(path: Path | str) -> None:
-    """Prove that a page can be written to `path`, before the work begins.
+    """Check that a page can be written to `path` before the work begins.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def _package_text(name: str) -> str:
 
 
 def _hash(text: str) -> str:
-    """How a content security policy names an inline script or style."""
+    """Source expression of an inline script or style in a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
@@ -134,5 +134,5 @@ def _final(value: Any) -> Any:
 
 
 def _data_uri(svg: str) -> str:
-    """An image of its own: nothing inside an image can run or load anything."""
+    """A separate image: nothing inside an image can run or load anything."""
     return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()

@@ -62,8 +62,8 @@ class CentreResidual(Residual):
     @classmethod
     def of_study(cls, asked: Asked) -> CentreResidual:
         """See `Residual` (error ``residual.mass-data``)."""
-        given = [getattr(asked.entry, axis) for axis in _AXES]
-        return cls(np.array(_numbers(given)), Weights(asked.entry.sd))
+        entry = asked.entry
+        return cls(np.array(_numbers([entry.x, entry.y, entry.z])), Weights(entry.sd))
 
     def __post_init__(self) -> None:
         if np.shape(self.centre) != (3,) or np.isnan(self.centre).all() or np.isinf(self.centre).any():
@@ -103,10 +103,11 @@ class InertiaResidual(Residual):
     @classmethod
     def of_study(cls, asked: Asked) -> InertiaResidual:
         """See `Residual` (error ``residual.mass-data``)."""
-        names = (("xx", "xy", "xz"), ("xy", "yy", "yz"), ("xz", "yz", "zz"))
-        matrix = np.array([_numbers([getattr(asked.entry, f"i{name}") for name in row]) for row in names])
+        e = asked.entry
+        rows = ([e.ixx, e.ixy, e.ixz], [e.ixy, e.iyy, e.iyz], [e.ixz, e.iyz, e.izz])
+        matrix = np.array([_numbers(row) for row in rows])
         size = float(np.nanmax(np.abs(matrix), initial=0.0)) or 1.0
-        return cls(matrix, asked.entry.about, Weights(asked.entry.sd * size))
+        return cls(matrix, e.about, Weights(e.sd * size))
 
     def __post_init__(self) -> None:
         values = np.asarray(self.inertia, dtype=float)

@@ -20,11 +20,10 @@ from pydantic import ValidationError
 
 from femtune.errors import FemtuneError, Where
 from femtune.files.whole_file import write_whole
+from femtune.journal.run_files import ARRAYS_FILE, RESULTS_FILE
 from femtune.steps.migration import is_known, migrate
 from femtune.steps.results import SCHEMA_VERSION, Results
 
-RESULTS_FILE = "results.json"
-ARRAYS_FILE = "arrays.npz"
 _MOST_ARRAY_BYTES = 4 << 30
 """Bytes of all arrays, unpacked, that are read: a damaged or hostile file must not fill the memory."""
 _VERSION_NUMBER = re.compile("[1-9][0-9]{0,8}")

@@ -13,10 +13,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from femtune.errors import FemtuneError, Where
+from femtune.journal.run_files import LOCK_FILE
 from femtune.runs.process import is_alive
 from femtune.steps.run_folder import unwritable
-
-LOCK_FILE = "running.lock"
 
 _LOCKED_BYTE = 1 << 30
 """Position of the byte that is locked on Windows.

@@ -22,13 +22,15 @@ if TYPE_CHECKING:
     from femtune.model import ConfiguredModel
     from femtune.study.cases import StudyCase
 
-_SAME = 1e-9
-_SHOWN = 8
+_SAME_MOTION = 1e-9
+"""Relative difference of two rows of a transformation below which they are the same motion: it covers rounding only."""
+_MOST_DOFS_SHOWN = 8
+"""DOFs that a notice names; the others are counted."""
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """DOFs and combinations with their rows (n, n_g); `of_test` where the labels are those of the test."""
+    """DOFs and combinations with their rows (n, n_g); `of_test` is True if the labels are those of the test."""
 
     labels: DofSet
     rows: sp.csr_array
@@ -49,9 +51,9 @@ def named_axis(file: StudyFile, case: StudyCase, labels: Sequence[str], *place: 
     dofs = [parse_dof(label) for label in labels]
     for i, dof in enumerate(dofs):
         with errors.catch(), errors_at(file.where(*place, i)):
-            found = known.get((dof.node, dof.direction))
-            terms = found.terms if found is not None else ((dof.node, dof.component, 1.0),)
-            sign = dof.sign * (found.dof.sign if found is not None else 1)
+            sensor = known.get((dof.node, dof.direction))
+            terms = sensor.terms if sensor is not None else ((dof.node, dof.component, 1.0),)
+            sign = dof.sign * (sensor.dof.sign if sensor is not None else 1)
             for at, factor in _terms(structure.nodes, terms):
                 rows[i, at] += sign * factor
             _check_free(configured, dof, sp.csr_array(rows[[i]]))
@@ -76,7 +78,7 @@ def _moves(configured: ConfiguredModel, rows: sp.csr_array) -> NDArray[np.bool_]
 
 
 def sensor_axis(case: StudyCase, wanted: DofSet) -> tuple[Axis, tuple[Notice, ...]]:
-    """DOFs of the test that have a place in the model and can move, in their order; the others are in the notices."""
+    """DOFs of the test that exist in the model and can move, in their order; notices name the others."""
     assert case.all_sensors is not None
     sensors = case.all_sensors
     placed = wanted.common(sensors.dofs)
@@ -94,16 +96,18 @@ def sensor_axis(case: StudyCase, wanted: DofSet) -> tuple[Axis, tuple[Notice, ..
 def _left_out(case: StudyCase, dofs: Sequence[Dof], why: str) -> tuple[Notice, ...]:
     if not dofs:
         return ()
-    names = ", ".join(map(str, dofs[:_SHOWN])) + (f" and {len(dofs) - _SHOWN} more" if len(dofs) > _SHOWN else "")
+    names = ", ".join(map(str, dofs[:_MOST_DOFS_SHOWN])) + (
+        f" and {len(dofs) - _MOST_DOFS_SHOWN} more" if len(dofs) > _MOST_DOFS_SHOWN else ""
+    )
     return (Notice("response.left-out", configuration=case.name, n_dofs=len(dofs), reason=why, names=names),)
 
 
 def same_motion(a: sp.csr_array, b: sp.csr_array) -> NDArray[np.float64]:
-    """(n_a, n_b) +1 or −1 where two rows are the same but for that sign, 0 elsewhere."""
+    """(n_a, n_b) +1 or −1 where two rows are equal except for that sign, 0 elsewhere."""
     products = np.asarray((a @ b.T).todense(), dtype=float)
     size_a, size_b = (np.sqrt(np.asarray(m.multiply(m).sum(axis=1), dtype=float)) for m in (a, b))
-    alike = np.abs(size_a[:, None] - size_b[None, :]) <= _SAME * size_a[:, None]
-    parallel = np.abs(products) >= (1.0 - _SAME) * size_a[:, None] * size_b[None, :]
+    alike = np.abs(size_a[:, None] - size_b[None, :]) <= _SAME_MOTION * size_a[:, None]
+    parallel = np.abs(products) >= (1.0 - _SAME_MOTION) * size_a[:, None] * size_b[None, :]
     return np.where(alike & parallel, np.sign(products), 0.0)
 
 
@@ -117,8 +121,8 @@ def seen_as(axis: Axis, case: StudyCase, measured: DofSet) -> tuple[NDArray[np.i
     placed, _ = sensor_axis(case, measured)
     same = same_motion(axis.rows, placed.rows)
     to_measured = placed.labels.align(measured)[0]
-    found = same.any(axis=1) if same.size else np.zeros(len(axis.labels), bool)
+    matched = same.any(axis=1) if same.size else np.zeros(len(axis.labels), bool)
     first = np.argmax(same != 0.0, axis=1) if same.size else np.zeros(len(axis.labels), np.int64)
-    at = np.where(found, to_measured[first] if len(to_measured) else -1, -1)
+    at = np.where(matched, to_measured[first] if len(to_measured) else -1, -1)
     signs = same[np.arange(len(first)), first] if same.size else np.zeros(len(axis.labels))
     return at, signs

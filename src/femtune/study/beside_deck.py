@@ -1,4 +1,4 @@
-"""femtune's own model of a deck beside an external solver: their modes compared, and derivatives from the own model.
+"""femtune's own model of a deck compared with an external solver mode by mode, and derivatives from this model.
 
 With the eigenvalues Λ and shapes Φ of the solver at a point, of unit modal mass, and those of the own model, Λₒ and
 Φₒ, the shapes are related by Φ ≈ Φₒ Q, where Q is the orthogonal polar factor of Φₒ⁺Φ. The exact derivatives of the
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from femtune.dofs import DofSet
     from femtune.model import ConfiguredModel, EigenSolution
 
-_SPARE = 6
-"""Own modes beyond those of the solver: partners of the last ones may have a higher number."""
+_FURTHER_MODES = 6
+"""Modes of femtune's own model beyond those of the solver: partners of the last ones may have a higher number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Beside:
 
 
 def modes_beside(configuration: str, configured: ConfiguredModel, x: Reals, table: RunsTable) -> Beside | None:
-    """The first run of a table beside the own model at x; None where they have fewer DOFs in common than modes.
+    """The first run of a table compared with femtune's model at x; None if they share fewer DOFs than there are modes.
 
     Raises
     ------
@@ -70,12 +70,12 @@ def modes_beside(configuration: str, configured: ConfiguredModel, x: Reals, tabl
     common, rows = _common(configured, table.dofs)
     if len(common) < phi.shape[1]:
         return None
-    count = min(phi.shape[1] + _SPARE, configured.n_free)
+    count = min(phi.shape[1] + _FURTHER_MODES, configured.n_free)
     solution = direct.modes(configured.at(x), count, None)
-    own = np.asarray(rows @ solution.shapes[:, : solution.wanted])
-    if own.shape[1] < phi.shape[1]:
+    deck_shapes = np.asarray(rows @ solution.shapes[:, : solution.wanted])
+    if deck_shapes.shape[1] < phi.shape[1]:
         return None
-    mac = _mac(phi[common], own)
+    mac = _mac(phi[common], deck_shapes)
     members = linear_sum_assignment(-mac)[1]
     modes = ModesBeside(configuration, hz[0], solution.freq_hz[members], mac[np.arange(len(members)), members])
     return Beside(modes, phi, table.dofs, members, solution, common, rows)
@@ -97,7 +97,7 @@ def _common(configured: ConfiguredModel, dofs: DofSet) -> tuple[Integers, sp.csr
 
 @dataclass(frozen=True, eq=False)
 class DeckDerivatives:
-    """Modes near a point: those of the solver there, moved by the exact derivatives of the own model.
+    """Modes near a point: those of the solver at the point, corrected by the exact derivatives of femtune's model.
 
     Parameters
     ----------
@@ -120,15 +120,15 @@ class DeckDerivatives:
         ------
         FemtuneError : ``derivative.*``
         """
-        found = direct.derivative(beside.solution, list(map(int, beside.members)), beside.rows)
+        derivative = direct.derivative(beside.solution, list(map(int, beside.members)), beside.rows)
         phi = beside.shapes
-        u, _, vt = la.svd(np.linalg.pinv(found.shapes) @ phi[beside.common])
+        u, _, vt = la.svd(np.linalg.pinv(derivative.shapes) @ phi[beside.common])
         Q = u @ vt
         kept, freq_hz = beside.modes.paired, beside.modes.freq_hz
-        own = np.sqrt(np.maximum(found.eigenvalues, 0.0))
-        rigid = own <= 0.5 * RIGID_FREQUENCY_RATIO * own.max(initial=0.0)
+        omega = np.sqrt(np.maximum(derivative.eigenvalues, 0.0))
+        rigid = omega <= 0.5 * RIGID_FREQUENCY_RATIO * omega.max(initial=0.0)
         root = np.where(kept, 2.0 * np.pi * freq_hz, 0.0)
-        C = np.where(rigid, 0.0, 1.0 / np.where(rigid, 1.0, own))[:, None] * Q * root
+        C = np.where(rigid, 0.0, 1.0 / np.where(rigid, 1.0, omega))[:, None] * Q * root
         k, m = len(names), phi.shape[1]
         stiffness, mass, outside = np.zeros((k, m, m)), np.zeros((k, m, m)), np.zeros((k, *phi.shape))
         at = {name: i for i, name in enumerate(scales)}
@@ -137,9 +137,9 @@ class DeckDerivatives:
             if name not in at:
                 continue
             j, scale = at[name], scales[name]
-            stiffness[i] = C.T @ found.stiffness[j] @ C / scale
-            mass[i] = np.where(both, Q.T @ found.mass[j] @ Q, 0.0) / scale
-            outside[i, beside.common] = (found.outside[:, :, j] @ Q) * kept / scale
+            stiffness[i] = C.T @ derivative.stiffness[j] @ C / scale
+            mass[i] = np.where(both, Q.T @ derivative.mass[j] @ Q, 0.0) / scale
+            outside[i, beside.common] = (derivative.outside[:, :, j] @ Q) * kept / scale
         return cls(beside, stiffness, mass, outside)
 
     def at(self, change: Reals) -> tuple[Reals, Reals]:
@@ -152,9 +152,9 @@ class DeckDerivatives:
         return np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi), shapes
 
     def table(self, names: Sequence[str], points: Sequence[Reals]) -> RunsTable:
-        """The run of the solver, of which the point is the first one, and modes at the others."""
-        found = [self.at(point - points[0]) for point in points[1:]]
-        hz = np.array([self.beside.modes.freq_hz, *(f for f, _ in found)])
-        shapes = np.array([self.beside.shapes, *(s for _, s in found)])
+        """The run of the solver at the first point, and modes at the other points."""
+        modes = [self.at(point - points[0]) for point in points[1:]]
+        hz = np.array([self.beside.modes.freq_hz, *(f for f, _ in modes)])
+        shapes = np.array([self.beside.shapes, *(s for _, s in modes)])
         columns = {name: np.array([p[i] for p in points]) for i, name in enumerate(names)}
         return RunsTable(columns, hz, shapes, self.beside.dofs)

@@ -30,14 +30,15 @@ if TYPE_CHECKING:
 
 
 class ModesOfDeck(ModesTable):
-    """[modes] as the METHOD of the deck has it; what is compared with a test may need more."""
+    """Number or upper frequency of modes as METHOD of the deck states it; a comparison with a test may need more."""
 
 
 # ----------------------------------------------------------------------------------------------------
-# Modes and sensors of a test that the update does not see: they are kept to judge it by.
+# Modes and sensors of a test that the update does not use; they validate its result.
 
 
 HELD_OUT = "held out for validation"
+"""Reason for which the update leaves out a test mode."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class StudyCase:
 
     @property
     def used(self) -> ComparedCase | None:
-        """What the update uses of it; None where nothing is compared, or where it is kept for validation."""
+        """What the update uses of it; None if nothing is compared, or if the configuration is for validation only."""
         if self.compared is None or self.entry.use != "update":
             return None
         return without(self.compared, self.held)
@@ -124,8 +125,8 @@ class StudyCase:
 def overlay(
     entry: ConfigurationEntry, present: Alone | None = None, of_test: tuple[AddedMass, ...] = ()
 ) -> Configuration:
-    """The state as the model takes it; `present` tells what is absent where it lists components, `of_test` are the
-    masses of the test equipment."""
+    """The configuration in terms of the model. `present` states what is absent if components are listed; `of_test` are
+    the masses of the test equipment."""
     off, held = (frozenset(), ()) if present is None else (present.elements_off, present.interface)
     return Configuration(
         name=entry.name,
@@ -161,22 +162,24 @@ class States:
         with errors_at_configuration(self.file, entry):
             if state not in self.made:
                 self.made[state] = configure(self.model, asked)
-        own = None if self.specimens is None or entry.specimen is None else self.specimens.models[entry.specimen]
-        return StudyCase(entry, replace(self.made[state], model=own or self.model, configuration=asked))
+        specimen_model = (
+            None if self.specimens is None or entry.specimen is None else self.specimens.models[entry.specimen]
+        )
+        return StudyCase(entry, replace(self.made[state], model=specimen_model or self.model, configuration=asked))
 
 
 def _masses_of_test(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> tuple[AddedMass, ...]:
-    """The masses of the table that a configuration names, each wrong line with its number."""
+    """The masses of the table that a configuration names; errors state the number of the line."""
     if entry.masses_file is None:
         return ()
     path = file.path_of(entry.masses_file)
-    found = read_masses_table(path, unit_system(file.study.units).mass)
+    masses = read_masses_table(path, unit_system(file.study.units).mass)
     errors = ErrorCollector()
-    for one in found:
+    for one in masses:
         with errors.catch(), errors_at(Where(str(path), one.line)):
             nodes.position(one.node)
     errors.raise_if_any()
-    return tuple(AddedMass(m.node, m.mass, m.offset, label=m.label, of_test=True) for m in found)
+    return tuple(AddedMass(m.node, m.mass, m.offset, label=m.label, of_test=True) for m in masses)
 
 
 def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> None:
@@ -205,9 +208,8 @@ def on_model(case: StudyCase, model: ParametricModel) -> StudyCase:
 
 
 def sensor_tolerance(file: StudyFile, structure: Structure) -> float:
-    """The study's tolerance; without one a thousandth of the model's diagonal.
-
-    That is enough for rounded coordinates and too little for a wrong node.
+    """The study's tolerance, or a thousandth of the model's diagonal. That covers rounded coordinates but not a wrong
+    node.
     """
     if file.sensors.tolerance is not None:
         return file.sensors.tolerance

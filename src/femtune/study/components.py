@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def components_of(file: StudyFile, built: BuiltModel) -> Components | None:
-    """The components of a study, None without any.
+    """The components of a study; None if it has none.
 
     Raises
     ------
@@ -25,19 +25,19 @@ def components_of(file: StudyFile, built: BuiltModel) -> Components | None:
     """
     if not file.component:
         return None
-    errors, found = ErrorCollector(), {}
+    errors, elements = ErrorCollector(), {}
     for i, entry in enumerate(file.component):
         with errors.catch():
             chosen = elements_of(file, ("component", i), entry, built, f"component {entry.name}")
-            found[entry.name] = chosen or frozenset()
+            elements[entry.name] = chosen or frozenset()
     errors.raise_if_any()
     limits = {entry.name: entry.max_hz for entry in file.component if entry.max_hz is not None}
     with errors_at(file.where("component")):
-        return Components(found, limits)
+        return Components(elements, limits)
 
 
 def whole_structure(model: ParametricModel) -> ConfiguredModel:
-    """The structure of the deck with all its elements, by which interfaces are found."""
+    """The structure of the deck with all its elements, from which interfaces are found."""
     return configure(model, Configuration())
 
 
@@ -51,13 +51,13 @@ def present_components(
     FemtuneError : ``study.component/all``, ``study.component/no-interface``
     """
     assert entry.components is not None
-    found = alone(whole, components, entry.components)
-    if not found.elements_off:
+    present = alone(whole, components, entry.components)
+    if not present.elements_off:
         raise FemtuneError("study.component/all", where=place_of(file, entry, "components"), configuration=entry.name)
     if entry.interface == "free":
-        return Alone(found.elements_off, ())
-    if not found.interface:
+        return Alone(present.elements_off, ())
+    if not present.interface:
         raise FemtuneError(
             "study.component/no-interface", where=place_of(file, entry, "interface"), configuration=entry.name
         )
-    return found
+    return present

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from femtune.files.study_file.parameter import Parameter
 
 _NAME = "Study"
-_OF_STUDY = ("title", "units", "allow_ignored", "journal", "journal_gib")
+"""What errors name in place of a file: the class that users call."""
+_KEYS_OF_STUDY = ("title", "units", "allow_ignored", "journal", "journal_gib")
+"""Keys of [study] that are arguments of their own; the other arguments are tables."""
 _PLURALS = {
     "parameters": "parameter",
     "residuals": "residual",
@@ -43,9 +45,8 @@ _PLURALS = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
-    """A finite element model, read from a deck or from matrices of another solver.
-
-    It is made by `femtune.read_deck` and `femtune.read_matrices`, and read once, whatever is done with it.
+    """A finite element model, read from a deck or from matrices of another solver. `femtune.read_deck` and
+    `femtune.read_matrices` make it; its files are read once only.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ class Study:
     residuals : residual objects, or mappings with the keys of [[residual]]; a single mapping is the table [residuals]
     configurations : `Configuration` objects, instead of `test`
     units : length-mass-s, if the model does not have them
-    output : run folder; ``run`` in the current folder where nothing is said
+    output : run folder; by default ``run`` in the current folder
     tables : every other table of the file under its name: ``modes={"count": 12}``, ``update={"starts": 5}``,
         ``correlate``, ``reduction``, ``response``, ``hold_out``, ``derived`` …; ``title`` and the other keys of [study]
         by themselves
@@ -199,7 +200,7 @@ class Study:
 
 @dataclass(eq=False)
 class _Draft:
-    """A study as far as it is put together: data as of a file, and what is given as objects."""
+    """A study while it is put together: data as in a file, and what is given as objects."""
 
     data: dict[str, Any]
     path: Path
@@ -210,7 +211,7 @@ class _Draft:
     of_file: Mapping[str, Any] | None = None
 
     def add_model(self, model: Model | Path | str | None) -> None:
-        """The model, in place of one that is there."""
+        """Set the model, or replace it."""
         if model is None:
             return
         for key in ("matrix", "model", "variable"):
@@ -227,13 +228,13 @@ class _Draft:
         self.data["study"] = {"title": title, **study}
 
     def add_words(self, words: Mapping[str, Any]) -> None:
-        """Tables and lists of tables, in place of those that are there."""
-        study = {name: _plain(value) for name, value in words.items() if name in _OF_STUDY}
+        """Set tables and lists of tables, or replace them."""
+        study = {name: _plain(value) for name, value in words.items() if name in _KEYS_OF_STUDY}
         if study:
             self.data["study"] = {**self.data.get("study", {}), **study}
             self.given = replace(self.given, units_known=self.given.units_known or "units" in study)
         for name, value in words.items():
-            if name not in _OF_STUDY:
+            if name not in _KEYS_OF_STUDY:
                 self._add(name, value)
 
     def _add(self, name: str, value: Any) -> None:
@@ -258,13 +259,13 @@ class _Draft:
         self.data["test"] = _plain(self._with_named_test(table, "file"))
 
     def _drop(self, key: str) -> None:
-        """Lines of a table that is replaced say nothing any more."""
+        """Forget the lines of a table that is replaced."""
         self.data.pop(key, None)
         lines = {place: line for place, line in self.source.lines.items() if place[:1] != (key,)}
         self.source = replace(self.source, lines=lines)
 
     def _without_own(self, residuals: Sequence[Any]) -> list[Any]:
-        """Residuals that the file has words for; classes of the user's own stay objects."""
+        """Residuals that a study file can describe; residuals of the user's own classes stay objects."""
         self.residuals = tuple(r for r in residuals if hasattr(r, "blocks"))
         return [r for r in residuals if not hasattr(r, "blocks")]
 
@@ -287,7 +288,7 @@ class _Draft:
     def finished(self) -> StudyFile:
         """The study, checked (errors ``study.*`` and others, several together)."""
         if not self.given.units_known and "units" not in self.data.get("study", {}) and not self._tested():
-            # the units of a deck do not matter where nothing is compared with it
+            # the units of a deck do not matter if nothing is compared with it
             self.data["study"] = {**self.data.get("study", {}), "units": "m-kg-s"}
         data = frozen(self.data)
         text = None if data == self.of_file else json.dumps(data, sort_keys=True, default=repr)

@@ -17,17 +17,25 @@ if TYPE_CHECKING:
 
 Rows = NDArray[np.int64]
 
-MOST_LINES, MOST_FACES = 4000, 30_000
-ELEMENT, RIGID = 0, 1
-_FIRST_CELLS, _COARSER = 400.0, 1.25
-"""Cells along the diagonal of the model at first, and how much larger they become each time."""
+MOST_LINES = 4000
+"""Lines of a drawing; larger meshes are simplified, so that files stay small and views turn smoothly."""
+MOST_FACES = 30_000
+"""Faces of a drawing, likewise."""
+ELEMENT = 0
+"""Kind of a line that is an element."""
+RIGID = 1
+"""Kind of a line that is an arm of a rigid element."""
+_FIRST_CELLS = 400.0
+"""Cells along the diagonal of the model in the first simplification: about as fine as a drawing can show."""
+_CELL_GROWTH = 1.25
+"""Factor by which cells grow until the mesh is small enough: smaller ones keep more of the mesh and take more tries."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnMesh:
     """Rows of the grid points: `lines` (l, 2) with their `kinds` (l,), `faces` (f, 4), −1 for the fourth of a triangle.
 
-    `sentence` says what was left out; "" where all is there.
+    `sentence` says what was left out; "" if nothing was.
     """
 
     lines: Rows
@@ -37,9 +45,9 @@ class DrawnMesh:
 
     @property
     def used(self) -> Rows:
-        """Rows of the grid points that something is drawn at."""
-        found = np.unique(np.concatenate([self.lines.ravel(), self.faces.ravel()]))
-        return found[found >= 0]
+        """Rows of the grid points of all lines and faces."""
+        rows = np.unique(np.concatenate([self.lines.ravel(), self.faces.ravel()]))
+        return rows[rows >= 0]
 
     def counted_from(self, rows: Rows) -> DrawnMesh:
         """The same with positions in `rows` (ascending) in place of the rows themselves."""
@@ -47,7 +55,7 @@ class DrawnMesh:
         return DrawnMesh(np.searchsorted(rows, self.lines), self.kinds, faces, self.sentence)
 
     def line_of(self, ends: Rows) -> Rows:
-        """The line (l,) of elements between both `ends` (l, 2), in any order; −1 where none is drawn."""
+        """(l,) the line of elements between two `ends` (l, 2), in any order; −1 if none is drawn."""
         of_elements = np.flatnonzero(self.kinds == ELEMENT)
         if not len(of_elements):
             return np.full(len(ends), -1)
@@ -59,12 +67,12 @@ class DrawnMesh:
 
 
 def whole_mesh(structure: Structure, off: Collection[int] = ()) -> DrawnMesh:
-    """All that can be drawn of a structure, but for elements that are switched off."""
+    """All that can be drawn of a structure, without elements that are switched off."""
     return DrawnMesh(*active_lines(structure, off), active_faces(structure, off))
 
 
 def mesh_beside(structure: Structure, nodes: NodeTable) -> DrawnMesh:
-    """The mesh of a structure on other grid points of the same numbers: what has all of its points there."""
+    """The mesh of a structure on other grid points of the same numbers, without parts that lack a point there."""
     mesh, order = whole_mesh(structure), np.argsort(nodes.ids)
     at = np.minimum(np.searchsorted(nodes.ids[order], structure.nodes.ids), len(order) - 1)
     row = np.append(np.where(nodes.ids[order][at] == structure.nodes.ids, order[at], -2), -1)
@@ -116,12 +124,12 @@ def _batch_lines(batch: ElementBatch, off: Collection[int]) -> Rows:
 def _rigid_lines(rigid: ConstraintRows, n_grids: int) -> Rows:
     """From the grid point of each eliminated DOF to the others of its equation."""
     grid = np.where(rigid.dof < 6 * n_grids, rigid.dof // 6, -1)
-    own = rigid.dependent[rigid.row]
-    return np.column_stack([np.where(own < 6 * n_grids, own // 6, -1), grid])
+    dependent = rigid.dependent[rigid.row]
+    return np.column_stack([np.where(dependent < 6 * n_grids, dependent // 6, -1), grid])
 
 
 def _drawable(structure: Structure, lines: Rows) -> Rows:
-    """Each line once; none to ground, to scalar points, or of no length."""
+    """Each line once, without lines to ground, to scalar points, or of zero length."""
     xyz = structure.nodes.xyz
     lines = np.unique(np.sort(lines, axis=1), axis=0)
     lines = lines[(lines >= 0).all(axis=1) & (lines < len(xyz)).all(axis=1)]
@@ -131,8 +139,8 @@ def _drawable(structure: Structure, lines: Rows) -> Rows:
 def outer_faces(batches: list[tuple[ElementBatch, NDArray[np.bool_]]]) -> Rows:
     """(faces, 4) sides of solids that no two of them share; each batch with its active elements."""
     solids = [(batch, active) for batch, active in batches if KINDS[batch.kind].sides]
-    found = [_sides(batch.nodes[active], KINDS[batch.kind].sides) for batch, active in solids]
-    faces = np.concatenate([np.zeros((0, 4), np.int64), *found])
+    sides = [_sides(batch.nodes[active], KINDS[batch.kind].sides) for batch, active in solids]
+    faces = np.concatenate([np.zeros((0, 4), np.int64), *sides])
     if not len(faces):
         return faces
     _, which, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
@@ -145,16 +153,15 @@ def _sides(nodes: Rows, sides: tuple[tuple[int, ...], ...]) -> Rows:
 
 
 def thinned(points: Reals, mesh: DrawnMesh, most_lines: int = MOST_LINES, most_faces: int = MOST_FACES) -> DrawnMesh:
-    """A mesh of no more lines and faces than that: points (n, 3) in one cell of a grid are drawn as one of them.
-
-    The cells grow until it is so.
+    """A mesh with at most so many lines and faces: points (n, 3) in one cell of a grid are drawn as one. The cells are
+    enlarged until the limits are met.
     """
     if len(mesh.lines) <= most_lines and len(mesh.faces) <= most_faces:
         return mesh
     size = float(np.linalg.norm(np.ptp(points[mesh.used], axis=0))) / _FIRST_CELLS
     fewer = _in_cells(points, mesh, size)
     while len(fewer.lines) > most_lines or len(fewer.faces) > most_faces:
-        size *= _COARSER
+        size *= _CELL_GROWTH
         fewer = _in_cells(points, mesh, size)
     return DrawnMesh(fewer.lines, fewer.kinds, fewer.faces, _sentence(mesh, fewer))
 
@@ -166,7 +173,7 @@ def _sentence(mesh: DrawnMesh, fewer: DrawnMesh) -> str:
 
 
 def _in_cells(points: Reals, mesh: DrawnMesh, size: float) -> DrawnMesh:
-    """The mesh with one point for all of a cell; what has shrunk to nothing, or is there twice, is left out."""
+    """The mesh with one point per cell, without degenerate and duplicate lines and faces."""
     used = mesh.used
     cells = np.floor((points[used] - points[used].min(axis=0)) / size).astype(np.int64)
     _, first, which = np.unique(cells, axis=0, return_index=True, return_inverse=True)
@@ -178,15 +185,15 @@ def _in_cells(points: Reals, mesh: DrawnMesh, size: float) -> DrawnMesh:
 
 def _different_lines(lines: Rows, kinds: Rows) -> tuple[Rows, Rows]:
     some = lines[:, 0] != lines[:, 1]
-    found = np.unique(np.column_stack([np.sort(lines[some], axis=1), kinds[some]]), axis=0)
-    return found[:, :2], found[:, 2]
+    distinct = np.unique(np.column_stack([np.sort(lines[some], axis=1), kinds[some]]), axis=0)
+    return distinct[:, :2], distinct[:, 2]
 
 
 def _different_faces(faces: Rows) -> Rows:
     """Faces of three or four different corners, each once; quadrilaterals that lost a corner are triangles."""
     following = np.roll(np.where(faces < 0, faces[:, [2]], faces), -1, axis=1)
     lost = (faces == following) | (faces < 0)
-    # the corners that are left, in their order, before those that are lost
+    # the remaining corners in their order, then the lost ones
     order = np.argsort(lost, axis=1, kind="stable")
     kept = np.where(np.take_along_axis(lost, order, axis=1), -1, np.take_along_axis(faces, order, axis=1))
     kept = kept[(kept[:, 2] >= 0) & (kept[:, 0] != kept[:, 2]) & ((kept[:, 3] < 0) | (kept[:, 1] != kept[:, 3]))]

@@ -1,4 +1,4 @@
-"""Errors from lower floors get the place that they lack: a key of the study, or a line of the deck."""
+"""Errors of the lower layers are given their place: a key of the study, or a line of the deck."""
 
 from __future__ import annotations
 

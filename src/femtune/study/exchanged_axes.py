@@ -1,4 +1,4 @@
-"""Axes of a test that are exchanged or turned round, although all of its sensors lie at grid points."""
+"""Axes of a test that are exchanged or inverted, although all of its sensors lie at grid points."""
 
 from __future__ import annotations
 
@@ -19,14 +19,19 @@ if TYPE_CHECKING:
     from femtune.study.cases import StudyCase
     from femtune.testdata import ModalTest
 
-_POOR, _GOOD = 0.7, 0.85
-"""Mean MAC of the present axes, below which others are tried, and of others, from which they are proposed."""
-_BETTER = 1e-3
-"""Difference of mean MAC values that decides between two changes of axes."""
+_POOR_MAC = 0.7
+"""Mean MAC with the axes of the study below which other axes are tried; above it a fit needs no explanation."""
+_GOOD_MAC = 0.85
+"""Mean MAC with other axes above which they are proposed. It is well above `_POOR_MAC`, so that a chance improvement
+is not proposed."""
+_BETTER_BY = 1e-3
+"""Increase of the mean MAC that decides between two changes of axes. Symmetric structures have several of equal MAC;
+the first one is then kept."""
 
 
 def fitting_axes(file: StudyFile, case: StudyCase, solution: EigenSolution) -> str:
-    """What to write so that the axes of a test fit the mode shapes; "" where the present ones do, or no others do.
+    """What to write so that the axes of a test fit the mode shapes; "" if the present axes fit, or no others fit
+    better.
 
     The 48 exchanges and inversions of axes are tried where the mean MAC of test modes and model modes of similar
     frequency is below 0.7. One is proposed if the mean MAC is above 0.85 with it and all sensors lie at grid points.
@@ -34,20 +39,20 @@ def fitting_axes(file: StudyFile, case: StudyCase, solution: EigenSolution) -> s
     if case.modal is None or case.test is None or len(case.modal.test) < 2:
         return ""
     alike = _Likeness(case, solution)
-    if alike.mean(np.asarray(case.modal.sensors @ alike.free)) >= _POOR:
+    if alike.mean(np.asarray(case.modal.sensors @ alike.free)) >= _POOR_MAC:
         return ""
     xyz = case.configured.model.structure.nodes.xyz
     middle = 0.5 * (xyz.min(axis=0) + xyz.max(axis=0)) if len(xyz) else np.zeros(3)
-    best, found = _GOOD, ""
+    best, proposal = _GOOD_MAC, ""
     # rotations first: a study can state them
     changes = sorted(axis_changes(), key=lambda change: np.linalg.det(change[1]) < 0.0)
     for words, matrix in changes:
         # about the origin, and about the middle of the model where coordinates decide
         for shift in (np.zeros(3), middle - matrix @ middle)[: 1 if file.sensors.by_id else 2]:
             value = alike.with_axes(file, case.test, matrix, shift)
-            if value > best + _BETTER:
-                best, found = value, _words(file, case, words, matrix, shift)
-    return found
+            if value > best + _BETTER_BY:
+                best, proposal = value, _words(file, case, words, matrix, shift)
+    return proposal
 
 
 class _Likeness:
@@ -73,13 +78,13 @@ class _Likeness:
         """The same after a change of axes; 0 where it leaves sensors without grid points."""
         structure = self.case.configured.model.structure
         try:
-            found = sensor_map(file, place(test, matrix, shift, allow_mirrored=True), structure)
-            at, sign = self.test.dofs.align(found.dofs)
+            sensors = sensor_map(file, place(test, matrix, shift, allow_mirrored=True), structure)
+            at, sign = self.test.dofs.align(sensors.dofs)
         except FemtuneError:
             return 0.0
-        if found.unmatched:
+        if sensors.unmatched:
             return 0.0
-        rows = found.matrix[at] @ self.case.configured.transformation
+        rows = sensors.matrix[at] @ self.case.configured.transformation
         return self.mean(sign[:, None] * np.asarray(rows @ self.free))
 
 

@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 LARGE = 3000
 """Free DOFs of the largest configuration above which runs take longer than the start of processes."""
 
-
 MOST_JOBS = 1024
+"""Largest number of parallel runs: a larger one is a mistyped number."""
 
 
 def check_jobs(jobs: int | None) -> None:
-    """Whether the number of runs at a time is one (error ``executor.jobs``); None is no number given."""
+    """Check the number of parallel runs (error ``executor.jobs``); None if it is not given."""
     if jobs is not None and not 1 <= jobs <= MOST_JOBS:
         raise FemtuneError("executor.jobs", values={"jobs": jobs}, most=MOST_JOBS)
 
 
 def with_jobs(source: Path | str | StudyFile, jobs: int | None) -> Path | str | StudyFile:
-    """The study with at most so many runs at a time, on this machine, in place of what [parallel] says.
+    """The study with a maximum number of parallel runs on this machine, which overrides [parallel].
 
     Raises
     ------
@@ -45,7 +45,7 @@ def with_jobs(source: Path | str | StudyFile, jobs: int | None) -> Path | str | 
 
 
 def check_executor(study: Study) -> None:
-    """Connect to the cluster, if the study names one, before anything is solved; for steps that make runs.
+    """Connect to the cluster, if the study names one, before anything is solved; only steps that make runs need it.
 
     Raises
     ------

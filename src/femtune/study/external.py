@@ -1,7 +1,6 @@
-"""A study of an external solver: runs around a point, and the model that is made of them.
-
-Around a point there are two runs for each parameter, for which central differences have the smallest error: the step
-is chosen from the noise of the solver's results. All of them are made side by side.
+"""A study of an external solver: runs around a point, and the model that is fitted to them. There are two runs for each
+parameter, which are made in parallel. The step of these central differences is chosen from the noise of the solver's
+results so that their error is smallest.
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ from femtune.files.nastran.write import plan_edits, write_deck
 from femtune.files.runs_table import RunsTable
 from femtune.files.study_file import ConfigurationSolver, RunsModelTable
 from femtune.files.whole_file import write_whole
+from femtune.journal.run_files import RUNS_FOLDER
 from femtune.journal.runs import RunJournal, open_run_journal
 from femtune.modal.beside import ModesBeside
 from femtune.model import configure, parametric_model, solve_modes
@@ -51,10 +51,13 @@ if TYPE_CHECKING:
     from femtune.parameters import ParameterSet
     from femtune.study.progress import Progress
 
-RUNS_FOLDER = "external"
-_DIGITS = 5e-7
-"""Rounding of results that have seven digits, relative."""
-_LEAST_STEP, _LARGEST_STEP = 0.01, 0.2
+_RESULT_ROUNDING = 5e-7
+"""Relative rounding of results that are written with seven digits."""
+_SMALLEST_STEP = 0.01
+"""Smallest step that is chosen from the noise, in half ranges of the bounds: noise beyond that of the two runs which
+are compared must not spoil the differences."""
+_LARGEST_STEP = 0.2
+"""Largest such step: beyond it the curvature of the results would spoil the differences."""
 _OFFSETS = (1.0, -1.0, 0.5, -0.5, 2.0, -2.0, 0.25, -0.25)
 """Places of the runs beside the central one, in steps; the first two within the bounds that succeed are used."""
 
@@ -86,7 +89,7 @@ class DeckFiles:
 
     @property
     def version(self) -> str:
-        """Digest of all files of the deck, of which a run has only those that are changed."""
+        """Digest of all files of the deck; the folder of a run contains only those that change."""
         return sha256("".join(line.text for file in self.built.deck.files for line in file.lines).encode()).hexdigest()
 
     def files(self, values: Mapping[str, float]) -> dict[str, bytes]:
@@ -95,7 +98,7 @@ class DeckFiles:
         updates = self.model.field_values(x)
         updates = {**updates, **self.model.structure.values.following(updates, self.built.fields)}
         regions = {a.parameter: a.elements for a in self.model.assignments if a.elements is not None}
-        # in fields of 16 columns, where 8 would round a value
+        # in fields of 16 columns if 8 would round a value
         plan = plan_edits(self.built, updates, regions, wide=True)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -110,8 +113,8 @@ def _deck_files(file: StudyFile, deck: str) -> DeckFiles:
     plain = file.model_copy(update={"runs": None, "solver": None})
     plain._path, plain._source, plain._given = file._path, file._source, file._given
     built = build_allowing(read_deck(file.path_of(deck)), file.study.allow_ignored)
-    found = targets(plain, built)
-    model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
+    parameter_targets = targets(plain, built)
+    model = parametric_model(built.structure, parameter_set(parameter_targets, built), assignments(parameter_targets))
     return DeckFiles(built, model, file.output_folder / RUNS_FOLDER, FromSolver(file).solver.deck_name)
 
 
@@ -124,9 +127,9 @@ def of_solver(file: StudyFile) -> StudyFile:
         middle = None if entry.lower is None or entry.upper is None else 0.5 * (entry.lower + entry.upper)
         start = known.get(entry.name, middle)
         entries.append(entry if entry.nominal is not None else entry.model_copy(update={"nominal": start}))
-    # what the polynomials are good for is told by the next run, not by one that is left out
-    own = [name for e in file.configuration if e.solver is not None for name in e.solver.templates or ()]
-    templates = [*FromSolver(file).solver.templates, *own]
+    # the next run, not one that is left out, shows the error of the polynomials
+    of_configurations = [name for e in file.configuration if e.solver is not None for name in e.solver.templates or ()]
+    templates = [*FromSolver(file).solver.templates, *of_configurations]
     runs = RunsModelTable(file=deck or templates[0], degree=2, crossed=False, tolerance=0.5)
     changed: dict[str, object] = {"parameter": tuple(entries), "runs": runs}
     if deck is not None and file.model.grid is None:
@@ -142,13 +145,13 @@ class PointRuns:
 
     @property
     def failure(self) -> Failure | None:
-        """Of the first run that failed for good; None where all have modes."""
+        """Outcome of the first run that failed finally; None if all have modes."""
         part = self.failed_part
         return None if part is None else self.parts[part].failures[-1]
 
     @property
     def failed_part(self) -> int | None:
-        """Position of the first run that failed for good in `sources`."""
+        """Position in `sources` of the first run that failed finally."""
         return next((i for i, outcome in enumerate(self.parts) if outcome.modes is None), None)
 
 
@@ -172,7 +175,7 @@ class SolverRuns:
     executor: Executor
     journal: RunJournal
     progress: Progress = silent
-    noise: float = _DIGITS
+    noise: float = _RESULT_ROUNDING
     started: int = 0
     replaced: list[Notice] = field(default_factory=list)
     decks: tuple[tuple[DeckFiles, ConfiguredModel], ...] = ()
@@ -193,7 +196,8 @@ class SolverRuns:
 
     @property
     def steps(self) -> Reals:
-        """(k,) distances of the runs from the central one: where rounding and curvature spoil differences alike."""
+        """(k,) distances of the runs from the central one, at which errors from rounding and from curvature are
+        equal."""
         lower, upper = self.bounds
         return 0.5 * self.relative_step * (upper - lower)
 
@@ -204,11 +208,11 @@ class SolverRuns:
 
     @property
     def relative_step(self) -> float:
-        """These distances in half ranges of the bounds."""
-        return self.asked.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _LEAST_STEP, _LARGEST_STEP))
+        """These distances as fractions of half the range of the bounds."""
+        return self.asked.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _SMALLEST_STEP, _LARGEST_STEP))
 
     def run(self, points: Sequence[Reals]) -> tuple[PointRuns, ...]:
-        """The runs of points; what is known is not run again."""
+        """The runs of points; known ones are not repeated."""
         told = [dict(zip(self.names, map(float, point))) for point in points]
 
         def say(done: int, outcome: RunOutcome) -> None:
@@ -216,20 +220,21 @@ class SolverRuns:
 
         columns = []
         for solver in self.solvers:
-            found = evaluate(solver, told, self.executor, self.journal, finished=say)
-            self.started += found.started
-            columns.append(found.outcomes)
+            evaluated = evaluate(solver, told, self.executor, self.journal, finished=say)
+            self.started += evaluated.started
+            columns.append(evaluated.outcomes)
         return tuple(map(PointRuns, zip(*columns)))
 
     def measure_noise(self, point: Reals, known: PointRuns) -> None:
-        """Run a point twice (error ``external.not-repeatable``); the second run is kept in the journal, too."""
+        """Run a point a second time to measure the noise (error ``external.not-repeatable``); the journal keeps that
+        run, too."""
         values = dict(zip(self.names, map(float, point)))
-        noise = [_DIGITS]
+        noise = [_RESULT_ROUNDING]
         for solver, first in zip(self.solvers, known.parts):
             again = replace(solver, version=f"{solver.version}, repeated")
-            found = evaluate(again, [values], self.executor, self.journal)
-            self.started += found.started
-            noise.append(compare_repeated(values, first, found.outcomes[0], self.asked.repeat_tolerance))
+            repeated = evaluate(again, [values], self.executor, self.journal)
+            self.started += repeated.started
+            noise.append(compare_repeated(values, first, repeated.outcomes[0], self.asked.repeat_tolerance))
         self.noise = max(noise)
 
     def around(self, point: Reals) -> tuple[RunsTable, ...]:
@@ -239,8 +244,8 @@ class SolverRuns:
         ------
         FemtuneError : ``external.failed`` where the point itself, or all points beside it for a parameter, fail
         """
-        if self.by_deck and (found := self._by_deck(point)) is not None:
-            return found
+        if self.by_deck and (tables := self._by_deck(point)) is not None:
+            return tables
         offsets = [_within(i, point, self.steps, self.bounds) for i in range(len(point))]
         first = [point + o for some in offsets for o in some[:2]]
         outcomes = dict(zip(map(tuple, [point, *first]), self.run([point, *first])))
@@ -253,20 +258,20 @@ class SolverRuns:
         return self.tables(rows)
 
     def follow_deck(self, point: Reals) -> None:
-        """Take derivatives from the deck from here on, if both models are alike at a point that was run."""
+        """Take derivatives from the deck from now on, if both models agree at a point that was run."""
         self.by_deck = bool(self.decks)
         if self.by_deck:
             self._by_deck(point)
 
     def _by_deck(self, point: Reals) -> tuple[RunsTable, ...] | None:
-        """One run at a point, and modes beside it by the derivatives of the own model; None where these mislead."""
+        """One run at a point, and modes around it from the derivatives of femtune's model; None if these mislead."""
         centre = self.run([point])[0]
         if centre.failure is not None:
             raise self.failed(point, centre)
         values = dict(zip(self.names, map(float, point)))
         beside = [o for i in range(len(point)) for o in _within(i, point, self.steps, self.bounds)[:2]]
         points = [point, *(point + o for o in beside)]
-        found, told, seen = [], [], []
+        tables, told, seen = [], [], []
         for i, ((deck, configured), table) in enumerate(zip(self.decks, self.tables([(point, centre)]))):
             try:
                 name = next(e.name for e in self.file.configurations if part_of(self.file, e) == i)
@@ -277,7 +282,7 @@ class SolverRuns:
                     self.by_deck = False
                     break
                 scales = {p.name: p.scale for p in deck.model.parameters.free}
-                found.append(DeckDerivatives.of(modes, scales, self.names).table(self.names, points))
+                tables.append(DeckDerivatives.of(modes, scales, self.names).table(self.names, points))
             except FemtuneError as error:
                 self.by_deck = False
                 told.append(Notice("external.deck/not-solved", where=self.file.where("solver"), reason=error.what))
@@ -287,7 +292,7 @@ class SolverRuns:
             self.beside = [replace(each, derivatives=self.by_deck) for each in seen]
         elif not self.by_deck:
             self.compared.append(told[-1])
-        return tuple(found) if self.by_deck else None
+        return tuple(tables) if self.by_deck else None
 
     def tables(self, rows: Sequence[tuple[Reals, PointRuns]]) -> tuple[RunsTable, ...]:
         """Tables of runs that have modes, by `sources`."""
@@ -296,7 +301,7 @@ class SolverRuns:
         )
 
     def failed(self, point: Reals, runs: PointRuns) -> FemtuneError:
-        """The error that a point has no modes, with the configuration where they have inputs of their own."""
+        """The error that a point has no modes; it names the configuration if configurations have different inputs."""
         failure, part = runs.failure, runs.failed_part
         assert failure is not None
         assert part is not None
@@ -311,7 +316,7 @@ class SolverRuns:
     def _pair(
         self, i: int, point: Reals, offsets: list[Reals], outcomes: dict[tuple[float, ...], PointRuns]
     ) -> list[tuple[Reals, PointRuns]]:
-        """Two runs for a parameter; those that fail for good are replaced by others."""
+        """Two runs for a parameter; runs that fail finally are replaced by others."""
         good: list[tuple[Reals, PointRuns]] = []
         bad: list[PointRuns] = []
         for offset in offsets:
@@ -338,19 +343,20 @@ class SolverRuns:
         return good
 
 
-_MOST_LISTED = 12
-_UNLIKE = 0.25
-"""Part of the elastic modes without a partner from which the derivatives of the deck are not used."""
+_MOST_MODES_LISTED = 12
+"""Modes that a notice lists; the others are counted."""
+_MOST_UNPAIRED = 0.25
+"""Fraction of elastic modes without a partner above which the derivatives of the deck are not used."""
 
 
 def _alike(beside: ModesBeside) -> bool:
-    """True where nearly all elastic modes have partners in the own model."""
+    """True if nearly all elastic modes have partners in femtune's model."""
     elastic = beside.elastic
-    return bool(elastic.any()) and bool((elastic & ~beside.paired).sum() <= _UNLIKE * elastic.sum())
+    return bool(elastic.any()) and bool((elastic & ~beside.paired).sum() <= _MOST_UNPAIRED * elastic.sum())
 
 
 def _compared(file: StudyFile, beside: ModesBeside | None) -> Notice:
-    """Both models mode by mode; a warning where they differ so much that derivatives mislead."""
+    """Both models compared mode by mode; a warning if they differ so much that derivatives mislead."""
     where = file.where("solver", "derivatives")
     if beside is None:
         return Notice("external.deck/no-shapes", where=where)
@@ -361,8 +367,8 @@ def _compared(file: StudyFile, beside: ModesBeside | None) -> Notice:
         for j, (hz, percent, mac, elastic) in enumerate(rows, start=1)
         if elastic
     ]
-    more = f" and {len(lines) - _MOST_LISTED} more" if len(lines) > _MOST_LISTED else ""
-    facts = {"configuration": beside.configuration, "modes": ", ".join(lines[:_MOST_LISTED]) + more}
+    more = f" and {len(lines) - _MOST_MODES_LISTED} more" if len(lines) > _MOST_MODES_LISTED else ""
+    facts = {"configuration": beside.configuration, "modes": ", ".join(lines[:_MOST_MODES_LISTED]) + more}
     alone = int((beside.elastic & ~beside.paired).sum())
     if not alone:
         return Notice("external.deck", where=where, level="info", **facts)
@@ -372,13 +378,13 @@ def _compared(file: StudyFile, beside: ModesBeside | None) -> Notice:
 
 def _within(i: int, point: Reals, steps: Reals, bounds: tuple[Reals, Reals]) -> list[Reals]:
     """Offsets of the runs for a parameter that lie within its bounds."""
-    found = []
+    offsets = []
     for factor in _OFFSETS:
         offset = np.zeros(len(point))
         offset[i] = factor * steps[i]
         if bounds[0][i] <= point[i] + offset[i] <= bounds[1][i]:
-            found.append(offset)
-    return found
+            offsets.append(offset)
+    return offsets
 
 
 def _table(names: Sequence[str], rows: Sequence[tuple[Reals, RunOutcome]]) -> RunsTable:
@@ -407,26 +413,29 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
     """
     inputs = _inputs(file)
-    solvers = tuple(_solver(file, own, files) for own, files in zip(_owners(file), inputs))
+    solvers = tuple(_solver(file, overrides, files) for overrides, files in zip(_solver_overrides(file), inputs))
     runs = _runs(file, solvers, progress, fresh)
     if FromSolver(file).solver.derivatives == "deck":
-        runs.decks = tuple(_deck_of(file, i, own, files) for i, (own, files) in enumerate(zip(_owners(file), inputs)))
+        runs.decks = tuple(
+            _deck_of(file, i, overrides, files)
+            for i, (overrides, files) in enumerate(zip(_solver_overrides(file), inputs))
+        )
         runs.by_deck = True
     return runs
 
 
 def _deck_of(
-    file: StudyFile, part: int, own: ConfigurationSolver, inputs: InputFiles
+    file: StudyFile, part: int, overrides: ConfigurationSolver, inputs: InputFiles
 ) -> tuple[DeckFiles, ConfiguredModel]:
-    """femtune's model of the deck that belongs to some inputs, in the state of the first configuration with these."""
-    name = own.deck or file.study.deck
+    """femtune's model of the deck that belongs to some inputs, in the first configuration with these inputs."""
+    name = overrides.deck or file.study.deck
     assert name is not None
     deck = inputs if isinstance(inputs, DeckFiles) else _deck_files(file, name)
     entry = next(e for e in file.configurations if part_of(file, e) == part)
     return deck, configure(deck.model, overlay(entry))
 
 
-def own_runs(file: StudyFile, own: ConfigurationSolver, where: Where) -> SolverRuns:
+def own_runs(file: StudyFile, overrides: ConfigurationSolver, where: Where) -> SolverRuns:
     """The runs of one set of input files, such as those of a vibration test, in the journal of the study.
 
     Parameters
@@ -437,10 +446,10 @@ def own_runs(file: StudyFile, own: ConfigurationSolver, where: Where) -> SolverR
     ------
     FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
     """
-    files = _input_files(file, own)
+    files = _input_files(file, overrides)
     if isinstance(files, Templates):
         check_names(files.names, [p.name for p in file.parameter], (), where)
-    return _runs(file, (_solver(file, own, files),))
+    return _runs(file, (_solver(file, overrides, files),))
 
 
 def _runs(
@@ -453,18 +462,18 @@ def _runs(
     return SolverRuns(file, solvers, executor, open_run_journal(file.output_folder, fresh=fresh), progress)
 
 
-def _owners(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
-    """What the configurations have of their own, in the order of `sources`."""
-    found: dict[str, ConfigurationSolver] = {}
+def _solver_overrides(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
+    """The keys of [solver] that configurations override, in the order of `sources`."""
+    distinct: dict[str, ConfigurationSolver] = {}
     for entry in file.configurations:
-        own = entry.solver or ConfigurationSolver()
-        found.setdefault(own.model_dump_json(), own)
-    return tuple(found.values())
+        overrides = entry.solver or ConfigurationSolver()
+        distinct.setdefault(overrides.model_dump_json(), overrides)
+    return tuple(distinct.values())
 
 
-def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> ExternalSolver:
-    """[solver] with what a configuration has of its own (error ``external.no-program``)."""
-    entry = FromSolver(file).solver.model_copy(update={k: v for k, v in own if v is not None and k != "deck"})
+def _solver(file: StudyFile, overrides: ConfigurationSolver, inputs: InputFiles) -> ExternalSolver:
+    """[solver] with the keys that a configuration overrides (error ``external.no-program``)."""
+    entry = FromSolver(file).solver.model_copy(update={k: v for k, v in overrides if v is not None and k != "deck"})
     checks = Checks(file.modes.count or 1, entry.mass, entry.mass_tolerance)
     solver = ExternalSolver(
         entry.command, inputs, ResultFile(entry.result, entry.format), file.output_folder / RUNS_FOLDER, checks,
@@ -472,44 +481,44 @@ def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> Ex
         entry.licence_tries, tuple(sorted(entry.environment.items())), entry.version, entry.keep, entry.keep_most,
     )  # fmt: skip
     place: tuple[str | int, ...] = ("solver", "command")
-    if own.command is not None:
+    if overrides.command is not None:
         known = [("configuration", i, c.solver) for i, c in enumerate(file.configurations)]
         known += [("vibration", i, v.solver) for i, v in enumerate(file.vibration)]
-        place = (*next((table, i) for table, i, solver in known if solver == own), *place)
+        place = (*next((table, i) for table, i, solver in known if solver == overrides), *place)
     with errors_at(file.where(*place)):
         solver.check()
     return solver
 
 
 def _inputs(file: StudyFile) -> tuple[InputFiles, ...]:
-    """Decks, or templates whose placeholders are the parameters, each of which occurs in one of them at least."""
-    found: list[InputFiles] = []
+    """Decks, or templates whose placeholders are the parameters; each parameter must occur in at least one of them."""
+    files: list[InputFiles] = []
     names = [p.name for p in file.parameter]
     placeholders: dict[str, None] = {}
-    for own in _owners(file):
-        found.append(_input_files(file, own))
-        check_names(found[-1].names, names, (), _place_of_templates(file, own))
-        placeholders |= dict.fromkeys(found[-1].names)
-    used = ConfigurationSolver() if FromSolver(file).solver.templates else _owners(file)[0]
+    for overrides in _solver_overrides(file):
+        files.append(_input_files(file, overrides))
+        check_names(files[-1].names, names, (), _place_of_templates(file, overrides))
+        placeholders |= dict.fromkeys(files[-1].names)
+    used = ConfigurationSolver() if FromSolver(file).solver.templates else _solver_overrides(file)[0]
     check_names(tuple(placeholders), names, names, _place_of_templates(file, used))
-    return tuple(found)
+    return tuple(files)
 
 
-def _place_of_templates(file: StudyFile, own: ConfigurationSolver) -> Where:
+def _place_of_templates(file: StudyFile, overrides: ConfigurationSolver) -> Where:
     """The line of the templates: those of a configuration, or of all."""
-    if own.templates is None:
+    if overrides.templates is None:
         return file.where("solver", "templates")
-    at = next(i for i, entry in enumerate(file.configurations) if entry.solver == own)
+    at = next(i for i, entry in enumerate(file.configurations) if entry.solver == overrides)
     return file.where("configuration", at, "solver", "templates")
 
 
-def _input_files(file: StudyFile, own: ConfigurationSolver) -> DeckFiles | Templates:
+def _input_files(file: StudyFile, overrides: ConfigurationSolver) -> DeckFiles | Templates:
     asked = FromSolver(file).solver
-    deck = own.deck or file.study.deck
-    templates = asked.templates if own.templates is None else own.templates
+    deck = overrides.deck or file.study.deck
+    templates = asked.templates if overrides.templates is None else overrides.templates
     if deck is not None and not templates:
         return _deck_files(file, deck)
-    files = asked.files if own.files is None else own.files
+    files = asked.files if overrides.files is None else overrides.files
     return Templates(tuple(read_template(file.path_of(name)) for name in templates), tuple(map(file.path_of, files)))
 
 
@@ -518,7 +527,7 @@ def _workers(file: StudyFile) -> int:
 
 
 def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bool = True) -> BuiltModel:
-    """The model around the initial values; that of the run at these alone, where the step runs other points."""
+    """The model around the initial values; with `around` = False that of the run at these alone."""
     runs = solver_runs(file, progress, fresh=fresh)
     try:
         point = nominal_point(file)
@@ -533,10 +542,10 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bo
             built = built_of_tables(file, tables, 0)
     finally:
         runs.journal.close()
-    own, beside = tuple(runs.compared), tuple(runs.beside)
+    deck_notices, beside = tuple(runs.compared), tuple(runs.beside)
     if not runs.decks and isinstance(runs.solvers[0].inputs, DeckFiles):
-        own, beside = _beside_own(file, runs, known)
-    notices = (*_facts(runs, tables), *_hidden(built), *own, *runs.journal.notices)
+        deck_notices, beside = _beside_own(file, runs, known)
+    notices = (*_facts(runs, tables), *_hidden(built), *deck_notices, *runs.journal.notices)
     return replace(built, notices=notices, beside=beside)
 
 
@@ -547,24 +556,25 @@ def _of_one_run(file: StudyFile, runs: SolverRuns, tables: tuple[RunsTable, ...]
 
 
 def _hidden(built: BuiltModel) -> tuple[Notice, ...]:
-    """What was said of modes that are not visible; what the fit says has no run to be checked by."""
+    """Notices of modes that are not visible; those of the fit do not apply, since no run checks it."""
     return tuple(notice for notice in built.notices if notice.code == "runs.hidden-modes")
 
 
 def _beside_own(
     file: StudyFile, runs: SolverRuns, known: PointRuns
 ) -> tuple[tuple[Notice, ...], tuple[ModesBeside, ...]]:
-    """How far femtune's own elements are from the solver, mode by mode in their order, where they can be solved."""
+    """Differences between femtune's elements and the solver, mode by mode in their order, if femtune can solve the
+    model."""
     inputs, modes = runs.solvers[0].inputs, known.parts[0].modes
     assert isinstance(inputs, DeckFiles)
     assert modes is not None
     hz, where = modes.freq_hz, file.where("solver")
     try:
         configured = configure(inputs.model, overlay(file.configurations[0]))
-        own = solve_modes(configured.at(np.zeros(len(runs.names))), len(hz)).freq_hz[: len(hz)]
+        deck_hz = solve_modes(configured.at(np.zeros(len(runs.names))), len(hz)).freq_hz[: len(hz)]
     except FemtuneError as error:
         return (Notice("external.own-elements/not-solved", where=where, level="info", reason=error.what),), ()
-    beside = ModesBeside(file.configurations[0].name, hz[: len(own)], own, None)
+    beside = ModesBeside(file.configurations[0].name, hz[: len(deck_hz)], deck_hz, None)
     if not beside.elastic.any():
         return (), ()
     difference = 100.0 * beside.difference
@@ -600,24 +610,25 @@ def _facts(runs: SolverRuns, tables: Sequence[RunsTable]) -> Iterator[Notice]:
 
 
 UPDATED_FOLDER = "updated"
+"""Folder of the input files with the updated values, beside the folders of the runs."""
 
 
 def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:
-    """The input files with some values, beside the folders of the runs (error ``external.folder``)."""
+    """Write the input files with given values, beside the folders of the runs (error ``external.folder``)."""
     folder = runs.solvers[0].folder / UPDATED_FOLDER
     try:
         for i, solver in enumerate(runs.solvers):
-            own = folder if len(runs.solvers) == 1 else folder / _folder_name(runs.file, i)
-            own.mkdir(parents=True, exist_ok=True)
+            subfolder = folder if len(runs.solvers) == 1 else folder / _folder_name(runs.file, i)
+            subfolder.mkdir(parents=True, exist_ok=True)
             for name, content in solver.inputs.files(values).items():
-                write_whole(own / name, content)
+                write_whole(subfolder / name, content)
     except OSError as error:
         raise FemtuneError("external.folder", where=Where(str(folder)), reason=error.strerror or error) from error
     return folder
 
 
 def _folder_name(file: StudyFile, part: int) -> str:
-    """Of the first configuration with these inputs, without characters that a file system may refuse."""
-    own = _owners(file)[part].model_dump_json()
-    first = next(c.name for c in file.configurations if (c.solver or ConfigurationSolver()).model_dump_json() == own)
+    """Name of the first configuration with these inputs, without characters that a file system may refuse."""
+    asked = _solver_overrides(file)[part].model_dump_json()
+    first = next(c.name for c in file.configurations if (c.solver or ConfigurationSolver()).model_dump_json() == asked)
     return f"{part + 1}-" + re.sub(r"[^A-Za-z0-9_-]", "_", first)[:60]

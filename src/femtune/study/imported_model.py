@@ -1,4 +1,4 @@
-"""A study of matrices: its files read and put together as a model, and its modes beside the listed ones."""
+"""A study of matrices: the model from its files, and its modes compared with the listed ones."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ if TYPE_CHECKING:
     from femtune.study.drawn_mesh import DrawnMesh
 
 _FURTHER_MODES = 8
-_NEGATIVE = 1e-9
+"""Modes beyond the listed ones: a listing may omit rigid-body modes, or modes that the solver missed."""
+_NEGATIVE_DIAGONAL = 1e-9
+"""Negative diagonal term relative to the largest one from which it is refused; smaller ones are rounding."""
 
 
 def build_imported(file: StudyFile) -> BuiltModel:
@@ -56,22 +58,22 @@ def build_imported(file: StudyFile) -> BuiltModel:
     held = np.concatenate([np.zeros(0, np.int64), *(d[m.held] for m, d in zip(matrices, placed.dofs))])
     variables = [Variable(v.name, v.nominal, v.degree, v.crossed) for v in file.variable]
     with errors_at(file.where("matrix", 0)):
-        found = imported_structure(
+        imported = imported_structure(
             placed.nodes, placed.listed, groups, variables, held=held,
             hold_singular=file.model.hold_singular, tolerance=file.model.polynomial_tolerance,
         )  # fmt: skip
-        _check_diagonals(found.structure)
-    notices = (*_facts(file, matrices), *placed.notices, *found.notices)
-    return BuiltModel(tuple(map(str, model_source(file).files)), found.structure, notices)
+        _check_diagonals(imported.structure)
+    notices = (*_facts(file, matrices), *placed.notices, *imported.notices)
+    return BuiltModel(tuple(map(str, model_source(file).files)), imported.structure, notices)
 
 
 def _read_all(file: StudyFile) -> list[ReadMatrix]:
-    errors, found = ErrorCollector(), []
+    errors, matrices = ErrorCollector(), []
     for i, entry in enumerate(file.matrix):
         with errors.catch(), errors_at(file.where("matrix", i, "file")):
-            found.append(read_matrix(file.path_of(entry.file), entry.record, entry.format))
+            matrices.append(read_matrix(file.path_of(entry.file), entry.record, entry.format))
     errors.raise_if_any()
-    return found
+    return matrices
 
 
 def _groups(file: StudyFile, matrices: Sequence[ReadMatrix], placed: Placement) -> list[ImportedMatrix]:
@@ -89,7 +91,7 @@ def _groups(file: StudyFile, matrices: Sequence[ReadMatrix], placed: Placement) 
 
 
 def _facts(file: StudyFile, matrices: Sequence[ReadMatrix]) -> list[Notice]:
-    """What was read of each file."""
+    """Notices of what was read from each file."""
     return [
         Notice(
             "matrices.read",
@@ -112,7 +114,7 @@ def _check_diagonals(structure: Structure) -> None:
             if m.kind == kind and set(m.roles) == {"FACTOR"}:
                 total += m.upper.diagonal()
         several = any(m.kind == kind and len(m.roles) > 1 for m in structure.assembled)
-        bad = np.flatnonzero(total < -_NEGATIVE * np.abs(total).max(initial=0.0))
+        bad = np.flatnonzero(total < -_NEGATIVE_DIAGONAL * np.abs(total).max(initial=0.0))
         if bad.size and not several:
             raise _negative(structure, kind, total, bad)
 
@@ -127,13 +129,14 @@ def _negative(structure: Structure, kind: str, total: NDArray[np.float64], bad: 
 
 
 def mesh_of_grid(file: StudyFile, nodes: NodeTable) -> DrawnMesh | None:
-    """The mesh of the deck that gave the coordinates, to be drawn; None where there is none, or it is no whole deck."""
+    """The mesh of the deck that gave the coordinates, for drawings; None if there is none, or it is not a complete
+    deck."""
     if file.model.grid is None or not len(nodes.ids) or Path(file.model.grid).suffix.lower() in INPUT_SUFFIXES:
         return None
     try:
         mesh = mesh_beside(build_structure(read_deck(file.path_of(file.model.grid)), True).structure, nodes)
     except FemtuneError:
-        # whatever is wrong with its properties, the coordinates were read
+        # its coordinates were read, although something else in it is wrong
         return None
     return mesh if len(mesh.lines) or len(mesh.faces) else None
 

@@ -1,4 +1,4 @@
-"""The test of a configuration in the study's units and axes, its sensors on the model, and what of it is compared."""
+"""The test of a configuration in the study's units and axes, its sensors on the model, and what is compared."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 BEYOND_TEST = 1.25
-"""How far beyond the highest frequency of the test modes of the model are solved where nothing is said."""
+"""Highest frequency of the modes of the model over that of the test, if [correlate] states neither number nor limit."""
 
 
 def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> tuple[StudyCase, tuple[Notice, ...]]:
@@ -58,14 +58,14 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
     test, notices = _read_test(file, entry, tests)
     _check_coordinates(file, structure)
     with errors_at(place_of(file, entry, "test")), with_keys(file, entry, test, structure):
-        found = sensor_map(file, test, structure)
+        all_sensors = sensor_map(file, test, structure)
     functions, worst = _held_functions(file, entry, test.frfs)
     held = HeldOut(functions=functions)
-    case = replace(case, test=test, sensors=found, all_sensors=found, held=held)
-    notices = (*notices, *found.notices, *worst, *_of_frfs(file, entry, test.frfs))
+    case = replace(case, test=test, sensors=all_sensors, all_sensors=all_sensors, held=held)
+    notices = (*notices, *all_sensors.notices, *worst, *_of_frfs(file, entry, test.frfs))
     if test.modes is None:
         return case, notices
-    sensors = _of_modes(found, test.modes)
+    sensors = _of_modes(all_sensors, test.modes)
     compared = _compared(file, entry, case.configured, test.modes, sensors)
     return replace(
         case,
@@ -88,9 +88,9 @@ def held_out(file: StudyFile, entry: ConfigurationEntry, case: ComparedCase) -> 
         if entry.use == "update" and one.configuration in (None, entry.name):
             modes |= set(_modes(file, i, one, case.test)) - set(case.left_out)
             sensors |= set(_sensors(file, i, one, case.test.dofs))
-    found = HeldOut(frozenset(modes), frozenset(sensors))
-    _check_something_left(file, entry, case, found)
-    return found
+    held = HeldOut(frozenset(modes), frozenset(sensors))
+    _check_something_left(file, entry, case, held)
+    return held
 
 
 def _modes(file: StudyFile, i: int, one: HoldOutEntry, test: ModeSet) -> Iterator[int]:
@@ -123,7 +123,7 @@ def _sensors(file: StudyFile, i: int, one: HoldOutEntry, dofs: DofSet) -> Iterat
 
 
 def _of_frfs(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None) -> tuple[Notice, ...]:
-    """What is wrong with functions that the study compares, as far as they tell themselves."""
+    """Warnings of checks of the FRFs that the study compares."""
     several, used = entry.specimen is not None, entry.use == "update"
     if frfs is None or not any(r.kind == "frf" and r.is_in(entry.name, several, used) for r in file.residual):
         return ()
@@ -148,51 +148,51 @@ def _held_functions(
             if one.configuration is not None or len(file.configurations) == 1:
                 raise FemtuneError("study.hold-out/no-frfs", where=file.where("hold_out", i), configuration=entry.name)
         return frozenset(), ()
-    found: set[tuple[int, int]] = set()
+    functions: set[tuple[int, int]] = set()
     notices: list[Notice] = []
     for i, one in mine:
         if one.worst is not None:
             rows, notice = _worst(file, i, one, entry, frfs)
             notices.append(notice)
-            found |= {(row, column) for row in rows for column in range(len(frfs.references))}
+            functions |= {(row, column) for row in rows for column in range(len(frfs.references))}
             continue
         rows = _channels(file, (i, "outputs"), one.outputs, frfs.responses)
         columns = _channels(file, (i, "inputs"), one.inputs, frfs.references)
-        found |= {(row, column) for row in rows for column in columns}
+        functions |= {(row, column) for row in rows for column in columns}
     measured = {(int(i), int(j)) for i, j in zip(*np.nonzero(np.isfinite(frfs.values).any(axis=2)))}
-    if found and not measured - found:
+    if functions and not measured - functions:
         where = file.where("hold_out")
         raise FemtuneError("study.hold-out", where=where, configuration=entry.name, remaining="no FRF")
-    return frozenset(found & measured), tuple(notices)
+    return frozenset(functions & measured), tuple(notices)
 
 
 def _worst(
     file: StudyFile, i: int, one: HoldOutEntry, entry: ConfigurationEntry, frfs: FrfSet
 ) -> tuple[list[int], Notice]:
-    """Positions of the worst outputs, and what is said of the choice (errors ``study.hold-out``)."""
+    """Positions of the worst outputs, and the notice of the choice (errors ``study.hold-out``)."""
     from femtune.identification.channel_quality import quality  # noqa: PLC0415  few studies ask for it
 
     if one.by == "coherence" and frfs.coherence is None:
         raise FemtuneError(
             "study.hold-out/no-coherence", where=file.where("hold_out", i, "by"), configuration=entry.name
         )
-    found = quality(frfs, one.by)
+    ranking = quality(frfs, one.by)
     assert one.worst is not None
-    if one.worst >= len(found.order):
+    if one.worst >= len(ranking.order):
         raise FemtuneError(
             "study.hold-out/too-many", where=file.where("hold_out", i, "worst"), worst=one.worst,
-            outputs=len(found.order), configuration=entry.name,
+            outputs=len(ranking.order), configuration=entry.name,
         )  # fmt: skip
-    rows, rest = found.order[: one.worst], found.order[one.worst :]
+    rows, rest = ranking.order[: one.worst], ranking.order[one.worst :]
     labels = frfs.responses.labels()
-    limits = [float(found.values[j]) for j in (rows[0], rows[-1], rest[0], rest[-1])]
+    limits = [float(ranking.values[j]) for j in (rows[0], rows[-1], rest[0], rest[-1])]
     notice = Notice(
         "study.worst-held",
         level="info",
         configuration=entry.name,
-        rule=found.words,
+        rule=ranking.words,
         count=len(rows),
-        measured=len(found.order),
+        measured=len(ranking.order),
         names=", ".join(labels[j] for j in rows),
         first=limits[0],
         last=limits[1],
@@ -203,7 +203,7 @@ def _worst(
 
 
 def _channels(file: StudyFile, key: tuple[int, str], labels: tuple[str, ...], dofs: DofSet) -> list[int]:
-    """Positions of the DOFs with some labels; of all without labels."""
+    """Positions of the DOFs with given labels; of all DOFs without labels."""
     at = {(dof.node, dof.direction): k for k, dof in enumerate(dofs)}
     named = [parse_dof(label) for label in labels]
     for j, dof in enumerate(named):
@@ -223,22 +223,22 @@ def _some(dofs: Iterable[object]) -> str:
     return ", ".join(names[:8]) + (f" … ({len(names)} in all)" if len(names) > 8 else "")
 
 
-def _check_something_left(file: StudyFile, entry: ConfigurationEntry, case: ComparedCase, found: HeldOut) -> None:
-    modes = len(case.test) - len(found.modes | set(case.left_out))
-    sensors = len(case.test.dofs) - len(found.sensors)
-    if found.any and (modes < 1 or sensors < 2):
+def _check_something_left(file: StudyFile, entry: ConfigurationEntry, case: ComparedCase, held: HeldOut) -> None:
+    modes = len(case.test) - len(held.modes | set(case.left_out))
+    sensors = len(case.test.dofs) - len(held.sensors)
+    if held.any and (modes < 1 or sensors < 2):
         left = "no mode" if modes < 1 else "fewer than two sensors"
         raise FemtuneError("study.hold-out", where=file.where("hold_out"), configuration=entry.name, remaining=left)
 
 
 def _check_coordinates(file: StudyFile, structure: Structure) -> None:
-    """Sensors cannot be put on points whose place is not known (error ``matrices.no-coordinates``)."""
+    """Refuse sensors at points without coordinates (error ``matrices.no-coordinates``)."""
     if not structure.nodes.has_coordinates and (not file.sensors.by_id or file.rigid_floor):
         raise FemtuneError("matrices.no-coordinates/for-sensors", where=file.where("sensors"))
 
 
 def _of_modes(sensors: SensorMap, modes: ModeSet) -> SensorMap:
-    """The sensors of the modes; what only FRFs have is left aside."""
+    """The sensors of the modes, without those of FRFs only."""
     keep = [i for i, dof in enumerate(sensors.dofs) if dof in modes.dofs]
     matches = tuple(sensors.matches[i] for i in keep)
     return replace(sensors, matrix=sp.csr_array(sensors.matrix[keep]), dofs=sensors.dofs.select(keep), matches=matches)
@@ -251,14 +251,14 @@ def _read_test(
     paths = [file.path_of(name) for name in names]
     with errors_at(place_of(file, entry, "test")):
         if names[0] in file.given.tests:
-            found = _given(file.given.tests[names[0]], file.study.unit_system)
+            unplaced = _given(file.given.tests[names[0]], file.study.unit_system)
         elif paths[0].suffix.lower() == ".toml":
-            found = described_test(paths[0], entry.name, file.study.unit_system)
+            unplaced = described_test(paths[0], entry.name, file.study.unit_system)
         else:
-            found = _content(file, entry, _parsed(paths, tests)).test
-        found = _with_deviations(file, entry, found)
-        test = place(found, entry.rotation, entry.origin)
-        notices = (*found.notices, *check_test(test))
+            unplaced = _content(file, entry, _parsed(paths, tests)).test
+        unplaced = _with_deviations(file, entry, unplaced)
+        test = place(unplaced, entry.rotation, entry.origin)
+        notices = (*unplaced.notices, *check_test(test))
     if test.modes is None:
         return test, notices
     modes = real_modes(test.modes).modes
@@ -278,16 +278,16 @@ def _with_deviations(file: StudyFile, entry: ConfigurationEntry, test: ModalTest
 
 
 def _given(test: ModalTest, units: UnitSystem) -> ModalTest:
-    """A test that is no file, in the units of the study; its wire frame says where its sensors are."""
+    """A test in memory, in the units of the study; its wire frame states where its sensors are."""
     dofs = [*(test.modes.dofs if test.modes else ()), *(test.frfs.responses if test.frfs else ())]
     sensors = test.sensors or sensors_at(test.geometry, dofs)
     return convert_units(replace(test, sensors=sensors), units)
 
 
 def _content(file: StudyFile, entry: ConfigurationEntry, parsed: UffFile) -> UffContent:
-    units, own = file.study.unit_system, unit_system(entry.test_units) if entry.test_units else None
+    units, file_units = file.study.unit_system, unit_system(entry.test_units) if entry.test_units else None
     try:
-        return read_uff(parsed, units=units, file_units=own, records=entry.records, name=entry.name)
+        return read_uff(parsed, units=units, file_units=file_units, records=entry.records, name=entry.name)
     except FemtuneError as error:
         if error.code == "uff.no-units":
             key = "test_units" if file.configuration else "units"
@@ -383,10 +383,9 @@ def _compared(
 
 
 def _modes_wanted(file: StudyFile, test: ModeSet) -> tuple[int | None, float | None]:
-    """How many modes of the model are solved, or up to which frequency.
-
-    Where the study says nothing, all up to 1.25 times the highest frequency of the test, and at least ten elastic
-    modes, or as many as METHOD of the deck asks for; rigid-body modes do not count among these.
+    """Number of modes of the model that are solved, or their upper frequency. By default these are all modes up to 1.25
+    times the highest frequency of the test, and at least ten elastic modes, or as many as METHOD of the deck states;
+    rigid-body modes are not counted.
     """
     asked, of_deck = file.modes, isinstance(file.modes, ModesOfDeck)
     if not len(test) or (not of_deck and (asked.count is not None or asked.max_hz is not None)):
@@ -412,13 +411,13 @@ def _fixed_pairs(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> 
 
 
 def _left_out(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> dict[int, str]:
-    found = {}
+    reasons = {}
     for i, one in enumerate(entry.leave_out):
         where = place_of(file, entry, "leave_out", i)
         by_label = one.mode is not None
         at = _position(entry, modes, one.mode or "", where) if by_label else _nearest(entry, modes, one.hz or 0, where)
-        found[at] = one.reason
-    return found
+        reasons[at] = one.reason
+    return reasons
 
 
 def _position(entry: ConfigurationEntry, modes: ModeSet, label: str, where: Where) -> int:

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from femtune.study.progress import Progress
     from femtune.study.study import Study
 
-_SPARE = 6
-"""Modes that a run has beyond those that are followed: those change their order."""
+_FURTHER_MODES = 6
+"""Modes that a run has beyond those that are followed, because modes change their order."""
 
 
 @dataclass(frozen=True)
 class ModelRun:
-    """What a run gave: values, or the reason why there are none.
+    """Result of a run: values, or the reason why there are none.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class FollowedFrequencies:
 
 @dataclass(frozen=True, eq=False)
 class FollowedModes(FollowedFrequencies):
-    """How the elastic modes of one configuration at the initial values are found again at other points."""
+    """The elastic modes of one configuration at the initial values, followed to other points."""
 
     configured: ConfiguredModel
     solver: ModelSolver
@@ -63,13 +63,13 @@ class FollowedModes(FollowedFrequencies):
 
     def at(self, x: Reals) -> tuple[Reals, Reals]:
         """Frequencies (m,) in Hz at a point, and MAC with the shapes at the initial values, weighted by mass."""
-        found: EigenSolution = self.solver.modes(self.configured.at(x), self.count, None)
-        M = found.point.mass
-        overlap = (self.shapes.T @ (M @ found.shapes)) ** 2
+        solution: EigenSolution = self.solver.modes(self.configured.at(x), self.count, None)
+        M = solution.point.mass
+        overlap = (self.shapes.T @ (M @ solution.shapes)) ** 2
         size = np.sum(self.shapes * (M @ self.shapes), axis=0)
         mac = overlap / size[:, None]
         chosen = linear_sum_assignment(-mac)[1]
-        hz = np.sqrt(np.maximum(found.eigenvalues, 0.0)) / (2.0 * np.pi)
+        hz = np.sqrt(np.maximum(solution.eigenvalues, 0.0)) / (2.0 * np.pi)
         return hz[chosen], mac[np.arange(len(chosen)), chosen]
 
 
@@ -87,7 +87,7 @@ def followed_modes(study: Study, case: StudyCase) -> FollowedModes:
         case.configured,
         solver,
         np.ascontiguousarray(solution.shapes[:, elastic]),
-        min(solution.wanted + _SPARE, case.configured.n_free),
+        min(solution.wanted + _FURTHER_MODES, case.configured.n_free),
     )
 
 
@@ -99,11 +99,11 @@ class FrequencyRuns:
 
     def __call__(self, x: Reals) -> ModelRun:
         try:
-            found = [modes.at(x) for modes in self.followed]
+            pairs = [modes.at(x) for modes in self.followed]
         except FemtuneError as error:
             size = sum(len(modes.numbers) for modes in self.followed)
             return ModelRun(np.full(size, np.nan), np.full(size, np.nan), f"[{error.code}] {error.what}")
-        return ModelRun(np.concatenate([hz for hz, _ in found]), np.concatenate([mac for _, mac in found]))
+        return ModelRun(np.concatenate([hz for hz, _ in pairs]), np.concatenate([mac for _, mac in pairs]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,20 +120,20 @@ class ResidualRuns:
     def __call__(self, x: Reals) -> ModelRun:
         none = np.full(len(self.before.residuals), np.nan)
         try:
-            found = self.problem.follow(x, self.before, derivatives=False)
-            self.problem.check_compared(found)
+            evaluation = self.problem.follow(x, self.before, derivatives=False)
+            self.problem.check_compared(evaluation)
         except FemtuneError as error:
             return ModelRun(none, np.empty(0), f"[{error.code}] {error.what}")
-        if len(found.residuals) != len(none):
+        if len(evaluation.residuals) != len(none):
             return ModelRun(none, np.empty(0), "another number of residuals than at the initial values")
-        return ModelRun(found.residuals, np.empty(0))
+        return ModelRun(evaluation.residuals, np.empty(0))
 
 
 class ManyAtOnce(Protocol):
-    """Work that makes the runs of many points itself, side by side."""
+    """Work that makes the runs of many points in parallel by itself."""
 
     def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
-        """What the runs gave, in the order of the points; a run that failed is named and gives NaN."""
+        """Results of the runs in the order of the points; a run that failed has NaN and states its reason."""
         ...
 
 
@@ -155,7 +155,8 @@ def runs_at(
 
 
 def alone(study: Study, name: str | None) -> Study:
-    """The study with one of its configurations (error ``screen.unknown-configuration``); whole without a name."""
+    """The study with one of its configurations (error ``screen.unknown-configuration``), or with all if none is
+    named."""
     if name is None:
         return study
     cases = tuple(case for case in study.cases if case.name == name)

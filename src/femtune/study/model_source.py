@@ -33,19 +33,16 @@ Built = TypeVar("Built", bound="BuiltModel")
 
 @dataclass(frozen=True, eq=False)
 class ModelSource(ABC, Generic[Built]):
-    """What the model of a study is made of.
-
-    Each variant says what its models can do. Nothing else asks which variant a study has.
-    """
+    """Source of the model of a study. Each variant states what its models can do; no other code needs to know it."""
 
     file: StudyFile
 
     title: ClassVar[str] = "Matrices of"
-    """Word before the name in titles."""
+    """Word before the name of the model in titles."""
     writes_back: ClassVar[bool] = False
     """True where updated values are written to a copy of what the model is made of, which is then read and solved."""
     no_write_back: ClassVar[str] = ""
-    """Code of the alert that nothing is written back, where nothing is."""
+    """Code of the alert that nothing is written back; "" if the updated model is written."""
     has_elements: ClassVar[bool] = False
     """True for a model of elements with cards and properties."""
     has_structure: ClassVar[bool] = True
@@ -53,7 +50,7 @@ class ModelSource(ABC, Generic[Built]):
     moves_fields: ClassVar[bool] = True
     """True where a parameter changes fields of cards or factors of matrices; else it is a variable of the runs."""
     needs_runs: ClassVar[bool] = False
-    """True where other values of the parameters take another run, and derivatives are differences of runs."""
+    """True if other values of the parameters need another run, and derivatives are differences of runs."""
 
     @property
     @abstractmethod
@@ -65,17 +62,12 @@ class ModelSource(ABC, Generic[Built]):
         """Files that the model is read from, the first of which names it, without those that they include."""
         return (self.file.path_of(self.name),)
 
-    @property
-    def run_files(self) -> tuple[Path, ...]:
-        """Files that runs read or that hold their results; none where there are no runs."""
-        return ()
-
     def input_of(self, entry: ConfigurationEntry) -> Hashable:
         """What the model of a configuration is made of; equal for configurations that share it."""
         return self.name
 
     def prepared(self) -> StudyFile:
-        """The study with what has to be known before the model is built."""
+        """The study with what must be known before the model is built."""
         return self.file
 
     @abstractmethod
@@ -89,11 +81,11 @@ class ModelSource(ABC, Generic[Built]):
         """
 
     def completed(self, built: Built) -> StudyFile:
-        """The study with what the model itself tells."""
+        """The study with what the model states."""
         return self.file
 
     def doubts(self, built: Built) -> tuple[Notice, ...]:
-        """Warnings where what was read contradicts itself: often the cause of what fails later."""
+        """Warnings of contradictions in what was read, which are often the cause of later errors."""
         return ()
 
     def mesh(self, nodes: NodeTable) -> DrawnMesh | None:
@@ -109,7 +101,7 @@ def model_source(file: StudyFile) -> ModelSource[Any]:
 
 
 LARGE_DEVIATION = 0.2
-"""Relative standard deviation of a frequency from which it is asked whether per cent are meant."""
+"""Relative standard deviation of a frequency from which a message asks whether per cent was meant."""
 
 
 class FromDeck(ModelSource[BuiltDeck]):
@@ -145,7 +137,7 @@ class FromDeck(ModelSource[BuiltDeck]):
             raise FemtuneError("deck.unsupported-element/not-allowed", where=missing[0].where, names=names)
 
     def completed(self, built: BuiltDeck) -> StudyFile:
-        """With the number of modes of the deck's METHOD, where the study does not say how many."""
+        """The study with the number of modes of the deck's METHOD, if it does not state one."""
         asked, method = self.file.modes, built.eigen_method
         if asked.count is not None or asked.max_hz is not None or method is None:
             return self.file
@@ -156,7 +148,7 @@ class FromDeck(ModelSource[BuiltDeck]):
         return self.file
 
     def doubts(self, built: BuiltDeck) -> tuple[Notice, ...]:
-        """Where units and dimensions contradict each other."""
+        """Warnings of units and dimensions that contradict each other."""
         from femtune.study.plausible_sections import section_notices  # noqa: PLC0415
         from femtune.study.plausible_units import unit_notices  # noqa: PLC0415
 
@@ -234,12 +226,6 @@ class FromRuns(ModelSource[BuiltModel]):
         grid = self.file.model.grid
         return tuple(dict.fromkeys(map(self.file.path_of, (*names, *([] if grid is None else [grid])))))
 
-    @property
-    def run_files(self) -> tuple[Path, ...]:
-        """The tables of the study and of its configurations."""
-        names = [self.table.file, *(e.runs for e in self.file.configurations if e.runs is not None)]
-        return tuple(map(self.file.path_of, names))
-
     def input_of(self, entry: ConfigurationEntry) -> Hashable:
         """Its table."""
         return entry.runs or self.table.file
@@ -278,16 +264,8 @@ class FromSolver(FromRuns):
         """The deck or the first template, and the grid points."""
         return self._with_grid([self.name])
 
-    @property
-    def run_files(self) -> tuple[Path, ...]:
-        """Templates and files of the study and of its configurations."""
-        names = [*self.solver.templates, *self.solver.files]
-        for own in (entry.solver for entry in self.file.configurations if entry.solver is not None):
-            names += [*(own.templates or ()), *(own.files or ())]
-        return tuple(map(self.file.path_of, (*names, self.name)))
-
     def input_of(self, entry: ConfigurationEntry) -> Hashable:
-        """What it has of its own beside the inputs of the study."""
+        """Inputs of a configuration that override those of the study."""
         return (entry.solver or ConfigurationSolver()).model_dump_json()
 
     def prepared(self) -> StudyFile:
@@ -308,4 +286,4 @@ SOURCES: dict[type[Any], type[ModelSource[Any]]] = {
     RunsModelTable: FromRuns,
     SolverTable: FromSolver,
 }
-"""By the table of the study that describes it."""
+"""The class of the source by the table of the study that describes it."""

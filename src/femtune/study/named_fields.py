@@ -31,11 +31,12 @@ if TYPE_CHECKING:
     from femtune.files.nastran.build import BuiltDeck
     from femtune.files.study_file import DistributionEntry, GenericEntry, StudyFile
 
-_MOST_SHOWN = 12
+_MOST_STIFFNESSES_SHOWN = 12
+"""Stiffnesses of a generic element that a notice lists; the others are counted."""
 
 
 def with_named_fields(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
-    """The model with all values that the parameters of a study move.
+    """The model with all values that the parameters of a study change.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def _offset_elements(file: StudyFile, built: BuiltDeck) -> Iterator[int]:
 
 
 def _places(built: BuiltDeck, elements: set[int]) -> Iterator[tuple[FieldRef, FieldPlace]]:
-    """Where filled offset fields stand."""
+    """Positions of offset fields that are filled in."""
     for number in sorted(elements):
         card = built.deck.cards[built.element_cards[number]]
         kind = CATALOGUE.get(card.name)
@@ -75,7 +76,7 @@ def _places(built: BuiltDeck, elements: set[int]) -> Iterator[tuple[FieldRef, Fi
 
 
 def _with_groups(file: StudyFile, built: BuiltDeck, named: list[FieldRef]) -> BuiltDeck:
-    """The generic elements, with a notice of each; several problems are shown together."""
+    """The generic elements, with a notice for each; several problems are shown together."""
     errors, structure, notices = ErrorCollector(), built.structure, list(built.notices)
     words = [ref.name.split() for ref in named if ref.card == "GENERIC"]
     for i, entry in enumerate(file.generic):
@@ -97,55 +98,54 @@ def _with_distributions(file: StudyFile, built: BuiltDeck) -> BuiltDeck:
             chosen = elements_of(file, ("distribution", i), entry, built, subject)
             where = file.where("distribution", i, "fields")
             fields = [ref for text in entry.fields for ref in fields_of(text, built, chosen, where)]
-            found = _distribution(entry, tuple(dict.fromkeys(fields)), chosen, built)
-            structure = with_distribution(structure, found)
-            _check_range(file, i, found)
+            distribution = _distribution(entry, tuple(dict.fromkeys(fields)), chosen, built)
+            structure = with_distribution(structure, distribution)
+            _check_range(file, i, distribution)
     errors.raise_if_any()
     return replace(built, structure=structure)
 
 
-_MOST_TIMES = 1e4
-"""Largest factor on a field that the bounds of amplitudes may allow."""
+_LARGEST_FIELD_FACTOR = 1e4
+"""Largest factor on a field that the bounds of amplitudes may allow; above it a bound is a mistyped number."""
 
 
-def _check_range(file: StudyFile, i: int, found: Distribution) -> None:
-    """Refuse bounds of amplitudes within which 1 + Σ a f is not positive, or huge, at some element.
-
-    Tied amplitudes are left aside.
+def _check_range(file: StudyFile, i: int, distribution: Distribution) -> None:
+    """Refuse bounds of amplitudes within which 1 + Σ a f is not positive, or is huge, at some element. Tied amplitudes
+    are not checked.
 
     Raises
     ------
     FemtuneError : ``distribution.range``
     """
-    field = next((ref for ref in found.fields if field_nature(ref).positive), None)
-    bounds = _amplitude_bounds(file, found)
-    if field is None or not bounds or not len(found.elements):
+    field = next((ref for ref in distribution.fields if field_nature(ref).positive), None)
+    bounds = _amplitude_bounds(file, distribution)
+    if field is None or not bounds or not len(distribution.elements):
         return
     low, high, names = np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds]), [b[2] for b in bounds]
-    values = found.functions[:, [b[3] for b in bounds]]
+    values = distribution.functions[:, [b[3] for b in bounds]]
     least = np.minimum(low * values, high * values)
     factor, most = 1.0 + least.sum(axis=1), 1.0 + np.maximum(low * values, high * values).sum(axis=1)
     e = int(factor.argmin())
     where = file.where("distribution", i)
-    facts: dict[str, Any] = {"name": found.name, "field": f"{field.card} {field.name}"}
+    facts: dict[str, Any] = {"name": distribution.name, "field": f"{field.card} {field.name}"}
     if factor[e] <= 0.0:
         j = int(least[e].argmin())
         side = "lower" if least[e, j] == low[j] * values[e, j] else "upper"
         limit = -(1.0 + least[e].sum() - least[e, j]) / values[e, j]
         raise FemtuneError(
             "distribution.range", where=where, hint=_positive_from(names, j, side, float(limit), float(least[e].sum())),
-            **facts, element=int(found.elements[e]), factor=float(factor[e]),
+            **facts, element=int(distribution.elements[e]), factor=float(factor[e]),
         )  # fmt: skip
-    if (worst := float(most.max())) > _MOST_TIMES:
-        element = int(found.elements[most.argmax()])
+    if (worst := float(most.max())) > _LARGEST_FIELD_FACTOR:
+        element = int(distribution.elements[most.argmax()])
         raise FemtuneError(
-            "distribution.range/huge", where=where, **facts, element=element, factor=worst, most=_MOST_TIMES
+            "distribution.range/huge", where=where, **facts, element=element, factor=worst, most=_LARGEST_FIELD_FACTOR
         )
 
 
-def _amplitude_bounds(file: StudyFile, found: Distribution) -> list[tuple[float, float, str, int]]:
+def _amplitude_bounds(file: StudyFile, distribution: Distribution) -> list[tuple[float, float, str, int]]:
     """Bounds, name and position of the function of each free amplitude."""
-    at = {amplitude_ref(found.name, j + 1): j for j in range(found.functions.shape[1])}
+    at = {amplitude_ref(distribution.name, j + 1): j for j in range(distribution.functions.shape[1])}
     return [
         (entry.lower, entry.upper, entry.name, at[ref])
         for entry in file.parameter
@@ -155,7 +155,7 @@ def _amplitude_bounds(file: StudyFile, found: Distribution) -> list[tuple[float,
 
 
 def _positive_from(names: list[str], j: int, side: str, limit: float, total: float) -> str:
-    """The bound from which the field is positive; a factor on all bounds where one bound is not enough."""
+    """The bound from which the field is positive; a factor on all bounds if one bound is not enough."""
     if (limit < 0.0) == (side == "lower") and limit != 0.0:
         relation = "above" if side == "lower" else "below"
         return f"it is positive with {side} of {names[j]} {relation} {limit:.4g}"
@@ -189,10 +189,10 @@ def _distribution(
 
 
 def _eigenvalues(name: str, modes: GenericModes, where: Where) -> Notice:
-    """What a study may name: the eigenvalues of a group, and how many shapes each has."""
+    """Fields of a group that a study may name: its eigenvalues, and the number of shapes of each."""
     pairs = list(enumerate(zip(modes.kappa, modes.multiplicity), 1))
-    shown = (f"K{i} = {k:.6g}" + (f" ({n} shapes)" if n > 1 else "") for i, (k, n) in pairs[:_MOST_SHOWN])
-    more = f" and {len(pairs) - _MOST_SHOWN} more" if len(pairs) > _MOST_SHOWN else ""
+    shown = (f"K{i} = {k:.6g}" + (f" ({n} shapes)" if n > 1 else "") for i, (k, n) in pairs[:_MOST_STIFFNESSES_SHOWN])
+    more = f" and {len(pairs) - _MOST_STIFFNESSES_SHOWN} more" if len(pairs) > _MOST_STIFFNESSES_SHOWN else ""
     return Notice(
         "generic.eigenvalues",
         where=where,

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Target:
-    """A parameter of the study, the fields that it moves, and the elements that it is limited to (None: no limit)."""
+    """A parameter of the study, the fields that it changes, and the elements that it is limited to (None: no limit)."""
 
     entry: ParameterEntry
     where: Where
@@ -50,14 +50,14 @@ class Target:
 
 
 def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
-    """What each parameter moves; several problems are shown together.
+    """The fields that each parameter changes; several problems are shown together.
 
     Raises
     ------
     FemtuneError : ``parameter.region``, ``parameter.touches-nothing``, ``parameter.derived-field``,
         ``study.unknown-field``, ``catalogue.*``
     """
-    errors, found = ErrorCollector(), []
+    errors, parameter_targets = ErrorCollector(), []
     moves_fields = model_source(file).moves_fields
     for i, given in enumerate(file.parameter):
         with errors.catch():
@@ -66,17 +66,17 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
             if not moves_fields:
                 # factors and tied parameters are values for the runs, too
                 value = entry.model_copy(update={"absolute": True})
-                found.append(Target(value, where, tuple(_of_runs(entry.name, built)), None))
+                parameter_targets.append(Target(value, where, tuple(_of_runs(entry.name, built)), None))
                 continue
             chosen = region_of(file, i, built)
             refs = [ref for text in entry.fields for ref in fields_of(text, built, chosen, where)]
-            found.append(Target(entry, where, tuple(dict.fromkeys(refs)), chosen))
+            parameter_targets.append(Target(entry, where, tuple(dict.fromkeys(refs)), chosen))
     errors.raise_if_any()
-    return tuple(found)
+    return tuple(parameter_targets)
 
 
 def _of_runs(name: str, built: BuiltModel) -> list[FieldRef]:
-    """The variable of a model of runs that has the name of the parameter; none where that is used by ties alone."""
+    """The variable of a model of runs that has the name of the parameter; none if only ties use the parameter."""
     ref = field_of_variable(name)
     return [] if built.structure.values.index(ref) is None else [ref]
 
@@ -98,10 +98,10 @@ def fields_of(text: str, built: BuiltModel, chosen: frozenset[int] | None, where
         resolve(built, ref, where)
         return [ref]
     parse_field_ref(f"{ref.card} 1 {ref.name}", where)
-    found = [r for r in _of_cards(ref, built) if _is_used(built, r, chosen)]
-    for r in found if ref.card in BARS else ():
+    fields = [r for r in _of_cards(ref, built) if _is_used(built, r, chosen)]
+    for r in fields if ref.card in BARS else ():
         resolve(built, r, where)
-    if not found:
+    if not fields:
         raise FemtuneError(
             "parameter.touches-nothing/no-card",
             where=where,
@@ -109,7 +109,7 @@ def fields_of(text: str, built: BuiltModel, chosen: frozenset[int] | None, where
             field=ref.name,
             place="" if chosen is None else " in the region",
         )
-    return found
+    return fields
 
 
 def _of_cards(ref: FieldRef, built: BuiltModel) -> list[FieldRef]:
@@ -122,7 +122,7 @@ def _is_used(built: BuiltModel, ref: FieldRef, chosen: frozenset[int] | None) ->
     return bool(users.size) if chosen is None else not chosen.isdisjoint(map(int, users))
 
 
-def parameter_set(found: Sequence[Target], built: BuiltModel) -> ParameterSet:
+def parameter_set(parameter_targets: Sequence[Target], built: BuiltModel) -> ParameterSet:
     """Parameters as the study describes them; several problems are shown together.
 
     Raises
@@ -130,16 +130,16 @@ def parameter_set(found: Sequence[Target], built: BuiltModel) -> ParameterSet:
     FemtuneError : ``parameter.*`` and ``tie.*``
     """
     errors, parameters = ErrorCollector(), []
-    for target in found:
+    for target in parameter_targets:
         with errors.catch():
             parameters.append(_parameter(target, built))
     errors.raise_if_any()
     return ParameterSet(tuple(parameters))
 
 
-def assignments(found: Sequence[Target]) -> Iterable[Assignment]:
+def assignments(parameter_targets: Sequence[Target]) -> Iterable[Assignment]:
     """Which parameter sets which field, and for which elements."""
-    for target in found:
+    for target in parameter_targets:
         for ref in target.refs:
             yield Assignment(target.entry.name, ref, not target.entry.absolute, target.elements)
 
@@ -160,8 +160,11 @@ def _parameter(target: Target, built: BuiltModel) -> Parameter:
     return Parameter(entry.name, nominal, lower, upper, entry.unit, entry.mean, entry.sd, None, where, positive)
 
 
-LARGEST_FACTOR, LIKE_VALUE = 1e4, (0.2, 1.0)
-"""An upper bound above the first, with a value of the field between these parts of it, is no factor."""
+LARGEST_FACTOR = 1e4
+"""Upper bound over the initial value above which it may be a value of the field instead of a factor."""
+VALUE_OVER_BOUND = (0.2, 1.0)
+"""Range of the value in the deck over such a bound in which the bound is taken for a value of the field: bounds are
+usually at most a few times the value."""
 
 
 def _check_factors(target: Target, built: BuiltModel, nominal: float, bounds: tuple[float, float]) -> None:
@@ -173,7 +176,7 @@ def _check_factors(target: Target, built: BuiltModel, nominal: float, bounds: tu
         return
     value = float(values[0])
     outside = low <= high and not low <= nominal <= high and low <= value <= high
-    large = high > LARGEST_FACTOR * abs(nominal) and LIKE_VALUE[0] <= value / high <= LIKE_VALUE[1]
+    large = high > LARGEST_FACTOR * abs(nominal) and VALUE_OVER_BOUND[0] <= value / high <= VALUE_OVER_BOUND[1]
     if outside or large:
         raise FemtuneError(
             "parameter.bounds/absolute-meant",
@@ -186,7 +189,7 @@ def _check_factors(target: Target, built: BuiltModel, nominal: float, bounds: tu
 
 
 def _check_positive(target: Target) -> None:
-    """Refuse factors and eigenvalues of zero or below, with which a part of the structure would fall off."""
+    """Refuse factors and eigenvalues that are not positive, with which the structure would fall apart."""
     for ref in target.refs:
         stiff = ref.card in FACTORS or (ref.card == "GENERIC" and ref.name.split()[-1].startswith("K"))
         if stiff and target.entry.lower is not None and target.entry.lower <= 0.0:
@@ -235,7 +238,7 @@ class _Asked:
 
 
 def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
-    """Elements that parameter i of a study is limited to, None where it is not limited.
+    """Elements that parameter i of a study is limited to; None if it is not limited.
 
     Raises
     ------
@@ -252,7 +255,7 @@ def elements_of(
     built: BuiltModel,
     subject: str,
 ) -> Numbers | None:
-    """Elements that satisfy `elements` and `region` of an entry of the study, None where it has neither.
+    """Elements that satisfy `elements` and `region` of an entry of the study; None if it has neither.
 
     `subject` is what errors call the entry: "parameter E".
     """
@@ -307,7 +310,7 @@ def _with_material(asked: _Asked, wanted: IntegerList) -> Numbers:
 
 
 def _known(asked: _Asked, wanted: IntegerList, known: set[int], what: str) -> None:
-    """Refuse a number that no element refers to, unless it stands in a range."""
+    """Refuse a number that no element refers to, unless it is within a range."""
     unknown = sorted(set(wanted.singles) - known)
     if unknown:
         shown = ", ".join(map(str, sorted(known)[:10])) or "none"
@@ -352,7 +355,7 @@ def _place(asked: _Asked, near: NearTable) -> Reals:
 
 
 def _middle(asked: _Asked, element: int) -> Reals:
-    """Mean of the grid points of an element, a rigid one too."""
+    """Mean of the grid points of an element or rigid element."""
     structure = asked.built.structure
     numbers, centres = element_centres(asked.built)
     if element in numbers:
@@ -377,7 +380,7 @@ def element_centres(built: BuiltModel) -> tuple[NDArray[np.int64], Reals]:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Damping ratios of modes that are parameters: values of the model, though no card of the deck holds them.
+# Damping ratios of modes as parameters: values of the model that no card of the deck states.
 
 
 def with_parameters_of_modes(file: StudyFile, built: BuiltModel) -> BuiltModel:
@@ -390,7 +393,7 @@ def with_parameters_of_modes(file: StudyFile, built: BuiltModel) -> BuiltModel:
 
 
 def with_updated_ratios(built: BuiltModel, values: Mapping[FieldRef, float]) -> BuiltModel:
-    """The model of a written deck, which says nothing of modes, with the ratios that an update found."""
+    """The model of an updated deck with the updated damping ratios of modes, which a deck cannot state."""
     return _with(built, {ref.id: value for ref, value in values.items() if ref.card == MODAL})
 
 

@@ -18,35 +18,39 @@ from femtune.study.plausible_units import materials_of
 if TYPE_CHECKING:
     from femtune.fem.structure import ElementBatch, Structure
 
-THINNEST, THICKEST = 1e-4, 2.0
-"""Thickness of the thickest section over the extent of the elements: limits of what a structure has."""
-THIN, SLOW = 1e-3, 3e-5
-"""Where this ratio is below the first limit, f L/c below the second one is that of no structure. A ruler of 1 mm and
-0.5 m, clamped at one end, has 2e-3 and 3e-4; a thick structure may be slow on soft springs."""
+LEAST_THICKNESS = 1e-4
+"""Thickness of the thickest section over the extent of the elements; no structure has a smaller one."""
+LARGEST_THICKNESS = 2.0
+"""Thickness of the thinnest section over the extent of the elements; no structure has a larger one."""
+THIN = 1e-3
+"""Thickness over extent below which the frequency of the lowest elastic mode is judged as well: a thick structure may
+have low frequencies on soft springs. A ruler of 1 mm and 0.5 m has 2e-3."""
+LEAST_FREQUENCY = 3e-5
+"""f L/c of the lowest elastic mode; no thin structure has a smaller one. The ruler, clamped at one end, has 3e-4."""
 
 
 def section_notices(structure: Structure) -> tuple[Notice, ...]:
-    """``deck.sections-doubtful`` where all sections are far too thin, or one far too thick, for the coordinates."""
+    """``deck.sections-doubtful`` if all sections are far too thin, or one is far too thick, for the coordinates."""
     sizes = section_sizes(structure)
     if sizes is None:
         return ()
     thickness, least, extent = sizes
-    if thickness < THINNEST * extent:
+    if thickness < LEAST_THICKNESS * extent:
         return (Notice("deck.sections-doubtful", thickness=thickness, extent=extent, ratio=thickness / extent),)
-    if least > THICKEST * extent:
+    if least > LARGEST_THICKNESS * extent:
         return (Notice("deck.sections-doubtful/thick", thickness=least, extent=extent, ratio=least / extent),)
     return ()
 
 
 def slow_modes(structure: Structure, freq_hz: float) -> tuple[Notice, ...]:
-    """``deck.sections-doubtful/slow`` where the lowest elastic mode is too slow for materials, extent and sections."""
+    """``deck.sections-doubtful/slow`` if the lowest elastic frequency is too low for materials, extent and sections."""
     sizes = section_sizes(structure)
     speeds = [(m.modulus / m.density) ** 0.5 for m in materials_of(structure)]
     if sizes is None or not speeds or section_notices(structure):
         return ()
     thickness, _, extent = sizes
     ratio = freq_hz * extent / max(speeds)
-    if thickness >= THIN * extent or ratio >= SLOW:
+    if thickness >= THIN * extent or ratio >= LEAST_FREQUENCY:
         return ()
     facts = {"freq_hz": freq_hz, "thickness": thickness, "extent": extent, "ratio": ratio}
     return (Notice("deck.sections-doubtful/slow", **facts),)
@@ -56,8 +60,8 @@ def section_sizes(structure: Structure) -> tuple[float, float, float] | None:
     """Largest thickness, its lower bound, and extent of the elements with sections.
 
     The thickness of a bar is the larger one of sqrt(A) and sqrt(12 I/A), the height of a rectangle with this A and I;
-    the lower bound is the smaller one, since an A or I that shall have no effect is given a large value. None where
-    there are solids, which have no sections, or no section or no extent.
+    the lower bound is the smaller one, since an A or I that shall have no effect is given a large value. None if there
+    are solids, which have no sections, or if there is no section or no extent.
     """
     sized = [(size, b) for b in structure.batches if (size := _sizes(structure, b))]
     if not sized or not structure.nodes.has_coordinates or any("C11" in b.roles for b in structure.batches):

@@ -3,7 +3,7 @@
 A warning is given where no material of the deck is possible in the declared units and one of them is a common
 engineering material in other units. Where the materials are possible but none is common, it is given only if one is a
 common metal in other units, in which all the others are possible too: E = 210000 and RHO = 7.85e-9 are steel in mm-t-s
-and a light rubber in mm-kg-s. Both conditions together keep models with fictitious materials free of it.
+and a light rubber in mm-kg-s. Both conditions together avoid warnings of models with fictitious materials.
 """
 
 from __future__ import annotations
@@ -21,8 +21,12 @@ if TYPE_CHECKING:
     from femtune.files.built_model import BuiltModel
     from femtune.files.study_file import StudyFile
 
-POSSIBLE_MODULUS, POSSIBLE_DENSITY, POSSIBLE_SPEED = (1e5, 5e12), (1.0, 23e3), (8.0, 25e3)
-"""Young's modulus in Pa, density in kg/m³ and sqrt(E/ρ) in m/s of what a model may contain, smeared values too."""
+POSSIBLE_MODULUS = (1e5, 5e12)
+"""Young's modulus in Pa of what a model may contain, from soft foam to stiffened connections, smeared values too."""
+POSSIBLE_DENSITY = (1.0, 23e3)
+"""Density in kg/m³ of what a model may contain, from honeycomb core to platinum, smeared values too."""
+POSSIBLE_SPEED = (8.0, 25e3)
+"""Wave speed sqrt(E/ρ) in m/s of what a model may contain."""
 
 COMMON = {
     "steel": (185e9, 220e9, 7600.0, 8200.0),
@@ -39,13 +43,14 @@ COMMON = {
 """Lowest and highest Young's modulus in Pa and density in kg/m³ of common engineering materials."""
 
 _METALS = ("steel", "aluminium", "titanium", "magnesium", "copper or brass", "cast iron")
+"""Materials whose modulus and density are so narrowly known that they tell systems of units apart."""
 SYSTEMS = ("m-kg-s", "mm-t-s", "mm-kg-s", "cm-kg-s", "in-slinch-s", "in-lbm-s", "ft-slug-s", "ft-lbm-s")
 """Systems that a deck is compared with."""
 
 _GRAVITY = 9.80665
-
-# the modulus along the first axis
+"""Standard acceleration of gravity in m/s²."""
 _MODULI = {"MAT1": "E", "MAT2": "G11", "MAT8": "E1", "MAT9": "G11", "MAT11": "E1"}
+"""Field of a material card that has the modulus along its first axis."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ class Material:
         return self.density * units.mass / units.length**3
 
     def weight_density_si(self, units: UnitSystem) -> float:
-        """Density in kg/m³ where the deck has a weight per volume."""
+        """Density in kg/m³ if the deck has a weight per volume."""
         return self.density * units.force / units.length**3 / _GRAVITY
 
     def common(self, units: UnitSystem) -> str:
@@ -71,7 +76,7 @@ class Material:
         return _common(self.modulus_si(units), self.density_si(units))
 
     def common_weight(self, units: UnitSystem) -> str:
-        """The same where the density is a weight per volume."""
+        """The same if the density is a weight per volume."""
         return _common(self.modulus_si(units), self.weight_density_si(units))
 
     def is_possible(self, units: UnitSystem) -> bool:
@@ -84,7 +89,7 @@ class Material:
 
 
 def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
-    """A warning where the materials are those of another system than the declared one."""
+    """A warning if the materials are those of another system of units than the declared one."""
     declared = file.study.unit_system
     materials = list(materials_of(built.structure))
     if not materials:
@@ -92,9 +97,9 @@ def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
     if any(material.is_possible(declared) for material in materials):
         return _of_metal(file, materials, declared)
     for material in materials:
-        found = _explained(material, declared)
-        if found is not None:
-            code, facts = found
+        explanation = _explained(material, declared)
+        if explanation is not None:
+            code, facts = explanation
             return (
                 Notice(
                     code,
@@ -110,7 +115,8 @@ def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
 
 
 def _of_metal(file: StudyFile, materials: list[Material], declared: UnitSystem) -> tuple[Notice, ...]:
-    """A warning where none is common in the declared units, and in others all are possible and one is a metal."""
+    """A warning if no material is common in the declared units, and in other units all are possible and one is a
+    metal."""
     if any(material.common(declared) for material in materials):
         return ()
     for units in (unit_system(name) for name in SYSTEMS if name != declared.word):
@@ -138,7 +144,7 @@ def materials_of(structure: Structure) -> Iterator[Material]:
 
 
 def _explained(material: Material, declared: UnitSystem) -> tuple[str, dict[str, str]] | None:
-    """The units in which a material is a common one: of both values, with a weight density, or of each value."""
+    """The units in which a material is common: with both values, with a weight density, or with each value alone."""
     systems = [unit_system(name) for name in SYSTEMS if name != declared.word]
     for units in systems:
         common = material.common(units)

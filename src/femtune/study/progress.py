@@ -1,4 +1,4 @@
-"""How the steps say where they are; the library says it, and whoever calls shows it or not."""
+"""Progress of the steps: the library reports it, and the caller may show it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ class Progress(Protocol):
     """Receives every step of a long analysis."""
 
     def step(self, text: str, done: int, total: int | None) -> None:
-        """`text` says what is being done; `done` of `total` are done, `total` is None where nobody knows."""
+        """`text` says what is being done; `done` of `total` are done; `total` is None if it is not known."""
         ...
 
 
@@ -24,7 +24,7 @@ def log_step(text: str, done: int, total: int | None) -> None:
 
 
 class _Silent:
-    """Shows nothing; the steps are logged where logging is switched on."""
+    """Shows nothing; the steps are logged if logging is switched on."""
 
     def step(self, text: str, done: int, total: int | None) -> None:
         """A record of the log."""

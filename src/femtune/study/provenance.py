@@ -17,9 +17,11 @@ import numpy as np
 import scipy
 
 from femtune import __version__
-from femtune.files.study_file import StudyFile, test_files
+from femtune.files.study_file import StudyFile
+from femtune.journal.owner import IN_MEMORY
 from femtune.model import available_solvers
 from femtune.model.distributed import slepc_is_chosen
+from femtune.study.inputs import inputs_of_study
 from femtune.study.record import InputFile, Provenance, StepDuration, StudyFacts
 
 if TYPE_CHECKING:
@@ -85,27 +87,15 @@ def inputs_of(study: Study) -> Inputs:
     if text is None:
         own = _input(study.file.path, base)
     else:
-        own = InputFile(path="(in memory)", sha256=hashlib.sha256(text.encode()).hexdigest())
-    return Inputs(own, tuple(_input(p, base) for p in input_paths(study)))
+        own = InputFile(path=IN_MEMORY, sha256=hashlib.sha256(text.encode()).hexdigest())
+    read = (one.path for one in inputs_of_study(study) if one.what != "study file")
+    return Inputs(own, tuple(_input(path, base) for path in read))
 
 
 def call(word: str, source: Path | str | StudyFile) -> str:
     """The Python call that made a result: ``femtune.update('study.toml')``."""
     shown = f"Study({source.study.title!r})" if isinstance(source, StudyFile) else repr(str(source))
     return f"femtune.{word}({shown})"
-
-
-def input_paths(study: Study) -> tuple[Path, ...]:
-    """Decks with their INCLUDEs, tests, their standard deviations, and tables of masses."""
-    paths = [Path(file) for file in study.built.files]
-    for case in study.cases:
-        # a test that was given as an object may be of no file
-        names = test_files(case.entry)
-        given = study.file.given.tests
-        paths += [p for name in names if (p := study.file.path_of(name)).is_file() or name not in given]
-        more = (case.entry.deviations, case.entry.masses_file)
-        paths += [study.file.path_of(name) for name in more if name is not None]
-    return tuple(dict.fromkeys(paths))
 
 
 def _input(path: Path, base: Path) -> InputFile:

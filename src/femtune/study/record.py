@@ -19,13 +19,13 @@ Vector3 = tuple[float, float, float]
 class Record(BaseModel):
     """Base of all records: frozen; a key that the schema does not know, NaN and infinity are errors."""
 
-    # a validator is built when a record of its type is first made: no command makes all of them
+    # validators are built when the first record of a type is made, since no command makes records of all types
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, protected_namespaces=(), defer_build=True
     )
 
     def __repr_args__(self) -> Iterator[tuple[str | None, object]]:
-        """Numbers and texts as they are, of longer lists the length: a whole run would fill hundreds of pages."""
+        """Numbers and texts in full, and only the length of longer lists: a whole run would fill hundreds of pages."""
         for name, value in super().__repr_args__():
             yield name, _short(value)
 
@@ -39,15 +39,17 @@ class _Said(str):
         return str(self)
 
 
-_MOST_SHOWN = 4
+_MOST_ENTRIES_SHOWN = 4
+"""Entries of a list that the representation of a record shows; longer ones are counted."""
 _LONGEST_TEXT = 80
+"""Characters of a text there, one line of a terminal; longer ones are cut."""
 
 
 def _short(value: object) -> object:
     if isinstance(value, Record):
         return _Said(f"{type(value).__name__}(…)")
     if isinstance(value, tuple | dict) and (
-        len(value) > _MOST_SHOWN or any(isinstance(v, Record | tuple) for v in value)
+        len(value) > _MOST_ENTRIES_SHOWN or any(isinstance(v, Record | tuple) for v in value)
     ):
         return _Said(f"({len(value)} entries)")
     if isinstance(value, str) and len(value) > _LONGEST_TEXT:

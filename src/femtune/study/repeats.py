@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from femtune.uncertainty import OutputStatistics
 
 _HIGHEST_HZ = 1e12
-_TABLES = (".csv", ".txt", ".tsv", ".dat")
+"""Frequency above which a number in a table of repeats is refused; its square stays far from overflow."""
+_TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
+"""Suffixes of files that are tables of frequencies; all others are read as Universal Files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,7 @@ class Repeats:
 
     @property
     def measured(self) -> tuple[int, ...]:
-        """Positions of the test modes that any repeat has."""
+        """Positions of the test modes that at least one repeat has."""
         return tuple(int(i) for i in np.flatnonzero(np.isfinite(self.hz).any(axis=0)))
 
     def of_modes(self, labels: tuple[str, ...]) -> NDArray[np.float64]:
@@ -68,12 +70,12 @@ def read_repeats(study: Study, table: QuantifyTable) -> Repeats:
     case = _case(study, table)
     paths = [study.file.path_of(name) for name in table.repeats]
     with errors_at(study.file.where("quantify", "repeats")):
-        if len(paths) == 1 and paths[0].suffix.lower() in _TABLES and not table.shapes:
+        if len(paths) == 1 and paths[0].suffix.lower() in _TABLE_SUFFIXES and not table.shapes:
             return Repeats(case, _of_table(study, case, table, read_repeats_table(paths[0]), paths[0]))
-        if table.shapes and paths[0].suffix.lower() in _TABLES:
+        if table.shapes and paths[0].suffix.lower() in _TABLE_SUFFIXES:
             raise FemtuneError("quantify.shapes", where=study.file.where("quantify", "shapes"))
-        found = [_of_uff(study, case, path) for path in paths]
-        return Repeats(case, np.array([hz for hz, _ in found]), np.array([shapes for _, shapes in found]))
+        repeats = [_of_uff(study, case, path) for path in paths]
+        return Repeats(case, np.array([hz for hz, _ in repeats]), np.array([shapes for _, shapes in repeats]))
 
 
 def _case(study: Study, table: QuantifyTable) -> StudyCase:
@@ -94,26 +96,26 @@ def _case(study: Study, table: QuantifyTable) -> StudyCase:
 
 
 def _of_table(
-    study: Study, case: StudyCase, table: QuantifyTable, found: RepeatsTable, path: Path
+    study: Study, case: StudyCase, table: QuantifyTable, repeats: RepeatsTable, path: Path
 ) -> NDArray[np.float64]:  # fmt: skip
     assert case.compared is not None
     labels = case.compared.test.labels
-    heads = table.columns or tuple(h.removeprefix("mode ").strip() for h in found.heads)
-    _check_columns(study, heads, found, labels, given=bool(table.columns))
-    hz = np.full((len(found.values), len(labels)), np.nan)
+    heads = table.columns or tuple(h.removeprefix("mode ").strip() for h in repeats.heads)
+    _check_columns(study, heads, repeats, labels, given=bool(table.columns))
+    hz = np.full((len(repeats.values), len(labels)), np.nan)
     used = [column for column, head in enumerate(heads) if head]
-    hz[:, [labels.index(heads[column]) for column in used]] = found.values[:, used]
-    _check_frequencies(found, used, heads, path)
+    hz[:, [labels.index(heads[column]) for column in used]] = repeats.values[:, used]
+    _check_frequencies(repeats, used, heads, path)
     return hz
 
 
-def _check_frequencies(found: RepeatsTable, used: list[int], heads: Sequence[str], path: Path) -> None:
-    """Refuse what no structure does: zero, negative and astronomic frequencies; gaps (NaN) may stand."""
-    hz = found.values[:, used]
+def _check_frequencies(repeats: RepeatsTable, used: list[int], heads: Sequence[str], path: Path) -> None:
+    """Refuse impossible frequencies: zero, negative or huge ones; missing values (NaN) are allowed."""
+    hz = repeats.values[:, used]
     raise_together(
         FemtuneError(
             "quantify.file",
-            where=Where(str(path), found.lines[row]),
+            where=Where(str(path), repeats.lines[row]),
             repeat=row + 1,
             mode=heads[used[column]],
             frequency_hz=hz[row, column],
@@ -123,12 +125,12 @@ def _check_frequencies(found: RepeatsTable, used: list[int], heads: Sequence[str
 
 
 def _check_columns(
-    study: Study, heads: tuple[str, ...], found: RepeatsTable, labels: tuple[str, ...], *, given: bool
+    study: Study, heads: tuple[str, ...], repeats: RepeatsTable, labels: tuple[str, ...], *, given: bool
 ) -> None:
-    """Refuse columns that are of no test mode, or of one twice: nothing is guessed from their order."""
+    """Refuse columns without a test mode, or two of one mode: nothing is guessed from their order."""
     named = [h for h in heads if h]
     unknown = [h for h in named if h not in labels]
-    if len(heads) == len(found.heads) and named and not unknown and len(set(named)) == len(named):
+    if len(heads) == len(repeats.heads) and named and not unknown and len(set(named)) == len(named):
         return
     why = (
         f"'{unknown[0]}' is not a mode of the test"
@@ -138,7 +140,7 @@ def _check_columns(
     raise FemtuneError(
         "quantify.columns",
         where=study.file.where("quantify", "columns" if given else "repeats"),
-        values={"columns of the file": ", ".join(found.heads), "modes of the test": ", ".join(labels)},
+        values={"columns of the file": ", ".join(repeats.heads), "modes of the test": ", ".join(labels)},
         reason=why,
     )
 
@@ -157,9 +159,9 @@ def _of_uff(study: Study, case: StudyCase, path: Path) -> tuple[NDArray[np.float
             file=path.name,
         )
     a, b = (ModeSet(m.freq_hz, _at(m, common), common) for m in (test, modes))
-    found = pair_modes(a, b, frequency_gate=rules.frequency_gate, mac_gate=rules.mac_gate, relative_gap=-1.0)
+    pairing = pair_modes(a, b, frequency_gate=rules.frequency_gate, mac_gate=rules.mac_gate, relative_gap=-1.0)
     rows, signs = common.align(test.dofs)
-    for pair in found.pairs:
+    for pair in pairing.pairs:
         hz[pair.test] = modes.freq_hz[pair.model]
         shapes[pair.test, rows] = signs * np.real(b.shapes[:, pair.model])
     return hz, shapes
@@ -171,8 +173,8 @@ def _at(modes: ModeSet, dofs: DofSet) -> NDArray:
 
 
 def _modes(study: Study, entry: ConfigurationEntry, path: Path) -> ModeSet:
-    own = unit_system(entry.test_units) if entry.test_units else None
-    modes = read_uff(path, units=study.file.study.unit_system, file_units=own, records=entry.records).test.modes
+    file_units = unit_system(entry.test_units) if entry.test_units else None
+    modes = read_uff(path, units=study.file.study.unit_system, file_units=file_units, records=entry.records).test.modes
     if modes is None:
         raise FemtuneError("quantify.file/no-modes", file=path.name)
     return real_modes(modes).modes

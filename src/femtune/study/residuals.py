@@ -1,4 +1,4 @@
-"""Residuals of a configuration, from what the study compares in it."""
+"""Residuals of a configuration: what the study compares in it."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class AskedOf:
 
     @property
     def short(self) -> bool:
-        """Whether [residuals] says it."""
+        """True if it is a key of [residuals]."""
         return self.comparison.short
 
     @property
@@ -69,7 +69,7 @@ class AskedOf:
 
     @property
     def tested(self) -> ModeSet | None:
-        """The same; None where there are none."""
+        """The modes of the configuration's test; None if there are none."""
         return None if self.case.modal is None else self.case.modal.test
 
     @property
@@ -78,15 +78,15 @@ class AskedOf:
         return self.case.used_frfs
 
     def equalised(self) -> EqualisedTest | None:
-        """These FRFs with one damping ratio, where [equalise] is in the study; they are identified once."""
+        """The measured FRFs with equal damping ratios, if the study has [equalise]; they are identified once."""
         table, test = self.file.equalise, self.case.test
         if table is None or test is None or test.frfs is None:
             return None
         if "equalised" not in self.shared:
             asked = InputKnown(table.band_hz, table.largest_order, take=table.take_hz, drop=table.drop_hz)
             with errors_at(self.file.where("equalise")):
-                found = equalised_test(test.frfs, table.damping, asked, table.lines, table.leave_out_hz)
-            self.shared["equalised"] = replace(found, frfs=self.case.without_held(found.frfs))
+                equalised = equalised_test(test.frfs, table.damping, asked, table.lines, table.leave_out_hz)
+            self.shared["equalised"] = replace(equalised, frfs=self.case.without_held(equalised.frfs))
         return self.shared["equalised"]
 
     @property
@@ -114,7 +114,7 @@ class AskedOf:
         return named_axis(self.file, self.case, tuple(getattr(self.entry, key)), *self.comparison.place, key).rows
 
     def seen(self, wanted: DofSet) -> tuple[DofSet, sp.csr_array, tuple[Notice, ...]]:
-        """DOFs of the test that have a place in the model and can move, their rows, and remarks on the others."""
+        """DOFs of the test that exist in the model and can move, their rows, and notices of the others."""
         axis, notices = sensor_axis(self.case, wanted)
         return axis.labels, axis.rows, notices
 
@@ -128,23 +128,23 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
         ``model.unknown-node`` …; several are shown together
     """
     case = replace(case, placement=placement_of(file, case))
-    errors, short, own = ErrorCollector(), list[Residual](), list[Residual]()
+    errors, short, separate = ErrorCollector(), list[Residual](), list[Residual]()
     shared: dict[str, EqualisedTest] = {}
     mine = [c for c in file.comparisons if _is_of(c, case)]
     for comparison in mine:
         asked = AskedOf(file, case, comparison, damping, shared)
         with errors.catch(), asked.errors_at():
-            (short if comparison.short else own).append(_built(asked))
+            (short if comparison.short else separate).append(_built(asked))
     errors.raise_if_any()
     if len(file.configurations) == 1:
-        own.extend(file.given.residuals)
-    # [residuals] compares what it names mode by mode, before all others
+        separate.extend(file.given.residuals)
+    # [residuals] compares mode by mode, before all others
     by_mode = ByMode(tuple(cast(PairResidual, r) for r in short))
-    found = (by_mode, *own) if short else tuple(own)
-    if not found:
+    residuals = (by_mode, *separate) if short else tuple(separate)
+    if not residuals:
         return case
     scaled = any(getattr(c.entry, "mass_scaled", False) for c in mine)
-    return replace(case, compared=_compared(file, case, found, scaled))
+    return replace(case, compared=_compared(file, case, residuals, scaled))
 
 
 _QUANTITIES = {
@@ -154,10 +154,11 @@ _QUANTITIES = {
 
 
 def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:
-    """A warning for each residual with the deviations of the test, which lacks those of modes that may be paired."""
+    """A warning for each residual that uses the standard deviations of the test, if these lack modes that may be
+    paired."""
     if case.compared is None:
         return ()
-    test, found = case.compared.test, []
+    test, notices = case.compared.test, []
     for residual in case.compared.residuals:
         lacking = residual.without_sd(test) if isinstance(residual, OfPairs) else ()
         labels = [test.labels[i] for i in lacking if i not in case.compared.left_out]
@@ -165,12 +166,12 @@ def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:
             some = ", ".join(labels[:8]) + (" …" if len(labels) > 8 else "")
             place = Where(str(file.path))
             quantity = _QUANTITIES.get(residual.key, residual.label)
-            found.append(
+            notices.append(
                 Notice(
                     "residual.no-scatter/of-modes", where=place, configuration=case.name, modes=some, quantity=quantity
                 )
             )
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(notices))
 
 
 def placement_of(file: StudyFile, case: StudyCase) -> SensorPlacement | None:
@@ -203,7 +204,7 @@ def _radians(degrees: float | dict[int, float]) -> float | dict[int, float]:
 
 
 def _is_of(comparison: Comparison, case: StudyCase) -> bool:
-    """[residuals] holds for all configurations with modes that the update uses, a [[residual]] for its own."""
+    """[residuals] applies to all configurations with modes that the update uses, a [[residual]] to its own."""
     if comparison.short:
         return case.modal is not None and case.entry.use == "update"
     several, used = case.entry.specimen is not None, case.entry.use == "update"
@@ -211,7 +212,7 @@ def _is_of(comparison: Comparison, case: StudyCase) -> bool:
 
 
 def _compared(file: StudyFile, case: StudyCase, residuals: tuple[Residual, ...], scaled: bool) -> ComparedCase:
-    """What the update uses; `scaled` where the study says that the test's shapes are of unit modal mass."""
+    """What the update uses; `scaled` is True if the study states that the test's shapes are of unit modal mass."""
     if case.modal is None:
         return case_without_modes(case.configured, residuals, count=file.modes.count, max_hz=file.modes.max_hz)
     test = replace(case.modal.test, normalisation="mass") if scaled else case.modal.test

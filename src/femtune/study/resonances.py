@@ -32,8 +32,8 @@ def resonance_case(
 ) -> ComparedCase:
     """The configuration with its FRFs about the resonances that are paired at x, each moved to the model's own peak.
 
-    `modal` are the modes that the stage uses. Those that are left out, or not paired (local ones), have no region.
-    Stiffness and mass are taken as they are: what is left of the difference is damping.
+    `modal` are the modes that the stage uses. Modes that are left out or not paired (local ones) have no region.
+    Stiffness and mass stay as they are, so that the remaining difference is due to damping.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def _paired(state: CaseState) -> tuple[Resonance, ...]:
 
 
 def _placed(case: StudyCase, measured: FrfSet) -> tuple[FrfSet, Places]:
-    """The functions whose DOFs have a place in the model and can move."""
+    """The functions whose DOFs exist in the model and can move."""
     outputs, inputs = sensor_axis(case, measured.responses)[0], sensor_axis(case, measured.references)[0]
     at = np.ix_(_positions(outputs, measured.responses), _positions(inputs, measured.references))
     coherence = None if measured.coherence is None else measured.coherence[at]

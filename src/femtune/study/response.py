@@ -1,4 +1,5 @@
-"""What [response] asks of one configuration: ports, lines, damping, and the measured functions beside them."""
+"""The request of [response] for one configuration: ports, lines, damping, and the measured functions to compare
+with."""
 
 from __future__ import annotations
 
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
 
 _MOST_VALUES = 200_000_000
+"""Complex values of all functions; more than these 3 GB are refused before anything is solved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,7 @@ class ResponseRequest:
 
     @property
     def modes(self) -> tuple[int | None, float | None]:
-        """How many modes, or up to which frequency: twice the highest line where nothing is said."""
+        """Number of modes, or their upper frequency: by default twice the highest line."""
         table = self.table
         if table.modes is not None or table.max_hz is not None:
             return table.modes, table.max_hz
@@ -77,7 +79,7 @@ class ResponseRequest:
 
     @property
     def limit(self) -> str:
-        """What keeps vectors from the basis: ``modes = 3``; "" where nothing does."""
+        """The key that limits the basis: ``modes = 3``; "" if there is none."""
         table = self.table
         if self.method == "direct":
             return ""
@@ -88,9 +90,9 @@ class ResponseRequest:
 
     @property
     def needs_modes(self) -> bool:
-        """True where the functions cannot be computed without modes."""
-        own = self.case.configured.model.structure.damping.mode_ratios
-        return self.method != "direct" or self.damping is not None or bool(own)
+        """True if the functions cannot be computed without modes."""
+        mode_ratios = self.case.configured.model.structure.damping.mode_ratios
+        return self.method != "direct" or self.damping is not None or bool(mode_ratios)
 
 
 def response_request(study: Study, case: StudyCase, table: ResponseTable) -> ResponseRequest:
@@ -204,7 +206,7 @@ def _compared(file: StudyFile, frfs: FrfSet) -> FrfSet:
 
 
 def _measured(case: StudyCase, frfs: FrfSet, outputs: Axis, inputs: Axis) -> FrfSet | None:
-    """The measured functions on the request's outputs and inputs; None where there is none."""
+    """The measured functions on the request's outputs and inputs; None if there are none."""
     rows, row_signs = seen_as(outputs, case, frfs.responses)
     columns, column_signs = seen_as(inputs, case, frfs.references)
     shape = (len(rows), len(columns), len(frfs.freq_hz))
@@ -218,15 +220,17 @@ def _measured(case: StudyCase, frfs: FrfSet, outputs: Axis, inputs: Axis) -> Frf
 
 
 # ----------------------------------------------------------------------------------------------------
-# Responses of the full model, from the journal of the run folder where it has them.
+# Responses of the full model, from the journal of the run folder if it has them.
 
 
 T = TypeVar("T")
 Solve = Callable[[], EigenSolution]
 
 _KINDS = ("rigid", "oscillating", "real")
+"""Kinds of complex modes; a table of modes has positions in this list."""
 _POLES = {"freq_hz": np.float64, "damping_ratio": np.float64, "phase_collinearity": np.float64,
           "kind": np.int64, "real_mode": np.int64, "real_freq_hz": np.float64}  # fmt: skip
+"""Arrays of a `ComplexModeTable` with one value for each mode, as the journal keeps them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,7 +261,7 @@ def solved_frfs(
 ) -> tuple[NDArray[np.complex128], float | None]:
     """(outputs, inputs, lines) values, and the error of their truncation (`WithError.error`).
 
-    `modes` is called where they are needed and the journal has no solution. `progress` is called with the lines that
+    `modes` is called if they are needed and the journal has no solution. `progress` is called with the lines that
     are done, and with all.
     """
     table, ports = request.table, request.ports
@@ -265,11 +269,11 @@ def solved_frfs(
 
     def solve() -> tuple[NDArray[np.complex128], float | None]:
         model = modes() if request.needs_modes else point
-        found = frf_with_error(
+        solved = frf_with_error(
             model, ports, request.freq_hz, table.kind, request.method, damping=request.damping,
             residual_vectors=table.residual_vectors, add_vectors=not request.limit, progress=progress,
         )  # fmt: skip
-        return np.ascontiguousarray(found.frfs.values), found.error
+        return np.ascontiguousarray(solved.frfs.values), solved.error
 
     form = Form("frf", _of_values, partial(_values, shape))
     parts = (table.kind, request.method, table.residual_vectors, request.freq_hz, *_of_ports(ports))
@@ -296,27 +300,27 @@ def solved_static(study: Study, point: ModelPoint, ports: Ports) -> tuple[NDArra
     """(outputs, loads) displacements, and whether the structure is free (inertia relief)."""
 
     def solve() -> tuple[NDArray[np.float64], bool]:
-        found: StaticResponse = static_response(point, ports)
-        return np.ascontiguousarray(found.values.real, dtype=float), found.inertia_relief
+        response: StaticResponse = static_response(point, ports)
+        return np.ascontiguousarray(response.values.real, dtype=float), response.inertia_relief
 
     shape = (ports.outputs.shape[0], ports.inputs.shape[1])
     form = Form("static", _of_static, partial(_static, shape))
-    # the elastic motion of a free structure depends on its mass
+    # the elastic displacements of a free structure depend on its mass
     return _obtained(study, form, (matrices_digest(point, "stiffness", "mass"), *_of_ports(ports)), solve)
 
 
 def pole_table(
     modes: EigenSolution, damping: ModalDamping | None, top_hz: float, rows: sp.csr_array
 ) -> ComplexModeTable:
-    """The complex modes of a model beside its real modes."""
+    """The complex modes of a model, each with the real mode that it resembles most."""
     natural = np.where(is_rigid(modes)[: modes.wanted], 0.0, modes.freq_hz)
-    found = complex_modes(modes, max(1, int((natural <= top_hz).sum())), damping)
-    overlap = np.abs(modes.shapes[:, : modes.wanted].T @ (modes.point.mass @ found.shapes))
+    poles = complex_modes(modes, max(1, int((natural <= top_hz).sum())), damping)
+    overlap = np.abs(modes.shapes[:, : modes.wanted].T @ (modes.point.mass @ poles.shapes))
     like = np.argmax(overlap, axis=0)
     return ComplexModeTable(
-        found.freq_hz, found.damping_ratio, found.phase_collinearity,
-        np.array([_KINDS.index(k) for k in found.kinds], np.int64), like.astype(np.int64), natural[like],
-        np.asarray(rows @ found.shapes),
+        poles.freq_hz, poles.damping_ratio, poles.phase_collinearity,
+        np.array([_KINDS.index(k) for k in poles.kinds], np.int64), like.astype(np.int64), natural[like],
+        np.asarray(rows @ poles.shapes),
     )  # fmt: skip
 
 
@@ -338,16 +342,16 @@ def _of_ports(ports: Ports) -> tuple[Part, ...]:
 def _chosen(request: ResponseRequest, point: ModelPoint) -> tuple[Part, ...]:
     """Modes and their damping."""
     damping = request.damping
-    own = (f"{number} {float(ratio.value)!r}" for number, ratio in sorted(point.mode_ratios.items()))
-    modes = (*request.modes, *own)
+    ratios = (f"{number} {float(ratio.value)!r}" for number, ratio in sorted(point.mode_ratios.items()))
+    modes = (*request.modes, *ratios)
     if damping is None:
         return (*modes, None)
     flags = f"{damping.by_mode} {damping.unit} {damping.flat} {damping.hysteretic}"
     return (*modes, damping.values, damping.freq_hz, flags)
 
 
-def _of_values(found: tuple[NDArray[np.complex128], float | None]) -> Entry:
-    return Entry({"values": found[0]}, {"error": found[1]})
+def _of_values(solved: tuple[NDArray[np.complex128], float | None]) -> Entry:
+    return Entry({"values": solved[0]}, {"error": solved[1]})
 
 
 def _values(shape: tuple[int, ...], entry: Entry) -> tuple[NDArray[np.complex128], float | None]:
@@ -357,8 +361,8 @@ def _values(shape: tuple[int, ...], entry: Entry) -> tuple[NDArray[np.complex128
     return _array(entry, "values", np.complex128, shape), error
 
 
-def _of_static(found: tuple[NDArray[np.float64], bool]) -> Entry:
-    return Entry({"values": found[0]}, {"inertia_relief": found[1]})
+def _of_static(solved: tuple[NDArray[np.float64], bool]) -> Entry:
+    return Entry({"values": solved[0]}, {"inertia_relief": solved[1]})
 
 
 def _static(shape: tuple[int, ...], entry: Entry) -> tuple[NDArray[np.float64], bool]:
@@ -374,8 +378,8 @@ def _of_poles(table: ComplexModeTable) -> Entry:
 
 def _poles(rows: int, entry: Entry) -> ComplexModeTable:
     shape = entry.arrays["kind"].shape[:1]
-    found = {name: _array(entry, name, kind, shape, name == "damping_ratio") for name, kind in _POLES.items()}
-    table = ComplexModeTable(**found, motion=_array(entry, "motion", np.complex128, (rows, *shape)))
+    columns = {name: _array(entry, name, kind, shape, name == "damping_ratio") for name, kind in _POLES.items()}
+    table = ComplexModeTable(**columns, motion=_array(entry, "motion", np.complex128, (rows, *shape)))
     if not np.isin(table.kind, (0, 1, 2)).all() or (table.real_mode < 0).any():
         raise ValueError("its kinds or modes are out of their range")
     return table

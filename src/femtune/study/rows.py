@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_SHOWN = 20
-"""Rows that are shown; the list has all of them."""
-_WIDEST = 110
-_WIDEST_CELL = 40
+"""Rows of the table that is printed; the list has all of them."""
+_TABLE_WIDTH = 110
+"""Characters of a line of the printed table; columns beyond are counted. Wider ones would wrap in a notebook."""
+_CELL_WIDTH = 40
+"""Characters of a cell; longer texts are cut, so that one does not push out the other columns."""
 
 
 class Row(dict[str, Any]):
@@ -87,7 +89,7 @@ class Rows(list[Row]):
         shown: list[list[str]] = []
         for column in columns:
             width += len(column[0]) + 2
-            if shown and width > _WIDEST + 2:
+            if shown and width > _TABLE_WIDTH + 2:
                 break
             shown.append(column)
         lines = ["  ".join(cells).rstrip() for cells in zip(*shown)]
@@ -96,8 +98,8 @@ class Rows(list[Row]):
     def _hidden(self, columns: int) -> list[str]:
         rows = len(self) - MOST_SHOWN
         counts = {"row": rows, "column": columns}
-        found = [f"{n} more {word}{'s' if n > 1 else ''}" for word, n in counts.items() if n > 0]
-        return [f"… {', '.join(found)}"] if found else []
+        parts = [f"{n} more {word}{'s' if n > 1 else ''}" for word, n in counts.items() if n > 0]
+        return [f"… {', '.join(parts)}"] if parts else []
 
     def _repr_html_(self) -> str:
         head = "".join(f"<th>{html.escape(name)}</th>" for name in self.columns)
@@ -110,7 +112,7 @@ class Rows(list[Row]):
 
 
 def text_of(value: object) -> str:
-    """A value of a table as it is shown: six digits, a dash where there is none."""
+    """A value of a table as it is shown: six digits, or a dash if there is none."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -118,7 +120,7 @@ def text_of(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     text = " ".join(str(value).split())
-    return text if len(text) <= _WIDEST_CELL else text[: _WIDEST_CELL - 1] + "…"
+    return text if len(text) <= _CELL_WIDTH else text[: _CELL_WIDTH - 1] + "…"
 
 
 def _column(name: str, values: list[Any]) -> list[str]:

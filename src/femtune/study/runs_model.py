@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from femtune.surrogates import SurrogateRules
 
 
-_TYPICAL = 0.9
-"""Part of the runs of a table that has as many visible modes as are used; the others are left out."""
+_RUNS_KEPT = 0.9
+"""Fraction of the runs of a table that have as many visible modes as are used; the other runs are left out."""
 
 
 def build_of_runs(file: StudyFile) -> BuiltModel:
@@ -46,7 +46,7 @@ def build_of_runs(file: StudyFile) -> BuiltModel:
 
 
 def sources(file: StudyFile) -> tuple[Hashable, ...]:
-    """What the configurations take their runs from: tables, or input files of a solver; each once."""
+    """The tables, or the input files of a solver, from which the configurations take their runs; each once."""
     return tuple(dict.fromkeys(map(model_source(file).input_of, file.configurations)))
 
 
@@ -58,23 +58,23 @@ def part_of(file: StudyFile, entry: ConfigurationEntry) -> int:
 def built_of_tables(
     file: StudyFile, tables: Sequence[RunsTable], centre: int | None = None, degree: int | None = None
 ) -> BuiltModel:
-    """The model of tables at hand, one for each of `sources`; `centre` and `degree` as of `fit_configurations`."""
+    """The model of tables in memory, one for each of `sources`; `centre` and `degree` as in `fit_configurations`."""
     names, asked = _columns(file, tables), FromRuns(file).table
     tables = _at_common_dofs(tables)
     nodes, dofs = _nodes(file, tables[0])
-    found = [_used(file, table, names, dofs, centre) for table in tables]
-    parts = [used.runs for used in found]
+    selected = [_used(file, table, names, dofs, centre) for table in tables]
+    parts = [used.runs for used in selected]
     # the central run is the first one, and it is usable
     order = asked.order if degree is None else degree
     fitted = fit_configurations(parts, nodes, order, asked.crossed, centre, _rules(asked))
-    notices = [n for used, f in zip(found, fitted) for n in _notices(file, used, f)]
+    notices = [n for used, f in zip(selected, fitted) for n in _notices(file, used, f)]
     count = min(runs.freq_hz.shape[1] for runs in parts)
     files = tuple(map(str, model_source(file).files))
     return BuiltModel(files, fitted[0].structure, tuple(notices), mode_count=count)
 
 
 def _rules(table: RunsModelTable) -> SurrogateRules | None:
-    """Of the surrogates of a table; None for polynomials."""
+    """Settings of the surrogates of a table; None for polynomials."""
     if table.method == "kriging":
         return KrigingRules(tuple(TRENDS)[table.order], table.correlation)
     if table.method == "radial-basis":
@@ -84,7 +84,8 @@ def _rules(table: RunsModelTable) -> SurrogateRules | None:
 
 @dataclass(frozen=True, eq=False)
 class _Used:
-    """The runs of a table that are used, which of its rows these are, and how many of its modes do not move."""
+    """The runs of a table that are used, the rows that have them, and the number of modes without motion at its
+    DOFs."""
 
     runs: Runs
     usable: np.ndarray
@@ -95,16 +96,16 @@ class _Used:
 def _used(
     file: StudyFile, table: RunsTable, names: Sequence[str], dofs: np.ndarray | None, centre: int | None
 ) -> _Used:
-    own = tuple(name for name in names if name in table.columns)
-    usable = table.usable & np.isfinite(table.points(own)).all(axis=1)
+    columns = tuple(name for name in names if name in table.columns)
+    usable = table.usable & np.isfinite(table.points(columns)).all(axis=1)
     hz, shapes, hidden = table.freq_hz[usable], None if table.shapes is None else table.shapes[usable], 0
     if shapes is not None:
-        hz, shapes, hidden = seen_modes(hz, shapes, 1.0 if centre is not None else _TYPICAL)
+        hz, shapes, hidden = seen_modes(hz, shapes, 1.0 if centre is not None else _RUNS_KEPT)
     count = min(file.modes.count or hz.shape[1], hz.shape[1])
     hz, shapes = hz[:, :count], None if shapes is None else shapes[:, :, :count]
     if shapes is not None and shapes.shape[1] < count:
         raise FemtuneError("runs.few-dofs", n_dofs=shapes.shape[1], n_modes=count)
-    runs = Runs(own, table.points(own)[usable], hz, shapes, dofs)
+    runs = Runs(columns, table.points(columns)[usable], hz, shapes, dofs)
     return _Used(runs, usable, table.freq_hz.shape[1], hidden)
 
 
@@ -128,21 +129,21 @@ def _at_common_dofs(tables: Sequence[RunsTable]) -> Sequence[RunsTable]:
 
 
 def _columns(file: StudyFile, tables: Sequence[RunsTable]) -> tuple[str, ...]:
-    """Parameters that are columns of a table; a free one that is none must be used by a tie."""
+    """Parameters that are columns of a table; a free parameter that is not a column must be used by a tie."""
     used = {name for p in file.parameter if p.tie is not None for name in _names_in(p.tie)}
-    columns = tuple(dict.fromkeys(name for table in tables for name in table.columns))
-    found = []
+    known = tuple(dict.fromkeys(name for table in tables for name in table.columns))
+    columns = []
     for i, entry in enumerate(file.parameter):
-        if entry.name in columns:
-            found.append(entry.name)
+        if entry.name in known:
+            columns.append(entry.name)
         elif entry.tie is not None or entry.name not in used:
             raise FemtuneError(
                 "runs.no-column",
                 where=file.where("parameter", i, "name"),
-                hint=did_you_mean(entry.name, columns) or "name the parameter as its column in the table",
+                hint=did_you_mean(entry.name, known) or "name the parameter as its column in the table",
                 name=entry.name,
             )
-    return tuple(found)
+    return tuple(columns)
 
 
 def _names_in(tie: str) -> tuple[str, ...]:
@@ -178,20 +179,20 @@ def _nodes(file: StudyFile, table: RunsTable) -> tuple[NodeTable, np.ndarray | N
 
 def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
     asked, where, usable = FromRuns(file).table, file.where("runs"), table.usable
-    found = []
+    notices = []
     if table.hidden:
         facts: dict[str, Any] = {"hidden": table.hidden, "count": table.count}
-        found.append(Notice("runs.hidden-modes", where=where, level="info", **facts))
+        notices.append(Notice("runs.hidden-modes", where=where, level="info", **facts))
     failed = int((~usable).sum())
     if failed:
-        found.append(Notice("runs.left-out", where=where, failed=failed, runs=len(usable)))
+        notices.append(Notice("runs.left-out", where=where, failed=failed, runs=len(usable)))
     other = int((~fitted.used).sum())
     if other:
-        found.append(Notice("runs.other-modes", where=where, other=other, runs=len(fitted.used)))
+        notices.append(Notice("runs.other-modes", where=where, other=other, runs=len(fitted.used)))
     used, error = int(fitted.used.sum()), fitted.error
     known = np.isfinite(error).all(axis=1)
     if not np.isinf(error).any() and not known.any():
-        return [*found, Notice("runs.fitted/unchecked", where=where, level="info", runs=used, n=fitted.coefficients)]
+        return [*notices, Notice("runs.fitted/unchecked", where=where, level="info", runs=used, n=fitted.coefficients)]
     with np.errstate(invalid="ignore"):
         size = np.sqrt(np.nanmean(error**2, axis=0))
     worst = int(np.argmax(size))
@@ -207,7 +208,7 @@ def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
         facts["method"] = SURROGATES[asked.method].label
     else:
         code = "runs.poor-fit" if poor else "runs.fitted"
-    return [*found, Notice(code, where=where, level="warning" if poor else "info", **facts)]
+    return [*notices, Notice(code, where=where, level="warning" if poor else "info", **facts)]
 
 
 def with_modes_of_runs(file: StudyFile, built: BuiltModel) -> StudyFile:
@@ -230,7 +231,7 @@ def with_modes_of_runs(file: StudyFile, built: BuiltModel) -> StudyFile:
 
 
 def _measured(file: StudyFile, nodes: NodeTable, count: int) -> ModalTest:
-    """Frequencies without shapes: a mode of the runs is a scalar point, and its shape moves there alone."""
+    """Frequencies without shapes: each mode of the runs is a scalar point, the only one that its shape moves."""
     assert file.test is not None
     hz = np.array(file.test.freq_hz)
     if len(nodes.ids):

@@ -1,4 +1,4 @@
-"""What to write into the study where the sensors of a test do not lie at grid points: units, axes, tolerance."""
+"""What to write into the study if the sensors of a test do not lie at grid points: units, axes, tolerance."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ if TYPE_CHECKING:
 
 _SYSTEMS = ("m-kg-s", "mm-t-s", "cm-kg-s", "in-slinch-s", "ft-slug-s")
 """One system for each unit of length."""
-_SAME = 0.03
+_SAME_UNIT = 0.03
+"""Relative difference of two lengths below which they are the same unit. It covers the inexact fit of sensors to grid
+points; neighbouring units differ by a factor of 2.5 and more."""
 
 
 @contextmanager
 def with_keys(file: StudyFile, entry: ConfigurationEntry, test: ModalTest, structure: Structure) -> Iterator[None]:
-    """Errors that sensors have no grid point say which keys of the study would put them there, if some do."""
+    """Errors of sensors without a grid point state the keys of the study that would place them at grid points, if any
+    do."""
     try:
         yield
     except FemtuneError as error:
@@ -53,8 +56,8 @@ def units_hint(file: StudyFile, entry: ConfigurationEntry, test: ModalTest, stru
 
 def _named(length: float) -> str:
     """The system with such a unit of length in metres; "" if there is none."""
-    found = (name for name in _SYSTEMS if abs(unit_system(name).length / length - 1.0) <= _SAME)
-    return next(found, "")
+    systems = (name for name in _SYSTEMS if abs(unit_system(name).length / length - 1.0) <= _SAME_UNIT)
+    return next(systems, "")
 
 
 def _axes_hint(file: StudyFile, test: ModalTest, structure: Structure) -> str:

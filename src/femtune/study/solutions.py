@@ -1,4 +1,4 @@
-"""Studies whose full-model solutions come from the journal of their run folder where it has them."""
+"""Studies that take full-model solutions from the journal of their run folder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.errors import FemtuneError, Notice, folded
-from femtune.journal.journal import JOURNAL_FOLDER, open_journal
+from femtune.journal.journal import open_journal
+from femtune.journal.run_files import JOURNAL_FOLDER
 from femtune.study.record import JournalResults, SolutionCount
 from femtune.study.study import solved_by
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LookedUp:
-    """A study whose solutions are taken from the journal where it has them, and the remarks on that."""
+    """A study that takes solutions from its journal, and the remarks on them."""
 
     study: Study
     remarks: list[Notice]
@@ -31,41 +32,40 @@ class LookedUp:
 def looking_up(study: Study, fresh: bool) -> Iterator[LookedUp]:
     """The study for a step that writes nothing: what an earlier run solved is taken from its journal.
 
-    The remarks hold the warnings of the reader at once; what came from the journal, and what was damaged, when the
-    block has ended. An error inside the block carries the warnings as notes.
+    The remarks have the warnings of the reader from the beginning, and after the block what came from the journal and
+    what was damaged. An error inside the block carries the warnings as notes.
     """
     folder, table = study.file.output_folder, study.file.study
-    found = LookedUp(study, warnings_of(study))
+    looked_up = LookedUp(study, warnings_of(study))
     journal = None
     if not fresh and table.journal and os.path.isdir(folder / JOURNAL_FOLDER):
         journal = open_journal(folder, table.journal_gib, writes=False)
-        found = LookedUp(_journaled(study, journal), found.remarks)
+        looked_up = LookedUp(_journaled(study, journal), looked_up.remarks)
     try:
-        yield found
+        yield looked_up
     except FemtuneError as error:
-        for remark in found.remarks:
+        for remark in looked_up.remarks:
             error.add_note(str(remark))
         raise
     if journal is not None:
-        found.remarks.extend((*journal.reused, *journal.notices))
+        looked_up.remarks.extend((*journal.reused, *journal.notices))
 
 
 def _journaled(study: Study, journal: Journal) -> Study:
-    """The study whose full model is solved where the journal does not have the solution."""
+    """The study with a solver that looks up solutions in the journal."""
     from femtune.journal.solver import JournaledSolver  # noqa: PLC0415  most folders have no journal yet
 
     return solved_by(study, JournaledSolver(journal))
 
 
 def warnings_of(study: Study) -> list[Notice]:
-    """What the reader warns of, the first of each kind with the number of the others."""
+    """Warnings of the reader: the first of each kind, with the number of the others."""
     return folded(n for n in (*study.built.notices, *study.notices) if n.level != "info")
 
 
 def keeping(study: Study, folder: Path, fresh: bool) -> tuple[Study, Journal | None]:
-    """The study for a run into `folder`, which must be locked, and the journal that it keeps; None where it keeps none.
-
-    `fresh` empties the journal, in a study without one too.
+    """The study for a run into `folder`, which must be locked, and its journal; None if it keeps none. `fresh` empties
+    the journal, even if the study does not keep one.
     """
     table = study.file.study
     if not table.journal and not fresh:
@@ -75,7 +75,7 @@ def keeping(study: Study, folder: Path, fresh: bool) -> tuple[Study, Journal | N
 
 
 def journal_results(journal: Journal | None) -> JournalResults | None:
-    """How much was solved and how much taken from the journal."""
+    """Numbers of solutions that were solved and that the journal had."""
     if journal is None:
         return None
     kinds = sorted({*journal.solved, *journal.recalled}, reverse=True)

@@ -44,8 +44,8 @@ def solved_if_any(study: Study, case: StudyCase, x: NDArray) -> EigenSolution | 
 
 def solutions_of(evaluation: Evaluation) -> dict[str, EigenSolution]:
     """What an evaluation has solved, by name of the configuration."""
-    found = {state.case.name: state.solved for state in evaluation.states}
-    return {name: solution for name, solution in found.items() if solution is not None}
+    solutions = {state.case.name: state.solved for state in evaluation.states}
+    return {name: solution for name, solution in solutions.items() if solution is not None}
 
 
 def solved_cases(study: Study, progress: Progress) -> Iterator[tuple[StudyCase, EigenSolution]]:

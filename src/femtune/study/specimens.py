@@ -1,7 +1,8 @@
-"""The parameters of nominally identical specimens: common ones, and those that each specimen has its own of.
+"""The parameters of nominally identical specimens: common ones, and individual ones for each specimen.
 
-A study states each parameter once. Where it is individual, the update has one for each specimen, with the name of the
-specimen behind its own; so has a parameter that is tied to an individual one. The matrices of all specimens are the
+A study states each parameter once. If it is individual, the update has one for each specimen, with the name of the
+specimen appended; the same holds for a parameter that is tied to an individual one. The matrices of all specimens are
+the
 same: their models differ in the parameters that set the values.
 """
 
@@ -28,7 +29,7 @@ class Specimens:
     Parameters
     ----------
     names : of the specimens
-    individual : names in the study of the parameters that each specimen has its own of, tied ones too
+    individual : names in the study of the individual parameters, tied ones included
     parameters : common and individual parameters of all specimens
     models : the model of each specimen, with all these parameters
     """
@@ -43,26 +44,26 @@ class Specimens:
         return tuple(individual_name(name, s) for s in self.names) if name in self.individual else (name,)
 
     def in_study(self, name: str) -> str:
-        """What the study calls a parameter of the update."""
+        """The name in the study of a parameter of the update."""
         return self._in_study.get(name, name)
 
     @property
     def _in_study(self) -> dict[str, str]:
         return {individual_name(name, s): name for name in self.individual for s in self.names}
 
-    def quantities(self, found: Iterable[DerivedQuantity]) -> Iterator[DerivedQuantity]:
+    def quantities(self, quantities: Iterable[DerivedQuantity]) -> Iterator[DerivedQuantity]:
         """Derived quantities; those of individual parameters once for each specimen."""
-        for quantity in found:
+        for quantity in quantities:
             if self.individual.isdisjoint(quantity.expression.names):
                 yield quantity
                 continue
             for specimen in self.names:
-                own = _renamed(quantity.expression, self.individual, specimen)
-                yield replace(quantity, name=individual_name(quantity.name, specimen), expression=own)
+                expression = _renamed(quantity.expression, self.individual, specimen)
+                yield replace(quantity, name=individual_name(quantity.name, specimen), expression=expression)
 
 
 def specimens_of_study(file: StudyFile, model: ParametricModel) -> Specimens | None:
-    """The specimens of a study; None where it has none.
+    """The specimens of a study; None if it has none.
 
     Raises
     ------
@@ -73,20 +74,20 @@ def specimens_of_study(file: StudyFile, model: ParametricModel) -> Specimens | N
         return None
     individual = _individual(file, model.parameters)
     parameters = ParameterSet(
-        tuple(own for p in model.parameters.parameters for own in _of_specimens(p, individual, names))
+        tuple(parameter for p in model.parameters.parameters for parameter in _of_specimens(p, individual, names))
     )
     models = {s: of_specimen(model, parameters, {n: individual_name(n, s) for n in individual}) for s in names}
     return Specimens(names, individual, parameters, models)
 
 
 def _individual(file: StudyFile, parameters: ParameterSet) -> frozenset[str]:
-    """What the study calls individual, and what is tied to it."""
-    found = {entry.name for entry in file.parameter if entry.individual}
+    """The parameters that the study calls individual, and those that are tied to them."""
+    individual = {entry.name for entry in file.parameter if entry.individual}
     while True:
-        more = {p.name for p in parameters.parameters if p.tie is not None and not found.isdisjoint(p.tie.names)}
-        if more <= found:
-            return frozenset(found)
-        found |= more
+        more = {p.name for p in parameters.parameters if p.tie is not None and not individual.isdisjoint(p.tie.names)}
+        if more <= individual:
+            return frozenset(individual)
+        individual |= more
 
 
 def _of_specimens(p: Parameter, individual: frozenset[str], names: tuple[str, ...]) -> Iterator[Parameter]:

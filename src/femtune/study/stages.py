@@ -47,15 +47,16 @@ Tell = Callable[[str, int, Iteration], None]
 def bottom_up(
     study: Study, at: Evaluation, tell: Tell, told: Told = NOBODY
 ) -> tuple[UpdateResult, tuple[StageResult, ...]]:
-    """Run the stages of a study: the whole as one update, and the stages. `at` is the whole at the initial values.
+    """Run the stages of a study. Returns them as one update, and each stage. `at` is the whole study at the initial
+    values.
 
     Raises
     ------
     FemtuneError : ``study.stage``, ``correlate.no-pairs``, and what the residuals raise
     """
     plan = [_stage(study, i) for i, entry in enumerate(study.file.stage) if stage_parameters(study, entry)]
-    found = run_stages(plan, first_belief(study.parameters), tell, told)
-    return _as_one(study, at, found), found
+    results = run_stages(plan, first_belief(study.parameters), tell, told)
+    return _as_one(study, at, results), results
 
 
 def _stage(study: Study, i: int) -> Stage:
@@ -65,21 +66,22 @@ def _stage(study: Study, i: int) -> Stage:
         max_iterations=entry.max_iterations or table.max_iterations,
         tolerance=entry.tolerance or table.tolerance,
     )
-    own = stage_parameters(study, entry)
+    parameters = stage_parameters(study, entry)
     seeds = tuple(
-        {name: v for key, v in seed.items() for name in study.expand((key,)) if name in own} for seed in entry.seeds
+        {name: v for key, v in seed.items() for name in study.expand((key,)) if name in parameters}
+        for seed in entry.seeds
     )
     by_hand = tuple(
         SetByHand(name, one.value, one.add, one.sd, one.reason)
         for one in entry.by_hand
         for name in study.expand((one.parameter,))
     )
-    return Stage(entry.name, own, partial(_problem, study, i), method, entry.prior, seeds,
+    return Stage(entry.name, parameters, partial(_problem, study, i), method, entry.prior, seeds,
                  reduction_rules(study), by_hand)  # fmt: skip
 
 
 def stage_parameters(study: Study, entry: StageEntry) -> tuple[str, ...]:
-    """The parameters that a stage updates; none where it compares nothing of the study of one specimen."""
+    """The parameters that a stage updates; none if it compares nothing of the specimen that the study is limited to."""
     if study.specimen is None:
         return study.expand(entry.parameters)
     some = any(case.used is not None for case in stage_cases(study, entry))
@@ -87,7 +89,7 @@ def stage_parameters(study: Study, entry: StageEntry) -> tuple[str, ...]:
 
 
 def _problem(study: Study, i: int, x: Reals) -> UpdateProblem:
-    """What a stage compares, made at the parameters where it starts."""
+    """The update problem of a stage, made at the parameters where it starts."""
     entry = study.file.stage[i]
     cases = tuple(c for case in stage_cases(study, entry) for c in _compared(study, case, i, x))
     if not cases:
@@ -107,7 +109,7 @@ def _nothing(study: Study, i: int) -> FemtuneError:
 
 
 def stage_cases(study: Study, entry: StageEntry) -> tuple[StudyCase, ...]:
-    """The configurations of a stage; all that the update uses where it names none."""
+    """The configurations of a stage; by default all that the update uses."""
     return tuple(
         case
         for case in study.cases
@@ -133,6 +135,7 @@ def _compared(study: Study, case: StudyCase, i: int, x: Reals) -> Iterable[Compa
 
 
 OUTSIDE_BAND = "outside the band of the stage"
+"""Reason for which a stage leaves out a test mode."""
 
 
 def used_in_stage(case: StudyCase, entry: StageEntry) -> ComparedCase | None:
@@ -146,14 +149,14 @@ def used_in_stage(case: StudyCase, entry: StageEntry) -> ComparedCase | None:
 
 
 def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> UpdateResult:
-    """The whole as one update: from the initial values to the last belief, with the iterations of all stages."""
+    """All stages as one update: from the initial values to the result of the last stage, with all iterations."""
     belief = stages[-1].belief
     after = study.problem().start(belief.x)
     failed = [s.best.status for s in stages if not s.best.status.ok]
     ends = [s.best.status for s in stages]
     best = Status.CONVERGED_AT_BOUNDS if Status.CONVERGED_AT_BOUNDS in ends else Status.CONVERGED
     best = Status.UNDETERMINED if Status.UNDETERMINED in ends else best
-    active = tuple(p.name for p, found in zip(study.parameters.free, belief.found) if found)
+    active = tuple(p.name for p, determined in zip(study.parameters.free, belief.found) if determined)
     cited = tuple(dict.fromkeys(key for s in stages for key in s.best.citations))
     none, history = SideConstraint("none", np.zeros((0, len(belief.x)))), _history(stages)
     return UpdateResult(
@@ -163,9 +166,9 @@ def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> Up
 
 
 def _history(stages: tuple[StageResult, ...]) -> tuple[Iteration, ...]:
-    """The best run of every stage, numbered through."""
-    found = [iteration for stage in stages for iteration in stage.best.history]
-    return tuple(replace(iteration, number=i) for i, iteration in enumerate(found))
+    """The iterations of the best run of every stage, numbered consecutively."""
+    iterations = [iteration for stage in stages for iteration in stage.best.history]
+    return tuple(replace(iteration, number=i) for i, iteration in enumerate(iterations))
 
 
 def covariance_of_stages(belief: Belief, after: Evaluation) -> ParameterCovariance:
@@ -185,7 +188,7 @@ def covariance_of_stages(belief: Belief, after: Evaluation) -> ParameterCovarian
 
 
 def reduction_rules(study: Study) -> ReductionRules | None:
-    """What [reduction] asks for, with the components of the study; None without the table."""
+    """The rules of [reduction] with the components of the study; None without the table."""
     table = study.file.reduction
     if table is None:
         return None

@@ -1,4 +1,4 @@
-"""A study put together: deck, parameters, configurations and tests as one frozen whole."""
+"""A study with everything that it refers to: deck, parameters, configurations and tests."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Study:
 
     With `specimens`, `model` is that of the first of them, or of the only `specimen` that the study is limited to.
 
-    `units_known` is False for a deck alone, which tells none.
+    `units_known` is False for a deck alone, which does not state units.
     """
 
     file: StudyFile
@@ -63,29 +63,29 @@ class Study:
 
     @property
     def source(self) -> ModelSource:
-        """What the model is made of, and what can be done with it."""
+        """The source of the model, which states what can be done with it."""
         return model_source(self.file)
 
     @property
     def built_deck(self) -> BuiltDeck:
-        """The model with its deck, for what is written back."""
+        """The model with its deck, for writing updated values back."""
         assert isinstance(self.built, BuiltDeck)
         return self.built
 
     @property
     def parameters(self) -> ParameterSet:
-        """The parameters of the study; of all its specimens, where it has some."""
+        """The parameters of the study; of all its specimens if it has any."""
         return self.model.parameters
 
     def in_study(self, name: str) -> str:
-        """What the study calls a parameter of the update."""
+        """The name in the study of a parameter of the update."""
         return name if self.specimens is None else self.specimens.in_study(name)
 
     def expand(self, names: Iterable[str]) -> tuple[str, ...]:
         """The parameters of the update that names in the study stand for."""
         if self.specimens is None:
             return tuple(names)
-        return tuple(dict.fromkeys(own for name in names for own in self.specimens.expand(name)))
+        return tuple(dict.fromkeys(individual for name in names for individual in self.specimens.expand(name)))
 
     def of_specimen(self, name: str) -> Study:
         """The study of one specimen, with the parameters of all; those of others have no effect."""
@@ -109,7 +109,7 @@ class Study:
         return UpdateProblem(cases, self.parameters, scatter=stated.scatter, common_sd=stated.common_frequency_sd)
 
     def no_test(self, purpose: str) -> FemtuneError:
-        """The error that no configuration has modes for a purpose, with what each of them has instead."""
+        """The error that no configuration has modes for a purpose; it states what each of them has instead."""
         return FemtuneError(
             "study.no-test",
             where=Where(str(self.file.path)),
@@ -144,7 +144,7 @@ def read_study(
 def load_study(
     source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False, around: bool = True
 ) -> Study:
-    """Read a study with its deck and tests, or a deck alone; what a study was given as objects is not read again.
+    """Read a study with its deck and tests, or a deck alone; objects that a study was given are not read again.
 
     A study of an external solver is run around its initial values, or at these alone for a step that runs other points
     (`around` = False); with `fresh` what was run before is run again.
@@ -171,7 +171,7 @@ def load_study(
 
 
 def _study_of_deck(path: Path) -> StudyFile:
-    # the units do not matter where no test is read
+    # units do not matter if no test is read
     file = StudyFile.model_validate({"study": {"title": path.name, "deck": path.name, "units": "m-kg-s"}})
     file._path, file._source, file._given = path, StudyLines(str(path)), Given(units_known=False)
     return file
@@ -182,8 +182,8 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     errors = ErrorCollector()
     model, specimens = None, None
     with errors.catch():
-        found = targets(file, built)
-        model = parametric_model(built.structure, parameter_set(found, built), assignments(found), tables_of(file))
+        moved = targets(file, built)
+        model = parametric_model(built.structure, parameter_set(moved, built), assignments(moved), tables_of(file))
         check_derived(file, model.parameters)
         specimens = specimens_of_study(file, model)
     notices = [_acts(table) for table in model.tables] if model is not None else []
@@ -222,14 +222,15 @@ class _Presence:
     components: Components | None = None
 
     def read(self) -> None:
-        """Find the elements of the components; imported where a study has some (errors of `components_of`)."""
+        """The elements of the components; the module is imported only if a study has some (errors of
+        `components_of`)."""
         if self.file.component:
             from femtune.study.components import components_of  # noqa: PLC0415
 
             self.components = components_of(self.file, self.built)
 
     def of(self, entry: ConfigurationEntry) -> Alone | None:
-        """None where a configuration does not list components (errors of `present_components`)."""
+        """What is present; None if a configuration does not list components (errors of `present_components`)."""
         if self.components is None or entry.components is None:
             return None
         from femtune.study.components import present_components  # noqa: PLC0415
@@ -252,14 +253,14 @@ def tables_of(file: StudyFile) -> tuple[FrequencyTable, ...]:
 
 
 def _acts(table: FrequencyTable) -> Notice:
-    """What a table over frequency does, for the report."""
+    """Notices of the tables over frequency, for the report."""
     low, high, least, most = (f(v) for v in (table.freq_hz, table.factor) for f in (min, max))
     field = ", ".join(map(str, table.fields))
     return Notice("table.acts", level="info", field=field, low=low, high=high, least=least, most=most)
 
 
 def _with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> tuple[StudyCase, tuple[Notice, ...]]:
-    """The configuration with its test; reading tests and finding sensors is imported where there is a test."""
+    """The configuration with its test; readers of tests are imported only if there is a test."""
     if case.entry.test is None:
         return case, ()
     from femtune.study.measured import with_test  # noqa: PLC0415
@@ -268,7 +269,7 @@ def _with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> 
 
 
 def _with_residuals(file: StudyFile, case: StudyCase, built: BuiltModel) -> StudyCase:
-    """The configuration with its residuals; they are imported where something is compared."""
+    """The configuration with its residuals; the module is imported only if something is compared."""
     if case.modal is None and not file.residual and not file.given.residuals:
         return case
     from femtune.study.residuals import with_residuals  # noqa: PLC0415
@@ -307,9 +308,9 @@ def on_decks(study: Study, built: Mapping[str | None, BuiltModel]) -> Study:
     `built` has the deck of each specimen; under None that of a study without specimens.
     """
     models = {}
-    for name, own in built.items():
-        with errors_at_cards(own):
-            models[name] = parametric_model(own.structure, ParameterSet(()), (), tables_of(study.file))
+    for name, deck in built.items():
+        with errors_at_cards(deck):
+            models[name] = parametric_model(deck.structure, ParameterSet(()), (), tables_of(study.file))
     cases = []
     for case in study.cases:
         with errors_at_cards(built[case.entry.specimen]):
@@ -319,11 +320,11 @@ def on_decks(study: Study, built: Mapping[str | None, BuiltModel]) -> Study:
 
 
 # ----------------------------------------------------------------------------------------------------
-# The chosen solvers. They are checked before anything is read, so that a misspelt name is reported at once.
+# The chosen solvers are checked before anything is read, so that a misspelt name is reported at once.
 
 
 def check_solvers() -> None:
-    """Refuse solvers that FEMTUNE_SOLVER or FEMTUNE_EIGENSOLVER names and that are not at hand.
+    """Refuse solvers that FEMTUNE_SOLVER or FEMTUNE_EIGENSOLVER names and that are not installed.
 
     Raises
     ------
@@ -343,8 +344,8 @@ def check_solvers() -> None:
 
 def quantities(study: Study) -> tuple[DerivedQuantity, ...]:
     """The quantities of the study; those of individual parameters once for each specimen."""
-    found = _quantities(study.file)
-    return found if study.specimens is None else tuple(study.specimens.quantities(found))
+    declared = _quantities(study.file)
+    return declared if study.specimens is None else tuple(study.specimens.quantities(declared))
 
 
 def _quantities(file: StudyFile) -> tuple[DerivedQuantity, ...]:
@@ -361,6 +362,3 @@ def check_derived(file: StudyFile, parameters: ParameterSet) -> None:
         with errors.catch():
             quantity.at(parameters, np.zeros(len(parameters.free)))
     errors.raise_if_any()
-
-
-_DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")

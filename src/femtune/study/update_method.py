@@ -1,4 +1,4 @@
-"""The method of an update from the words of a study."""
+"""The method of an update from the keys of a study."""
 
 from __future__ import annotations
 

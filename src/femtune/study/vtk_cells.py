@@ -26,11 +26,11 @@ _SOLIDS = {
     20: "hexahedron20",
 }
 _CORNERS = {"triangle6": 3, "quad8": 4, "tetra10": 4, "pyramid13": 5, "wedge15": 6, "hexahedron20": 8}
-# Nastran counts the vertical edges before those of the second face, VTK after them
 _ORDER = {
     "wedge15": (*range(9), 12, 13, 14, 9, 10, 11),
     "hexahedron20": (*range(12), 16, 17, 18, 19, 12, 13, 14, 15),
 }
+"""Order of the nodes: Nastran counts the vertical edges before those of the second face, VTK after them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,8 @@ class Cells:
 def vtk_cells(structure: Structure, off: Collection[int] = ()) -> list[Cells]:
     """Lines, shells, solids and concentrated masses of a structure, without elements that are switched off.
 
-    An element that lacks a mid-side grid point has the corners alone. Elements to ground or scalar points are left out.
+    An element that lacks a mid-side grid point is shown with its corners only. Elements to ground or scalar points are
+    left out.
     """
     return [cells for batch in structure.batches for cells in _of_batch(batch, structure, off) if len(cells.elements)]
 
@@ -69,7 +70,7 @@ def _of_batch(batch: ElementBatch, structure: Structure, off: Collection[int]) -
 
 
 def _kind(batch: ElementBatch) -> str:
-    """Name of the cells of a batch; "" where nothing can be shown."""
+    """Name of the cells of a batch; "" if it cannot be shown."""
     kind, count = KINDS[batch.kind], batch.nodes.shape[1]
     if kind.sides:
         return _SOLIDS[count]

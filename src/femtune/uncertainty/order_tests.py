@@ -95,9 +95,8 @@ def order_dependence(table: Reals) -> OrderDependence | None:
     by_kind: dict[Kind, float] = {"drift": min(p[:2]), "jump": min(p[2:4]), "serial correlation": p[4]}
     seen = white if min(p[0], p[2]) <= min(p[1], p[3]) else together
     kind = _kind(by_kind, seen)
-    own = "jump" if kind == "jump" else "drift"
-    largest = getattr(together, own)
-    outputs = [i for i, c in enumerate(single) if np.mean(largest >= getattr(c, own)[0] * _TIE_FACTOR) <= LEVEL]
+    largest, *of_outputs = (e.jump if kind == "jump" else e.drift for e in (together, *single))
+    outputs = [i for i, values in enumerate(of_outputs) if np.mean(largest >= values[0] * _TIE_FACTOR) <= LEVEL]
     change = _jump(table, seen.after) if kind == "jump" else _slope(table)
     return OrderDependence(by_kind, kind, seen.after, change, np.array(outputs, dtype=np.int64))
 
@@ -139,8 +138,9 @@ class _Explained:
     def largest(cls, parts: list[_Explained]) -> _Explained:
         """The largest values of several."""
         out = cls(np.hstack([p.scores for p in parts]), parts[0].orders)
-        for name in ("drift", "jumps"):
-            object.__setattr__(out, name, np.max([getattr(p, name) for p in parts], axis=0))
+        # cached properties in place of those that would follow from the scores of all outputs together
+        object.__setattr__(out, "drift", np.max([p.drift for p in parts], axis=0))
+        object.__setattr__(out, "jumps", np.max([p.jumps for p in parts], axis=0))
         return out
 
 

@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-# matplotlib measures with the font that it brings; readers see a sans-serif of their own, which is narrower
 _MEASURED = "'DejaVu Sans'"
+"""Font that matplotlib brings and measures with. Readers see a sans-serif font of their system, which is narrower."""
 
 _SVG_DPI = 72.0
 """Dots per inch of matplotlib's SVG."""
 _COLOURS = 64
-"""Different colours of pixels: more of them than shades that an eye tells apart would make the file larger."""
+"""Different colours of pixels: more than the eye tells apart would make the file larger."""
 
 _STYLE: dict[str, Any] = {
     "svg.hashsalt": "femtune",
-    "svg.fonttype": "none",  # text stays text: small, sharp, in the type of the page
+    "svg.fonttype": "none",  # text stays text: small files, sharp, in the font of the page
     "text.parse_math": False,  # a "$" in a name is a dollar
     "font.family": ["DejaVu Sans"],
     "font.size": 8.0,
@@ -65,7 +65,7 @@ def draw_svg(width_in: float, height_in: float, draw: Callable[[Figure], None], 
         _plain_powers(figure)
         layout = figure.get_layout_engine()
         if layout is not None:
-            # saving would draw the whole figure once more, unseen, to arrange it
+            # saving would draw the whole figure once more to arrange it
             figure.set_dpi(_SVG_DPI)
             layout.execute(figure)
             figure.set_layout_engine(None)
@@ -92,10 +92,10 @@ def draw_png(width_in: float, height_in: float, draw: Callable[[Figure], None], 
 
 @contextmanager
 def _figure(width_in: float, height_in: float, arrange: bool) -> Iterator[Figure]:
-    # matplotlib is imported where a picture is drawn: who only looks at numbers does not wait for it
+    # matplotlib is imported only to draw a picture; numbers alone do not need it
     matplotlib, sheet = require("matplotlib"), require("matplotlib.figure")
     with matplotlib.rc_context(), warnings.catch_warnings():
-        # a letter that the font lacks is shown as a box: no reason to stop
+        # a character that the font lacks is shown as a box, which is acceptable
         warnings.filterwarnings("ignore", message=r"Glyph .* missing from")
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
@@ -103,7 +103,7 @@ def _figure(width_in: float, height_in: float, arrange: bool) -> Iterator[Figure
 
 
 def quiet(axes: Axes, *, sides: tuple[str, ...] = ("left",)) -> None:
-    """Take away the frame's `sides` and the ticks there."""
+    """Remove `sides` of the frame and their ticks."""
     for side in sides:
         axes.spines[side].set_visible(False)
     axes.tick_params(length=0)

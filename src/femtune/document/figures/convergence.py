@@ -1,4 +1,4 @@
-"""How the update went: objective and parameters by iteration."""
+"""Course of the update: objective and parameters by iteration."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DASHES = ("-", "--", "-.", ":")
+"""Line styles in turn, so that neighbouring curves differ in print without colours, too."""
 
 
 def convergence_svg(

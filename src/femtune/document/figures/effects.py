@@ -15,9 +15,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_IN_ROW = 6
-_PANELS_IN_ROW = 3
+_MAIN_EFFECTS_PER_ROW = 6
+"""Panels of main effects side by side; narrow ones suffice for a few levels."""
+_PANELS_PER_ROW = 3
+"""Other panels side by side."""
 _DASHES = ("-", "--", "-.", ":")
+"""Line styles in turn, so that neighbouring curves differ in print without colours, too."""
 
 
 def main_effects_svg(
@@ -33,7 +36,7 @@ def main_effects_svg(
     values : of each parameter, its value at each level
     changes : of each parameter and level, of each response, in %
     """
-    rows, in_row = -(-len(parameters) // _IN_ROW), min(len(parameters), _IN_ROW)
+    rows, in_row = -(-len(parameters) // _MAIN_EFFECTS_PER_ROW), min(len(parameters), _MAIN_EFFECTS_PER_ROW)
 
     def draw(figure: Figure) -> None:
         panels = figure.subplots(rows, in_row, squeeze=False, sharey=True).ravel()
@@ -75,7 +78,7 @@ def beside_svg(
     values : of each response and parameter, two values with their lower and upper limits
     legend : what the two values are
     """
-    in_row = min(len(responses), _PANELS_IN_ROW)
+    in_row = min(len(responses), _PANELS_PER_ROW)
     rows = -(-len(responses) // in_row)
 
     def draw(figure: Figure) -> None:

@@ -16,8 +16,10 @@ from femtune.document.figures.svg import ORANGE, SOFT, cut
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_ACROSS = 2
+_PANELS_PER_ROW = 2
+"""Panels side by side."""
 _BLUES = ("#f7fafd", "#c3d8ea", "#75a5cf", "#2d6ca6", "#0e3a66")
+"""Colours from 0 to 1; brightness falls steadily, so that grey prints show the order."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class FdacPanel:
 
 def fdac_svg(panels: Sequence[FdacPanel]) -> str:
     """All panels, two side by side; model lines to the right, test lines upwards."""
-    across = min(len(panels), _ACROSS)
+    across = min(len(panels), _PANELS_PER_ROW)
     rows = -(-len(panels) // across)
     colours = require("matplotlib.colors").LinearSegmentedColormap.from_list("fdac", _BLUES)
 

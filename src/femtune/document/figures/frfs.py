@@ -16,14 +16,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_ACROSS = 2
+_PANELS_PER_ROW = 2
+"""Panels side by side."""
 _MOST_POINTS = 1500
-"""Of a curve in a picture; where lines are more, the highest and the lowest of neighbours are kept."""
-_DECADES = 1e-6
-_CUT = -165.0
-"""Lowest phase: noise must not make phases about ±180° jump."""
+"""Points of a curve in a picture; of more lines, the highest and the lowest of neighbours are kept."""
+_SMALLEST_SHOWN = 1e-6
+"""Amplitude relative to the largest one down to which the axis reaches: zeros would hide the resonances."""
+_LOWEST_PHASE_DEG = -165.0
+"""Lowest phase in degrees: not −180°, so that noise does not make phases about ±180° jump."""
 LOOKS: dict[str, dict[str, Any]] = {
-    # a wide pale line, opaque so that colours do not mix, under narrow ones: both stay visible where they coincide
+    # a wide pale line under narrow ones, opaque so that colours do not mix: both stay visible if they coincide
     "test": {"color": PALE_ORANGE, "linewidth": 4.0, "zorder": 2.0, "solid_capstyle": "butt"},
     "identified": {"color": INK, "linewidth": 0.9, "linestyle": (0, (1, 1.5)), "zorder": 2.3},
     "before": {"color": SOFT, "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 2.1},
@@ -52,7 +54,7 @@ class FrfPanel:
 
 def frfs_svg(panels: Sequence[FrfPanel]) -> str:
     """All panels, two side by side, each with its phase below."""
-    across = min(len(panels), _ACROSS)
+    across = min(len(panels), _PANELS_PER_ROW)
     rows = -(-len(panels) // across)
 
     def draw(figure: Figure) -> None:
@@ -78,7 +80,7 @@ def _panel(upper: Axes, lower: Axes, panel: FrfPanel) -> None:
         smallest = min(smallest, float(np.nanmin(size, initial=largest)))
         upper.plot(freq_hz, size, **LOOKS[curve.look])
         lower.plot(*_phase(freq_hz, values), **LOOKS[curve.look])
-    _finish(upper, lower, panel, max(smallest, _DECADES * largest), largest)
+    _finish(upper, lower, panel, max(smallest, _SMALLEST_SHOWN * largest), largest)
 
 
 def _finish(upper: Axes, lower: Axes, panel: FrfPanel, smallest: float, largest: float) -> None:
@@ -89,7 +91,7 @@ def _finish(upper: Axes, lower: Axes, panel: FrfPanel, smallest: float, largest:
     upper.set_xlim(first, last if last > first else first + 1.0)
     upper.set_ylabel(panel.ordinate)
     upper.tick_params(labelbottom=False)
-    lower.set_ylim(_CUT - 20.0, _CUT + 380.0)
+    lower.set_ylim(_LOWEST_PHASE_DEG - 20.0, _LOWEST_PHASE_DEG + 380.0)
     lower.set_yticks([-180, 0, 180])
     lower.set_ylabel("phase, °")
     lower.set_xlabel("Hz")
@@ -99,9 +101,9 @@ def _finish(upper: Axes, lower: Axes, panel: FrfPanel, smallest: float, largest:
 
 
 def _phase(freq_hz: NDArray, values: NDArray) -> tuple[NDArray, NDArray]:
-    """Degrees, with a gap where the curve leaves on one side and comes back on the other."""
+    """Phase in degrees, with a gap where the curve leaves on one side and returns on the other."""
     angle = np.degrees(np.angle(values))
-    angle = np.where(angle < _CUT, angle + 360.0, angle)
+    angle = np.where(angle < _LOWEST_PHASE_DEG, angle + 360.0, angle)
     jumps = np.flatnonzero(np.abs(np.diff(angle)) > 180.0) + 1
     return np.insert(freq_hz, jumps, freq_hz[jumps]), np.insert(angle, jumps, np.nan)
 

@@ -16,16 +16,18 @@ if TYPE_CHECKING:
 
     from femtune.arrays import Reals
 
-_IN_ROW = 4
+_PANELS_PER_ROW = 4
+"""Histograms side by side."""
 _MOST_BINS = 40
+"""Bins of a histogram; narrower ones would not be seen."""
 
 
 def histograms_svg(
     labels: Sequence[str], samples: Reals, marks: Sequence[float], limits: Sequence[tuple[float, float]]
 ) -> str:
     """A panel for each column of the samples (n, k), with a mark and shaded limits."""
-    rows = -(-len(labels) // _IN_ROW)
-    in_row = min(len(labels), _IN_ROW)
+    rows = -(-len(labels) // _PANELS_PER_ROW)
+    in_row = min(len(labels), _PANELS_PER_ROW)
 
     def draw(figure: Figure) -> None:
         panels = figure.subplots(rows, in_row, squeeze=False).ravel()

@@ -13,14 +13,19 @@ from femtune.document.figures.svg import ORANGE, cut, label, legible_on, mixed, 
 from femtune.document.numbers import typeset
 
 SIDE_BY_SIDE = 12
-"""Matrices with more rows or columns than this don't stand side by side."""
-_MANY, _VERY_MANY = 24, 100
+"""Rows or columns up to which two matrices fit side by side on a page."""
+_SMALL_CELLS = 24
+"""Rows or columns from which cells have their smallest size."""
+_SPARSE_CELLS = 100
+"""Rows or columns from which only cells of large values are drawn: files of all cells would be large."""
 _BLUES = ("#f7fafd", "#c3d8ea", "#75a5cf", "#2d6ca6", "#0e3a66")
+"""Colours from zero to the limit; brightness falls steadily, so that grey prints show the order."""
 _ORANGES = ("#f7fafd", "#f4d6bd", "#e0a06a", "#b9601f", "#6e3208")
-_LONGEST = 32
-"""Characters of a label."""
-_LETTER = 4.75
-"""Points that a letter of the labels takes, generously."""
+"""Colours of negative values, likewise."""
+_LONGEST_LABEL = 32
+"""Characters of a label; longer ones are cut."""
+_LETTER_WIDTH = 4.75
+"""Width of a letter of the labels in points, rounded up: the font of the reader is unknown."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +79,12 @@ def matrix_svg(picture: MatrixPicture) -> str:
 
 
 def _room(labels: tuple[str, ...]) -> float:
-    return _LETTER * max([len(cut(t, _LONGEST)) for t in labels], default=1) + 6.0
+    return _LETTER_WIDTH * max([len(cut(t, _LONGEST_LABEL)) for t in labels], default=1) + 6.0
 
 
 def _cell_size(picture: MatrixPicture) -> float:
     largest = max(picture.values.shape)
-    return 27.0 if largest <= SIDE_BY_SIDE else 23.0 if largest <= _MANY else 19.0
+    return 27.0 if largest <= SIDE_BY_SIDE else 23.0 if largest <= _SMALL_CELLS else 19.0
 
 
 def _words(picture: MatrixPicture, s: _MatrixSheet) -> Iterable[str]:
@@ -88,10 +93,10 @@ def _words(picture: MatrixPicture, s: _MatrixSheet) -> Iterable[str]:
     if picture.row_title:
         yield label(10.0, (s.top + s.bottom) / 2, picture.row_title, anchor="middle", turned=True)
     for i, text in enumerate(picture.row_labels):
-        yield label(s.left - 4.0, s.corner(i, 0)[1] + s.size / 2 + 3.0, cut(text, _LONGEST), anchor="end")
+        yield label(s.left - 4.0, s.corner(i, 0)[1] + s.size / 2 + 3.0, cut(text, _LONGEST_LABEL), anchor="end")
     for j, text in enumerate(picture.column_labels):
         yield label(
-            s.corner(0, j)[0] + s.size / 2 + 3.0, s.bottom + 4.0, cut(text, _LONGEST), anchor="end", turned=True
+            s.corner(0, j)[0] + s.size / 2 + 3.0, s.bottom + 4.0, cut(text, _LONGEST_LABEL), anchor="end", turned=True
         )
     if picture.column_title:
         y = s.bottom + _room(picture.column_labels) + 10.0
@@ -102,8 +107,8 @@ def _cells(picture: MatrixPicture, s: _MatrixSheet) -> Iterable[str]:
     """Coloured cells with their values; in large matrices only values that are not small, so that they stand out."""
     threshold = 0.1 * picture.limit if max(picture.values.shape) > SIDE_BY_SIDE else -1.0
     font = min(8.5, 0.3 * s.size)
-    # so many cells are not drawn one by one, only those that stand out
-    drawn = threshold if max(picture.values.shape) > _VERY_MANY else -1.0
+    # of very many cells, only those of large values are drawn
+    drawn = threshold if max(picture.values.shape) > _SPARSE_CELLS else -1.0
     for i, j in np.argwhere(np.isfinite(picture.values) & (np.abs(picture.values) >= drawn)):
         value = picture.values[i, j]
         x, y = s.corner(i, j)

@@ -93,6 +93,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_NAMES = 24
+"""Parameters that are named on the axis; of more, names would overlap, and numbers take their place."""
 
 
 def optima_svg(
@@ -139,7 +140,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DASHES = ("-", "--", "-.", ":")
-_MOST, _SHOWN = 8, 300.0
+"""Line styles in turn, so that neighbouring curves differ in print without colours, too."""
+_MOST_CURVES_NAMED = 8
+"""Parameters with a legend; a longer one would hide the curves."""
+_CONSTRAINT_RANGE = 300.0
+"""Largest over smallest norm of the side constraint that the L-curve shows. Smaller norms, which belong to
+large weights, would compress the part with the corner."""
 
 
 def weight_path_svg(
@@ -155,7 +161,7 @@ def weight_path_svg(
     Parameters
     ----------
     paths : an entry each weight, the change of each parameter in %
-    chosen : the weight that was found; None where none was
+    chosen : the weight that was chosen; None if none was
     """
 
     def draw(figure: Figure) -> None:
@@ -174,13 +180,13 @@ def _curve(axes: Axes, rho: np.ndarray, eta: np.ndarray, at: int | None) -> None
         axes.loglog([rho[at]], [eta[at]], "o", color=INK, markersize=6, fillstyle="none")
     axes.set_xlabel("norm of the residuals")
     axes.set_ylabel("norm of the side constraint")
-    axes.set_ylim(max(float(eta[good].min()), float(eta[good].max()) / _SHOWN), 1.3 * float(eta[good].max()))
+    axes.set_ylim(max(float(eta[good].min()), float(eta[good].max()) / _CONSTRAINT_RANGE), 1.3 * float(eta[good].max()))
     axes.grid(which="major")
 
 
 def _paths(axes: Axes, weights: np.ndarray, names: Sequence[str], paths: np.ndarray, at: int | None) -> None:
     for k, name in enumerate(names):
-        label = cut(name, 18) if len(names) <= _MOST else None
+        label = cut(name, 18) if len(names) <= _MOST_CURVES_NAMED else None
         shade = str(0.62 * (k % 5) / 4)
         axes.semilogx(weights, paths[:, k], color=shade, linestyle=_DASHES[k % 4], linewidth=1.2, label=label)
     if at is not None:
@@ -189,7 +195,7 @@ def _paths(axes: Axes, weights: np.ndarray, names: Sequence[str], paths: np.ndar
     axes.set_xlabel("weight")
     axes.set_ylabel("change in %")
     axes.grid(axis="y")
-    if len(names) <= _MOST:
+    if len(names) <= _MOST_CURVES_NAMED:
         axes.legend(frameon=False, fontsize=7, loc="best")
 
 
@@ -202,8 +208,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_MOST_PANELS, _ACROSS, _MOST_POINTS = 6, 3, 400
+_MOST_PANELS = 6
+"""Pairs of outputs that are drawn: two rows of a page."""
+_PANELS_PER_ROW = 3
+"""Panels side by side; with more, the labels of the axes become illegible."""
+_MOST_POINTS = 400
+"""Points of a cloud; more make files larger and hide each other."""
 _COLOURS = (ORANGE, BLUE, PALE)
+"""Colours of the clouds in turn; the measured one is first."""
 
 
 @dataclass(frozen=True)
@@ -226,7 +238,7 @@ def clouds_svg(labels: Sequence[str], clouds: Sequence[Cloud], probability: floa
     probability : share of a normal distribution inside an ellipse
     """
     pairs = list(combinations(range(len(labels)), 2))[:_MOST_PANELS]
-    across = min(_ACROSS, len(pairs))
+    across = min(_PANELS_PER_ROW, len(pairs))
     down = -(-len(pairs) // across)
 
     def draw(sheet: Figure) -> None:

@@ -25,16 +25,34 @@ from femtune.document.figures.shapes import (
 )
 from femtune.document.figures.svg import BLUE, INK, ORANGE, PALE, SOFT, label, mixed, number, strokes, svg_file
 
-_PANEL, _GAP, _TITLE, _MARGIN, _STRIP = 590.0, 14.0, 16.0, 18.0, 26.0
-_TALLEST = 0.75
-"""Height of a view over its width."""
-_LIGHT, _DARK = "#fbfcfd", "#ccd5de"
-"""Faces turned towards the eye, and along the line of sight."""
-_EDGE, _WIRE = "#9fadba", "#7a8794"
+_PANEL_WIDTH = 590.0
+"""Width of a view in points: a page has one view per row, so that names of marks are legible."""
+_GAP = 14.0
+"""Distance between views in points."""
+_TITLE_HEIGHT = 16.0
+"""Height of the title of a view in points."""
+_MARGIN = 18.0
+"""Space around the structure in points, for marks and names at its edge."""
+_LEGEND_HEIGHT = 26.0
+"""Height of the legend below the views in points."""
+_TALLEST_VIEW = 0.75
+"""Largest height of a view over its width: both views of a tall structure fit on a page."""
+_FACING_SHADE = "#fbfcfd"
+"""Colour of faces turned towards the eye: nearly white, so that marks stand out."""
+_GRAZING_SHADE = "#ccd5de"
+"""Colour of faces along the line of sight; faces between the two are shaded by their slope."""
+_EDGE_COLOUR = "#9fadba"
+"""Edges of faces."""
+_WIRE_COLOUR = "#7a8794"
+"""Bars and rigid elements, darker than edges of faces."""
 _GREEN = "#2c7a4b"
+"""Sensors for visualisation only."""
 COLOURS = {"triaxial": BLUE, "uniaxial": ORANGE, "visualisation": _GREEN, "exciter": "#8c1d40"}
-_RADIUS = 3.4
+"""Colour of each kind of mark."""
+_MARK_RADIUS = 3.4
+"""Radius of a mark in points."""
 _MOST_NAMES = 80
+"""Marks that are named; with more, names hide each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,19 +79,19 @@ def sensors_svg(frame: Wireframe, marks: Marks, lines: Sequence[tuple[int, int]]
     for title, view in views:
         scaled, height = _scaled(view, points)
         parts.append(f'<g transform="translate(0 {top:.1f})">')
-        parts += [label(0.0, 10.0, title, 8.5, SOFT), *_structure(frame, scaled, height + _TITLE)]
+        parts += [label(0.0, 10.0, title, 8.5, SOFT), *_structure(frame, scaled, height + _TITLE_HEIGHT)]
         parts += [*_traces(marks, lines, scaled), *_marks(marks, scaled), "</g>"]
-        top += height + _TITLE + _GAP
-    return svg_file(_PANEL, top + _STRIP - _GAP, [*parts, *_legend(marks, top - _GAP)])
+        top += height + _TITLE_HEIGHT + _GAP
+    return svg_file(_PANEL_WIDTH, top + _LEGEND_HEIGHT - _GAP, [*parts, *_legend(marks, top - _GAP)])
 
 
 def _scaled(view: View, points: Reals) -> tuple[View, float]:
     """The view in a panel of the full width, or in the middle of it where the structure is tall."""
-    scaled, height = fitted(view, [points], _PANEL, _TITLE, _MARGIN)
-    narrow = min(1.0, _TALLEST * _PANEL / height)
-    scaled, height = fitted(view, [points], narrow * _PANEL, _TITLE, _MARGIN)
+    scaled, height = fitted(view, [points], _PANEL_WIDTH, _TITLE_HEIGHT, _MARGIN)
+    narrow = min(1.0, _TALLEST_VIEW * _PANEL_WIDTH / height)
+    scaled, height = fitted(view, [points], narrow * _PANEL_WIDTH, _TITLE_HEIGHT, _MARGIN)
     x, y = scaled.shift
-    return View(scaled.axes, scaled.scale, (x + 0.5 * (1.0 - narrow) * _PANEL, y)), height
+    return View(scaled.axes, scaled.scale, (x + 0.5 * (1.0 - narrow) * _PANEL_WIDTH, y)), height
 
 
 def _from_below(view: View) -> View:
@@ -89,13 +107,13 @@ def _structure(frame: Wireframe, view: View, height: float) -> Iterable[str]:
         colours = _shading(frame, view)
         edges = outline(faces, frame.points)
         if len(faces) > VECTOR_FACES:
-            yield rastered(_painting(frame, view, edges, colours), (_PANEL, height))
+            yield rastered(_painting(frame, view, edges, colours), (_PANEL_WIDTH, height))
         else:
             order = far_to_near(faces, view.depth(frame.points))
-            yield painted(flat[closed(faces[order])], [colours[k] for k in order], _EDGE, 0.25, 0.6)
+            yield painted(flat[closed(faces[order])], [colours[k] for k in order], _EDGE_COLOUR, 0.25, 0.6)
     for rigid in (False, True):
         some = frame.lines[frame.rigid == rigid]
-        yield strokes(flat[some[:, 0]], flat[some[:, 1]], _WIRE, 0.6 if rigid else 1.0, "2 2.4" if rigid else "")
+        yield strokes(flat[some[:, 0]], flat[some[:, 1]], _WIRE_COLOUR, 0.6 if rigid else 1.0, "2 2.4" if rigid else "")
 
 
 def _shading(frame: Wireframe, view: View) -> list[str]:
@@ -103,7 +121,7 @@ def _shading(frame: Wireframe, view: View) -> list[str]:
     normal = np.cross(at[:, 2] - at[:, 0], at[:, 3] - at[:, 1]) + np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
     size = np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
     towards = np.abs(normal @ view.axes[2]) / size
-    shades = [mixed((_DARK, _LIGHT), k / 15.0) for k in range(16)]
+    shades = [mixed((_GRAZING_SHADE, _FACING_SHADE), k / 15.0) for k in range(16)]
     return [shades[int(k)] for k in np.rint(15.0 * np.clip(towards, 0.0, 1.0))]
 
 
@@ -111,9 +129,9 @@ def _painting(frame: Wireframe, view: View, edges: NDArray[np.int64], colours: S
     """Faces without their edges, and between them the lines that show the form."""
     depth, faces = view.depth(frame.points), frame.faces
     near = 0.6 * float(np.median(np.ptp(depth[closed(faces)], axis=1))) + 1e-3 * float(np.ptp(depth))
-    own = np.concatenate([mean_over_corners(faces, depth), depth[edges].max(axis=1, initial=-np.inf) + near])
-    order = np.argsort(own, kind="stable")
-    shown = [*colours, *[_EDGE] * len(edges)]
+    depths = np.concatenate([mean_over_corners(faces, depth), depth[edges].max(axis=1, initial=-np.inf) + near])
+    order = np.argsort(depths, kind="stable")
+    shown = [*colours, *[_EDGE_COLOUR] * len(edges)]
     line = order >= len(faces)
     corners = view.flat(frame.points)[np.concatenate([closed(faces), edges[:, [0, 1, 1, 0]]])[order]]
     ordered = [shown[k] for k in order]
@@ -143,13 +161,13 @@ def _sign(kind: str, x: float, y: float, fill: str, colour: str) -> str:
     """A square for what excites, a circle for what measures."""
     style = f'fill="{fill}" stroke="{colour}" stroke-width="1.1"'
     if kind == "exciter":
-        side = 2.0 * _RADIUS
-        return f'<rect x="{number(x - _RADIUS)}" y="{number(y - _RADIUS)}" width="{side}" height="{side}" {style}/>'
-    return f'<circle cx="{number(x)}" cy="{number(y)}" r="{_RADIUS}" {style}/>'
+        left, top, side = number(x - _MARK_RADIUS), number(y - _MARK_RADIUS), 2.0 * _MARK_RADIUS
+        return f'<rect x="{left}" y="{top}" width="{side}" height="{side}" {style}/>'
+    return f'<circle cx="{number(x)}" cy="{number(y)}" r="{_MARK_RADIUS}" {style}/>'
 
 
 def _legend(marks: Marks, top: float) -> Iterable[str]:
-    x, y = 8.0, top + 0.5 * _STRIP
+    x, y = 8.0, top + 0.5 * _LEGEND_HEIGHT
     for kind in dict.fromkeys(marks.kinds):
         yield _sign(kind, x, y, COLOURS[kind], COLOURS[kind])
         yield label(x + 7.0, y + 2.8, kind, 8.0, INK)

@@ -32,15 +32,17 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
 
 # ----------------------------------------------------------------------------------------------------
-# Where the eye is: an orthographic view in which structures, tall or flat, can be read.
+# An orthographic view that suits tall and flat structures.
 
 
 _AZIMUTH = np.radians(-58.0)
-"""Off the isometric angle, so that corners of a square plan do not hide each other."""
-_LOW, _HIGH = np.radians(24.0), np.radians(36.0)
-"""Elevation for a tall structure, and for one that is flat: wings and plates are looked at from higher up."""
+"""Azimuth of the eye: not the isometric angle, so that corners of a square plan do not hide each other."""
+_LOW_ELEVATION = np.radians(24.0)
+"""Elevation of the eye for a tall structure."""
+_HIGH_ELEVATION = np.radians(36.0)
+"""Elevation of the eye for a flat structure, such as a wing or a plate."""
 _TALL = 0.5
-"""Height over width from which on a structure is tall."""
+"""Height over width from which a structure is tall; flatter ones are seen from higher up in proportion."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def direction(points: Reals) -> View:
     size = np.ptp(points, axis=0) if len(points) else np.zeros(3)
     width = max(size[0], size[1])
     tall = min(1.0, float(size[2]) / (_TALL * width)) if width > 0.0 else 1.0
-    return View(_view_axes(_HIGH + tall * (_LOW - _HIGH)))
+    return View(_view_axes(_HIGH_ELEVATION + tall * (_LOW_ELEVATION - _HIGH_ELEVATION)))
 
 
 def _view_axes(elevation: float) -> Reals:
@@ -86,7 +88,7 @@ def fitted(view: View, parts: Sequence[Reals], width: float, top: float, margin:
     flat = np.concatenate(parts) @ view.axes[:2].T
     low, high = flat.min(axis=0), flat.max(axis=0)
     size, room = high - low, width - 2 * margin
-    # a line along the direction of view has no size on the sheet, and a single point none at all
+    # a line along the direction of view, or a single point, has no size on the sheet
     least = 1e-9 * size.max() or 1.0
     scale = float(min(room / max(size[0], least), 1.25 * room / max(size[1], least)))
     left = 0.5 * (width - scale * size[0])
@@ -95,16 +97,18 @@ def fitted(view: View, parts: Sequence[Reals], width: float, top: float, margin:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Shells as filled faces: the farthest first, coloured by how much they move.
+# Shells as filled faces, the farthest first, coloured by their motion.
 
 
 Faces = NDArray[np.int64]
 
 COLOURS = ("#eaf2f8", "#c3d8ea", "#8db6d8", "#4f8cc0", "#1f5a92", "#0b2d52")
-"""From no motion to the largest: one hue, ever darker, so that grey prints and colour-blind readers show the order."""
+"""Colours from no motion to the largest: one hue that darkens steadily, legible in grey prints and for the
+colour-blind."""
 STEPS = 32
 """Number of distinguishable shades."""
 _CREASE = np.cos(np.radians(25.0))
+"""Cosine of the angle between two faces from which their common edge is drawn: facets of a curved shell have less."""
 
 
 def closed(faces: Faces) -> Faces:
@@ -113,7 +117,7 @@ def closed(faces: Faces) -> Faces:
 
 
 def far_to_near(faces: Faces, depth: Reals) -> NDArray[np.int64]:
-    """Order in which faces cover each other, from the depth of each point."""
+    """Drawing order of the faces from the depth of each point."""
     return np.argsort(mean_over_corners(faces, depth), kind="stable")
 
 
@@ -138,13 +142,13 @@ def outline(faces: Faces, points: Reals) -> Faces:
     edges, owner = _edges(faces)
     if not len(edges):
         return edges
-    found, which, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    distinct, which, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
     normal = _normals(faces, points)[owner]
     pairs = np.argsort(which.ravel(), kind="stable")
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     a, b = pairs[first], pairs[np.minimum(first + 1, len(pairs) - 1)]
     smooth = (count == 2) & (np.abs(np.einsum("ij,ij->i", normal[a], normal[b])) > _CREASE)
-    return np.asarray(found[~smooth])
+    return np.asarray(distinct[~smooth])
 
 
 def _edges(faces: Faces) -> tuple[Faces, NDArray[np.int64]]:
@@ -197,6 +201,7 @@ if TYPE_CHECKING:
 _DOTS_PER_INCH = 170.0
 """Sharp on a screen of nearly twice the usual density, and in print."""
 _POINTS_PER_INCH = 72.0
+"""Points per inch in SVG and PDF."""
 
 
 @dataclass(frozen=True)
@@ -243,16 +248,30 @@ def _rgba(colours: Sequence[str]) -> NDArray[np.float64]:
 
 
 VECTOR_FACES = 800
-"""Models with more faces are drawn as pixels."""
+"""Faces up to which a model is drawn as vectors; larger ones are pixels, whose files are smaller."""
 
-_PANEL, _GAP, _TITLE, _ACROSS = 205.0, 14.0, 18.0, 3
-_ROOM = 0.12
-"""Largest motion that is drawn, as a fraction of the structure's diagonal."""
-_DASHES = "2 2.4"
-_REST, _REST_FILL = "#b6c0ca", "#f1f3f5"
+_PANEL_WIDTH = 205.0
+"""Width of a panel in points."""
+_PANELS_PER_ROW = 3
+"""Panels side by side; smaller ones would not show the shape in print."""
+_GAP = 14.0
+"""Distance between panels in points."""
+_TITLE_HEIGHT = 18.0
+"""Height of the title of a panel in points."""
 _MARGIN = 5.0
-_STRIP, _SCALE = 32.0, (72.0, 6.0)
-"""Height of the strip with axes and scale, and size of the scale in it."""
+"""Space around a shape in points."""
+_LARGEST_MOTION = 0.12
+"""Largest motion that is drawn, as a fraction of the structure's diagonal: clear, and still recognisable."""
+_DASHES = "2 2.4"
+"""Lengths of dash and gap of rigid elements in points."""
+_REST = "#b6c0ca"
+"""Lines of the undeformed structure."""
+_REST_FILL = "#f1f3f5"
+"""Faces of the undeformed structure."""
+_STRIP_HEIGHT = 32.0
+"""Height of the strip below the panels, with axes and scale of colours, in points."""
+_SCALE_SIZE = (72.0, 6.0)
+"""Width and height of the scale of colours in points."""
 
 
 @dataclass(frozen=True)
@@ -315,16 +334,19 @@ def shapes_svg(frame: Wireframe, panels: Sequence[ShapePanel], *, axes: bool = T
     """
     frame, panels = _finite(frame), [_finite_panel(p) for p in panels]
     sheet = _sheet(frame, panels)
-    across = min(len(panels), _ACROSS)
-    rows = -(-len(panels) // _ACROSS)
-    width, tall = across * (_PANEL + _GAP) - _GAP, rows * (sheet.height + _TITLE + _GAP) - _GAP
+    across = min(len(panels), _PANELS_PER_ROW)
+    rows = -(-len(panels) // _PANELS_PER_ROW)
+    width, tall = across * (_PANEL_WIDTH + _GAP) - _GAP, rows * (sheet.height + _TITLE_HEIGHT + _GAP) - _GAP
     parts = ['<defs><g id="rest">', *_rest(sheet), "</g></defs>"]
     for k, panel in enumerate(panels):
-        x, y = (k % _ACROSS) * (_PANEL + _GAP), (k // _ACROSS) * (sheet.height + _TITLE + _GAP)
+        x, y = (
+            (k % _PANELS_PER_ROW) * (_PANEL_WIDTH + _GAP),
+            (k // _PANELS_PER_ROW) * (sheet.height + _TITLE_HEIGHT + _GAP),
+        )
         parts += [f'<g transform="translate({x:.1f} {y:.1f})">', *_panel(sheet, panel), "</g>"]
     if not axes:
         return svg_file(width, tall, parts)
-    return svg_file(width, tall + _STRIP, [*parts, *_axes(sheet.view, tall), *_scale(frame, width, tall)])
+    return svg_file(width, tall + _STRIP_HEIGHT, [*parts, *_axes(sheet.view, tall), *_scale(frame, width, tall)])
 
 
 def _finite(frame: Wireframe) -> Wireframe:
@@ -346,7 +368,7 @@ def _sheet(frame: Wireframe, panels: Sequence[ShapePanel]) -> _PanelSheet:
     tips = [p.places + _factor(frame, used, p) * p.measured for p in panels]
     rest = frame.points[used]
     parts = [part for part in (rest, *moved, *tips) if len(part)] or [np.zeros((1, 3))]
-    view, height = fitted(direction(rest), parts, _PANEL, _TITLE, _MARGIN)
+    view, height = fitted(direction(rest), parts, _PANEL_WIDTH, _TITLE_HEIGHT, _MARGIN)
     return _PanelSheet(frame, used, view, height, outline(frame.faces, frame.points))
 
 
@@ -355,14 +377,16 @@ def _factor(frame: Wireframe, used: NDArray[np.int64], panel: ShapePanel) -> flo
         return 0.0
     diagonal = float(np.linalg.norm(np.ptp(frame.points[used], axis=0)))
     largest = float(np.linalg.norm(panel.motion[used], axis=1).max(initial=0.0))
-    return _ROOM * diagonal / largest if largest > 0 else 0.0
+    return _LARGEST_MOTION * diagonal / largest if largest > 0 else 0.0
 
 
 def _rest(sheet: _PanelSheet) -> Iterable[str]:
     frame, flat = sheet.frame, sheet.view.flat(sheet.frame.points)
     edges = sheet.outline
     if len(frame.faces) > VECTOR_FACES:
-        yield rastered(_silhouette(flat[closed(frame.faces)], flat[edges]), (_PANEL, sheet.height + _TITLE))
+        yield rastered(
+            _silhouette(flat[closed(frame.faces)], flat[edges]), (_PANEL_WIDTH, sheet.height + _TITLE_HEIGHT)
+        )
     else:
         yield silhouette(flat[closed(frame.faces)], _REST_FILL)
         yield strokes(flat[edges[:, 0]], flat[edges[:, 1]], _REST, 0.6)
@@ -407,7 +431,7 @@ def _faces(sheet: _PanelSheet, moved: Reals, motion: Reals) -> str:
     colours = [scale[k] for k in shades(faces, only)]
     if len(faces) > VECTOR_FACES:
         painting = _painting(sheet, moved, colours)
-        return rastered(painting, (_PANEL, sheet.height + _TITLE))
+        return rastered(painting, (_PANEL_WIDTH, sheet.height + _TITLE_HEIGHT))
     order = far_to_near(faces, view.depth(moved))
     corners = view.flat(moved)[closed(faces[order])]
     # edges of small faces would cover them
@@ -423,8 +447,8 @@ def _painting(sheet: _PanelSheet, moved: Reals, colours: Sequence[str]) -> Paint
     depth = sheet.view.depth(moved)
     # a line lies in the faces that it bounds, whose middles may be nearer: it comes after them
     near = 0.6 * float(np.median(np.ptp(depth[closed(faces)], axis=1))) + 1e-3 * float(np.ptp(depth))
-    own = np.concatenate([mean_over_corners(faces, depth), depth[lines].max(axis=1, initial=-np.inf) + near])
-    order = np.argsort(own, kind="stable")
+    depths = np.concatenate([mean_over_corners(faces, depth), depth[lines].max(axis=1, initial=-np.inf) + near])
+    order = np.argsort(depths, kind="stable")
     edges = [*colours, *[INK] * len(lines)]
     line = order >= len(faces)
     shown = [edges[k] for k in order]
@@ -433,7 +457,7 @@ def _painting(sheet: _PanelSheet, moved: Reals, colours: Sequence[str]) -> Paint
 
 def _axes(view: View, top: float) -> Iterable[str]:
     """The basic axes, below the panels."""
-    origin = np.array([16.0, top + _STRIP - 9.0])
+    origin = np.array([16.0, top + _STRIP_HEIGHT - 9.0])
     for name, axis in zip("xyz", View(view.axes, 15.0).flat(np.eye(3))):
         yield strokes(origin[None], (origin + axis)[None], PALE, 0.8)
         x, y = origin + 1.45 * axis
@@ -444,8 +468,8 @@ def _scale(frame: Wireframe, width: float, top: float) -> Iterable[str]:
     """What the colours mean, below the panels on the right; nothing without faces."""
     if not len(frame.faces):
         return
-    wide, high = _SCALE
-    x, y, cells = width - wide - 52.0, top + 0.5 * _STRIP, 24
+    wide, high = _SCALE_SIZE
+    x, y, cells = width - wide - 52.0, top + 0.5 * _STRIP_HEIGHT, 24
     for k in range(cells):
         # a little wider than its share: no gaps between cells
         yield rectangle(x + k * wide / cells, y, wide / cells + 0.3, high, mixed(COLOURS, k / (cells - 1)))

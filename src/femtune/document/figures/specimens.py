@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLUMNS = 4
+_PANELS_PER_ROW = 4
+"""Panels side by side."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,8 @@ class SpecimenRow:
 
 def specimens_svg(specimens: Sequence[str], rows: Sequence[SpecimenRow]) -> str:
     """A diagram of each parameter: its value in each specimen with two standard deviations."""
-    lines = -(-len(rows) // _COLUMNS)
-    across = min(len(rows), _COLUMNS)
+    lines = -(-len(rows) // _PANELS_PER_ROW)
+    across = min(len(rows), _PANELS_PER_ROW)
 
     def draw(figure: Figure) -> None:
         for i, entry in enumerate(rows):

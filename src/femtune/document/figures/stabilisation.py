@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 
 _MOST_POINTS = 2000
+"""Points of the curve behind the poles; of more lines, each n-th is drawn."""
 _MARKS = ("o", "s", "^", "D")
+"""Marks of the methods in turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +88,8 @@ def _poles(axes: Axes, picture: StabilisationPicture) -> None:
         return
     names = np.array(picture.method)
     for mark, name in zip(_MARKS, dict.fromkeys(picture.method)):
-        own = names == name
-        other, firm = own & ~picture.stable, own & picture.stable
+        of_method = names == name
+        other, firm = of_method & ~picture.stable, of_method & picture.stable
         axes.plot(picture.freq_hz[other], picture.order[other], mark, color=SOFT, markersize=1.6, alpha=0.6)
         face = BLUE if mark == _MARKS[0] else "none"
         axes.plot(

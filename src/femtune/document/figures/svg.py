@@ -11,8 +11,20 @@ from numpy.typing import NDArray
 from femtune.errors import printable
 
 FONT = "'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
-INK, SOFT, PALE, LINE = "#1d2733", "#5b6977", "#9aa7b4", "#d4dae0"
-BLUE, ORANGE, PALE_ORANGE = "#1f5a92", "#b4530f", "#f2b27e"
+INK = "#1d2733"
+"""Text and the most important lines."""
+SOFT = "#5b6977"
+"""Text of second rank."""
+PALE = "#9aa7b4"
+"""Axes, and what stands in the background."""
+LINE = "#d4dae0"
+"""Grids and frames."""
+BLUE = "#1f5a92"
+"""First colour of data, mostly of the model. Colour-blind readers can tell it from orange."""
+ORANGE = "#b4530f"
+"""Second colour of data, and of negative values."""
+PALE_ORANGE = "#f2b27e"
+"""Wide lines of the test under narrow ones of the model."""
 
 Anchor = Literal["start", "middle", "end"]
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"})

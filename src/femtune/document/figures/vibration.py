@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_ACROSS = 2
-_DECADES = 1e-5
+_PANELS_PER_ROW = 2
+"""Panels side by side."""
+_SMALLEST_SHOWN = 1e-5
+"""Amplitude relative to the largest one down to which the axis reaches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,7 @@ class VibrationPanel:
 
 def vibration_svg(panels: Sequence[VibrationPanel]) -> str:
     """All panels, two side by side; curves over frequency in double logarithmic axes."""
-    across = min(len(panels), _ACROSS)
+    across = min(len(panels), _PANELS_PER_ROW)
     rows = -(-len(panels) // across)
 
     def draw(figure: Figure) -> None:
@@ -82,4 +84,4 @@ def _logarithmic(axes: Axes, panel: VibrationPanel) -> None:
     smallest = min(float(np.min(c.values[c.values > 0.0], initial=largest)) for c in panel.curves)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_ylim(0.7 * max(smallest, _DECADES * largest), 1.6 * largest)
+    axes.set_ylim(0.7 * max(smallest, _SMALLEST_SHOWN * largest), 1.6 * largest)

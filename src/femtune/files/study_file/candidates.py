@@ -15,8 +15,9 @@ from femtune.files.study_file.source import Place, StudyLines, named_twice, numb
 Names = tuple[Text, ...]
 
 NOMINAL = "initial values"
-"""Name of the model of the study as it is, which is compared too."""
+"""Name of the study's own parameters as a candidate, which is compared as well."""
 NO_SEARCH: Final = "none"
+"""The starts of a candidate are not found by a search."""
 
 
 class CandidateEntry(TomlTable):

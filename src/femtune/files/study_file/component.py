@@ -31,7 +31,7 @@ Data = dict[str, Any]
 
 
 def component_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """Names once, elements for each, something that uses them, and known names in configurations."""
+    """Names must be unique, each component needs elements and a use, and configurations must name existing ones."""
     entries = list(tables(data, "component"))
     yield from named_twice(entries, "study.duplicate-name/earlier", source)
     for place, entry in entries:

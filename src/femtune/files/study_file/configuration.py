@@ -32,6 +32,7 @@ from femtune.files.study_file.kinds import (
 )
 
 UNCHANGED: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Rotation of a test whose axes are those of the model."""
 
 
 class MassEntry(TomlTable):

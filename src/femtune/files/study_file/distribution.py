@@ -18,7 +18,7 @@ Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
 POSITION = ("x", "y", "z", "u", "v", "w")
-"""What functions depend on: the position of an element, and the same from -1 to 1 over the region."""
+"""Variables of the functions: the position of an element, and the same scaled to −1 … 1 over the region."""
 
 
 class DistributionEntry(TomlTable):
@@ -40,7 +40,7 @@ class DistributionEntry(TomlTable):
 
 
 def distribution_rules(data: Data, source: StudyLines) -> Problems:
-    """Names once, functions of position, amplitudes that exist and are used."""
+    """Names must be unique, functions depend on position, and amplitudes must exist and be used."""
     entries = list(tables(data, "distribution"))
     yield from named_twice(entries, "study.duplicate-name/earlier", source)
     counts = {str(e.get("name")): len(texts(e.get("functions"))) for _, e in entries}
@@ -78,7 +78,7 @@ def _functions(place: Place, entry: Data, source: StudyLines) -> Problems:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Names in an expression; one that cannot be read is reported by the model."""
+    """Names in an expression; invalid expressions are reported by the model."""
     try:
         return parse_expression(text).names
     except FemtuneError:

@@ -91,7 +91,7 @@ class SearchTable(TomlTable):
     """The first seed, of the searches and of the Latin hypercube. Example: `7`"""
 
 
-_ONLY_OF = {
+_SURROGATES_OF_KEYS = {
     "trend": ("kriging",),
     "correlation": ("kriging",),
     "kernel": ("radial-basis",),
@@ -101,7 +101,7 @@ _ONLY_OF = {
 """Surrogates that a key of [search] applies to."""
 
 
-_OF_DESIGNS = {
+_DESIGNS_OF_KEYS = {
     "array": ("orthogonal",),
     "levels": ("orthogonal", "factorial", "plackett-burman", "morris"),
     "trajectories": ("morris",),
@@ -114,12 +114,12 @@ _OF_DESIGNS = {
 
 
 def experiment_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
-    """A design and its levels fit each other, a surrogate and its keys."""
+    """A design must fit its levels, and a surrogate its keys."""
     screen = table(data, "screen")
     design = screen.get("design", "orthogonal")
     if design == "plackett-burman" and screen.get("levels", 2) != 2:
         yield source.error(("screen", "levels"), "screen.design", {"levels": screen["levels"]})
-    for key, designs in _OF_DESIGNS.items():
+    for key, designs in _DESIGNS_OF_KEYS.items():
         if key in screen and design not in designs:
             needed = " or ".join(f'"{name}"' for name in designs)
             yield source.error(("screen", key), "screen.design/key", {key: screen[key]}, key=key, needed=needed)
@@ -131,6 +131,6 @@ def experiment_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtu
     if "infill_by" in search and search.get("on") == "model":
         yield source.error(("search", "infill_by"), "search.infill/model", {"infill_by": search["infill_by"]})
     surrogate = search.get("surrogate", "kriging")
-    for key, methods in _ONLY_OF.items():
+    for key, methods in _SURROGATES_OF_KEYS.items():
         if key in search and surrogate not in methods:
             yield source.error(("search", key), "search.surrogate", {}, key=key, surrogate=surrogate)

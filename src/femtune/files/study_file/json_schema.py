@@ -33,11 +33,11 @@ def file_schema(kind: str) -> dict[str, Any]:
     ['study']
     """
     model, title = SCHEMAS[kind]
-    found: dict[str, Any] = _of_toml(model.model_json_schema())
-    found["title"] = title
+    schema: dict[str, Any] = _of_toml(model.model_json_schema())
+    schema["title"] = title
     for table in tables_of(model):
-        _describe(found if table is model else found["$defs"][table.__name__], table)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
+        _describe(schema if table is model else schema["$defs"][table.__name__], table)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def schema_text(kind: str) -> str:

@@ -1,4 +1,4 @@
-"""What the classes of the tables say about each key: schemas, pages and docstrings are made from it."""
+"""The docstrings of the keys of all tables, from which schemas, pages and docstrings of classes are made."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LINK = re.compile(r"\[((?:`[^`]*`|[^\]`])*)\]\([^)]*\)")
 
 @dataclass(frozen=True)
 class Key:
-    """What the docstring of a key says.
+    """The docstring of a key.
 
     Parameters
     ----------
@@ -43,13 +43,13 @@ def keys_of(table: type[BaseModel]) -> dict[str, Key]:
     >>> keys_of(ModesTable)["max_hz"].example
     '200.0'
     """
-    said, found = attribute_docstrings(table), {}
+    said, keys = attribute_docstrings(table), {}
     for name, field in table.model_fields.items():
         inner = next(tables_in(field.annotation), None)
         text = said.get(name) or (summary(inner) if inner else "")
         meaning, _, example = " ".join(text.split()).partition(" Example: ")
-        found[field.alias or name] = Key(meaning, example.removeprefix("`").removesuffix("`"))
-    return found
+        keys[field.alias or name] = Key(meaning, example.removeprefix("`").removesuffix("`"))
+    return keys
 
 
 def summary(table: type[BaseModel]) -> str:

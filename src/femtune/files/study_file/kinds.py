@@ -33,8 +33,11 @@ from femtune.updating.kinds import WEIGHT_RULES, WeightRule
 T = TypeVar("T")
 
 _MOST_SUPPORTS = 100_000
-_LEAST_SPREAD = 1e-12
+"""Grid points of one range of supports: a longer range is a mistyped number."""
+_SMALLEST_SD = 1e-12
+"""Smallest standard deviation, and the reciprocal of the largest: squares of the reciprocals stay finite."""
 _LARGEST_WEIGHT = 1e12
+"""Largest weight, for the same reason."""
 _COMPONENTS = re.compile(r"0|(?!.*(.).*\1)[1-6]{1,6}")
 _GROUP = r"[A-Z][A-Z0-9]{0,15}"
 _GENERIC = re.compile(rf"GENERIC +({_GROUP}) +([KS][0-9]+(?:-[0-9]+)?)")
@@ -43,12 +46,12 @@ _FIELD = re.compile(r"([A-Z][A-Z0-9]{0,7})(?: +([0-9]{1,18}))? +([A-Z][A-Z0-9]{0
 
 
 def checked(check: Callable[[Any], object]) -> AfterValidator:
-    """A validator that runs `check` and hands its FemtuneError on to the collected list."""
+    """A validator that runs `check`; its FemtuneError is added to the collected errors."""
     return AfterValidator(_guarded(lambda value: (check(value), value)[1]))
 
 
 def read_by(read: Callable[[Any], object]) -> PlainValidator:
-    """As `checked`, where `read` judges the type too."""
+    """As `checked`, but `read` also checks the type."""
     return PlainValidator(_guarded(lambda value: (read(value), value)[1]))
 
 
@@ -156,7 +159,7 @@ def field_reference(text: str) -> FieldRef:
 
 
 def _form_of_field(text: str) -> str:
-    """How a field is written; of a card that is known its own fields."""
+    """How a field is written; for a known card also the names of its fields."""
     word = re.match(r"\s*(\w*)", text)
     card = word[1].upper() if word else ""
     names = list(CATALOGUE[card].values) if card in CATALOGUE else []
@@ -185,7 +188,7 @@ def _weight(value: object) -> None:
 
 
 def numbered(value: object) -> object:
-    """Keys of a TOML table are text: those that are whole numbers become numbers."""
+    """Keys of a TOML table are text; whole numbers among them become numbers."""
     if not isinstance(value, dict):
         return value
     return {int(k) if k.isdecimal() and len(k) <= 18 else k: v for k, v in value.items()}
@@ -216,13 +219,13 @@ def _components(text: str) -> None:
 
 
 def _spread(value: float) -> None:
-    """Squares of its reciprocal stay finite; no measurement is as good or as bad."""
-    if value != 0 and not _LEAST_SPREAD <= value <= 1.0 / _LEAST_SPREAD:
-        raise FemtuneError("study.value/standard-deviation", least=_LEAST_SPREAD, largest=1.0 / _LEAST_SPREAD)
+    """Refuse standard deviations outside the range of any measurement; squares of their reciprocals would overflow."""
+    if value != 0 and not _SMALLEST_SD <= value <= 1.0 / _SMALLEST_SD:
+        raise FemtuneError("study.value/standard-deviation", least=_SMALLEST_SD, largest=1.0 / _SMALLEST_SD)
 
 
 def _rotation(value: tuple[tuple[float, float, float], ...]) -> None:
-    # numpy is imported for a study with a rotation only: what is wrong with the others is told without it
+    # only a study with a rotation needs numpy; errors of the others are reported without importing it
     from femtune.testdata import ModalTest, place  # noqa: PLC0415
 
     place(ModalTest("", SI), value, (0.0, 0.0, 0.0))
@@ -263,7 +266,7 @@ if TYPE_CHECKING:
     Listed = Sequence
 else:
     Listed = tuple[T, ...]
-"""A list of TOML, kept as a tuple; in Python a table may be made with any sequence."""
+"""A list of TOML, kept as a tuple; in Python any sequence is accepted."""
 
 
 @dataclass(frozen=True)
@@ -332,7 +335,7 @@ Rotation = Annotated[tuple[Vector, Vector, Vector], checked(_rotation)]
 
 
 # ----------------------------------------------------------------------------------------------------
-# What all tables of a study file have in common.
+# The base of all tables of a study file.
 
 SCHEMA_VERSION = 1
 """Version of the study file and of the identification file.
@@ -349,9 +352,9 @@ class TomlTable(BaseModel):
 
 
 def tables_by_kind(annotation: Any) -> dict[str, type[Any]]:
-    """The tables that a key `kind` chooses from, by that kind; none for a key of one table or of other values."""
-    found = list(tables_in(annotation))
-    return {get_args(t.model_fields["kind"].annotation)[0]: t for t in found} if len(found) > 1 else {}
+    """The tables by their `kind`, for a key whose tables have several kinds; empty for all other keys."""
+    union_tables = list(tables_in(annotation))
+    return {get_args(t.model_fields["kind"].annotation)[0]: t for t in union_tables} if len(union_tables) > 1 else {}
 
 
 def tables_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -363,7 +366,7 @@ def tables_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _words(value: object) -> object:
-    """A command as one text is split as a shell would, and nothing in it is replaced."""
+    """A command as a single text is split as in a shell; nothing in it is replaced."""
     if not isinstance(value, str):
         return value
     try:

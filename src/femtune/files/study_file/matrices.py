@@ -84,7 +84,7 @@ Problems = Iterator[FemtuneError]
 
 
 def matrix_rules(data: Data, source: StudyLines) -> Problems:
-    """A deck or matrices; variables that exist; sets of one kind."""
+    """A deck or matrices are required, variables must exist, and sets must be of one kind."""
     entries = list(tables(data, "matrix"))
     yield from _deck_or_matrices(data, source, bool(entries))
     yield from named_twice(list(tables(data, "variable")), "study.duplicate-name/earlier", source)
@@ -161,7 +161,7 @@ class GenericEntry(TomlTable):
 
 
 def generic_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """Names once; each group named by a parameter, and each name that of a group."""
+    """Names must be unique; parameters must name each group, and existing groups only."""
     entries = list(tables(data, "generic"))
     yield from named_twice(entries, "study.duplicate-name/earlier", source)
     groups = [entry["name"] for _, entry in entries if isinstance(entry.get("name"), str)]

@@ -1,4 +1,4 @@
-"""Files that a study or an identification file names: found by the types of its keys, whatever their nesting."""
+"""Files that a study or an identification file names, found by the types of its keys at any depth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from femtune.files.study_file.source import Place
 
 @dataclass(frozen=True)
 class FileKey:
-    """A key that names a file, in a list or by itself: its place, the name as it is written, and what the file is."""
+    """A file that a key names: the place of the key, the name as written, and what the file is."""
 
     place: Place
     name: str
@@ -42,7 +42,7 @@ def _of_table(model: type[BaseModel], data: object, place: Place) -> Iterator[Fi
             value = data.get(key) if isinstance(data, Mapping) else None
         if value is not None:
             kind: Any = field.annotation
-            # pydantic keeps what the whole field is annotated with apart
+            # pydantic keeps annotations of the whole field separately
             for mark in field.metadata:
                 kind = Annotated[kind, mark]
             yield from _of_value(kind, value, (*place, key))
@@ -62,7 +62,7 @@ def _of_value(kind: Any, value: object, place: Place) -> Iterator[FileKey]:
 
 
 def _parts(kind: Any, value: object, place: Place) -> Iterator[tuple[Any, object, Place]]:
-    """Types and values inside a value of a type that is made of others, each with its place."""
+    """Types and values inside a value of a composite type, each with its place."""
     origin, kinds = get_origin(kind), get_args(kind)
     if origin is Annotated:
         yield kinds[0], value, place

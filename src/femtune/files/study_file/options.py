@@ -1,4 +1,4 @@
-"""[response], [plan], [screen], [search], [modes] and [correlate] with options of a call in place of their keys."""
+"""[response], [plan], [screen], [search], [modes] and [correlate] with keys replaced by options of a call."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from femtune.files.study_file.source import Place, StudyLines
 from femtune.files.study_file.study import StudyFile
 
 _OPTIONS = "option or argument"
+"""What errors name in place of a file."""
 _EXCLUSIVE = (("step_hz", "lines"), ("modes", "max_hz"), ("ratio", "ratios"))
-"""One of each pair that is given takes the place of the other."""
+"""Pairs of keys that exclude each other: an option replaces the other key of its pair, too."""
 
 
 def with_response(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
@@ -37,14 +38,14 @@ def with_response(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
             if key in given and rival not in given:
                 known.pop(rival, None)
     copy = file.model_copy(update={"response": _checked(file, {**known, **given})})
-    # messages about an option must not point to the line of the study that it replaces
+    # messages about an option must not point to the replaced line of the study
     lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given)}
     copy._source = StudyLines(file._source.file, lines)
     return copy
 
 
 def with_modes(file: StudyFile, count: int | None, max_hz: float | None) -> StudyFile:
-    """The study with another number of modes, or another upper frequency, in place of its [modes].
+    """The study with another number of modes, or another upper frequency, instead of its [modes].
 
     Raises
     ------
@@ -66,7 +67,7 @@ def with_modes(file: StudyFile, count: int | None, max_hz: float | None) -> Stud
 
 
 def with_expansion(file: StudyFile, method: str | None) -> StudyFile:
-    """The study with another expansion of the test shapes in place of that of its [correlate].
+    """The study with another expansion of the test shapes instead of that of its [correlate].
 
     Raises
     ------
@@ -76,11 +77,11 @@ def with_expansion(file: StudyFile, method: str | None) -> StudyFile:
         return file
     study, known = file.study.model_dump(exclude_unset=True), file.correlate.model_dump(exclude_unset=True)
     try:
-        found = StudyFile.model_validate({"study": study, "correlate": {**known, "expand": method}})
+        checked = StudyFile.model_validate({"study": study, "correlate": {**known, "expand": method}})
     except ValidationError as findings:
         ErrorCollector(list(problems(findings, StudyLines(_OPTIONS), StudyFile))).raise_if_any()
         raise
-    return file.model_copy(update={"correlate": found.correlate})
+    return file.model_copy(update={"correlate": checked.correlate})
 
 
 def with_plan(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
@@ -99,11 +100,11 @@ def with_plan(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
     plan = {**known, **given}
     errors: list[FemtuneError] = list(plan_rules({"plan": plan}, source))
     try:
-        found = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), "plan": plan})
+        checked = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), "plan": plan})
     except ValidationError as findings:
         errors = [*problems(findings, source, StudyFile), *errors]
     ErrorCollector(errors).raise_if_any()
-    copy = file.model_copy(update={"plan": found.plan})
+    copy = file.model_copy(update={"plan": checked.plan})
     lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given, "plan")}
     copy._source = StudyLines(file._source.file, lines)
     return copy
@@ -130,11 +131,11 @@ def _with_experiment(file: StudyFile, name: str, known: dict[str, Any], options:
     source = StudyLines(_OPTIONS)
     errors: list[FemtuneError] = list(experiment_rules({name: given}, source))
     try:
-        found = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), name: given})
+        checked = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), name: given})
     except ValidationError as findings:
         errors = [*problems(findings, source, StudyFile), *errors]
     ErrorCollector(errors).raise_if_any()
-    return file.model_copy(update={name: getattr(found, name)})
+    return file.model_copy(update={name: getattr(checked, name)})
 
 
 def _replaced(place: Place, given: Mapping[str, Any], name: str = "response") -> bool:

@@ -32,7 +32,7 @@ class FrequencyTableEntry(TomlTable):
 
 
 def frequency_table_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
-    """Tables over frequency exclude reduced models."""
+    """Refuse tables over frequency in studies with reduced models."""
     for place, _ in tables(data, "frequency_table"):
         for key, word in (("reduction", "[reduction]"), ("matrix", "[[matrix]]")):
             if key in data:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import keyword
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,7 +29,7 @@ from femtune.files.study_file.source import Place, StudyLines, named_twice, numb
 from femtune.parameters import parse_expression
 
 # ----------------------------------------------------------------------------------------------------
-# `region` of a parameter: which elements it moves, by what they are made of and where they lie.
+# `region` of a parameter: its elements by properties, materials or position.
 
 
 class NearTable(TomlTable):
@@ -136,6 +137,14 @@ class Parameter(PythonTable):
         """The fields that it changes; number 0 stands for all cards of the name."""
         return tuple(field_reference(text) for text in self.fields)
 
+    @property
+    def moves_damping(self) -> bool:
+        """True where all that it changes are loss factors, dashpots or damping ratios."""
+        return bool(self.targets) and all(_DAMPING.fullmatch(ref.name) for ref in self.targets)
+
+
+_DAMPING = re.compile(r"GE\d?|B\d?|ZETA|G")
+
 
 # ----------------------------------------------------------------------------------------------------
 # Rules between the keys of the parameters of a study.
@@ -144,13 +153,14 @@ class Parameter(PythonTable):
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
-_LEAST_PRIOR = 1e-9
-"""Prior standard deviation over the width of the bounds, at least; its square stays clear of rounding."""
-_OF_FREE_ONES = ("lower", "upper", "nominal", "sd", "mean", "prior")
+_SMALLEST_PRIOR = 1e-9
+"""Smallest prior standard deviation over the width of the bounds: its square exceeds rounding errors."""
+_KEYS_OF_FREE = ("lower", "upper", "nominal", "sd", "mean", "prior")
+"""Keys of a free parameter, which a tied one must not have."""
 
 
 def parameter_rules(data: Data, source: StudyLines) -> Problems:
-    """Names, bounds and ties."""
+    """Check names, bounds and ties."""
     entries = list(tables(data, "parameter"))
     yield from named_twice(entries, "parameter.duplicate/earlier", source)
     names = [entry["name"] for _, entry in entries if isinstance(entry.get("name"), str)]
@@ -171,7 +181,7 @@ def _name(place: Place, entry: Data, source: StudyLines) -> Problems:
 
 
 def _tied(place: Place, entry: Data, names: list[str], source: StudyLines) -> Problems:
-    for key in _OF_FREE_ONES:
+    for key in _KEYS_OF_FREE:
         if key in entry:
             yield source.error((*place, key), "parameter.tied", {key: entry[key]}, key=key)
     for name in expression_names(entry["tie"]):
@@ -213,17 +223,19 @@ def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
     elif (start := _start(entry)) is not None and not lower <= start <= upper:
         shown = {"nominal": start, "lower": lower, "upper": upper}
         key = "nominal" if "nominal" in entry else "lower"
-        own = "nominal" in entry or entry.get("absolute") is True
-        code = "parameter.bounds/nominal-outside-in-study" if own else "parameter.bounds/factor-outside-in-study"
+        nominal_given = "nominal" in entry or entry.get("absolute") is True
+        code = (
+            "parameter.bounds/nominal-outside-in-study" if nominal_given else "parameter.bounds/factor-outside-in-study"
+        )
         yield source.error((*place, key), code, shown, parameter=entry.get("name", ""))
 
 
 def _prior_sd(place: Place, entry: Data, source: StudyLines) -> Problems:
-    """A prior whose width is out of numerical range relative to the bounds is an error."""
+    """Refuse a prior whose width relative to the bounds is beyond numerical precision."""
     lower, upper, sd = (number(entry, key) for key in ("lower", "upper", "sd"))
     if lower is None or upper is None or sd is None or not lower < upper or sd <= 0.0:
         return
-    if not _LEAST_PRIOR <= sd / (upper - lower) <= 1.0 / _LEAST_PRIOR:
+    if not _SMALLEST_PRIOR <= sd / (upper - lower) <= 1.0 / _SMALLEST_PRIOR:
         shown = {"sd": sd, "lower": lower, "upper": upper}
         yield source.error((*place, "sd"), "study.value/prior-sd", shown, parameter=entry.get("name", ""))
 

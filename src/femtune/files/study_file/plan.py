@@ -162,7 +162,7 @@ class PlanTable(TomlTable):
 
 
 def plan_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
-    """Modes by number or by band, and a band that is one."""
+    """Modes are given by number or by band; a band must rise."""
     plan = table(data, "plan")
     if "modes" in plan and "band_hz" in plan:
         shown = {key: plan[key] for key in ("modes", "band_hz")}

@@ -1,4 +1,4 @@
-"""From the findings of pydantic to errors with file, line, key, value and fix."""
+"""Errors with file, line, key, value and fix from the findings of pydantic."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ _WANTED = {
 
 def problems(findings: ValidationError, source: StudyLines, model: type[BaseModel]) -> list[FemtuneError]:
     """One error for each finding, in the order of the file; `model` is what the file was checked against."""
-    found = _of_unions(findings.errors(include_url=False))
-    return [_error(finding, source, model) for finding in found if not _follows(finding, found)]
+    errors = _of_unions(findings.errors(include_url=False))
+    return [_error(finding, source, model) for finding in errors if not _follows(finding, errors)]
 
 
-def _of_unions(found: Sequence[ErrorDetails]) -> list[ErrorDetails]:
-    """Of a value that may be a number or a list: what is wrong with it as what it is, or its type."""
+def _of_unions(errors: Sequence[ErrorDetails]) -> list[ErrorDetails]:
+    """For values of several possible types: the findings for the type that the value has, or one of its type."""
     kept: list[ErrorDetails] = []
-    for finding in found:
+    for finding in errors:
         at = next((i for i, part in enumerate(finding["loc"]) if _names_type(part)), None)
         if at is None:
             kept.append(finding)
             continue
         value = finding["loc"][:at]
-        others = [f for f in found if f["loc"][:at] == value and f["loc"][at : at + 1] != finding["loc"][at : at + 1]]
+        others = [f for f in errors if f["loc"][:at] == value and f["loc"][at : at + 1] != finding["loc"][at : at + 1]]
         of_type = len(finding["loc"]) == at + 1 and finding["type"] in _WANTED
         if not (of_type and others and (any(f["type"] not in _WANTED for f in others) or others[0] in kept)):
             kept.append(finding)
@@ -49,14 +49,14 @@ def _of_unions(found: Sequence[ErrorDetails]) -> list[ErrorDetails]:
 
 
 def _names_type(part: str | int) -> bool:
-    """True for the mark that pydantic puts behind the place of a value of several types."""
+    """True for the mark that pydantic appends to the place of a value of several types."""
     return isinstance(part, str) and part.startswith(("constrained-", "tuple[", "dict["))
 
 
-def _follows(finding: ErrorDetails, found: Sequence[ErrorDetails]) -> bool:
-    """True for a list that is too short only because its entries are at fault themselves."""
+def _follows(finding: ErrorDetails, errors: Sequence[ErrorDetails]) -> bool:
+    """True for a list that is too short only because its entries are wrong themselves."""
     place = finding["loc"]
-    inside = any(other["loc"][: len(place)] == place and other is not finding for other in found)
+    inside = any(other["loc"][: len(place)] == place and other is not finding for other in errors)
     return finding["type"] == "too_short" and inside
 
 
@@ -77,7 +77,7 @@ def _error(finding: ErrorDetails, source: StudyLines, model: type[BaseModel]) ->
 
 
 def _table_for_list(place: Place, finding: ErrorDetails, source: StudyLines, model: type[BaseModel]) -> FemtuneError:
-    """A table where a list of tables is wanted; another table of nearly this name is named."""
+    """A table instead of a list of tables; a table of a similar name is suggested."""
     key = str(place[-1])
     plural = f"{key}s"
     known = _keys(place[:-1], finding, model)
@@ -87,13 +87,13 @@ def _table_for_list(place: Place, finding: ErrorDetails, source: StudyLines, mod
 
 
 def _place(finding: ErrorDetails, model: type[BaseModel]) -> Place:
-    """Where it is, without the marks of keys and types, and the tag of a table whose kind is chosen by a key."""
+    """The place without the marks of pydantic for keys, types and kinds of tables."""
     place: Place = tuple(part for part in finding["loc"] if part != "[key]" and not _names_type(part))
     return place[:2] + place[3:] if len(place) > 2 and place[2] in _kinds(place, model) else place
 
 
 def _kinds(place: Place, model: type[BaseModel]) -> Mapping[str, type[BaseModel]]:
-    """The tables of each kind, of a list of tables whose kind is chosen by a key."""
+    """The tables by kind, for a list of tables whose kind is a key."""
     field = _fields(model).get(str(place[0])) if isinstance(place[1], int) else None
     return tables_by_kind(field.annotation) if field else {}
 
@@ -111,7 +111,7 @@ def _kind(finding: ErrorDetails, place: Place, source: StudyLines, model: type[B
 
 
 def _name(place: Place) -> str:
-    """What a message calls the value: a key, or an entry of a list."""
+    """The name of the value in messages: a key, or an entry of a list."""
     last = place[-1] if place else "the file"
     return f"entry {last + 1} of {_name(place[:-1])}" if isinstance(last, int) and len(place) > 1 else f"'{last}'"
 
@@ -149,7 +149,7 @@ def _table(place: Place, source: StudyLines) -> str:
 
 
 def _own(error: FemtuneError, place: Place, value: object, source: StudyLines) -> FemtuneError:
-    """An error of our own checks, with its place and the value at fault."""
+    """An error of a validator, with its place and the wrong value."""
     values = {str(_key(place)): spelled(value), **{k: v for k, v in error.values.items() if k != "rotation"}}
     what = f"{_name(place)}: {error.what}"
     return FemtuneError(error.code, what, where=source.where(place), values=values, hint=error.hint)
@@ -183,7 +183,7 @@ _PATTERNS = {
     "^1?2?3?4?5?6?$": 'digits from 1 to 6 in rising order, each at most once: "126"',
     "^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$": 'letters, digits, _ . and -, without a folder: "model.bdf"',
 }
-"""Patterns of the models in words."""
+"""Regular expressions of the tables in words."""
 
 
 def _too_short(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -207,11 +207,11 @@ def _out_of_range(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[st
 
 
 _LIMITS = {"ge": "{} or more", "gt": "more than {}", "le": "{} or less", "lt": "less than {}"}
-"""What pydantic calls a limit, and what it allows."""
+"""Names of limits in pydantic, and what they allow."""
 
 
 def _keys(place: Place, finding: ErrorDetails, top: type[BaseModel]) -> tuple[str, ...]:
-    """Keys of the table at `place`, from the models themselves."""
+    """Keys of the table at `place`, from the classes of the tables."""
     tag = finding["loc"][2] if len(finding["loc"]) > 2 else None
     if len(place) == 2 and (kinds := _kinds(place, top)):
         return tuple(kinds[str(tag)].model_fields)
@@ -224,12 +224,12 @@ def _keys(place: Place, finding: ErrorDetails, top: type[BaseModel]) -> tuple[st
 
 
 def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """By the key of the file, which may be another word than that of the program."""
+    """Fields by their keys in the file, which may differ from their names in Python."""
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def model_in(annotation: object) -> type[BaseModel] | None:
-    """The table that a key holds, by itself or as entries of a list."""
+    """The table that is the value of a key, or of the entries of its list."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next((model for model in map(model_in, get_args(annotation)) if model), None)

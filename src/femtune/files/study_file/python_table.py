@@ -1,4 +1,4 @@
-"""Tables of a study that are made in Python too: their words are those of the file, and so are the checks of them."""
+"""Tables of a study that can also be made in Python, with the keys and checks of the file."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def plain(value: Any) -> Any:
 
 
 class _Documented:
-    """The docstring of a table for users: its own text, with the keys as parameters, put together when it is read."""
+    """The docstring of a table for users: its text, and the keys as parameters; it is composed when it is read."""
 
     def __init__(self, text: str) -> None:
         self.text = inspect.cleandoc(text)
@@ -59,7 +59,7 @@ class PythonTable(TomlTable):
                 ErrorCollector(errors).raise_if_any()
                 raise
 
-        # a table inside a file is not made by this constructor: its problems are collected with those of the file
+        # tables of a file do not use this constructor; their errors are collected with those of the file
         __init__.__pydantic_base_init__ = True
 
     def __init_subclass__(cls, **words: Any) -> None:

@@ -1,4 +1,4 @@
-"""Read a study file: TOML, then models and rules, then the files that it names; all problems at once."""
+"""Read a study file: TOML, then types and rules, then the files that it names; all errors together."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ from femtune.files.study_file.rules import rules
 from femtune.files.study_file.source import StudyLines, line_numbers
 from femtune.files.study_file.study import Given, StudyFile
 
-_LARGEST = 10_000_000
+_LARGEST_FILE = 10_000_000
+"""Bytes of a study file: a larger file is something else, such as a deck or a test."""
 _DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")
+"""Suffixes of paths that are decks rather than studies."""
 _DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?$")
 _BACKSLASH = re.compile(r'"([^"]*\\[^"]*)"')
 _PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
@@ -38,7 +40,7 @@ def read_study_file(path: str | Path) -> StudyFile:
     ------
     FemtuneError : ``study.missing-file`` (the study itself, or a deck or test that it names), ``study.syntax``,
         ``study.version``
-    FemtuneErrors : all that is wrong with its content at once: ``study.unknown-key``, ``study.missing-key``,
+    FemtuneErrors : all errors in its content together: ``study.unknown-key``, ``study.missing-key``,
         ``study.type``, ``study.number``, ``study.value``, ``parameter.bounds`` and others of docs/errors
     """
     file = Path(path)
@@ -52,7 +54,7 @@ def study_from_text(text: str, path: str | Path) -> StudyFile:
 
 
 def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given: Given | None = None) -> StudyFile:
-    """As `read_study_file`, from the data of a file; what is `given` as objects need not exist as files."""
+    """As `read_study_file`, from the data of a file; files that are `given` as objects need not exist."""
     check_version(data, source)
     given = given or Given()
     errors: list[FemtuneError] = [*rules(data, source), *missing_files(StudyFile, data, source, file.parent, given)]
@@ -66,7 +68,7 @@ def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given:
 
 
 def check_version(data: dict[str, Any], source: StudyLines) -> None:
-    """Refuse a file for a later femtune before its keys are judged (error ``study.version``)."""
+    """Refuse a file for a later femtune before its keys are checked (error ``study.version``)."""
     version = data.get("schema_version")
     if isinstance(version, str) and version.strip().isdecimal():
         raise source.error(
@@ -86,7 +88,7 @@ def toml_text(file: Path) -> str:
         content = file.read_bytes()
     except OSError as error:
         raise FemtuneError("study.missing-file/unreadable", where=where, reason=error.strerror) from error
-    if len(content) > _LARGEST:
+    if len(content) > _LARGEST_FILE:
         raise FemtuneError("study.syntax/too-large", where=where, megabytes=len(content) // 1000000)
     try:
         return content.decode("utf-8").removeprefix("\ufeff").replace("\r\n", "\n")
@@ -97,7 +99,7 @@ def toml_text(file: Path) -> str:
 
 
 def toml_data(text: str, file: Path) -> dict[str, Any]:
-    """What a TOML text holds, lists as tuples (error ``study.syntax``)."""
+    """The content of a TOML text, with lists as tuples (error ``study.syntax``)."""
     return {key: frozen(value) for key, value in _parsed(text, file).items()}
 
 
@@ -135,7 +137,7 @@ def missing_files(
     *,
     absent: bool = True,
 ) -> Iterator[FemtuneError]:
-    """An error for each file that is named and is not there, or is a folder, a pipe or a device.
+    """An error for each named file that does not exist, or is a folder, a pipe or a device.
 
     Parameters
     ----------
@@ -154,7 +156,7 @@ def missing_files(
         if not there and not absent:
             continue
         code = "study.missing-file/not-a-file" if there else "study.missing-file/named"
-        # "C:\temp" has a tabulator in TOML
+        # "C:\temp" contains a tab in TOML
         code = "study.missing-file/escaped" if any(c in key.name for c in "\t\n\r\b\f\x1b") else code
         yield source.error(key.place, code, values, file_kind=key.kind.what)
 

@@ -38,7 +38,7 @@ Problems = Iterator[FemtuneError]
 
 @dataclass(frozen=True)
 class Breach:
-    """A rule between the keys of a table that is broken: at which key ("" for the table), and what to do."""
+    """A violated rule between the keys of a table: at which key ("" for the table), and what to do."""
 
     key: str
     code: str
@@ -72,13 +72,13 @@ class ResidualTable(PythonTable):
 
     @property
     def is_of_test(self) -> bool:
-        """Whether the standard deviations are those of the test."""
+        """True if the standard deviations are those of the test."""
         sd, covariance = getattr(self, "sd", None), getattr(self, "covariance", None)
         return "test" in (sd, covariance) or (self.sd_of_test and sd is None and covariance is None)
 
     @classmethod
     def breaches(cls, given: Data) -> Iterator[Breach]:
-        """Rules between the keys of a table, for plain data; wrong types are reported by the model."""
+        """Rules between the keys of a table, for plain data; the table reports wrong types."""
         both = [key for key in ("sd", "covariance") if key in given]
         if "covariance" in cls.model_fields and len(both) != 1 and (both or not cls.sd_of_test):
             code = "residual.weights/both" if both else "residual.weights/neither"
@@ -112,7 +112,7 @@ class MeasuredFunctionsTable(ResidualTable):
 
     @classmethod
     def breaches(cls, given: Data) -> Iterator[Breach]:
-        """The band rises, and of keys that exclude each other one is given."""
+        """The band must rise, and keys must not exclude each other."""
         yield from super().breaches(given)
         low, high = number(given, "from_hz") or 0.0, number(given, "to_hz")
         if high is not None and low >= high:
@@ -123,7 +123,8 @@ class MeasuredFunctionsTable(ResidualTable):
             yield Breach("ratios", "study.response-ratios/residual")
 
 
-_AROUND_RESONANCES = ("modes", "bandwidths", "lines", "aligned", "region_ratio")
+_KEYS_OF_RESONANCES = ("modes", "bandwidths", "lines", "aligned", "region_ratio")
+"""Keys of FRFs in the resonance regions of modes, which exclude those of a band."""
 
 
 class FrfResidual(MeasuredFunctionsTable):
@@ -196,7 +197,7 @@ class FrfResidual(MeasuredFunctionsTable):
         yield from super().breaches(given)
         around = given.get("around", "band")
         resonances = around == "resonances"
-        for key in ("from_hz", "to_hz", "most") if resonances else _AROUND_RESONANCES:
+        for key in ("from_hz", "to_hz", "most") if resonances else _KEYS_OF_RESONANCES:
             if key in given:
                 code = "study.residual-lines" if resonances else "study.residual-lines/band"
                 yield Breach(key, code, {"around": around}, {"key": key})
@@ -243,7 +244,7 @@ Displacements = Annotated[dict[DofLabel, float], Field(min_length=1)]
 
 
 class OfModesTable(ResidualTable):
-    """Of modes: all of the test that are not left out, or those of some labels."""
+    """Residuals of modes: all of the test that are not left out, or those with given labels."""
 
     modes: ModeLabels | None = None
     """Labels of the test modes. Default: all modes that are not excluded. Example: `["1", "2"]`"""
@@ -278,7 +279,7 @@ class FrequencyResidual(OfModesTable):
 
     @property
     def sd_of_frequency(self) -> float | None:
-        """Relative standard deviation of a frequency; None where the table does not state one number."""
+        """Relative standard deviation of a frequency; None if the table does not state a single number."""
         if isinstance(self.sd, str) or self.sd is None:
             return None
         # a relative error of λ = ω² is twice that of the frequency
@@ -632,7 +633,7 @@ TABLES: Mapping[str, type[ResidualTable]] = tables_by_kind(ResidualEntry)
 
 
 # ----------------------------------------------------------------------------------------------------
-# [residuals]: frequencies and shapes in all configurations with modes, in short.
+# [residuals]: the short form for frequencies and shapes in all configurations with modes.
 
 
 class ResidualsTable(TomlTable):
@@ -682,13 +683,13 @@ class ResidualsTable(TomlTable):
             yield Comparison(of_shape, place, short=True, of_largest=self.shape_sd_of == "largest-entry")
 
     def kinds_of_stage(self, named: tuple[str, ...]) -> frozenset[str]:
-        """Kinds that a stage names: "shape" is what shape_form says."""
+        """Kinds by the names that a stage uses; "shape" stands for the kind of `shape_form`."""
         return frozenset(named) | ({self._shape_kind} if "shape" in named else frozenset())
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One comparison of a study: its table, and where that stands; `short` for what [residuals] says.
+    """One comparison of a study: its table and its place; `short` is True if it is from [residuals].
 
     `of_largest` says that the standard deviation of a shape is relative to its largest entry.
     """
@@ -704,7 +705,7 @@ class Comparison:
 
 
 def residual_rules(data: Data, source: StudyLines) -> Problems:
-    """All breaches."""
+    """All violated rules."""
     yield from _modes(data, source)
     for place, entry in tables(data, "residual"):
         yield from _configuration(data, place, entry, source)

@@ -18,6 +18,7 @@ Hertz = Annotated[float, Field(ge=0, le=1e12)]
 HertzAboveZero = Annotated[float, Field(gt=0, le=1e12)]
 
 MOST_LINES = 1_000_000
+"""Frequency lines of a response: more are a mistyped step or limit."""
 
 
 class ResponseTable(TomlTable):
@@ -76,11 +77,12 @@ class LoadEntry(TomlTable):
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
-_LINES = ("from_hz", "to_hz", "step_hz", "lines")
+_KEYS_OF_LINES = ("from_hz", "to_hz", "step_hz", "lines")
+"""Keys of [response] that state the frequency lines."""
 
 
 def response_rules(data: Data, source: StudyLines) -> Problems:
-    """All breaches."""
+    """All violated rules."""
     response = table(data, "response")
     yield from _frequencies(response, source)
     yield from _alternatives(response, source)
@@ -91,13 +93,13 @@ def _frequencies(response: Data, source: StudyLines) -> Problems:
     problem = _problem(response)
     if problem:
         key, code, facts = problem
-        shown = {k: response[k] for k in _LINES if k in response}
+        shown = {k: response[k] for k in _KEYS_OF_LINES if k in response}
         yield source.error(("response", key), code, shown, **facts)
 
 
 def _problem(response: Data) -> tuple[str, str, dict[str, Any]] | None:
-    """Key, code and facts of what is wrong."""
-    low, high, step = (number(response, key) for key in _LINES[:3])
+    """Key, code and facts of an error of the frequency lines."""
+    low, high, step = (number(response, key) for key in _KEYS_OF_LINES[:3])
     if "step_hz" in response and "lines" in response:
         return "lines", "study.response-lines/step-and-number", {}
     for key in ("step_hz", "lines"):

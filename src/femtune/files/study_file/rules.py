@@ -1,7 +1,7 @@
 """Rules that concern several keys of a study file.
 
 They look at the plain data and not at the checked models, so that a misspelt key elsewhere does not hide them;
-what has the wrong type is left to the models.
+values of the wrong type are left to the types.
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ from femtune.files.study_file.vibration import vibration_rules
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
-_ABOUT_THE_TEST = ("records", "test_units", "mode_labels", "rotation", "origin", "leave_out", "pairs")
+_KEYS_OF_TEST = ("records", "test_units", "mode_labels", "rotation", "origin", "leave_out", "pairs")
+"""Keys of a configuration that have no meaning without a test."""
 
 
 def rules(data: Data, source: StudyLines) -> Problems:
-    """All breaches of rules between keys."""
+    """All violated rules between keys."""
     yield from matrix_rules(data, source)
     yield from runs_rules(data, source)
     yield from configuration_rules(data, source)
@@ -65,7 +66,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
 
 
 def _equalised_bands(data: Data, source: StudyLines) -> Problems:
-    """Bands of [equalise] have a lower and an upper end."""
+    """Bands of [equalise] must have a lower and an upper end."""
     equalise = table(data, "equalise")
     if falls(equalise.get("band_hz")):
         shown = {"band_hz": equalise["band_hz"]}
@@ -100,7 +101,7 @@ def _configurations(data: Data, source: StudyLines) -> Problems:
 
 
 def _without_test(place: Place, entry: Data, source: StudyLines) -> Problems:
-    for key in _ABOUT_THE_TEST:
+    for key in _KEYS_OF_TEST:
         if key in entry and "test" not in entry:
             yield source.error((*place, key), "study.no-test/key", {}, key=key)
 

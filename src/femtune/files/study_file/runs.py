@@ -46,7 +46,8 @@ class RunsModelTable(TomlTable):
 
 
 Data = dict[str, Any]
-_KINDS = ("frequency", "shape", "mac", "flexibility")
+_RESIDUAL_KINDS = ("frequency", "shape", "mac", "flexibility")
+"""Kinds of residuals of a model of runs, whose results are frequencies and shapes only."""
 _NEEDS_MATRICES = (
     "matrix", "variable", "reduction", "component", "generic", "distribution", "frequency_table", "response", "load",
     "equalise", "plan",
@@ -56,6 +57,7 @@ _OF_CONFIGURATIONS = (
     "elements_off", "components", "interface", "spc", "mpc", "supports_added", "supports_removed", "masses",
     "weighed_mass",
 )  # fmt: skip
+"""Keys of a configuration that change the structure, which a model of runs does not have."""
 
 
 def is_of_runs(data: Data) -> bool:
@@ -64,7 +66,7 @@ def is_of_runs(data: Data) -> bool:
 
 
 def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """What a model of runs has no use for, and what its parameters are."""
+    """Refuse tables and keys that a model of runs cannot use, and check its parameters."""
     if not is_of_runs(data):
         return
     by_deck = table(data, "solver").get("derivatives") == "deck"
@@ -84,21 +86,23 @@ def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
         yield from _parameters(data, source)
     yield from _configurations(data, source)
     for place, entry in tables(data, "residual"):
-        if entry.get("kind") not in _KINDS:
-            kinds = ", ".join(_KINDS)
+        if entry.get("kind") not in _RESIDUAL_KINDS:
+            kinds = ", ".join(_RESIDUAL_KINDS)
             yield source.error((*place, "kind"), "runs.study/residual", {}, kind=entry.get("kind"), kinds=kinds)
 
 
-_ONLY_OF = {"crossed": "polynomial", "correlation": "kriging", "kernel": "radial-basis"}
+_METHOD_OF_KEY = {"crossed": "polynomial", "correlation": "kriging", "kernel": "radial-basis"}
 """Method that a key belongs to."""
 _DEGREES = {"polynomial": (1, 6), "kriging": (0, 2), "chaos": (1, 20)}
+"""Smallest and largest degree of each method; the number of coefficients, and of the runs they need, grows steeply with
+the degree."""
 
 
 def _method(runs: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """Keys of one method only, and the degree."""
-    # a value of another type is told where types are checked
+    """Check keys of one method only, and the degree."""
+    # values of the wrong type are reported by the check of types
     method, degree = str(runs.get("method", "polynomial")), number(runs, "degree")
-    wrong = [key for key, of in _ONLY_OF.items() if key in runs and method != of]
+    wrong = [key for key, of in _METHOD_OF_KEY.items() if key in runs and method != of]
     if degree is not None and method not in _DEGREES:
         wrong.append("degree")
     for key in wrong:
@@ -130,7 +134,7 @@ def _configurations(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
 
 
 def configuration_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """What a configuration has of runs and solvers belongs to [runs] and [solver]."""
+    """Keys of a configuration about runs and solvers require [runs] and [solver]."""
     if is_of_runs(data):
         return
     for place, entry in tables(data, "configuration"):

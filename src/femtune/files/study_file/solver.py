@@ -83,7 +83,7 @@ Data = dict[str, Any]
 
 
 def solver_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """A solver has no table of runs beside it, a number of modes, and free parameters alone."""
+    """A solver excludes a table of runs, and needs a number of modes and free parameters only."""
     if "solver" not in data:
         return
     if "runs" in data:
@@ -103,15 +103,15 @@ def solver_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
 
 
 def _inputs(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """Every configuration has a deck or templates, of its own or those of all."""
+    """Every configuration needs a deck or templates, its own or those of [solver]."""
     solver = table(data, "solver")
     deck = table(data, "study").get("deck")
     derivatives = solver.get("derivatives", "differences")
     by_deck = derivatives == "deck"
     for place, entry in list(tables(data, "configuration")) or [((), {})]:
-        own = table(entry, "solver")
-        at = (*place, "solver") if own else ("solver",)
-        templates, known = bool(own.get("templates", solver.get("templates"))), bool(own.get("deck", deck))
+        overrides = table(entry, "solver")
+        at = (*place, "solver") if overrides else ("solver",)
+        templates, known = bool(overrides.get("templates", solver.get("templates"))), bool(overrides.get("deck", deck))
         if by_deck and not known:
             yield source.error(at, "external.study/no-deck", {})
         elif templates == known and not (templates and derivatives != "differences"):

@@ -1,4 +1,4 @@
-"""The text of a study file: where its keys stand, and how they are named in messages."""
+"""The text of a study file: lines of its keys, and their names in messages."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from typing import Any
 from femtune.errors import FemtuneError, Where
 
 # ----------------------------------------------------------------------------------------------------
-# On which line each key and value of a TOML text stands.
+# Lines of the keys and values of a TOML text.
 #
-# tomllib says nothing about places. The scanner walks a text that tomllib has accepted, so it checks nothing itself.
+# tomllib does not state lines. The scanner walks a text that tomllib has accepted, so it checks nothing itself.
 
 
 Place = tuple[str | int, ...]
@@ -83,7 +83,7 @@ class _Scanner:
         return place
 
     def _resolved(self, keys: Place) -> Place:
-        """Keys of a header with the position of the last entry behind each array of tables."""
+        """Keys of a header; each array of tables is followed by the position of its last entry."""
         place: Place = ()
         for key in keys:
             place = (*place, key)
@@ -135,7 +135,7 @@ class _Scanner:
             self._pair(place)
 
     def _goes_on(self, closing: str) -> bool:
-        """Step over the opening bracket or comma; False once the closing bracket is behind."""
+        """Skip the opening bracket or comma; False after the closing bracket."""
         self._skip()
         if self.text[self.at : self.at + 1] in ("[", "{", ","):
             self.at += 1
@@ -159,7 +159,7 @@ class StudyLines:
     whole: str = "the study file"
 
     def where(self, place: Place) -> Where:
-        """The place itself, or the innermost table around it that the file has."""
+        """The place itself, or the innermost table around it that exists in the file."""
         for length in range(len(place), 0, -1):
             if place[:length] in self.lines:
                 return Where(self.file, self.lines[place[:length]], dotted(place))
@@ -180,7 +180,7 @@ def dotted(place: Place) -> str:
 
 
 def spelled(value: object, longest: int = 300) -> str:
-    """A value as TOML spells it, cut where it is long."""
+    """A value as TOML spells it; long ones are cut."""
     if isinstance(value, dict):
         text = "{ " + ", ".join(f"{k} = {spelled(v)}" for k, v in list(value.items())[:20]) + " }"
     elif isinstance(value, list | tuple):
@@ -195,14 +195,14 @@ def spelled(value: object, longest: int = 300) -> str:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Careful looks at plain TOML data, whose types have not been checked yet.
+# Access to plain TOML data whose types have not been checked yet.
 
 
 Data = dict[str, Any]
 
 
 def is_integer(value: object) -> bool:
-    """True for an integer of TOML; its booleans are integers in Python and not meant."""
+    """True for an integer of TOML; booleans, which are integers in Python, are excluded."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
@@ -212,21 +212,21 @@ def is_number(value: object) -> bool:
 
 
 def table(data: Data, name: str) -> Data:
-    """The table called `name`; empty where there is none."""
-    found = data.get(name)
-    return found if isinstance(found, dict) else {}
+    """The table called `name`; empty if there is none."""
+    value = data.get(name)
+    return value if isinstance(value, dict) else {}
 
 
 def tables(data: Data, name: str) -> Iterator[tuple[Place, Data]]:
     """Place and content of each entry of an array of tables."""
-    found = data.get(name)
-    for i, entry in enumerate(found if isinstance(found, tuple) else ()):
+    value = data.get(name)
+    for i, entry in enumerate(value if isinstance(value, tuple) else ()):
         if isinstance(entry, dict):
             yield (name, i), entry
 
 
 def falls(band: object) -> bool:
-    """True for two numbers of which the second is not larger; the types are the matter of others."""
+    """True for two numbers of which the second is not larger; types are checked elsewhere."""
     ends = [b for b in band if isinstance(b, int | float)] if isinstance(band, tuple | list) else []
     return isinstance(band, tuple | list) and len(band) == len(ends) == 2 and ends[0] >= ends[1]
 

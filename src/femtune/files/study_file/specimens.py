@@ -14,12 +14,12 @@ Problems = Iterator[FemtuneError]
 
 def specimens_of(data: Data) -> list[str]:
     """Names of the specimens, in the order of the configurations."""
-    found = (entry.get("specimen") for _, entry in tables(data, "configuration"))
-    return list(dict.fromkeys(name for name in found if isinstance(name, str)))
+    names = (entry.get("specimen") for _, entry in tables(data, "configuration"))
+    return list(dict.fromkeys(name for name in names if isinstance(name, str)))
 
 
 def individual_name(parameter: str, specimen: str) -> str:
-    """What a parameter of one specimen is called in the results."""
+    """Name of a parameter of one specimen in the results."""
     return f"{parameter}_{specimen}"
 
 
@@ -46,7 +46,7 @@ def bounds_of(data: Data) -> dict[str, tuple[object, object]]:
 
 
 def specimen_rules(data: Data, source: StudyLines) -> Problems:
-    """Every configuration belongs to a specimen or none does; individual parameters need some."""
+    """Every configuration belongs to a specimen, or none does; individual parameters need specimens."""
     specimens = specimens_of(data)
     individual = [(place, e) for place, e in tables(data, "parameter") if e.get("individual") is True]
     for place, entry in individual:

@@ -85,15 +85,16 @@ Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
 RESONANCES = "resonances"
-"""What a stage may compare besides the kinds of residual: measured FRFs about the resonances of paired modes."""
+"""Name for measured FRFs in the resonance regions of paired modes, which a stage may compare besides residuals."""
 BY_THEMSELVES = ("frequency", "shape", RESONANCES)
-"""What needs no [[residual]]: the first two are compared as [residuals] says."""
+"""Comparisons that need no [[residual]]; the first two are those of [residuals]."""
 
-_OF_ONE_UPDATE = ("starts", "seed", "hops", "first")
+_KEYS_OF_ONE_UPDATE = ("starts", "seed", "hops", "first")
+"""Keys of [update] that exclude stages."""
 
 
 def stage_rules(data: Data, source: StudyLines) -> Problems:
-    """All breaches."""
+    """All violated rules."""
     entries = list(tables(data, "stage"))
     yield from named_twice(entries, "study.duplicate-name/earlier", source)
     if entries:
@@ -112,14 +113,14 @@ def _update(data: Data, source: StudyLines) -> Problems:
     update = table(data, "update")
     if update.get("regularisation", "none") != "none":
         yield source.error(("update", "regularisation"), "study.stage/regularisation", {})
-    for key in _OF_ONE_UPDATE:
+    for key in _KEYS_OF_ONE_UPDATE:
         if key in update:
             yield source.error(("update", key), "study.stage/key-of-update", {}, key=key)
 
 
 def _configurations(data: Data) -> list[str]:
-    found = [entry for _, entry in tables(data, "configuration") if entry.get("use", "update") != "validation"]
-    return [str(entry.get("name")) for entry in found]
+    entries = [entry for _, entry in tables(data, "configuration") if entry.get("use", "update") != "validation"]
+    return [str(entry.get("name")) for entry in entries]
 
 
 def _kinds(data: Data) -> list[str]:
@@ -184,7 +185,7 @@ def _by_hand(place: Place, entry: Data, data: Data, source: StudyLines) -> Probl
 
 
 def _inside(value: object, bounds: tuple[object, object]) -> bool:
-    """True also where a type is wrong, which the models judge."""
+    """True also for values of the wrong type, which are reported elsewhere."""
     if not all(map(is_number, (value, *bounds))):
         return True
     return bounds[0] <= value <= bounds[1]  # type: ignore[operator]

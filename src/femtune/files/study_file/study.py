@@ -135,7 +135,7 @@ class StudyFile(TomlTable):
 
     @property
     def given(self) -> Given:
-        """What it was given as objects."""
+        """Objects that the study was given."""
         return self._given
 
     @property
@@ -156,7 +156,7 @@ class StudyFile(TomlTable):
 
     @property
     def source(self) -> SolverTable | RunsModelTable | MatrixEntry | StudyTable:
-        """The table that says what the model is made of: [solver], [runs], the first [[matrix]], or [study] deck."""
+        """The table that defines the model: [solver], [runs], the first [[matrix]], or [study] deck."""
         return self.solver or self.runs or next(iter(self.matrix), self.study)
 
     @property

@@ -14,12 +14,14 @@ from femtune.updating.kinds import WEIGHT_RULES
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
-_WEIGHED = ("minimum-change", "distance", "link", "identical")
-_OF_STEPS = ("minimum-change", "distance", "link")
+_WEIGHTED_KINDS = ("minimum-change", "distance", "link", "identical")
+"""Kinds of regularisation that need a weight."""
+_KINDS_OF_STEPS = ("minimum-change", "distance", "link")
+"""Kinds of regularisation whose weight may act on each step instead of the whole change."""
 
 
 def update_rules(data: Data, source: StudyLines) -> Problems:
-    """Weights, names, priors and starts."""
+    """Check weights, names, priors and starts."""
     update = table(data, "update")
     yield from _weight(update, source)
     yield from _of_other_kinds(update, source)
@@ -33,15 +35,15 @@ def update_rules(data: Data, source: StudyLines) -> Problems:
 def _weight(update: Data, source: StudyLines) -> Problems:
     kind, weight = update.get("regularisation", "none"), update.get("weight", 0.0)
     if weight in WEIGHT_RULES:
-        fits = kind in _WEIGHED
+        fits = kind in _WEIGHTED_KINDS
     elif is_number(weight) and math.isfinite(float(min(weight, 1e300))):
-        fits = (weight != 0) == (kind in (*_WEIGHED, "truncated")) and not (kind == "truncated" and weight >= 1)
+        fits = (weight != 0) == (kind in (*_WEIGHTED_KINDS, "truncated")) and not (kind == "truncated" and weight >= 1)
     else:
         return
     if not fits:
         key = "weight" if "weight" in update else "regularisation"
         shown = {"regularisation": kind, "weight": weight}
-        code = "study.weight/missing" if kind in _WEIGHED else "study.weight"
+        code = "study.weight/missing" if kind in _WEIGHTED_KINDS else "study.weight"
         code = "study.weight/truncated" if kind == "truncated" else code
         yield source.error(("update", key), code, shown, regularisation=kind)
 
@@ -51,7 +53,7 @@ def _of_other_kinds(update: Data, source: StudyLines) -> Problems:
     kind = update.get("regularisation", "none")
     if update.get("adapt") and update.get("weight") not in WEIGHT_RULES:
         yield source.error(("update", "adapt"), "study.regularisation/adapt", {"weight": update.get("weight")})
-    if update.get("weight_on") == "each-step" and kind not in _OF_STEPS:
+    if update.get("weight_on") == "each-step" and kind not in _KINDS_OF_STEPS:
         yield source.error(("update", "weight_on"), "study.regularisation/each-step", {"regularisation": kind})
     for key, owner in (("identical", "identical"), ("correlations", "prior")):
         if update.get(key) and kind != owner:
@@ -84,7 +86,8 @@ def _tuple(value: object) -> tuple[Any, ...]:
 
 
 def _doubled(update: Data, source: StudyLines) -> Problems:
-    """Names twice in a group of identical parameters; a correlation with itself, or of a pair that has one."""
+    """Refuse repeated names in a group of identical parameters, and correlations of a parameter with itself or given
+    twice."""
     for number_, group in enumerate(_tuple(update.get("identical"))):
         if isinstance(group, tuple) and all(isinstance(n, str) for n in group) and len(set(group)) < len(group):
             yield source.error(("update", "identical", number_), "study.regularisation/named-twice", {"group": group})

@@ -95,8 +95,8 @@ class ValidateTable(TomlTable):
     @property
     def own_limits(self) -> dict[str, float]:
         """User-defined limits by key."""
-        found = {name: getattr(self, name) for name in OWN_LIMITS}
-        return {name: value for name, value in found.items() if value is not None}
+        limits = {name: getattr(self, name) for name in OWN_LIMITS}
+        return {name: value for name, value in limits.items() if value is not None}
 
 
 class ChecksTable(TomlTable):
@@ -130,11 +130,12 @@ OWN_LIMITS = (
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
-_WHAT = ("modes", "above_hz", "below_hz", "sensors", "outputs", "inputs", "worst")
+_HELD_OUT_KEYS = ("modes", "above_hz", "below_hz", "sensors", "outputs", "inputs", "worst")
+"""Keys of [[hold_out]] of which at least one is required."""
 
 
 def validation_rules(data: Data, source: StudyLines) -> Problems:
-    """User-defined criteria require limits; held-out data must exist and belong to the update."""
+    """User-defined criteria need limits; held-out data must exist in a configuration of the update."""
     validate = table(data, "validate")
     if validate.get("profile") == "own" and not any(key in validate for key in OWN_LIMITS):
         yield source.error(("validate", "profile"), "study.no-criteria", {})
@@ -144,7 +145,7 @@ def validation_rules(data: Data, source: StudyLines) -> Problems:
         yield source.error(("validate", "frf_to_hz"), "study.response-lines/validation", shown)
     configurations = {e["name"]: e for _, e in tables(data, "configuration") if isinstance(e.get("name"), str)}
     for place, entry in tables(data, "hold_out"):
-        if not any(entry.get(key) for key in _WHAT):
+        if not any(entry.get(key) for key in _HELD_OUT_KEYS):
             yield source.error(place, "study.hold-out/nothing-named", {})
         if "by" in entry and "worst" not in entry:
             yield source.error((*place, "by"), "study.hold-out/by", {})

@@ -73,24 +73,28 @@ class VibrationEntry(TomlTable):
     }`"""
 
 
-_NEEDED = {"sweep": ("from_hz", "to_hz", "rate"), "random": ("spectrum_hz", "spectrum"), "transient": ("signal",)}
-_OWN = {**_NEEDED, "sweep": (*_NEEDED["sweep"], "law", "amplitude")}
-"""The keys of each kind that the others do not have."""
+_REQUIRED_KEYS = {
+    "sweep": ("from_hz", "to_hz", "rate"),
+    "random": ("spectrum_hz", "spectrum"),
+    "transient": ("signal",),
+}
+_KEYS_OF_KIND = {**_REQUIRED_KEYS, "sweep": (*_REQUIRED_KEYS["sweep"], "law", "amplitude")}
+"""Keys that only one kind has."""
 
 
 def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
-    """One excitation, and all that its kind needs."""
+    """Each kind needs one excitation, and its required keys."""
     entries = list(tables(data, "vibration"))
     yield from named_twice(entries, "study.duplicate-name/earlier", source)
     known = [e["name"] for _, e in tables(data, "configuration") if isinstance(e.get("name"), str)]
     for place, entry in entries:
         if ("base" in entry) == ("input" in entry):
             yield source.error(place, "vibration.entry", {})
-        missing = [key for key in _NEEDED.get(str(entry.get("kind")), ()) if key not in entry]
+        missing = [key for key in _REQUIRED_KEYS.get(str(entry.get("kind")), ()) if key not in entry]
         if missing:
             yield source.error(place, "vibration.entry/missing", {}, kind=entry["kind"], keys=", ".join(missing))
-        kind, others = str(entry.get("kind")), {k: kind for kind, keys in _OWN.items() for k in keys}
-        for key in (k for k in entry if kind in _OWN and others.get(k, kind) != kind):
+        kind, others = str(entry.get("kind")), {k: kind for kind, keys in _KEYS_OF_KIND.items() for k in keys}
+        for key in (k for k in entry if kind in _KEYS_OF_KIND and others.get(k, kind) != kind):
             yield source.error((*place, key), "vibration.entry/other-kind", {}, kind=kind, key=key, other=others[key])
         yield from _damping(place, entry, source)
         if falls(entry.get("band_hz")):
@@ -108,7 +112,7 @@ def vibration_rules(data: dict[str, Any], source: StudyLines) -> Iterator[Femtun
 
 
 def _damping(place: Place, entry: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
-    """Several ratios need a rising frequency each."""
+    """Several damping ratios need ascending frequencies."""
     ratios, hz = entry.get("damping_ratio"), entry.get("damping_hz", ())
     if not isinstance(hz, tuple):
         return
@@ -122,6 +126,6 @@ def _damping(place: Place, entry: dict[str, Any], source: StudyLines) -> Iterato
 
 
 def _rises(values: tuple[Any, ...]) -> bool:
-    """Other checks report what is no number."""
+    """Values that are not numbers are reported elsewhere."""
     numbers = [v for v in values if isinstance(v, int | float)]
     return all(a < b for a, b in pairwise(numbers))

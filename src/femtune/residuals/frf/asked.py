@@ -234,8 +234,9 @@ def _angles(entry: Any) -> dict[int, float]:
 
 def _limit(entry: Any) -> str:
     """The key that limits the number of modes."""
-    found = [f"{key} = {getattr(entry, key):g}" for key in ("count", "max_hz") if getattr(entry, key) is not None]
-    return found[0] if found else ""
+    if entry.count is not None:
+        return f"count = {entry.count:g}"
+    return "" if entry.max_hz is None else f"max_hz = {entry.max_hz:g}"
 
 
 def _damping(entry: Any, of_deck: ModalDamping | None) -> ModalDamping | None:

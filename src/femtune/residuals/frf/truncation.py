@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,27 +17,27 @@ from femtune.residuals.frf.model_way import full_modes, settled
 from femtune.residuals.frf.residual import FrfResidual, frf_comparison
 
 SMALL = 0.1
-"""Errors of the model's functions up to this many standard deviations of the measured ones are small."""
+"""Error of superposed FRFs in standard deviations of the measured ones up to which it is small."""
 FURTHER_TIMES = (3.0, 4.0)
-"""How many times the highest line the modes reach where those up to `TIMES_HIGHEST_LINE` times leave larger errors."""
+"""Frequency up to which modes are superposed, over the highest line, if `TIMES_HIGHEST_LINE` leaves a larger error."""
 _MOST_DOFS = 30_000
-"""Larger models keep their modes: the direct solutions would take as long as the update."""
-_EVEN_LINES = 4
-"""Evenly spaced lines at which all functions are solved directly, to compare; each costs a factorisation."""
+"""Free DOFs up to which the error is computed; direct solutions of larger models would take as long as the update."""
+_COMPARED_LINES = 4
+"""Evenly spaced lines at which all functions are also solved directly; each costs a factorisation."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Truncation:
-    """Superposed functions of a residual beside those of (K + iωC − ω²M)u = f, at a few of its lines.
+    """Superposed FRFs of a residual compared with solutions of (K + iωC − ω²M)u = f at a few of its lines.
 
     Parameters
     ----------
     configuration : name
     method : how the functions are computed
     modes, reach_hz : number of modes that are superposed, and the frequency of the last one; None without modes
-    missing : number of further modes up to twice the highest line; None if not known
-    limit : what limits the number of modes, in words; ""
+    limit : the key that limits the number of modes; ""
     highest_hz : highest line of the residual
+    missing : number of further modes up to twice the highest line; None if not known
     lines_hz : (n,) lines at which they were compared; none for the direct method, which has no truncation
     largest, mean : largest and root mean square error of the residuals, in standard deviations
     relative : largest |H/H_direct − 1|
@@ -51,15 +51,15 @@ class Truncation:
     method: Method
     modes: int | None
     reach_hz: float | None
-    missing: int | None
     limit: str
     highest_hz: float
-    lines_hz: Reals
-    largest: float
-    mean: float
-    relative: float
-    function: str
-    line_hz: float
+    missing: int | None = None
+    lines_hz: Reals = field(default_factory=lambda: np.zeros(0))
+    largest: float = 0.0
+    mean: float = 0.0
+    relative: float = 0.0
+    function: str = ""
+    line_hz: float = 0.0
     vectors: bool = True
     order: int | None = None
     large: int | None = None
@@ -109,17 +109,17 @@ def with_enough_modes(residual: FrfResidual, state: CaseState) -> tuple[FrfResid
 
 
 def truncations(state: CaseState) -> Iterator[Truncation]:
-    """Those of all FRF residuals of a case, at a state at which they were asked before."""
+    """Errors of all FRF residuals of a case, at a state at which the residuals were evaluated."""
     for residual in frf_residuals(state.case.residuals):
         yield truncation(residual, state)
 
 
 def frf_residuals(residuals: Sequence[Residual]) -> Iterator[FrfResidual]:
-    """Residuals of FRFs among others; those that a study settles at its first state, only after that."""
+    """The FRF residuals of a case; those that are settled at the first state are included only afterwards."""
     for residual in residuals:
-        found = settled(residual)
-        if isinstance(found, FrfResidual):
-            yield found
+        with_modes = settled(residual)
+        if isinstance(with_modes, FrfResidual):
+            yield with_modes
 
 
 def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
@@ -127,18 +127,20 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
     way, top = residual.way, residual.highest_hz
     model = way.model(state, top)
     solved = model if isinstance(model, EigenSolution) else None
-    count = None if solved is None else solved.wanted
-    reach = None if solved is None else float(solved.freq_hz[-1])
     reduced = residual.known(state)
+    summary = Truncation(
+        configuration=residual.configuration,
+        method=way.method,
+        modes=None if solved is None else solved.wanted,
+        reach_hz=None if solved is None else float(solved.freq_hz[-1]),
+        limit=way.limit,
+        highest_hz=top,
+    )
     if way.method == "direct" and reduced is None:
-        none = np.zeros(0)
-        return Truncation(residual.configuration, way.method, count, reach, None, way.limit, top, none, 0, 0, 0, "", 0)
+        return summary
+    summary = replace(summary, vectors=way.residual_vectors, order=None if reduced is None else reduced.order)
     if reduced is not None and (large := state.full.configured.n_free) > _MOST_DOFS:
-        none = np.zeros(0)
-        return Truncation(
-            residual.configuration, way.method, count, reach, None, way.limit, top, none, 0, 0, 0, "", 0,
-            way.residual_vectors, reduced.order, large,
-        )  # fmt: skip
+        return replace(summary, large=large)
     values = residual.functions(model)[0] if reduced is None else reduced.values
     at = _lines(residual, np.abs(values))
     few, values = _at_lines(residual, at), values[:, :, at]
@@ -149,22 +151,15 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
     )
     errors = np.abs(differences.reshape(-1, int(known.sum()))).max(axis=0) / few.sd[known]
     i, j, k = (int(axis[errors.argmax()]) for axis in np.nonzero(known))
-    return Truncation(
-        residual.configuration,
-        way.method,
-        count,
-        reach,
-        None if reduced is not None or solved is None else _missing(solved, top),
-        way.limit,
-        top,
-        few.measured.freq_hz,
-        float(errors.max()),
-        float(np.sqrt(np.mean(errors**2))),
-        _relative(values[known], exact[known]),
-        f"{few.measured.responses[i]} / {few.measured.references[j]}",
-        float(few.measured.freq_hz[k]),
-        way.residual_vectors,
-        None if reduced is None else reduced.order,
+    return replace(
+        summary,
+        missing=None if reduced is not None or solved is None else _missing(solved, top),
+        lines_hz=few.measured.freq_hz,
+        largest=float(errors.max()),
+        mean=float(np.sqrt(np.mean(errors**2))),
+        relative=_relative(values[known], exact[known]),
+        function=f"{few.measured.responses[i]} / {few.measured.references[j]}",
+        line_hz=float(few.measured.freq_hz[k]),
     )
 
 
@@ -178,7 +173,7 @@ def _lines(residual: FrfResidual, size: Reals) -> Integers:
     """Positions of evenly spaced lines, the last among them, and the one where the least error counts."""
     known = np.isfinite(residual.sd)
     lines = np.flatnonzero(known.any(axis=(0, 1)))
-    even = lines[np.unique(np.linspace(0, len(lines) - 1, _EVEN_LINES).round().astype(int))]
+    even = lines[np.unique(np.linspace(0, len(lines) - 1, _COMPARED_LINES).round().astype(int))]
     # modes far above the lines add a static displacement
     unit = np.abs(residual.measured.freq_hz) ** ("receptance", "mobility", "accelerance").index(residual.measured.kind)
     allowed = np.where(known, residual.sd * (1.0 if residual.form == "linear" else size) / unit, np.inf)

@@ -12,6 +12,7 @@ import numpy as np
 from femtune.errors import FemtuneError, Notice
 from femtune.executor import Serial, finish
 from femtune.journal.finished import FinishedRuns
+from femtune.journal.run_files import BOOTSTRAP_FILE
 from femtune.model import digest
 from femtune.model.full_model import direct
 from femtune.steps.bootstrap.facts import bootstrap_results
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
     from femtune.uncertainty import Bootstrap
     from femtune.updating import ReducedSearch, UpdateResult
-
-BOOTSTRAP_FILE = "bootstrap.jsonl"
 
 
 def check_bootstrap(study: Study, at: Evaluation) -> None:
@@ -93,14 +92,6 @@ def bootstrap_at(
     seconds = time.monotonic() - begun
     orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
     return bootstrap_results(result, arrays, executor.words, seconds, again, remarks, orders)
-
-
-def forget_bootstrap(folder: Path) -> None:
-    """Remove the runs that an earlier bootstrap left (error ``run.unwritable``)."""
-    try:
-        (folder / BOOTSTRAP_FILE).unlink(missing_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
 
 
 def misfit(found: UpdateResult) -> float:

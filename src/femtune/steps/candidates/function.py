@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from femtune.arguments import checked
 from femtune.steps.candidates.result import CandidatesResult
+from femtune.steps.held_folder import held
 from femtune.steps.report.function import checked_page, with_page
 from femtune.steps.results import Results
-from femtune.steps.run_lock import locked
+from femtune.steps.run_study import opened
 from femtune.steps.select.run import check_parameters
 from femtune.study.described import StudySource, Test, source_of
-from femtune.study.executor import check_executor, with_jobs
+from femtune.study.executor import check_executor
+from femtune.study.inputs import check_outputs, inputs_of_study
 from femtune.study.progress import silent
 from femtune.study.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.study.solutions import warnings_of
@@ -24,7 +26,6 @@ from femtune.study.study import read_study
 if TYPE_CHECKING:
     from femtune.files.study_file.parameter import Parameter
     from femtune.study.progress import Progress
-from femtune.steps.run_study import _folder
 
 
 @checked
@@ -70,22 +71,25 @@ def candidates(
     [('initial values', 0, False), ('S1', 1, False), ('S2', 1, False), ('S1.2', 2, True)]
     """
     # imported here, because the other steps do not need it
-    from femtune.steps.candidates.run import candidate_citations, compare_candidates, forget_candidates  # noqa: PLC0415
+    from femtune.steps.candidates.run import candidate_citations, compare_candidates  # noqa: PLC0415
 
     given = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
     watch = Stopwatch(call("candidates", given))
     page = checked_page(report)
-    with watch.step("read"):
-        study = read_study(with_jobs(given, jobs), progress)
-        study.problem()
-        check_parameters(study)
-        check_executor(study)
-        inputs = inputs_of(study)
-    folder = _folder(study, output)
     arrays: dict[str, NDArray[Any]] = {}
-    with locked(folder):
+    file, folder = opened(given, jobs, output)
+    with held(file, folder, "candidates") as place:
+        with watch.step("read"):
+            study = read_study(file, progress)
+            study.problem()
+            check_parameters(study)
+            check_executor(study)
+            inputs = inputs_of(study)
+        place.check(study)
+        if page is not None:
+            check_outputs(inputs_of_study(study), [page])
         if fresh:
-            forget_candidates(folder)
+            place.forget()
         with watch.step("candidates"):
             record = compare_candidates(study, folder, study.file.study.journal, arrays, progress)
     results = Results(

@@ -17,6 +17,7 @@ from femtune.files.study_file import CandidatesTable
 from femtune.files.study_file.candidates import NO_SEARCH, NOMINAL
 from femtune.global_search import SearchRules, global_minimum
 from femtune.journal.finished import FinishedRuns
+from femtune.journal.run_files import CANDIDATES_FILE
 from femtune.model import digest
 from femtune.model.full_model import direct
 from femtune.selection import identifiability
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
     from femtune.updating import SensitivityMethod, UpdateResult
 
-CANDIDATES_FILE = "candidates.jsonl"
 _SUBSET = re.compile(r"S[0-9]+(\.[0-9]+)*")
 
 
@@ -63,14 +63,6 @@ class ParameterChoice:
     parameters: tuple[str, ...]
     ties: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
-
-
-def forget_candidates(folder: Path) -> None:
-    """Remove the runs that an earlier comparison left (error ``run.unwritable``)."""
-    try:
-        (folder / CANDIDATES_FILE).unlink(missing_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
 
 
 def candidate_citations() -> tuple[CitationRecord, ...]:

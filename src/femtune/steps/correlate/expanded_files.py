@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from femtune.study.cases import StudyCase
     from femtune.study.study import Study
 
-EXPANDED_FILE = "expanded.uff"
-"""In a run folder, the test shapes expanded to the model at its last stage."""
-
 
 def check_expansion_asked(study: Study, path: Path) -> None:
     """Refuse a file of expanded shapes that a study does not request (error ``correlate.no-expansion``)."""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from femtune.arguments import checked
 from femtune.files.study_file.python_table import plain
+from femtune.journal.run_files import REPORT_FILE
 from femtune.steps.identify.run import identify as find_modes
-from femtune.steps.report.function import REPORT_FILE
 from femtune.study.progress import silent
 
 if TYPE_CHECKING:

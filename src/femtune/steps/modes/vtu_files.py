@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from femtune._optional import require
 from femtune.errors import FemtuneError, Where
 from femtune.files.whole_file import write_whole
+from femtune.journal.run_files import VTU_FILE
 from femtune.model.response.rigid import is_rigid
 from femtune.steps.modes.shapes import grid_translations
 from femtune.steps.respond.run import uff_paths
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from femtune.study.cases import StudyCase
     from femtune.study.study import Study
     from femtune.study.vtk_cells import Cells
-
-VTU_FILE = "shapes.vtu"
-"""In a run folder, the modes and parameters after the update."""
 
 
 def check_vtu(study: Study, path: Path) -> None:

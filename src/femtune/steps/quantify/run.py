@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError
 from femtune.executor import Serial
 from femtune.journal.finished import FinishedRuns
+from femtune.journal.run_files import SAMPLES_FILE
 from femtune.model import digest
 from femtune.residuals import UpdateProblem
 from femtune.selection import cosine_distances
@@ -72,7 +73,6 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, NDArray]
 
-SAMPLES_FILE = "samples.jsonl"
 
 _LEAST_FREQUENCIES = 4
 """Frequencies from which cosine distances are computed: with fewer, directions are close to each other by chance."""
@@ -214,14 +214,6 @@ def _known(lines: Sequence[Mapping[str, Any]], count: int, size: int) -> dict[in
         if z.shape == (size,) and np.isfinite(z).all() and 0 <= number < count:
             found[number] = z
     return found
-
-
-def forget_samples(folder: Path) -> None:
-    """Remove the samples that an earlier run left (error ``run.unwritable``)."""
-    try:
-        (folder / SAMPLES_FILE).unlink(missing_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
 
 
 def _shapes_of(repeats: Repeats, outputs: ShapeOutputs) -> Reals:

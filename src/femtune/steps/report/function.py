@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 from femtune.arguments import checked
 from femtune.errors import FemtuneError
 from femtune.files.study_file import read_study_file
+from femtune.journal.run_files import REPORT_FILE
 from femtune.steps.candidates.result import CandidatesResult
 from femtune.steps.modes.result import ModesResult
 from femtune.steps.plan.result import PlanResult
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from femtune.steps.identify.result import IdentifyResult
     from femtune.study.progress import Progress
 
-REPORT_FILE = "report.html"
 R = TypeVar("R", CandidatesResult, ModesResult, PlanResult, RespondResult, ScreenResult, SearchResult)
 
 
@@ -89,7 +89,8 @@ def report(
         folder = getattr(result, "folder", None)
         if folder is None:
             raise FemtuneError("run.unwritable/no-folder")
-        page = Path(folder) / REPORT_FILE
+        page = checked_page(Path(folder) / REPORT_FILE)
+        assert page is not None
     progress.step("writing the report", 0, None)
     return write_html(document_of(result), page, progress)
 

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError, Where
 from femtune.files.study_file import with_response
 from femtune.files.uff import write_uff_frfs
+from femtune.journal.run_files import numbered
 from femtune.steps.respond.facts import response_results
 from femtune.steps.respond.result import RespondResult, frf_set
 from femtune.steps.results import Results
+from femtune.study.inputs import check_outputs, inputs_of_study
 from femtune.study.progress import silent
-from femtune.study.provenance import Stopwatch, call, input_paths, inputs_of, provenance, study_facts
+from femtune.study.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.study.solutions import looking_up
 from femtune.study.study import load_study
 from femtune.testdata import NO_GEOMETRY, ModalTest, WireFrame
@@ -35,9 +37,6 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
 
 Arrays = dict[str, NDArray]
-
-FRFS_FILE = "frfs.uff"
-"""In a run folder, the functions of the model at its last stage."""
 
 
 @dataclass(frozen=True)
@@ -151,9 +150,7 @@ def responses_at(
 
 def uff_paths(path: Path, study: Study) -> list[Path]:
     """A file for each configuration: the path itself, or with several its name and a number."""
-    if len(study.cases) == 1:
-        return [path]
-    return [path.with_name(f"{path.stem}_{i + 1}{path.suffix}") for i in range(len(study.cases))]
+    return numbered(path, len(study.cases))
 
 
 def _check_files(study: Study, files: Sequence[Path], uff: Path | None) -> None:
@@ -171,14 +168,14 @@ def check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
     ------
     FemtuneError : ``uff.cannot-write``, ``write.overwrites-input``
     """
-    read = (study.file.path, *input_paths(study), *study.source.run_files)
-    taken = dict.fromkeys(map(os.path.realpath, read), "an input file")
     if uff is not None and not (uff.name and uff.parent.is_dir()):
         raise FemtuneError("uff.cannot-write/folder", where=Where(str(uff)))  # fmt: skip
+    check_outputs(inputs_of_study(study), files)
+    taken: set[str] = set()
     for file in files:
         if (place := os.path.realpath(file)) in taken:
-            raise FemtuneError("write.overwrites-input/named-file", where=Where(str(file)), other_file=taken[place])
-        taken[place] = "another file that is to be written"
+            raise FemtuneError("write.overwrites-input/named-file", where=Where(str(file)))
+        taken.add(place)
 
 
 def write_frf_files(

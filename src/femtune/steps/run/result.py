@@ -31,12 +31,14 @@ class RunResult(StepResult):
     results : all records, as results.json has them
     arrays : by the keys that the records refer to
     report : the page that was written, None without one
+    files : names of the files of the folder that the run has written; not known of a folder that is read
     """
 
     folder: Path
     results: Results
     arrays: Arrays
     report: Path | None = None
+    files: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:

@@ -11,19 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
+from femtune.journal.run_files import (
+    ARRAYS_FILE,
+    CATALOGUE_FILE,
+    EXPANDED_FILE,
+    FRFS_FILE,
+    HISTORY_FILE,
+    RESULTS_FILE,
+    VTU_FILE,
+)
 from femtune.steps.bootstrap.run import bootstrap_at, check_bootstrap
-from femtune.steps.correlate.expanded_files import EXPANDED_FILE, write_expanded_files
+from femtune.steps.correlate.expanded_files import write_expanded_files
 from femtune.steps.correlate.versions import as_written, model_records, start
 from femtune.steps.equalise.record import MappedDamping
 from femtune.steps.equalise.run import mapped_damping
 from femtune.steps.info.facts import alert_of, model_facts, sensor_results
-from femtune.steps.modes.vtu_files import VTU_FILE, write_vtu_files
+from femtune.steps.modes.vtu_files import write_vtu_files
 from femtune.steps.quantify.run import check_quantify, quantify_at, repeats_of
-from femtune.steps.respond.run import FRFS_FILE, responses_at, uff_paths, write_frf_files
+from femtune.steps.respond.run import responses_at, uff_paths, write_frf_files
 from femtune.steps.results import Results
 from femtune.steps.run.alerts import alerts_of
 from femtune.steps.run.result import RunResult
-from femtune.steps.run_folder import RESULTS_FILE, write_results
+from femtune.steps.run_folder import write_results
 from femtune.steps.select.fisher import fisher_results
 from femtune.steps.select.record.fisher import FisherResults
 from femtune.steps.select.run import select_at
@@ -52,6 +61,7 @@ if TYPE_CHECKING:
     from femtune.residuals import Evaluation
     from femtune.steps.bootstrap.record import BootstrapResults
     from femtune.steps.correlate.versions import ModelRecords
+    from femtune.steps.held_folder import RunFolder
     from femtune.steps.quantify.record import QuantifyResults
     from femtune.steps.select.record.identifiability import SelectionResults
     from femtune.steps.specimens.record import SpecimenResults
@@ -104,6 +114,7 @@ class Known:
     written, study_as_written, error_as_written, as_written : the updated deck, the study on it, its weighted mean
         error, and what it gives; None where the model has no deck
     arrays : arrays of the records, by key
+    files : names of the files that were written into the run folder, but for those that every run has
     alerts : steps that failed
     """
 
@@ -132,6 +143,7 @@ class Known:
     as_written: ModelRecords | None = None
     error_as_written: float | None = None
     arrays: Arrays = field(default_factory=dict)
+    files: tuple[str, ...] = ()
     alerts: tuple[Alert, ...] = ()
 
 
@@ -156,12 +168,17 @@ class Run:
     """One run of a whole study into a folder."""
 
     study: Study
-    folder: Path
+    place: RunFolder
     wide: bool
     watch: Stopwatch
     progress: Progress
     inputs: Inputs
     journal: Journal | None = None
+
+    @property
+    def folder(self) -> Path:
+        """The run folder."""
+        return self.place.path
 
     def go(self) -> RunResult:
         """All steps. The results are on disk once the update is done, and again when all is done.
@@ -179,8 +196,11 @@ class Run:
         except FemtuneError as problem:
             problem.values["results so far"] = str(self.folder / RESULTS_FILE)
             raise
-        results = self._keep(known, *ends)
-        return RunResult(self.folder, results, known.arrays)
+        results, catalogue = self._keep(known, *ends)
+        deck = results.write_back.files if results.write_back else ()
+        files = (*known.files, *catalogue, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *deck)
+        self.place.keep(files)
+        return RunResult(self.folder, results, known.arrays, files=files)
 
     def _done(self, steps: Iterable[Step], known: Known) -> Known:
         """What is known after some steps, each of them timed; if a step that may fail fails, an alert reports it."""
@@ -198,16 +218,18 @@ class Run:
                 known = replace(known, arrays={**known.arrays, **arrays}, **found)
         return known
 
-    def _keep(self, known: Known, *alerts: Alert) -> Results:
-        """Write what is known, with its alerts."""
+    def _keep(self, known: Known, *alerts: Alert) -> tuple[Results, tuple[str, ...]]:
+        """Write what is known, with its alerts; also the name of the catalogue of damping, if there is one."""
         results = self._results(known)
         of_journal = self.journal.notices if self.journal is not None else ()
         found = (*alerts, *known.alerts, *alerts_of(self.study, results, map(alert_of, of_journal)))
         results = results.model_copy(update={"alerts": found})
         write_results(self.folder, results, known.arrays)
-        if results.update is not None:
-            write_damping(self.study, results.update, self.folder)
-        return results
+        assert results.update is not None
+        if write_damping(self.study, results.update, self.folder) is not None:
+            return results, (CATALOGUE_FILE,)
+        self.place.drop(self.study, CATALOGUE_FILE)
+        return results, ()
 
     def _results(self, known: Known) -> Results:
         """What every step found, as one record."""
@@ -378,34 +400,39 @@ def _respond_as_written(run: Run, known: Known, arrays: Arrays) -> Outcome:
     assert records is not None
     # the written deck has no parameters
     found = responses_at(study, "after as written", np.zeros(0), arrays, run.progress)
-    write_frf_files(study, found, arrays, uff_paths(run.folder / FRFS_FILE, study))
-    return {"as_written": replace(records, responses=found)}
+    written = write_frf_files(study, found, arrays, uff_paths(run.folder / FRFS_FILE, study))
+    return {"as_written": replace(records, responses=found), "files": _with(known, written)}
 
 
 def _respond_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     found = responses_at(run.study, "after", known.parameters.result.x, arrays, run.progress)
-    write_frf_files(run.study, found, arrays, uff_paths(run.folder / FRFS_FILE, run.study))
-    return {"after": replace(known.after, responses=found)}
+    written = write_frf_files(run.study, found, arrays, uff_paths(run.folder / FRFS_FILE, run.study))
+    return {"after": replace(known.after, responses=found), "files": _with(known, written)}
+
+
+def _with(known: Known, written: Iterable[Path]) -> tuple[str, ...]:
+    """Names of the files of a run, with those of a step."""
+    return (*known.files, *(path.name for path in written))
 
 
 def _write_expanded(run: Run, known: Known, arrays: Arrays) -> Outcome:
     """The test shapes expanded to the model at its last version."""
     study, records = known.parameters.study or run.study, known.as_written or known.after
-    write_expanded_files(study, records.correlations, known.arrays, uff_paths(run.folder / EXPANDED_FILE, study))
-    return {}
+    paths = uff_paths(run.folder / EXPANDED_FILE, study)
+    return {"files": _with(known, write_expanded_files(study, records.correlations, known.arrays, paths))}
 
 
 def _write_vtu(run: Run, known: Known, arrays: Arrays) -> Outcome:
     """Mesh, modes and parameters after the update."""
-    if run.study.file.output.vtu:
-        result = known.parameters.result
-        study = known.parameters.study or run.study
-        solved = solutions_of(result.after)
-        for case in study.cases:
-            if case.name not in solved and (solution := solved_if_any(study, case, result.x)) is not None:
-                solved[case.name] = solution
-        write_vtu_files(study, result.x, solved, run.folder / VTU_FILE)
-    return {}
+    if not run.study.file.output.vtu:
+        return {}
+    result = known.parameters.result
+    study = known.parameters.study or run.study
+    solved = solutions_of(result.after)
+    for case in study.cases:
+        if case.name not in solved and (solution := solved_if_any(study, case, result.x)) is not None:
+            solved[case.name] = solution
+    return {"files": _with(known, write_vtu_files(study, result.x, solved, run.folder / VTU_FILE))}
 
 
 WRITE_EXPANDED = Step("expanded shapes", _write_expanded, optional="file of the expanded test shapes")

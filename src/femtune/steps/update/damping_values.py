@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import datetime
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.files.damping_catalogue import DampingEntry, write_catalogue
+from femtune.journal.run_files import CATALOGUE_FILE
 from femtune.steps.run_folder import unwritable
 
 if TYPE_CHECKING:
@@ -17,15 +17,12 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.update import ParameterResult, UpdateResults
     from femtune.study.study import Study
 
-CATALOGUE_FILE = "damping.toml"
-
-_DAMPING = re.compile(r"GE\d?|B\d?|ZETA|G")
 _PLACES = {"PARAM": "structure", "MODAL": "mode"}
 _MATERIALS = ("MAT", "PCOMP")
 
 
 def write_damping(study: Study, update: UpdateResults, folder: Path) -> Path | None:
-    """damping.toml of the run folder; None, and no file, where no damping was found with a standard deviation.
+    """damping.toml of the run folder; None where no damping was found with a standard deviation.
 
     Raises
     ------
@@ -39,21 +36,13 @@ def write_damping(study: Study, update: UpdateResults, folder: Path) -> Path | N
         replace(entry, name=name, source=_source(study, update, name)) for name, entry in found if entry is not None
     ]
     try:
-        if not entries:
-            path.unlink(missing_ok=True)
-            return None
-        return write_catalogue(path, entries)
+        return write_catalogue(path, entries) if entries else None
     except OSError as error:
         raise unwritable(folder, error) from error
 
 
-def is_damping(entry: Parameter) -> bool:
-    """True where all that a parameter moves are loss factors, dashpots or damping ratios."""
-    return bool(entry.targets) and all(_DAMPING.fullmatch(ref.name) for ref in entry.targets)
-
-
 def _entry(study: Study, entry: Parameter, parameter: ParameterResult | None) -> DampingEntry | None:
-    if parameter is None or parameter.sd is None or not parameter.sd > 0.0 or not is_damping(entry):
+    if parameter is None or parameter.sd is None or not parameter.sd > 0.0 or not entry.moves_damping:
         return None
     scale = 1.0 if entry.absolute else _value_of_all(study, entry.targets)
     if not scale:

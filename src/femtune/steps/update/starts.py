@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.journal.finished import FinishedRuns
+from femtune.journal.run_files import HISTORY_FILE, STARTS_FILE
 from femtune.model import digest
 from femtune.status import Status
 from femtune.steps.run_folder import unwritable
@@ -38,8 +39,6 @@ if TYPE_CHECKING:
         ReducedSearch,
         SensitivityMethod,
     )
-
-STARTS_FILE = "starts.jsonl"
 
 
 @dataclass(eq=False)
@@ -70,14 +69,6 @@ class Starts:
             self._file.add(_line(entry) if isinstance(entry, StartResult) else _of_sample(entry))
         except OSError as error:
             raise unwritable(self.folder, error) from error
-
-
-def forget_starts(folder: Path) -> None:
-    """Remove the ends that an earlier run left (error ``run.unwritable``)."""
-    try:
-        (folder / STARTS_FILE).unlink(missing_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
 
 
 def _line(s: StartResult) -> dict[str, object]:
@@ -173,9 +164,6 @@ def _key(study: Study, at: Evaluation) -> str:
     tables += "".join(component.model_dump_json() for component in study.file.component)
     lower, upper = study.parameters.bounds
     return digest(tables, at.residuals, at.jacobian, lower, upper)
-
-
-HISTORY_FILE = "history.jsonl"
 
 
 @dataclass(frozen=True)

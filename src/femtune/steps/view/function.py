@@ -14,8 +14,11 @@ import numpy as np
 from femtune._optional import require
 from femtune.arguments import checked
 from femtune.errors import FemtuneError, Where
+from femtune.files.study_file import StudyFile, is_deck, read_study_file
 from femtune.files.whole_file import check_writable, write_whole
 from femtune.steps.modes.function import modes
+from femtune.study.described import source_of
+from femtune.study.inputs import check_outputs, named_inputs
 from femtune.study.progress import silent
 
 if TYPE_CHECKING:
@@ -82,6 +85,10 @@ def view(
     pyvista = require("pyvista", extra="view")
     file = None if picture is None else Path(picture)
     _check_screen(file)
+    described = source_of(source)
+    if file is not None and (isinstance(described, StudyFile) or not is_deck(described)):
+        study = described if isinstance(described, StudyFile) else read_study_file(described)
+        check_outputs(named_inputs(study), [file])
     with tempfile.TemporaryDirectory() as folder:
         vtu = Path(folder) / "shapes.vtu"
         result = modes(source, count=count, max_hz=max_hz, vtu=vtu, fresh=fresh, progress=progress)

@@ -10,26 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError
 from femtune.fem import MODAL
 from femtune.fem.distribution import varied_entries
 from femtune.fem.fields import AMPLITUDE, FACTORS
 from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.field_refs import OF_MATRICES, WITHOUT_CARD
-from femtune.files.nastran.write import check_overwrites, plan_edits, write_deck
-from femtune.journal.journal import JOURNAL_FOLDER
-from femtune.steps.correlate.expanded_files import EXPANDED_FILE
-from femtune.steps.modes.vtu_files import VTU_FILE, check_cells
-from femtune.steps.respond.run import FRFS_FILE, uff_paths
-from femtune.steps.run_folder import ARRAYS_FILE, RESULTS_FILE
-from femtune.steps.run_lock import LOCK_FILE
+from femtune.files.nastran.write import plan_edits, write_deck
+from femtune.journal.run_files import DECK_FILE, RUN_FILES
 from femtune.steps.update.record.update import WrittenValue
-from femtune.steps.update.starts import HISTORY_FILE
 from femtune.steps.write.facts import edits, new_cards, repointed
 from femtune.steps.write.record import WriteBackResults
+from femtune.study.inputs import inputs_of_study
 from femtune.study.parameters import with_updated_ratios
-from femtune.study.provenance import input_paths
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -40,7 +34,7 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
 
-NAME = "updated.bdf"
+NAME = DECK_FILE
 _OF_NO_CARD = (MODAL, *WITHOUT_CARD)
 
 
@@ -53,35 +47,12 @@ class WriteBack:
     built: dict[str | None, BuiltModel]
 
 
-def check_inputs_safe(study: Study, folder: Path) -> None:
-    """Refuse a run folder in which a file of the run would take the place of an input, before hours of work.
-
-    Raises
-    ------
-    FemtuneError : ``write.overwrites-input``; as `check_cells` where a VTU file is asked for
-    """
-    if study.file.output.vtu:
-        check_cells(study, folder / VTU_FILE)
-    for place in (folder,) if study.specimens is None else (folder / name for name in study.specimens.names):
-        check_overwrites(study.built.files, place, NAME)
-    inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
-    frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
-    shapes = uff_paths(Path(EXPANDED_FILE), study) if study.file.correlate.expand != "none" else []
-    meshes = uff_paths(Path(VTU_FILE), study) if study.file.output.vtu else []
-    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, (*frfs, *shapes, *meshes))):
-        if os.path.realpath(folder / name) in inputs:
-            raise FemtuneError("write.overwrites-input/study-file", where=Where(str(folder / name)))
-
-
-def _reserved(study: Study) -> set[str]:
-    """Names of the files of a run folder, which changed INCLUDEs must not take."""
-    paths = (Path(name) for name in (FRFS_FILE, EXPANDED_FILE, VTU_FILE))
-    more = [path.name for one in paths for path in (one, *uff_paths(one, study))]
-    return {RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, PAGE_FILE, JOURNAL_FOLDER, LOCK_FILE, *more}
-
-
-PAGE_FILE = "report.html"
-"""The page, which a higher layer writes."""
+def _reserved(study: Study, folder: Path) -> set[str]:
+    """Names in a run folder which changed INCLUDEs must not take: of files of a run, and of inputs."""
+    of_runs = {name for one in RUN_FILES for name in (one.name, *one.names(study.file))} - {NAME}
+    place = os.path.realpath(folder)
+    inputs = (Path(os.path.realpath(one.path)) for one in inputs_of_study(study))
+    return of_runs | {path.name for path in inputs if str(path.parent) == place}
 
 
 def check_writable_fields(study: Study, wide: bool) -> None:
@@ -122,8 +93,9 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
 
 def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wide: bool) -> WriteBack:
     plan, values, blocked = _planned(study, result.x, wide)
-    deck = write_deck(plan.edited, folder, NAME, _reserved(study))
-    rebuilt = with_updated_ratios(build_allowing(read_deck(deck.main), study.file.study.allow_ignored), values)
+    deck = write_deck(plan.edited, folder, NAME, _reserved(study, folder))
+    rebuilt = build_allowing(read_deck(deck.main), study.file.study.allow_ignored)
+    rebuilt = with_updated_ratios(rebuilt, values)
     record = _record(study, plan, deck, run, values, blocked)
     return WriteBack(record, _written(study, plan), {None: rebuilt})
 
