@@ -1,7 +1,8 @@
 """femtune: finite element model updating, from a deck and a vibration test to an updated deck with its uncertainty.
 
 ``import femtune as ft`` gives all classes and functions that a script or a notebook needs. Names are imported at first
-use, so that the import itself is fast. docs/guide/python.md has an example from deck to result.
+use, so that the import itself is fast. The function of a step is found by `femtune.steps.front_door` if it is not in
+the list that editors and type checkers read. docs/guide/python.md has an example from deck to result.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ if TYPE_CHECKING:
     from femtune.study.described import Model, Study
     from femtune.testdata import ModalTest
 else:
-    __getattr__, __dir__ = lazy_names(__name__)
+    __getattr__, __dir__ = lazy_names(__name__, "femtune.steps:front_door")
 
 __version__ = "0.1.0"
 

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any
 
 
-def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+def lazy_names(package: str, more: str = "") -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """``__getattr__`` and ``__dir__`` of a package (PEP 562) whose names are imported on first use.
 
     The names and their modules are those of the imports under ``if TYPE_CHECKING:`` in the package itself, so that they
@@ -18,6 +18,7 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
     Parameters
     ----------
     package : ``__name__`` of the package
+    more : ``module:function`` that returns further names with their modules; asked for a name that the package lacks
 
     Examples
     --------
@@ -30,6 +31,8 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
 
     def get(name: str) -> Any:
         module = _modules_of_names(package).get(name)
+        if module is None and not name.startswith("_"):
+            module = _further_names(more).get(name)
         if module is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name)
         if module == package:
@@ -39,7 +42,7 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
         return value
 
     def names() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *_modules_of_names(package)})
+        return sorted({*vars(sys.modules[package]), *_modules_of_names(package), *_further_names(more)})
 
     return get, names
 
@@ -54,3 +57,10 @@ def _modules_of_names(package: str) -> dict[str, str]:
     blocks = [s for s in ast.parse(source).body if isinstance(s, ast.If) and ast.unparse(s.test) == "TYPE_CHECKING"]
     imports = [s for block in blocks for s in block.body if isinstance(s, ast.ImportFrom) and s.module]
     return {alias.name: str(statement.module) for statement in imports for alias in statement.names}
+
+
+@cache
+def _further_names(more: str) -> dict[str, str]:
+    """What the function ``module:function`` returns; {} without one."""
+    module, _, function = more.partition(":")
+    return getattr(import_module(module), function)() if more else {}

@@ -16,6 +16,8 @@ from typing import Any
 import pytest
 
 import femtune as ft
+from femtune.steps import all_steps, front_door
+from femtune.steps.step import load
 
 _MODULES = ("plot", "testing")
 _CLASSES = [name for name in ft.__all__ if name[0].isupper()]
@@ -43,6 +45,17 @@ def test_every_name_is_there(name: str) -> None:
 def test_a_name_that_is_not_there_is_no_module_by_chance() -> None:
     with pytest.raises(AttributeError, match="no attribute 'correlation_of'"):
         _ = ft.correlation_of
+
+
+def test_the_function_of_every_step_and_its_result_are_listed() -> None:
+    steps = [step for step in all_steps() if step.command is not None]
+    functions = {step.name: load(step.function) for step in steps}
+    assert front_door() == {name: function.__module__ for name, function in functions.items()}
+    assert all(getattr(ft, name) is function for name, function in functions.items())
+    returned = " ".join(inspect.signature(function).return_annotation for function in functions.values())
+    results = re.findall(r"\w+Result\b", returned)
+    assert len(set(results)) > 10
+    assert {*functions, *results} <= set(ft.__all__)
 
 
 @pytest.mark.slow

@@ -22,12 +22,15 @@ from femtune import __version__
 from femtune.errors import FemtuneError, Notice, printable
 
 PROGRESS = logging.getLogger("femtune.progress")
+"""Logger of the steps and their progress."""
 RESULTS = logging.getLogger("femtune.results")
+"""Logger of results, warnings and errors of a command."""
 _ALL = logging.getLogger("femtune")
 # without a handler Python would print warnings once more
 _ALL.addHandler(logging.NullHandler())
 _FORMAT = "%(asctime)s %(levelname)-7s %(message)s"
 _DATED_LINE = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ")
+"""Beginning of a line of the log, by which an existing log is recognised."""
 _VERBOSE = "femtune.verbose"
 
 

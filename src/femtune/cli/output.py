@@ -44,7 +44,7 @@ def warn(result: Any, quiet: bool) -> None:
 
 
 def show(command: Command, path: Path, result: Any) -> None:
-    """The tables of a result; `path` is the study or deck."""
+    """Print the tables of a result; `path` is the study or deck."""
     document = load(command.document)
     if command.shown is None:
         show_document(document(result))
@@ -54,13 +54,13 @@ def show(command: Command, path: Path, result: Any) -> None:
 
 
 def name_page(page: Path | None, as_json: bool) -> None:
-    """The page that was written, where there is one; standard output is the JSON's alone."""
+    """Print the name of the page that was written; beside JSON on standard error."""
     if page is not None:
         click.echo(f"report: {printable(str(page.resolve()))}", err=as_json)
 
 
 def as_text(result: Any) -> str:
-    """A record as JSON object, several records as an array; text that is JSON already as it is."""
+    """A record as JSON object, several records as an array; text is JSON already."""
     if isinstance(result, str):
         return result
     if isinstance(result, Sequence):

@@ -35,7 +35,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Listing:
-    """Sentences, one an item."""
+    """A list of sentences, one per item."""
 
     items: tuple[str, ...]
     kind: ClassVar[str] = "listing"
@@ -54,7 +54,7 @@ class AlertBox:
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """A number before and after; `after` is "" where there is only one."""
+    """A number before and after; `after` is "" if there is only one."""
 
     name: str
     before: str
@@ -115,7 +115,7 @@ class Table:
 
     @property
     def groups(self) -> tuple[tuple[str, int], ...]:
-        """Neighbouring columns of one group with their number; () where no column has a group."""
+        """Groups of neighbouring columns with the number of columns; () if no column has a group."""
         spans: list[tuple[str, int]] = []
         for column in self.columns:
             joined = spans and column.group and spans[-1][0] == column.group
@@ -144,7 +144,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class FigureRow:
-    """Pictures side by side where there is room."""
+    """Pictures side by side if there is room."""
 
     figures: tuple[Figure, ...]
     kind: ClassVar[str] = "figure_row"
@@ -229,12 +229,12 @@ GAP = 2
 
 
 def column_groups(titles: Sequence[str], taken: int, least: int) -> list[tuple[str, ...]]:
-    """Columns side by side as far as they fit.
+    """Columns in groups that fit a line of the terminal.
 
     Parameters
     ----------
     titles : heads of the columns
-    taken : width of what every group begins with
+    taken : width of the columns with which every group begins
     least : width of the numbers, for heads that are shorter
     """
     groups: list[tuple[str, ...]] = []
@@ -250,5 +250,5 @@ def column_groups(titles: Sequence[str], taken: int, least: int) -> list[tuple[s
 
 
 def widest(texts: Iterable[str]) -> int:
-    """Length of the longest text; 0 where there is none."""
+    """Length of the longest text; 0 if there is none."""
     return max(map(len, texts), default=0)

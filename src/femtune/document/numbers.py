@@ -1,4 +1,4 @@
-"""Numbers as texts: a true minus sign, a sensible number of digits, and words where there is no number."""
+"""Numbers as texts: a true minus sign, a suitable number of digits, and words if there is no number."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def short(number: float | None, none: str = NONE) -> str:
 
 
 def freq(number: float | None, none: str = NONE) -> str:
-    """A frequency in Hz: five decimals below 0.1 (three of what rounds to nothing), three below 100, two below 1000."""
+    """A frequency in Hz: five decimals below 0.1 (three if it rounds to zero), three below 100, two below 1000."""
     if number is None:
         return none
     decimals = 5 if 1e-4 <= number < 0.1 else 3 if number < 100 else 2 if number < 1000 else 1
@@ -40,7 +40,7 @@ def percent(number: float | None, none: str = NONE) -> str:
 
 
 def signed_percent(number: float | None, none: str = NONE) -> str:
-    """Two decimals with a sign, unless nothing is left."""
+    """Two decimals with a sign, unless it rounds to zero."""
     if number is None:
         return none
     text = f"{number:+.2f}"

@@ -174,7 +174,8 @@ def _unlike(setups: Sequence[ModeSet]) -> Reals:
 
 
 def _mean(values: Sequence[Reals | None]) -> Reals | None:
-    return None if any(v is None for v in values) else np.asarray(np.mean(values, axis=0))
+    known = [v for v in values if v is not None]
+    return np.asarray(np.mean(known, axis=0)) if len(known) == len(values) else None
 
 
 def _sd_of_mean(values: Reals) -> Reals | None:

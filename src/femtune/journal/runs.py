@@ -32,6 +32,7 @@ _TABLE = (
     "CREATE TABLE IF NOT EXISTS runs (key TEXT PRIMARY KEY, state TEXT NOT NULL, facts TEXT NOT NULL, "
     "freq_hz BLOB, nodes BLOB, shapes BLOB)"
 )
+"""Table of the runs: the outcome of each key, and the modes of a run that succeeded."""
 _REAL = np.dtype("<f8")
 """Type of frequencies and shapes in the database, the same on all machines."""
 _INTEGER = np.dtype("<i8")

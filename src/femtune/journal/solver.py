@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from femtune.model.full_model import ModelSolver
 
 _DERIVATIVE_FIELDS = ("eigenvalues", "stiffness", "mass", "outside", "shapes")
+"""Arrays of a `SubspaceDerivative`, in the order of its fields."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,7 @@ def print_terminal(document: Document, console: Console | None = None) -> None:
 
 
 def _text(text: str, style: str = "") -> Text:
-    """Text without markup and control characters: what a file holds cannot steer the terminal."""
+    """Text without markup and control characters, so that the content of a file cannot control the terminal."""
     return Text(printable(text.expandtabs()), style=style)
 
 

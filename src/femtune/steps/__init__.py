@@ -23,6 +23,11 @@ def all_steps() -> tuple[Step, ...]:
     return tuple(import_module(f"femtune.steps.{name}").STEP for name in NAMES)
 
 
+def front_door() -> dict[str, str]:
+    """The module of the function of each step that has a command, by the name of the step."""
+    return {s.name: f"femtune.steps.{s.function.partition(':')[0]}" for s in all_steps() if s.command is not None}
+
+
 def report_sections() -> tuple[Section, ...]:
     """The sections of the report of a run, in their order."""
     return tuple(sorted((section for step in all_steps() for section in step.sections), key=lambda s: s.place))

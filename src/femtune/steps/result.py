@@ -10,7 +10,7 @@ import html
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, overload
 
 from numpy.typing import NDArray
 
@@ -18,8 +18,10 @@ from femtune.errors import FemtuneError, did_you_mean
 from femtune.study.rows import Rows
 
 if TYPE_CHECKING:
-    from femtune.errors import Notice
+    from pathlib import Path
 
+    from femtune.errors import Notice
+    from femtune.steps.results import Results
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -62,6 +64,19 @@ class StepResult(ABC):
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(repr(self))}</pre>{self._table()._repr_html_()}"
+
+
+class ResultWithPage(StepResult):
+    """Base of the results of steps that have a page of their own.
+
+    `page` is the field of `results` with the record of the step, by which its page is found; `arrays` are the arrays by
+    key, `report` the page that was written, None without one.
+    """
+
+    page: ClassVar[str]
+    results: Results
+    arrays: Arrays
+    report: Path | None
 
 
 def _one_line(text: str) -> str:

@@ -72,7 +72,7 @@ def without(case: ComparedCase, held: HeldOut) -> ComparedCase:
 
 @dataclass(frozen=True, eq=False)
 class StudyCase:
-    """One configuration: its entry in the study, the model in this state, and its test where there is one.
+    """One configuration: its entry in the study, the model in this state, and its test if there is one.
 
     `sensors` are those of the modes that are compared; `all_sensors` has those of measured FRFs too. `mesh` is drawn
     in place of the model's own elements, where it has none. `placement` has the stated errors in the positions and

@@ -17,12 +17,14 @@ _KEYS = {
     "configuration.not-held": ("supports_removed",),
     "correlate.fixed-pair": ("pairs",),
 }
+"""Keys of a configuration to which an error points, by its code."""
 _KINDS = {"unmeasured": ("shape", "dynamic")}
 """Kinds of residuals that a problem `residual.…` can belong to."""
 _HINTS = {
     "model.unknown-node": "correct the number here, or add the GRID card to the deck",
     "model.component": "a grid point has X Y Z RX RY RZ (1 to 6), a scalar point has S (0)",
 }
+"""Hints for errors about grid points and components that a study names, by code."""
 
 
 @contextmanager

@@ -75,7 +75,7 @@ class _Likeness:
         return float(values[linear_sum_assignment(-values)].sum() / len(self.test))
 
     def with_axes(self, file: StudyFile, test: ModalTest, matrix: Reals, shift: Reals) -> float:
-        """The same after a change of axes; 0 where it leaves sensors without grid points."""
+        """The same after a change of axes; 0 if it leaves sensors without grid points."""
         structure = self.case.configured.model.structure
         try:
             sensors = sensor_map(file, place(test, matrix, shift, allow_mirrored=True), structure)

@@ -33,9 +33,9 @@ class ModelRun:
 
     Parameters
     ----------
-    values : (m,) NaN where it failed
+    values : (m,) NaN if it failed
     mac : (m,) of modes that were followed; empty for residuals
-    problem : "" where it did not fail
+    problem : the reason of the failure; "" if it did not fail
     """
 
     values: Reals

@@ -89,7 +89,7 @@ class ModelSource(ABC, Generic[Built]):
         return ()
 
     def mesh(self, nodes: NodeTable) -> DrawnMesh | None:
-        """The mesh to be drawn where the model has no elements; None where there is none."""
+        """The mesh to be drawn for a model without elements; None if there is none."""
         from femtune.study.imported_model import mesh_of_grid  # noqa: PLC0415  of models without elements
 
         return mesh_of_grid(self.file, nodes)

@@ -242,7 +242,7 @@ def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
 
     Raises
     ------
-    FemtuneError : ``parameter.region`` for what the deck does not have, and where no element is left
+    FemtuneError : ``parameter.region`` for numbers that the deck does not have, and if no element is left
     """
     entry = file.parameter[i]
     return elements_of(file, ("parameter", i), entry, built, f"parameter {entry.name}")
@@ -386,7 +386,7 @@ def element_centres(built: BuiltModel) -> tuple[NDArray[np.int64], Reals]:
 def with_parameters_of_modes(file: StudyFile, built: BuiltModel) -> BuiltModel:
     """The model with the damping ratios that parameters name (``MODAL 3 ZETA``, ``MODAL ZETA`` for all others).
 
-    They start at the ratios of [response], where it has them.
+    They start at the ratios of [response], if it has any.
     """
     numbers = [ref.id for ref in _named_ratio(file) if ref.card == MODAL]
     return _with(built, {number: _start(file, number) for number in sorted(set(numbers))})

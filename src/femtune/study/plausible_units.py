@@ -1,6 +1,6 @@
 """Whether the declared units fit the materials of the deck: moduli and densities of engineering materials.
 
-A warning is given where no material of the deck is possible in the declared units and one of them is a common
+A warning is given if no material of the deck is possible in the declared units and one of them is a common
 engineering material in other units. Where the materials are possible but none is common, it is given only if one is a
 common metal in other units, in which all the others are possible too: E = 210000 and RHO = 7.85e-9 are steel in mm-t-s
 and a light rubber in mm-kg-s. Both conditions together avoid warnings of models with fictitious materials.
@@ -72,7 +72,7 @@ class Material:
         return self.density * units.force / units.length**3 / _GRAVITY
 
     def common(self, units: UnitSystem) -> str:
-        """Name of the common material with these values; "" where there is none."""
+        """Name of the common material with these values; "" if there is none."""
         return _common(self.modulus_si(units), self.density_si(units))
 
     def common_weight(self, units: UnitSystem) -> str:
@@ -164,7 +164,7 @@ def _explained(material: Material, declared: UnitSystem) -> tuple[str, dict[str,
 
 
 def _common(modulus: float, density: float) -> str:
-    """Name of the common material with such values in SI units; "" where there is none."""
+    """Name of the common material with such values in SI units; "" if there is none."""
     fits = (
         name
         for name, (e_low, e_high, rho_low, rho_high) in COMMON.items()

@@ -151,6 +151,7 @@ _QUANTITIES = {
     "frequency": "frequencies", "shape": "shapes", "strain": "strain shapes", "damping": "damping ratios",
     "complex-eigenvalue": "frequencies and damping ratios",
 }  # fmt: skip
+"""Quantities of residuals of modes in messages."""
 
 
 def modes_without_sd(file: StudyFile, case: StudyCase) -> tuple[Notice, ...]:

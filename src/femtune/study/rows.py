@@ -41,7 +41,7 @@ class Row(dict[str, Any]):
 
 
 class Rows(list[Row]):
-    """A table: one `Row` a line, all with the same keys, numbers and texts only; ``None`` where there is no value.
+    """A table: one `Row` per line, all with the same keys, numbers and texts only; ``None`` if there is no value.
 
     It is an ordinary list, so that ``pandas.DataFrame(rows)`` and ``polars.DataFrame(rows)`` take it as it is. It shows
     itself as a table, at the prompt as text and in a notebook as HTML.

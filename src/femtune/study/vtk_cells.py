@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from femtune.fem import ElementBatch, Structure
 
 _SHELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8"}
+"""Names of shells by their number of nodes."""
 _SOLIDS = {
     4: "tetra",
     5: "pyramid",
@@ -25,7 +26,9 @@ _SOLIDS = {
     15: "wedge15",
     20: "hexahedron20",
 }
+"""Names of solids by their number of nodes."""
 _CORNERS = {"triangle6": 3, "quad8": 4, "tetra10": 4, "pyramid13": 5, "wedge15": 6, "hexahedron20": 8}
+"""Number of corners of elements with mid-side nodes."""
 _ORDER = {
     "wedge15": (*range(9), 12, 13, 14, 9, 10, 11),
     "hexahedron20": (*range(12), 16, 17, 18, 19, 12, 13, 14, 15),

@@ -77,7 +77,7 @@ def _singular(axes: Axes, i: int, number: float | None, floor: float) -> None:
 
 
 def combinations_svg(titles: Sequence[str], labels: Sequence[str], coefficients: Sequence[Sequence[float]]) -> str:
-    """Coefficients of combinations: a panel each, a bar each parameter, the parameters at the left."""
+    """Coefficients of combinations: a panel for each combination, a bar for each parameter, with names on the left."""
 
     def draw(figure: Figure) -> None:
         panels = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
@@ -132,7 +132,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PredictedMode:
-    """Errors in % before and after the update; `sd` of the difference, None where it is not known."""
+    """Errors in % before and after the update; `sd` of the difference, None if it is not known."""
 
     label: str
     before: float | None
@@ -141,7 +141,7 @@ class PredictedMode:
 
 
 def predictions_svg(modes: Sequence[PredictedMode], limit: float | None) -> str:
-    """A row each mode: ± 2 σ around zero, the errors before and after, the limit on both sides."""
+    """A row for each mode: ± 2 σ around zero, the errors before and after, and the limit on both sides."""
 
     def draw(figure: Figure) -> None:
         axes = figure.add_subplot()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def candidates_svg(
     names: Sequence[str], counts: Sequence[int], errors: Sequence[float], distances: Sequence[float], best: str
 ) -> str:
-    """Two panels of bars, a bar each model; `counts` are numbers of parameters, errors and distances in %."""
+    """Two panels with a bar for each model; `counts` are numbers of parameters, errors and distances are in %."""
 
     def draw(figure: Figure) -> None:
         left, right = figure.subplots(1, 2, sharey=True)

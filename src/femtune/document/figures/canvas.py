@@ -49,6 +49,7 @@ _STYLE: dict[str, Any] = {
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
 }
+"""Settings of matplotlib that do not depend on those of the user."""
 
 
 def draw_svg(width_in: float, height_in: float, draw: Callable[[Figure], None], *, arrange: bool = True) -> str:

@@ -29,7 +29,7 @@ def convergence_svg(
 
     Parameters
     ----------
-    places : an entry each iteration, with each parameter's place between its bounds, 0 to 1
+    places : for each iteration, the position of each parameter between its bounds, 0 to 1
     events : iterations after which the pairing changed
     """
     lower_in = max(2.0, 0.15 * len(names))
@@ -71,7 +71,7 @@ def _parameters(axes: Axes, iterations: Sequence[int], names: Sequence[str], pla
 
 
 def _apart(heights: np.ndarray, gap: float) -> np.ndarray:
-    """Heights moved so that neighbours keep `gap`, in their order, centred as a whole."""
+    """Heights moved so that neighbours keep a distance `gap`, in the same order and centred as a whole."""
     order = np.argsort(heights, kind="stable")
     placed = heights[order].copy()
     for i in range(1, len(placed)):

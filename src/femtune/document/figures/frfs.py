@@ -32,6 +32,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "model": {"color": BLUE, "linewidth": 1.1, "zorder": 2.2},
     "after": {"color": BLUE, "linewidth": 1.1, "zorder": 2.2},
 }
+"""Colour, width and line style of each kind of curve."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def _phase(freq_hz: NDArray, values: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def thinned(freq_hz: NDArray, values: NDArray, most: int = _MOST_POINTS) -> tuple[NDArray, NDArray]:
-    """The highest and lowest point of each group of neighbours, so that no peak is lost; all where they are few."""
+    """The highest and lowest point of each group of neighbours, so that no peak is lost; all points if they are few."""
     if len(freq_hz) <= most:
         return freq_hz, values
     size = np.nan_to_num(np.abs(values))
@@ -120,7 +121,7 @@ def thinned(freq_hz: NDArray, values: NDArray, most: int = _MOST_POINTS) -> tupl
 
 
 def legend(figure: Figure, shown: Collection[str]) -> None:
-    """The looks that are shown, each once; nothing for a single one."""
+    """The looks that are shown, each once; nothing for a single look."""
     looks = [look for look in LOOKS if look in shown]
     if len(looks) < 2:
         return

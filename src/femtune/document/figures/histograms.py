@@ -1,4 +1,4 @@
-"""Histograms of samples, a panel each quantity."""
+"""Histograms of samples, a panel for each quantity."""
 
 from __future__ import annotations
 

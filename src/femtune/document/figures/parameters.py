@@ -41,7 +41,7 @@ class ForestRow:
 
 
 def forest_svg(rows: Sequence[ForestRow]) -> str:
-    """A row each parameter, drawn from its lower to its upper bound."""
+    """A row for each parameter, drawn from its lower to its upper bound."""
 
     def draw(figure: Figure) -> None:
         axes = figure.add_subplot()
@@ -75,7 +75,7 @@ def _one(axes: Axes, i: int, entry: ForestRow) -> None:
 
 
 def _span(axes: Axes, y: float, entry: ForestRow, centre: float, sd: float, colour: str) -> None:
-    """± one standard deviation, cut where the bounds are."""
+    """± one standard deviation, cut at the bounds."""
     ends = [min(max(entry.place(centre + s * sd), 0.0), 1.0) for s in (-1, 1)]
     axes.plot(ends, [y, y], color=colour, linewidth=3.0, solid_capstyle="butt", alpha=0.85)
 
@@ -107,9 +107,9 @@ def optima_svg(
 
     Parameters
     ----------
-    optima : an entry each optimum, the best first, with each parameter's place between its bounds, 0 to 1
+    optima : for each optimum, the best first, the position of each parameter between its bounds, 0 to 1
     counts, as_good : of each optimum
-    starts : an entry each start
+    starts : for each start, likewise
     """
     at = np.arange(len(names))
 
@@ -160,7 +160,7 @@ def weight_path_svg(
 
     Parameters
     ----------
-    paths : an entry each weight, the change of each parameter in %
+    paths : for each weight, the change of each parameter in %
     chosen : the weight that was chosen; None if none was
     """
 
@@ -220,7 +220,7 @@ _COLOURS = (ORANGE, BLUE, PALE)
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points (n, m) and the distribution that they are of; no points where only the moments are known."""
+    """Points (n, m) and their distribution; no points if only the moments are known."""
 
     name: str
     points: Reals

@@ -126,7 +126,7 @@ def _shading(frame: Wireframe, view: View) -> list[str]:
 
 
 def _painting(frame: Wireframe, view: View, edges: NDArray[np.int64], colours: Sequence[str]) -> Painting:
-    """Faces without their edges, and between them the lines that show the form."""
+    """Faces without their edges, and the lines that show the form."""
     depth, faces = view.depth(frame.points), frame.faces
     near = 0.6 * float(np.median(np.ptp(depth[closed(faces)], axis=1))) + 1e-3 * float(np.ptp(depth))
     depths = np.concatenate([mean_over_corners(faces, depth), depth[edges].max(axis=1, initial=-np.inf) + near])
@@ -158,7 +158,7 @@ def _marks(marks: Marks, view: View) -> Iterable[str]:
 
 
 def _sign(kind: str, x: float, y: float, fill: str, colour: str) -> str:
-    """A square for what excites, a circle for what measures."""
+    """A square for an exciter, a circle for a sensor."""
     style = f'fill="{fill}" stroke="{colour}" stroke-width="1.1"'
     if kind == "exciter":
         left, top, side = number(x - _MARK_RADIUS), number(y - _MARK_RADIUS), 2.0 * _MARK_RADIUS

@@ -58,12 +58,12 @@ class View:
         return np.asarray(points @ self.axes[:2].T * [self.scale, -self.scale] + self.shift)
 
     def depth(self, points: Reals) -> Reals:
-        """(…,) larger where nearer to the eye."""
+        """(…,) larger for points nearer to the eye."""
         return np.asarray(points @ self.axes[2])
 
 
 def direction(points: Reals) -> View:
-    """The direction of view for a structure of these points, (n, 3); z of the basic frame upwards."""
+    """The direction of view for a structure with points (n, 3); z of the basic coordinate system is upwards."""
     size = np.ptp(points, axis=0) if len(points) else np.zeros(3)
     width = max(size[0], size[1])
     tall = min(1.0, float(size[2]) / (_TALL * width)) if width > 0.0 else 1.0
@@ -293,7 +293,7 @@ class Wireframe:
 
     @property
     def used(self) -> NDArray[np.int64]:
-        """Rows of the points that something is drawn at; all where nothing is."""
+        """Rows of the points of all lines and faces; all points if there are none."""
         rows = np.unique(np.concatenate([self.lines.ravel(), self.faces.ravel()]))
         return rows[rows >= 0] if rows.size else np.arange(len(self.points))
 

@@ -20,7 +20,7 @@ _PANELS_PER_ROW = 4
 
 @dataclass(frozen=True)
 class SpecimenRow:
-    """One parameter: its values and standard deviations (None where none is given), and its initial value."""
+    """One parameter: its values and standard deviations (None if not given), and its initial value."""
 
     name: str
     unit: str

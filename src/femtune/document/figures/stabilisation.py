@@ -30,7 +30,7 @@ class StabilisationPicture:
     Parameters
     ----------
     freq_hz, order, method : of every pole
-    stable : which of them come back
+    stable : True for stable poles
     curve_hz, curve_db : behind them, none where empty
     modes_hz : chosen; `input_hz` are lines of the excitation among them
     band_hz : what is shown

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from femtune.errors import printable
 
 FONT = "'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
+"""Sans-serif fonts of the common systems, in order of preference."""
 INK = "#1d2733"
 """Text and the most important lines."""
 SOFT = "#5b6977"

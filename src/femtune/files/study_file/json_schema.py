@@ -71,6 +71,7 @@ def _describe(schema: dict[str, Any], table: type[BaseModel]) -> None:
 
 
 _NULL = {"type": "null"}
+"""JSON Schema of null."""
 
 
 def _of_toml(value: Any, names: bool = False) -> Any:

@@ -39,10 +39,15 @@ _SMALLEST_SD = 1e-12
 _LARGEST_WEIGHT = 1e12
 """Largest weight, for the same reason."""
 _COMPONENTS = re.compile(r"0|(?!.*(.).*\1)[1-6]{1,6}")
+"""Components of a grid point, each at most once, or 0 for a scalar point."""
 _GROUP = r"[A-Z][A-Z0-9]{0,15}"
+"""A name of capital letters and digits, such as that of a generic element."""
 _GENERIC = re.compile(rf"GENERIC +({_GROUP}) +([KS][0-9]+(?:-[0-9]+)?)")
+"""An eigenvalue or a shape of a generic element."""
 _AMPLITUDE = re.compile(rf"DISTRIBUTION +({_GROUP}) +F([1-9][0-9]?)")
+"""The amplitude of a function of a distribution."""
 _FIELD = re.compile(r"([A-Z][A-Z0-9]{0,7})(?: +([0-9]{1,18}))? +([A-Z][A-Z0-9]{0,15})")
+"""A field of a card: card, number (optional) and field name."""
 
 
 def checked(check: Callable[[Any], object]) -> AfterValidator:
@@ -258,9 +263,13 @@ def _covariance(value: object) -> None:
 
 
 _NUMBERED = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "integer", "minimum": 1}}]}
+"""JSON Schema of a list of numbers, as text or list."""
 _VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+"""JSON Schema of a vector."""
 _ROWS = {"type": "array", "items": {"type": "array", "items": {"type": "number"}}}
+"""JSON Schema of a matrix by rows."""
 _NOT_NEGATIVE = {"type": "number", "minimum": 0}
+"""JSON Schema of a number that is not negative."""
 
 if TYPE_CHECKING:
     Listed = Sequence

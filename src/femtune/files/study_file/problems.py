@@ -24,6 +24,7 @@ _WANTED = {
     "model_type": ("a table", "write [name] on a line of its own, or { key = value }"),
     "model_attributes_type": ("a table", "write [name] on a line of its own, or { key = value }"),
 }
+"""What a finding of pydantic expects, and how to write it."""
 
 
 def problems(findings: ValidationError, source: StudyLines, model: type[BaseModel]) -> list[FemtuneError]:

@@ -24,8 +24,11 @@ _LARGEST_FILE = 10_000_000
 _DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")
 """Suffixes of paths that are decks rather than studies."""
 _DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?$")
+"""A number with a decimal comma, a common error of syntax."""
 _BACKSLASH = re.compile(r'"([^"]*\\[^"]*)"')
+"""A Windows path in double quotes, another one."""
 _PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
+"""Line in a message of tomllib."""
 
 
 def is_deck(path: str | Path) -> bool:

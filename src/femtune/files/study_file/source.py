@@ -23,12 +23,16 @@ Place = tuple[str | int, ...]
 """Keys and positions (from 0) that lead to a value: ``("parameter", 1, "lower")``."""
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+"""White space and comments."""
 _STRING = re.compile(
     r'"""(?:[^\\]|\\.)*?"{3,5}|' r"'''.*?'{3,5}|" r'"(?:[^"\\\n]|\\.)*"|' r"'[^'\n]*'",
     re.DOTALL,
 )
+"""A string of TOML, of one or several lines."""
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+"""A key without quotes."""
 _BARE_VALUE = re.compile(r"[^,\]}#\r\n]*")
+"""A number, boolean or date."""
 
 
 def line_numbers(text: str) -> dict[Place, int]:

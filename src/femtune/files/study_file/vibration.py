@@ -78,6 +78,7 @@ _REQUIRED_KEYS = {
     "random": ("spectrum_hz", "spectrum"),
     "transient": ("signal",),
 }
+"""Keys that a kind of excitation requires."""
 _KEYS_OF_KIND = {**_REQUIRED_KEYS, "sweep": (*_REQUIRED_KEYS["sweep"], "law", "amplitude")}
 """Keys that only one kind has."""
 

@@ -15,17 +15,18 @@ if TYPE_CHECKING:
     from femtune.errors import Notice
     from femtune.steps.candidates.record import CandidatesResults
     from femtune.steps.results import Results
-from femtune.steps.result import Arrays, StepResult
+from femtune.steps.result import Arrays, ResultWithPage
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CandidatesResult(StepResult):
+class CandidatesResult(ResultWithPage):
     """Candidate models, each updated from the same test, and their comparison.
 
     `record` is that of results.json, ``candidates``; `results` has it with the facts of the study, `arrays` the arrays
     by key, `report` the page, None without one; `remarks` what a user should know.
     """
 
+    page = "candidates"
     record: CandidatesResults
     results: Results
     arrays: Arrays

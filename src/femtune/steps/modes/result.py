@@ -17,17 +17,18 @@ from femtune.study.rows import Rows
 if TYPE_CHECKING:
     from femtune.modal import ModeSet
     from femtune.steps.results import Results
-from femtune.steps.result import Arrays, OfConfigurations
+from femtune.steps.result import Arrays, OfConfigurations, ResultWithPage
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModesResult(OfConfigurations[ModelModes]):
+class ModesResult(OfConfigurations[ModelModes], ResultWithPage):
     """Natural modes of each configuration, at the initial values of the parameters.
 
     `records` are those of results.json, ``modes``; `remarks` what a user should know; `shapes` gives the shapes by
     configuration, `whole` the results and their arrays; `report` is the page that was written, None without one.
     """
 
+    page = "modes"
     shapes: Callable[[], Mapping[str, ModeSet]] = field(kw_only=True)
     whole: Callable[[], tuple[Results, Arrays]] = field(kw_only=True)
     report: Path | None = field(default=None, kw_only=True)
@@ -62,12 +63,12 @@ class ModesResult(OfConfigurations[ModelModes]):
         return self.shapes()
 
     @property
-    def results(self) -> Results:
+    def results(self) -> Results:  # type: ignore[override]  # made when first used
         """The results in the schema of results.json: provenance, facts of the model, modes, shapes for drawing."""
         return self._whole[0]
 
     @property
-    def arrays(self) -> Arrays:
+    def arrays(self) -> Arrays:  # type: ignore[override]
         """Arrays that `results` refers to by key."""
         return self._whole[1]
 

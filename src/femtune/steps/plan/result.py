@@ -15,17 +15,18 @@ if TYPE_CHECKING:
     from femtune.errors import Notice
     from femtune.steps.plan.record import PlanResults
     from femtune.steps.results import Results
-from femtune.steps.result import Arrays, StepResult
+from femtune.steps.result import Arrays, ResultWithPage
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PlanResult(StepResult):
+class PlanResult(ResultWithPage):
     """A planned test: sensors, and what they are worth for the target modes.
 
     `record` is that of results.json, ``plan``; `results` has it with the facts of the model, `arrays` the arrays by
     key, `files` the files that were written, `report` the page, None without one; `remarks` what a user should know.
     """
 
+    page = "plan"
     record: PlanResults
     results: Results
     arrays: Arrays

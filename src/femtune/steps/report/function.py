@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from femtune.arguments import checked
 from femtune.errors import FemtuneError
 from femtune.files.study_file import read_study_file
 from femtune.journal.run_files import REPORT_FILE
-from femtune.steps.candidates.result import CandidatesResult
-from femtune.steps.modes.result import ModesResult
-from femtune.steps.plan.result import PlanResult
-from femtune.steps.respond.result import RespondResult
+from femtune.steps.result import ResultWithPage
 from femtune.steps.run.result import RunResult
-from femtune.steps.screen.result import ScreenResult
-from femtune.steps.search.result import SearchResult
 from femtune.study.described import Study
 from femtune.study.progress import silent
 
@@ -25,7 +20,7 @@ if TYPE_CHECKING:
     from femtune.steps.identify.result import IdentifyResult
     from femtune.study.progress import Progress
 
-R = TypeVar("R", CandidatesResult, ModesResult, PlanResult, RespondResult, ScreenResult, SearchResult)
+R = TypeVar("R", bound=ResultWithPage)
 
 
 def checked_page(path: Path | str | None) -> Path | None:
@@ -41,22 +36,16 @@ def checked_page(path: Path | str | None) -> Path | None:
 
 def with_page(result: R, page: Path | None, progress: Progress) -> R:
     """The result, with its page written if requested."""
-    return result if page is None else replace(result, report=report(result, page, progress=progress))
+    if page is None:
+        return result
+    # every result is a dataclass, its base is none
+    written: R = replace(cast("Any", result), report=report(result, page, progress=progress))
+    return written
 
 
 @checked
 def report(
-    source: Path
-    | str
-    | Study
-    | RunResult
-    | ModesResult
-    | PlanResult
-    | CandidatesResult
-    | ScreenResult
-    | SearchResult
-    | RespondResult
-    | IdentifyResult,
+    source: Path | str | Study | RunResult | ResultWithPage | IdentifyResult,
     path: Path | str | None = None,
     *,
     progress: Progress = silent,
@@ -65,8 +54,8 @@ def report(
 
     Parameters
     ----------
-    source : what `run`, `update`, `validate`, `modes`, `plan`, `screen`, `search`, `candidates`, `respond` or
-        `identify` returned; or a run folder, or the study whose run folder is meant
+    source : what `run`, `update`, `validate`, `identify` or a step with a page of its own (`modes`, `plan`, `screen`,
+        `search`, `candidates`, `respond`) returned; or a run folder, or the study whose run folder is meant
     path : HTML file to write; ``report.html`` in the folder of the result by default
     progress : receives progress reports
 
@@ -107,23 +96,7 @@ def _read(source: Path | str | Study) -> RunResult:
     return RunResult(folder, *read_results(folder))
 
 
-_PAGES: dict[type[object], str] = {
-    ModesResult: "modes", PlanResult: "plan", CandidatesResult: "candidates", SearchResult: "search",
-    ScreenResult: "screen", RespondResult: "responses",
-}  # fmt: skip
-"""The page of each result."""
-
-
-def document_of(
-    result: RunResult
-    | ModesResult
-    | PlanResult
-    | CandidatesResult
-    | ScreenResult
-    | SearchResult
-    | RespondResult
-    | IdentifyResult,
-) -> Document:
+def document_of(result: RunResult | ResultWithPage | IdentifyResult) -> Document:
     """The page of a result as data."""
     # imported here, because pictures take a second to import and most calls need none
     from femtune.steps.identify.page import build_identification_page  # noqa: PLC0415
@@ -131,6 +104,6 @@ def document_of(
 
     if isinstance(result, RunResult):
         return build_report(result.results, result.arrays)
-    if isinstance(result, ModesResult | PlanResult | CandidatesResult | SearchResult | ScreenResult | RespondResult):
-        return build_page(_PAGES[type(result)], result.results, result.arrays)
+    if isinstance(result, ResultWithPage):
+        return build_page(result.page, result.results, result.arrays)
     return build_identification_page(result)

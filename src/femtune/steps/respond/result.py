@@ -15,11 +15,11 @@ from femtune.study.rows import Rows, rows_of
 if TYPE_CHECKING:
     from femtune.steps.respond.record import FrfResults
     from femtune.steps.results import Results
-from femtune.steps.result import Arrays, OfConfigurations
+from femtune.steps.result import Arrays, OfConfigurations, ResultWithPage
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RespondResult(OfConfigurations[ResponseResults]):
+class RespondResult(OfConfigurations[ResponseResults], ResultWithPage):
     """Frequency responses, complex modes and static displacements of each configuration.
 
     `records` are those of results.json, ``responses``, and `results` holds them in its schema; `arrays` the arrays by
@@ -27,6 +27,7 @@ class RespondResult(OfConfigurations[ResponseResults]):
     should know.
     """
 
+    page = "responses"
     results: Results = field(kw_only=True)
     arrays: Arrays = field(kw_only=True)
     files: tuple[Path, ...] = field(default=(), kw_only=True)

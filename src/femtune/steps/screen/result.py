@@ -15,17 +15,18 @@ if TYPE_CHECKING:
     from femtune.errors import Notice
     from femtune.steps.results import Results
     from femtune.steps.screen.record import ScreenResults
-from femtune.steps.result import Arrays, StepResult
+from femtune.steps.result import Arrays, ResultWithPage
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ScreenResult(StepResult):
+class ScreenResult(ResultWithPage):
     """Effects of the parameters on the natural frequencies, by designed runs.
 
     `record` is that of results.json, ``screen``; `results` has it with the facts of the study, `arrays` the arrays by
     key, `files` the files that were written, `report` the page, None without one; `remarks` what a user should know.
     """
 
+    page = "screen"
     record: ScreenResults
     results: Results
     arrays: Arrays

@@ -15,17 +15,18 @@ if TYPE_CHECKING:
     from femtune.errors import Notice
     from femtune.steps.results import Results
     from femtune.steps.search.record import GlobalSearchResults
-from femtune.steps.result import Arrays, StepResult
+from femtune.steps.result import Arrays, ResultWithPage
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SearchResult(StepResult):
+class SearchResult(ResultWithPage):
     """The minimum of the squared residuals within the bounds, by a search of the whole box.
 
     `record` is that of results.json, ``search``; `results` has it with the facts of the study, `arrays` the arrays by
     key, `report` the page, None without one; `remarks` what a user should know.
     """
 
+    page = "search"
     record: GlobalSearchResults
     results: Results
     arrays: Arrays
