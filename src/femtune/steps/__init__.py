@@ -1,4 +1,4 @@
-"""The steps of a project, a folder each; what several steps share is beside the folders."""
+"""The steps of a project: each has a folder, and modules beside the folders are shared by several steps."""
 
 from __future__ import annotations
 

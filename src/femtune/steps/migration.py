@@ -1,4 +1,4 @@
-"""Results of earlier schema versions, changed version by version into those of the present one."""
+"""Results of earlier schema versions, converted version by version to the current one."""
 
 from __future__ import annotations
 

@@ -107,9 +107,9 @@ def left_out_modes(correlations: Iterable[CorrelationResults]) -> list[LeftOut]:
     return [entry for reason, found in by_reason.items() for entry in _joined(reason, found)]
 
 
-def _joined(reason: str, found: Mapping[str, list[str]]) -> list[LeftOut]:
+def _joined(reason: str, groups: Mapping[str, list[str]]) -> list[LeftOut]:
     alike: dict[tuple[str, ...], list[str]] = {}
-    for configuration, labels in found.items():
+    for configuration, labels in groups.items():
         alike.setdefault(tuple(labels), []).append(configuration)
     return [LeftOut(tuple(names), labels, reason) for labels, names in alike.items()]
 

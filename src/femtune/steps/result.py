@@ -1,4 +1,8 @@
-"""What the results of all steps have in common for Python users: tables, arrays, a representation for notebooks."""
+"""What the results of all steps have in common for Python users: tables, arrays, a representation for notebooks.
+
+A step that treats each configuration separately returns a sequence with one record for each of them; a step on the
+whole study returns one record. Tables are `Rows`, which ``pandas.DataFrame`` accepts directly.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +38,10 @@ class OneConfiguration(Protocol):
 R = TypeVar("R", bound=OneConfiguration)
 
 
-_MOST_LINES, _LONGEST_LINE = 7, 160
+_MOST_LINES = 7
+"""Lines of a result as text in a notebook; a last line gives the number of the others."""
+_LONGEST_LINE = 160
+"""Characters in a line of a result as text; a longer line is cut."""
 
 
 class StepResult(ABC):

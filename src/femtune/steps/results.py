@@ -1,6 +1,6 @@
 """The results of a study: a documented, versioned schema that is independent of the code.
 
-``results.json`` holds one `Results`; arrays lie beside it in ``arrays.npz`` and are referred to by key.
+``results.json`` holds one `Results`; arrays are beside it in ``arrays.npz`` and are referred to by key.
 docs/results-schema.md lists every field.
 """
 

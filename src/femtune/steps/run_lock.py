@@ -1,4 +1,4 @@
-"""One run at a time in a run folder: a lock file that the system lets go of when its run ends, however it ends."""
+"""One run at a time in a run folder: a lock file, which the system releases whenever the run ends, even in a crash."""
 
 from __future__ import annotations
 
@@ -17,11 +17,15 @@ from femtune.journal.run_files import LOCK_FILE
 from femtune.runs.process import is_alive
 from femtune.steps.run_folder import unwritable
 
-# far behind the text, which others must be able to read where a lock forbids that
 _LOCKED_BYTE = 1 << 30
-_MOST_TEXT = 4096
-# a link is not followed, a pipe not waited for
-_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+"""Position of the byte that is locked on Windows.
+
+Far behind the text, because a lock there also forbids others to read.
+"""
+_MOST_TEXT_BYTES = 4096
+"""Bytes of the lock file that are read: its text is shorter, and a file that is no lock file may be long."""
+_OPEN_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+"""Flags for opening the lock file: a link is not followed, and a pipe does not block."""
 
 
 @contextmanager
@@ -45,7 +49,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _let_go(path: Path, handle: int) -> None:
-    """Remove the file while it is held, so that nobody's else is removed; Windows removes no open file."""
+    """Remove the file while it is locked, so that no other run loses its file; Windows cannot remove an open file."""
     if sys.platform != "win32" and _in_place(path, handle):
         os.unlink(path)
     os.close(handle)
@@ -56,7 +60,7 @@ def _let_go(path: Path, handle: int) -> None:
 def _hold(path: Path) -> int:
     """An open lock file that is ours and still in its place."""
     while True:
-        handle = os.open(path, _FLAGS, 0o666)
+        handle = os.open(path, _OPEN_FLAGS, 0o666)
         try:
             holder = _holder(handle)
             if not _is_free(handle, holder):
@@ -99,9 +103,9 @@ def _sign(handle: int) -> None:
 
 
 def _holder(handle: int) -> dict[str, str]:
-    """Who has signed; nobody where the text is none of ours."""
+    """Owner of the lock; empty if the text is not that of a lock file."""
     try:
-        text = json.loads(os.read(handle, _MOST_TEXT))
+        text = json.loads(os.read(handle, _MOST_TEXT_BYTES))
     except (ValueError, RecursionError):
         return {}
     signed = isinstance(text, dict) and set(text) == {"pid", "host", "since"}

@@ -1,4 +1,4 @@
-"""A run of a study in its folder, as far as `update`, `validate`, `bootstrap` and `run` share it."""
+"""A run of a study in its folder: the part that `update`, `validate`, `bootstrap` and `run` share."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""What a step is, in one place: its command, its sections of the report, its own page.
+"""Declaration of a step: its command, its sections of the report, its own page.
 
 The `STEP` of each folder is read by the command line, which makes a command of it, and by the report, which orders
-sections by their `place`. Functions of the step are named as ``module:function`` below `femtune.steps`, because
-they are imported only when the step runs; so help is quick.
+sections by their `place`. Functions of a step are named as ``module:function`` below `femtune.steps` and imported only
+when the step runs, so that the help of the command line stays quick.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def identification_of(path: Path) -> NamedFile | None:
 
 
 def no_file(path: Path) -> NamedFile | None:
-    """None: the step itself tells what is wrong with its files."""
+    """None: the step itself reports what is wrong with its files."""
     return None
 
 
@@ -192,10 +192,6 @@ class Step:
     def function(self) -> str:
         """What the command runs, as ``module:function``."""
         return (self.command and self.command.function) or f"{self.name}.function:{self.name}"
-
-
-# ----------------------------------------------------------------------------------------------------
-# Arguments and options that several commands share.
 
 
 _VARIABLE = "FEMTUNE_EIGENSOLVER"

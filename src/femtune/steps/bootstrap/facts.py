@@ -1,4 +1,4 @@
-"""The records of a bootstrap, from what it found."""
+"""The records of a bootstrap, from its resampled updates."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from femtune.steps.bootstrap.record import BootstrappedParameter, BootstrapResul
 
 
 def bootstrap_results(
-    found: BootstrapResult,
+    result: BootstrapResult,
     arrays: dict[str, NDArray[Any]],
     executor: str,
     seconds: float,
@@ -27,31 +27,31 @@ def bootstrap_results(
 ) -> BootstrapResults:
     """The record of all runs; samples and correlation are put into `arrays`."""
     keys = {name: f"bootstrap/{name}" for name in ("samples", "correlation")}
-    arrays[keys["samples"]] = np.asarray(found.parameters.denormalise(found.samples))
-    arrays[keys["correlation"]] = found.correlation
+    arrays[keys["samples"]] = np.asarray(result.parameters.denormalise(result.samples))
+    arrays[keys["correlation"]] = result.correlation
     return BootstrapResults(
-        method=found.rules.method,
-        runs=len(found.runs),
-        converged=len(found.samples),
-        seed=found.rules.seed,
-        drawn_from=found.groups,
-        identified=found.identified,
-        jacobian=found.rules.jacobian,
-        own_jacobian=sum(r.own for r in found.runs),
-        largest_difference=found.difference,
-        checked=len(found.check),
-        solutions=found.solutions,
+        method=result.rules.method,
+        runs=len(result.runs),
+        converged=len(result.samples),
+        seed=result.rules.seed,
+        drawn_from=result.groups,
+        identified=result.identified,
+        jacobian=result.rules.jacobian,
+        own_jacobian=sum(r.own for r in result.runs),
+        largest_difference=result.difference,
+        checked=len(result.check),
+        solutions=result.solutions,
         recalled=recalled,
         seconds=seconds,
         executor=executor,
-        parameters=tuple(_parameter(p) for p in found.found),
-        free=tuple(p.name for p in found.parameters.free),
+        parameters=tuple(_parameter(p) for p in result.found),
+        free=tuple(p.name for p in result.parameters.free),
         samples_key=keys["samples"],
         correlation_key=keys["correlation"],
-        sentences=(*found.sentences, *_models(reduced_orders)),
+        sentences=(*result.sentences, *_models(reduced_orders)),
         reduced_orders=reduced_orders,
         remarks=tuple(n.what for n in remarks),
-        citations=citations(("efron1993", "hesterberg2015", *(["wu1986"] if found.identified else []))),
+        citations=citations(("efron1993", "hesterberg2015", *(["wu1986"] if result.identified else []))),
     )
 
 

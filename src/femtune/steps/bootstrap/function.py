@@ -1,4 +1,4 @@
-"""Steps that write a run folder: update, candidates, validate, run, and reading such a folder."""
+"""The function `bootstrap`: spread of the updated parameters, from the FRFs of one test."""
 
 from __future__ import annotations
 

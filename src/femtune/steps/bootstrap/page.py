@@ -28,44 +28,49 @@ IDENTIFIED = {
     "entries": "Single values of the measured FRFs were drawn with replacement",
     "noise": "Noise as large as the errors of the identified system was added to its FRFs",
 }
-_MOST_SHOWN = 24
-_BIASED = 0.5
+_MOST_LISTED = 24
+"""Parameters in the table and in the pictures; more make the page long without showing more, and are in the results."""
+_LARGE_BIAS = 0.5
+"""Bias relative to the standard deviation from which it is marked.
+
+At half a standard deviation the shift of a 95 % interval is a quarter of its half-width.
+"""
 
 
 def bootstrap(source: ReportSource) -> list[Block]:
     """Blocks of the report; a sentence where the study asks for no bootstrap."""
-    found = source.results.bootstrap
-    if found is None:
+    record = source.results.bootstrap
+    if record is None:
         return [Paragraph("Not tested: the study has no [bootstrap]; it can be made for residuals of measured FRFs.")]
-    return [*bootstrap_blocks(found), *_pictures(source, found)]
+    return [*bootstrap_blocks(record), *_pictures(source, record)]
 
 
-def bootstrap_blocks(found: BootstrapResults) -> list[Block]:
+def bootstrap_blocks(record: BootstrapResults) -> list[Block]:
     """Sentences and table, for page and terminal."""
-    return [Listing((*found.sentences, *found.remarks)), Paragraph(_how(found)), parameter_table(found)]
+    return [Listing((*record.sentences, *record.remarks)), Paragraph(_how(record)), parameter_table(record)]
 
 
-def _how(found: BootstrapResults) -> str:
-    drawn = "" if found.method == "noise" else f" from {found.drawn_from}"
-    what = WHAT[found.method]
-    if found.identified:
-        what = f"{IDENTIFIED[found.method]}{drawn}; the test was identified again with them, and its damping equalised"
+def _how(record: BootstrapResults) -> str:
+    drawn = "" if record.method == "noise" else f" from {record.drawn_from}"
+    what = WHAT[record.method]
+    if record.identified:
+        what = f"{IDENTIFIED[record.method]}{drawn}; the test was identified again with them, and its damping equalised"
     else:
         what = f"{what}{drawn}"
     derivatives = (
-        f"derivatives at the result of the update, in {counted(found.own_jacobian, 'run')} at other points"
-        if found.jacobian == "shared"
+        f"derivatives at the result of the update, in {counted(record.own_jacobian, 'run')} at other points"
+        if record.jacobian == "shared"
         else "derivatives at every point"
     )
-    recalled = f", {found.recalled} of them from an earlier run" if found.recalled else ""
+    recalled = f", {record.recalled} of them from an earlier run" if record.recalled else ""
     return (
-        f"{what}. {counted(found.runs, 'run')} (seed {found.seed}){recalled}, each by "
+        f"{what}. {counted(record.runs, 'run')} (seed {record.seed}){recalled}, each by "
         f"Gauss-Newton steps from the result of the update with {derivatives}. "
-        f"{counted(found.solutions, 'model solution')} in {short(found.seconds)} s by {found.executor}."
+        f"{counted(record.solutions, 'model solution')} in {short(record.seconds)} s by {record.executor}."
     )
 
 
-def parameter_table(found: BootstrapResults) -> Table:
+def parameter_table(record: BootstrapResults) -> Table:
     """Result, mean, standard deviations, bias, interval."""
     heads = columns(
         "Parameter", ">Result", ">Mean", ">σ", ">COV %", ">Bias / σ", ">95 % from", ">to", ">Fisher σ", ">Fisher COV %"
@@ -74,27 +79,27 @@ def parameter_table(found: BootstrapResults) -> Table:
         "COV is the standard deviation over the mean of the parameter itself. Bias is the mean of the runs less the "
         "result. Fisher σ follows from the inverse Fisher information and the stated standard deviations of the FRFs."
     )
-    if len(found.parameters) > _MOST_SHOWN:
-        note += f" And {counted(len(found.parameters) - _MOST_SHOWN, 'more parameter')} in the results."
-    return Table("Bootstrap", heads, tuple(map(_parameter, found.parameters[:_MOST_SHOWN])), note)
+    if len(record.parameters) > _MOST_LISTED:
+        note += f" And {counted(len(record.parameters) - _MOST_LISTED, 'more parameter')} in the results."
+    return Table("Bootstrap", heads, tuple(map(_parameter, record.parameters[:_MOST_LISTED])), note)
 
 
 def _parameter(p: BootstrappedParameter) -> tuple[Cell, ...]:
     bias = f"{p.bias:+.2f}"
     return row(
         p.parameter, value(p.value), value(p.mean), short(p.sd), short(p.cov_percent),
-        Cell(bias, tone="poor") if abs(p.bias) > _BIASED else bias,
+        Cell(bias, tone="poor") if abs(p.bias) > _LARGE_BIAS else bias,
         value(p.interval_95[0]), value(p.interval_95[1]), short(p.fisher_sd), short(p.fisher_cov_percent),
     )  # fmt: skip
 
 
-def _pictures(source: ReportSource, found: BootstrapResults) -> list[Block]:
+def _pictures(source: ReportSource, record: BootstrapResults) -> list[Block]:
     """Histograms of the free parameters, and their correlation."""
-    samples, correlation = source.array(found.samples_key), source.array(found.correlation_key)
+    samples, correlation = source.array(record.samples_key), source.array(record.correlation_key)
     if samples is None or correlation is None:
         return []
-    names = found.free[:_MOST_SHOWN]
-    by_name = {p.parameter: p for p in found.parameters}
+    names = record.free[:_MOST_LISTED]
+    by_name = {p.parameter: p for p in record.parameters}
     known = [by_name[name] for name in names]
     draw = partial(histograms_svg, names, samples, [p.value for p in known], [p.interval_95 for p in known])
     caption = "Distribution of the parameters over the runs. Line: result of the update. Shaded: 95 % interval."
@@ -105,10 +110,6 @@ def _pictures(source: ReportSource, found: BootstrapResults) -> list[Block]:
         words = "Correlation of the parameters over the runs."
         out.append(Figure(partial(matrix_svg, picture), words, words))
     return out
-
-
-# ----------------------------------------------------------------------------------------------------
-# On the terminal.
 
 
 def bootstrap_document(subject: Subject, results: Results) -> Document:

@@ -1,4 +1,4 @@
-"""Steps that write a run folder: update, candidates, validate, run, and reading such a folder."""
+"""The function `candidates`: several sets of parameters, updated and compared."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def candidates(
     >>> [(row.name, row.rank, row.admissible) for row in found.candidates]
     [('initial values', 0, False), ('S1', 1, False), ('S2', 1, False), ('S1.2', 2, True)]
     """
-    # what the other steps do without
+    # imported here, because the other steps do not need it
     from femtune.steps.candidates.run import candidate_citations, compare_candidates  # noqa: PLC0415
 
     given = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)

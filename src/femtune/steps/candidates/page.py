@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 _MOST_COLUMNS = 14
-"""Models side by side in the tables of parameters and distances."""
+"""Models side by side in the tables of parameters and distances; more do not fit the width of a page."""
 
 
 def _of(source: ReportSource) -> CandidatesResults:
@@ -197,10 +197,6 @@ def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:
     """The first sentence of the comparison."""
     level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
     return f"{counted(len(found.candidates), 'model')} compared. {found.sentences[0]}", level
-
-
-# ----------------------------------------------------------------------------------------------------
-# On the terminal.
 
 
 def candidates_document(subject: Subject, found: CandidatesResults) -> Document:

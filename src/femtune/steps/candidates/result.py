@@ -1,8 +1,4 @@
-"""Results of the steps: records, arrays and remarks as one object.
-
-A step that looks at each configuration returns a sequence with one record a configuration; a step on the whole study
-returns one record. Tables are `Rows`, which ``pandas.DataFrame`` takes as they are.
-"""
+"""The result of `candidates`: the candidates compared, for Python users."""
 
 from __future__ import annotations
 

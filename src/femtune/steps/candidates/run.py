@@ -70,10 +70,6 @@ def candidate_citations() -> tuple[CitationRecord, ...]:
     return citations(("schwarz1978", "beck2004", "goulet2013"))
 
 
-# ----------------------------------------------------------------------------------------------------
-# One run: the update of one candidate with all configurations, or without one, which is predicted then.
-
-
 @dataclass(frozen=True)
 class _Task:
     """The candidate, the position of its problem, that of the configuration that is left out, and the start."""
@@ -279,10 +275,6 @@ def _best_start(
 def _start_result(number: int, found: Found) -> StartResult:
     end = np.array(found["end"])
     return StartResult(number, end, end, found["objective"], Status[found["status"]], residuals=found["residuals"])
-
-
-# ----------------------------------------------------------------------------------------------------
-# All candidates of a study.
 
 
 def candidates_of(study: Study) -> tuple[ParameterChoice, ...]:
@@ -525,10 +517,6 @@ def _tied_study(study: Study, candidate: ParameterChoice) -> Study:
         tied.problem()
         method_of(tied.file.update, tied.parameters)
     return tied
-
-
-# ----------------------------------------------------------------------------------------------------
-# What was found as records.
 
 
 def _results(

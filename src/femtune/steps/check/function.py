@@ -1,4 +1,4 @@
-"""The steps around a new study: init and check."""
+"""The function `check`: all mistakes of a study, before anything is solved."""
 
 from __future__ import annotations
 

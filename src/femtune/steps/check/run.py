@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     from femtune.files.study_file import StudyFile
     from femtune.study.progress import Progress
 
-_FOLLOWS = frozenset({"study.missing-key", "tie.unknown", "study.no-test", "sensor.unmatched"})
-"""Codes that may only follow from tables that were set aside because of another mistake."""
-_OF_UNITS = frozenset({"study.units-doubtful", "sensor.units"})
+_CONSEQUENT_ERRORS = frozenset({"study.missing-key", "tie.unknown", "study.no-test", "sensor.unmatched"})
+"""Errors that may only be the consequence of tables that were set aside because of their own mistakes."""
+_UNIT_ERRORS = frozenset({"study.units-doubtful", "sensor.units"})
+"""Remarks about units, which mean nothing if tables of the study were set aside."""
 
 
 class FoundProblem(Record):
@@ -90,10 +91,10 @@ class CheckResult(StepResult):
         return rows_of(self.record.problems, "level", "code", "file", "line", "message")
 
     def _sentences(self) -> list[str]:
-        found = self.record
+        record = self.record
         return [
-            f"{found.study}: {_counted(found.errors, 'error')}, {_counted(found.warnings, 'warning')}",
-            *(p.message for p in found.problems if p.level == "error"),
+            f"{record.study}: {_counted(record.errors, 'error')}, {_counted(record.warnings, 'warning')}",
+            *(p.message for p in record.problems if p.level == "error"),
         ]
 
     def _table(self) -> Rows:
@@ -109,11 +110,11 @@ def check_study(path: Path, progress: Progress = silent) -> CheckResult:
 
     Tables with mistakes are set aside, so that what is wrong in the others is found too.
     """
-    found = _Checked(path)
-    with found.catching():
-        found.look(progress)
-    errors = found.errors
-    notices = [n for n in found.notices if n.level != "info"]
+    checked = _Checked(path)
+    with checked.catching():
+        checked.look(progress)
+    errors = checked.errors
+    notices = [n for n in checked.notices if n.level != "info"]
     problems = [*map(_of_error, errors), *map(_of_notice, notices)]
     record = CheckedStudy(study=str(path), errors=len(errors), warnings=len(notices), problems=tuple(problems))
     return CheckResult(record, tuple(errors), tuple(folded(notices)))
@@ -142,7 +143,7 @@ class _Checked:
             yield
         except FemtuneError as error:
             for one in error.errors if isinstance(error, FemtuneErrors) else (error,):
-                if not (follows and one.code in _FOLLOWS):
+                if not (follows and one.code in _CONSEQUENT_ERRORS):
                     self._found.setdefault(f"{one.code} {one.what} {one.where}", one)
 
     def look(self, progress: Progress) -> None:
@@ -164,14 +165,14 @@ class _Checked:
     def _readable(self, data: dict[str, Any], source: StudyLines) -> tuple[StudyFile | None, bool]:
         """The study without the tables that have mistakes, and whether there were some; None where nothing is left."""
         aside = False
-        for _ in range(_ROUNDS):
+        for _ in range(_MOST_ROUNDS):
             try:
                 return study_from_data(data, self.path, source), aside
             except FemtuneError as error:
-                found = error.errors if isinstance(error, FemtuneErrors) else (error,)
+                errors = error.errors if isinstance(error, FemtuneErrors) else (error,)
             with self.catching(follows=aside):
-                raise FemtuneErrors(found)
-            data, source, changed = _without(data, source, found)
+                raise FemtuneErrors(errors)
+            data, source, changed = _without(data, source, errors)
             if not changed:
                 return None, True
             aside = True
@@ -181,7 +182,9 @@ class _Checked:
         """The study put together: deck, fields, configurations, tests and sensors."""
         with self.catching(follows=aside):
             study = load_study(source, progress)
-            self.notices += [n for n in (*study.built.notices, *study.notices) if not (aside and n.code in _OF_UNITS)]
+            self.notices += [
+                n for n in (*study.built.notices, *study.notices) if not (aside and n.code in _UNIT_ERRORS)
+            ]
             if study.file.output.vtu and all(case.used is None for case in study.cases):
                 self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
@@ -205,7 +208,11 @@ class _Checked:
                     _read_test(self.path.parent / name)
 
 
-_ROUNDS = 20
+_MOST_ROUNDS = 20
+"""Readings of a study, each without the tables in which the previous one found mistakes.
+
+Every reading removes at least one table; the limit ends the check of a file whose mistakes depend on each other.
+"""
 
 
 def _read_test(path: Path) -> None:

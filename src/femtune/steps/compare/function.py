@@ -1,4 +1,4 @@
-"""Steps that compare and write no run folder: correlate, compare, select, quantify."""
+"""The function `compare`: modes of two models of one structure."""
 
 from __future__ import annotations
 

@@ -23,9 +23,15 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
 
 MORE_MODES = 6
-"""Modes of the second model beyond those of the first: partners of the last ones may have a higher number."""
-_TOLERANCE = 0.01
-"""Largest distance of two points, over the diagonal of the first mesh."""
+"""Modes of the second model beyond those of the first.
+
+Modes of two meshes can change order, so that partners of the last ones may have a higher number.
+"""
+_POINT_TOLERANCE = 0.01
+"""Largest distance of two points that are taken as the same, relative to the diagonal of the first mesh.
+
+It must cover different positions of nodes on a curved surface, and stay below the size of an element.
+"""
 
 
 def mapped_meshes(one: Study, other: Study, tolerance: float | None, most: int) -> MeshMap:
@@ -44,7 +50,7 @@ def mapped_meshes(one: Study, other: Study, tolerance: float | None, most: int) 
         sides.append((nodes.ids[rows], nodes.xyz[rows]))
     (ids, xyz), (other_ids, other_xyz) = sides
     size = float(np.linalg.norm(np.ptp(xyz, axis=0))) if len(xyz) else 0.0
-    found = map_meshes(xyz, other_xyz, _TOLERANCE * size if tolerance is None else tolerance, most)
+    found = map_meshes(xyz, other_xyz, _POINT_TOLERANCE * size if tolerance is None else tolerance, most)
     return MeshMap(ids[found.first], other_ids[found.second], found.distance)
 
 

@@ -39,21 +39,21 @@ def expansion_results(
     kept = [i for i in range(len(case.modal.test)) if i not in left]
     test = case.modal.test.select_modes(kept)
     basis = _basis(table, correlation, solution)
-    found = expand_shapes(
+    expanded = expand_shapes(
         solution, test, case.modal.sensors, table.expand, basis=basis, noise=table.expand_noise
     )  # fmt: skip
     nodes = case.configured.model.structure.nodes
     kept_arrays = {
         "nodes": nodes.ids,
         "positions": nodes.xyz,
-        "shapes": grid_motion(case.configured, found.shapes),
+        "shapes": grid_motion(case.configured, expanded.shapes),
         "drawn": drawn_rows(case, solution),
     }
     arrays |= {f"{prefix}/expanded/{name}": array for name, array in kept_arrays.items() if array is not None}
     return ExpansionResults(
         method=table.expand,
-        modes=tuple(_mode(test, found, j) for j in range(len(test))),
-        groups=found.groups,
+        modes=tuple(_mode(test, expanded, j) for j in range(len(test))),
+        groups=expanded.groups,
         serep_modes=tuple(j + 1 for j in basis),
         drawn_key=None if kept_arrays["drawn"] is None else f"{prefix}/expanded/drawn",
         **{f"{name}_key": f"{prefix}/expanded/{name}" for name in ("nodes", "positions", "shapes")},
@@ -68,13 +68,13 @@ def _basis(table: CorrelateTable, correlation: Correlation, solution: EigenSolut
     return sorted({*pairing.model_indices, *(j for cluster in pairing.clusters for j in cluster.model)})
 
 
-def _mode(test: ModeSet, found: ExpandedShapes, j: int) -> ExpandedMode:
+def _mode(test: ModeSet, expanded: ExpandedShapes, j: int) -> ExpandedMode:
     return ExpandedMode(
         test_label=test.labels[j],
         test_freq_hz=float(test.freq_hz[j]),
-        misfit_percent=_percent(found.misfit[j]),
+        misfit_percent=_percent(expanded.misfit[j]),
         errors=tuple(
-            ExpansionError(method=m, error_percent=_percent(found.held_out[m][j])) for m in get_args(ExpansionMethod)
+            ExpansionError(method=m, error_percent=_percent(expanded.held_out[m][j])) for m in get_args(ExpansionMethod)
         ),
     )
 

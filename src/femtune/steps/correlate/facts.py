@@ -60,7 +60,7 @@ def correlate_case(case: ComparedCase, solution: EigenSolution) -> Correlation:
 
 def array_prefix(version: ModelVersion, name: str, number: int) -> str:
     """Head of the keys of a configuration's arrays: its name, with its number where the name cannot be a key."""
-    # keys are names of files in an archive; brackets tell a changed name from every unchanged one
+    # keys are names of files in an archive; brackets distinguish a changed name from every unchanged one
     safe = _NOT_IN_KEYS.sub("_", name)
     return f"{version.replace(' ', '_')}/{safe if safe == name else f'{safe}({number})'}"
 

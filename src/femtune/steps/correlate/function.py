@@ -1,4 +1,4 @@
-"""Steps that compare and write no run folder: correlate, compare, select, quantify."""
+"""The function `correlate`: test against model."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Results of the steps: records, arrays and remarks as one object.
-
-A step that looks at each configuration returns a sequence with one record a configuration; a step on the whole study
-returns one record. Tables are `Rows`, which ``pandas.DataFrame`` takes as they are.
-"""
+"""The result of `correlate` and `compare`: one comparison of modes for each configuration, for Python users."""
 
 from __future__ import annotations
 
@@ -121,7 +117,7 @@ class CorrelateResult(OfConfigurations[CorrelationResults]):
         return np.asarray(self.arrays[key])
 
     def _sentences(self) -> list[str]:
-        found = []
+        sentences = []
         for c in self.records:
             tests = len(c.pairs) + len(c.unpaired_test)
             worst = max(c.pairs, key=lambda p: abs(p.freq_error_percent), default=None)
@@ -129,8 +125,8 @@ class CorrelateResult(OfConfigurations[CorrelationResults]):
             text = f"{c.configuration}: {len(c.pairs)} of {tests} test modes paired"
             if worst is not None:
                 text += f"; largest frequency error {worst.freq_error_percent:+.3g} % (mode {worst.test_label})"
-            found.append(text + (f"; lowest MAC {min(macs):.3f}" if macs else ""))
-        return [*found, *map(str, self.remarks)]
+            sentences.append(text + (f"; lowest MAC {min(macs):.3f}" if macs else ""))
+        return [*sentences, *map(str, self.remarks)]
 
     def _table(self) -> Rows:
         return self.pairs

@@ -1,4 +1,4 @@
-"""Test against model: pairs, modes without a partner, MAC, criteria; a section each configuration."""
+"""The comparison of test and model on the terminal: pairs, unpaired modes, MAC, criteria for each configuration."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 Arrays = Mapping[str, NDArray[Any]]
 
-_WIDEST = 15
-"""Columns of a matrix that fit a terminal."""
+_MOST_MATRIX_COLUMNS = 15
+"""Columns of a matrix that fit a terminal of 100 columns."""
 
-_COMAC = 5
-"""So many of the lowest values are shown."""
+_MOST_COMAC_VALUES = 5
+"""Lowest values of COMAC that are listed; low values point to wrong sensors, high ones say nothing."""
 
 
 def correlation_document(subject: Subject, correlations: Sequence[CorrelationResults], arrays: Arrays) -> Document:
@@ -124,7 +124,7 @@ def _matrix(title: str, c: CorrelationResults, values: NDArray[Any], paired: boo
     framed = pair_places(c)
     rows = sorted({i for i, _ in framed}) if paired else list(range(values.shape[0]))
     cols = sorted({j for _, j in framed}) if paired else shown_columns(c)
-    if len(cols) > _WIDEST:
+    if len(cols) > _MOST_MATRIX_COLUMNS:
         return Paragraph(f"{title}: {len(rows)} by {len(cols)}, too wide for a terminal; the report shows it.", "muted")
     heads = columns("", *(f">{c.mac_model_numbers[j]}" for j in cols))
     lines = [row(c.mac_test_labels[i], *(_entry(values[i, j], (i, j) in framed) for j in cols)) for i in rows]
@@ -139,7 +139,7 @@ def _entry(number: float, framed: bool) -> Cell:
 def _comac(c: CorrelationResults) -> Block:
     if not c.comac:
         return Paragraph("COMAC: not tested (at least two paired modes with shapes are required).", "muted")
-    lowest = sorted(c.comac, key=lambda entry: entry.comac)[:_COMAC]
+    lowest = sorted(c.comac, key=lambda entry: entry.comac)[:_MOST_COMAC_VALUES]
     words = listed(f"{unit_fraction(entry.comac)} at {entry.dof}" for entry in lowest)
     return Paragraph(f"COMAC, lowest of {len(c.comac)} DOFs: {words}.")
 

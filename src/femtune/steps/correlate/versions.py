@@ -107,7 +107,7 @@ def model_records(
     solved: Solved = nothing,
 ) -> ModelRecords:
     """Modes and correlations at `x`; what `known` has is not solved again. `solved` is called with each solution."""
-    found, records, shapes, raw = [], [], [], {}
+    natural_modes, records, shapes, raw = [], [], [], {}
     criteria = of_whole_tests(study)
     # where nothing is written back, what comes after the update is the last version
     last = version != "after" or not study.source.writes_back
@@ -117,14 +117,14 @@ def model_records(
         if solution is None:
             continue
         solved(case, solution)
-        found.append(model_modes(case.name, version, solution))
+        natural_modes.append(model_modes(case.name, version, solution))
         prefix = array_prefix(version, case.name, i + 1)
         if last:
             shapes.append(mode_shapes(case, version, solution, prefix, arrays))
         if case.modal is not None:
             with errors_at_configuration(study.file, case.entry, "test"):
                 raw[case.name] = correlate_case(case.modal, solution)
-            rigid, notices = found[-1].rigid_body_modes, solution.notices
+            rigid, notices = natural_modes[-1].rigid_body_modes, solution.notices
             if words := fitting_axes(study.file, case, solution):
                 notices = (*notices, Notice("correlate.axes", configuration=case.name, change=words))
             record = correlation_results(
@@ -138,7 +138,7 @@ def model_records(
                     case, study.file.correlate, raw[case.name], solution, prefix, arrays
                 )
             records.append(record.model_copy(update=more))
-    return ModelRecords(tuple(found), tuple(records), tuple(shapes), raw)
+    return ModelRecords(tuple(natural_modes), tuple(records), tuple(shapes), raw)
 
 
 def as_written(study: Study, after: Evaluation) -> Evaluation:

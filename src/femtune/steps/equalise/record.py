@@ -1,8 +1,8 @@
-"""Measured damping on the modes of a model that was calibrated with equal damping, and its FRFs beside measured ones.
+"""Measured damping on the modes of a model that was calibrated with equalised damping, and its FRFs.
 
-An update with equalised damping pairs no modes and says nothing of their damping. Afterwards the identified modes of
-the test are paired with those of the model, which get their damping ratios; then the FRFs of the model can be compared
-with the measured ones themselves.
+An update with equalised damping pairs no modes and does not determine their damping. Afterwards the identified modes of
+the test are paired with those of the model, which receive their damping ratios; then the FRFs of the model can be
+compared with the measured ones directly.
 """
 
 from __future__ import annotations

@@ -62,13 +62,13 @@ def mapped_damping(start: Evaluation, end: Evaluation, arrays: dict[str, NDArray
     ------
     FemtuneError : ``correlate.no-damping`` where no mode of the updated model is paired; as `frf`
     """
-    found: list[MappedDamping] = []
+    records: list[MappedDamping] = []
     for i, (before, after) in enumerate(zip(start.states, end.states)):
         for residual, test in identified_residuals(after.case.on_full_model.residuals):
             key = f"{array_prefix('after', after.case.name, i + 1)}/mapped_damping"
-            if not any(f.freq_key == f"{key}_hz" for f in found):
-                found.append(_record(residual, test, before, after, key, arrays))
-    return tuple(found)
+            if not any(f.freq_key == f"{key}_hz" for f in records):
+                records.append(_record(residual, test, before, after, key, arrays))
+    return tuple(records)
 
 
 def identified_residuals(residuals: Iterable[Residual]) -> Iterator[tuple[FrfResidual, RedrawnTest]]:
@@ -92,7 +92,7 @@ def _record(
     )
     raw = measured.values[np.ix_(rows, columns)]
     identified = test.system.system.frf(lines).values[np.ix_(rows, columns)]
-    solution, own, values = _functions(residual, test, after)
+    solution, damping, values = _functions(residual, test, after)
     arrays |= {f"{key}_hz": lines, f"{key}_test": raw, f"{key}_identified": identified, f"{key}_after": values}
     try:
         _, _, first = _functions(residual, test, before)
@@ -103,7 +103,7 @@ def _record(
     return MappedDamping(
         configuration=residual.configuration,
         equalised_percent=100.0 * test.damping_ratio,
-        modes=tuple(_modes(own, solution, float(lines[0]), float(lines[-1]))),
+        modes=tuple(_modes(damping, solution, float(lines[0]), float(lines[-1]))),
         deviation_before=None if first is None else _deviation(first, raw),
         deviation_after=_deviation(values, raw),
         deviation_identified=_deviation(identified, raw),
@@ -128,20 +128,20 @@ def _functions(
     """Modes of the full model at a state, their measured damping, and its FRFs at the measured lines."""
     solution = residual.way.model(state, residual.highest_hz)
     assert isinstance(solution, EigenSolution)
-    own = measured_damping(residual, test, solution)
+    damping = measured_damping(residual, test, solution)
     ports = residual.places.ports(solution.point.configured, residual.measured)
-    found = frf(
+    functions = frf(
         solution, ports, test.measured.freq_hz, test.measured.kind, residual.way.method,  # type: ignore[arg-type]
-        damping=damping_by_mode(own.ratios.tolist()), residual_vectors=residual.way.residual_vectors,
+        damping=damping_by_mode(damping.ratios.tolist()), residual_vectors=residual.way.residual_vectors,
     )  # fmt: skip
-    return solution, own, found.values
+    return solution, damping, functions.values
 
 
-def _modes(own: MeasuredDamping, solution: EigenSolution, low: float, high: float) -> Iterable[MappedMode]:
-    zeta, partners = own.test.damping_ratio, {p.test: p for p in own.pairing.pairs}
-    reasons = {u.test: u.reason for u in own.pairing.unpaired_test}
+def _modes(damping: MeasuredDamping, solution: EigenSolution, low: float, high: float) -> Iterable[MappedMode]:
+    zeta, partners = damping.test.damping_ratio, {p.test: p for p in damping.pairing.pairs}
+    reasons = {u.test: u.reason for u in damping.pairing.unpaired_test}
     assert zeta is not None
-    for i, hertz in enumerate(own.test.freq_hz):
+    for i, hertz in enumerate(damping.test.freq_hz):
         pair = partners.get(i)
         yield MappedMode(
             test_hz=float(hertz),
@@ -149,14 +149,14 @@ def _modes(own: MeasuredDamping, solution: EigenSolution, low: float, high: floa
             model_hz=None if pair is None else float(solution.freq_hz[pair.model]),
             mac=None if pair is None else float(pair.mac),
             measured_percent=100.0 * float(zeta[i]),
-            mapped_percent=None if pair is None else 100.0 * float(own.ratios[pair.model]),
+            mapped_percent=None if pair is None else 100.0 * float(damping.ratios[pair.model]),
             reason=reasons.get(i, ""),
         )
-    paired = {p.model for p in own.pairing.pairs}
+    paired = {p.model for p in damping.pairing.pairs}
     for j in range(solution.wanted):
         hertz = float(solution.freq_hz[j])
         if j not in paired and low <= hertz <= high:
             yield MappedMode(
                 test_hz=None, mode=j + 1, model_hz=hertz, mac=None, measured_percent=None,
-                mapped_percent=100.0 * float(own.ratios[j]),
+                mapped_percent=100.0 * float(damping.ratios[j]),
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The record of an identification, from what it found."""
+"""The record of an identification, from its modes, poles and fits."""
 
 from __future__ import annotations
 
@@ -16,52 +16,52 @@ if TYPE_CHECKING:
 
 
 def identification(
-    found: Found, title: str, source: InputFile, units: str, linearity: LinearityResults | None = None
+    identified: Found, title: str, source: InputFile, units: str, linearity: LinearityResults | None = None
 ) -> Identification:
     """The record of what was found."""
     clusters = tuple(
         PoleCluster(freq_hz=c.freq_hz, damping_ratio=c.damping_ratio, chosen=c.chosen, reason=c.reason)
-        for c in found.candidates
+        for c in identified.candidates
     )
     return Identification(
         femtune_version=__version__,
         title=title,
         source=source,
         units=units,
-        dofs=tuple(str(dof) for dof in found.modes.dofs),
-        normalisation=found.modes.normalisation,
-        modes=tuple(_mode(found, i) for i in range(len(found.modes))),
+        dofs=tuple(str(dof) for dof in identified.modes.dofs),
+        normalisation=identified.modes.normalisation,
+        modes=tuple(_mode(identified, i) for i in range(len(identified.modes))),
         clusters=clusters,
-        largest_misfit_percent=None if found.misfit_percent is None else float(found.misfit_percent.max()),
-        alerts=tuple(alert_of(notice) for notice in found.notices),
+        largest_misfit_percent=None if identified.misfit_percent is None else float(identified.misfit_percent.max()),
+        alerts=tuple(alert_of(notice) for notice in identified.notices),
         linearity=linearity,
     )
 
 
-def _mode(found: Found, i: int) -> IdentifiedMode:
-    modes = found.modes
-    verdict = found.of_input[i] if found.of_input else None
+def _mode(identified: Found, i: int) -> IdentifiedMode:
+    modes = identified.modes
+    verdict = identified.of_input[i] if identified.of_input else None
     return IdentifiedMode(
         label=modes.labels[i],
         freq_hz=float(modes.freq_hz[i]),
         freq_sd_hz=_at(modes.freq_sd_hz, i),
         damping_ratio=_at(modes.damping_ratio, i),
         damping_sd=_at(modes.damping_sd, i),
-        by_method={name: _at(freq, i) for name, freq in found.by_method.items()},
-        phase_collinearity=_at(found.collinearity, i),
-        estimates=None if found.found_in is None else int(found.found_in[i]),
+        by_method={name: _at(freq, i) for name, freq in identified.by_method.items()},
+        phase_collinearity=_at(identified.collinearity, i),
+        estimates=None if identified.found_in is None else int(identified.found_in[i]),
         of_input=None if verdict is None else verdict.of_input,
-        doubtful=any(r.doubtful for r in found.remarks if r.mode == i),
-        remark=_remark(found, i),
+        doubtful=any(r.doubtful for r in identified.remarks if r.mode == i),
+        remark=_remark(identified, i),
     )
 
 
-def _remark(found: Found, i: int) -> str:
-    verdict = found.of_input[i] if found.of_input else None
-    alone = found.only_method(i)
+def _remark(identified: Found, i: int) -> str:
+    verdict = identified.of_input[i] if identified.of_input else None
+    alone = identified.only_method(i)
     said = [
         "" if verdict is None else verdict.sentence,
-        *(r.notice.what for r in found.remarks if r.mode == i),
+        *(r.notice.what for r in identified.remarks if r.mode == i),
         "" if alone is None else f"only the method {alone} found the mode",
     ]
     return "; ".join(part for part in said if part)

@@ -1,4 +1,4 @@
-"""Identification where the input is known: measured frequency response functions."""
+"""Identification with known input: from measured FRFs, or from records that include the forces."""
 
 from __future__ import annotations
 
@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from femtune.testdata import WireFrame
 
 DEFAULT_ORDER = 60
+"""Largest order of the models if the request gives none.
+
+Each mode needs an order of two, and noise needs several times as much; higher orders take longer.
+"""
 
 
 def found_from_file(file: IdentifyFile) -> Found:
@@ -83,7 +87,7 @@ def _by_method(made: IdentifiedModes) -> dict[str, NDArray[np.float64]]:
 
 
 def _in_order(values: NDArray, chosen: NDArray, modes: NDArray) -> NDArray[np.float64]:
-    """Values of the chosen clusters beside the fitted modes, which may have changed places."""
+    """Values of the chosen clusters in the order of the fitted modes, which may differ from that of the clusters."""
     at = [int(np.argmin(np.abs(chosen - f))) for f in modes]
     return np.asarray(values[at], dtype=float)
 
@@ -94,16 +98,15 @@ def _curve(frfs: FrfSet) -> Curve:
     return Curve(frfs.freq_hz, level, "all functions together")
 
 
-# ----------------------------------------------------------------------------------------------------
-# Identification from records in time whose forces were measured: functions first, then their modes.
+DEFAULT_LINES = 400
+"""Lines of a band if no resolution is requested, as far as the record allows with eight segments.
+
+More lines resolve close modes better; fewer leave more segments, whose average has less noise.
+"""
 
 
-LINES = 400
-"""Lines of a band where no resolution is requested, as far as the record allows with eight segments."""
-
-
-WHOLE = 1e-3
-"""A period may miss a whole number of samples by so much, for it is written with few digits."""
+PERIOD_TOLERANCE = 1e-3
+"""Largest deviation of a period from a whole number of samples, in samples: periods are written with few digits."""
 
 
 def has_forces(record: TimeSeries) -> bool:
@@ -143,7 +146,7 @@ def _period(record: TimeSeries, file: IdentifyFile) -> int:
     """Samples of the period that is stated, which must be whole: a fraction would leak into every line."""
     period_s = file.identify.period_s or 0.0
     samples = period_s * record.even_hz
-    if abs(samples - round(samples)) > WHOLE:
+    if abs(samples - round(samples)) > PERIOD_TOLERANCE:
         raise FemtuneError(
             "identify.period",
             where=file.where("identify", "period_s"),
@@ -153,10 +156,10 @@ def _period(record: TimeSeries, file: IdentifyFile) -> int:
 
 
 def _segment(record: TimeSeries, file: IdentifyFile) -> int:
-    """Samples of a segment: by the resolution, or so that the band has `LINES` lines; an even number."""
+    """Samples of a segment: by the resolution, or so that the band has `DEFAULT_LINES` lines; an even number."""
     table = file.identify
     low, high = table.band_hz or (0.0, 0.5 * record.even_hz)
-    step = table.resolution_hz or (high - low) / LINES
+    step = table.resolution_hz or (high - low) / DEFAULT_LINES
     wanted = 2 * round(0.5 * record.even_hz / step)
     most = 2 * (record.samples // 16)
     if table.resolution_hz is not None and wanted > record.samples:

@@ -1,4 +1,4 @@
-"""Identification where nobody measured the forces: records of responses, and perhaps of the ground."""
+"""Identification with unknown input: from records of responses, with or without the ground motion."""
 
 from __future__ import annotations
 
@@ -39,10 +39,25 @@ if TYPE_CHECKING:
     from femtune.modal import ModeSet, TimeSeries
     from femtune.study.progress import Progress
 
-DEFAULT_ORDER, DEFAULT_METHODS = 60, ("SSI-cov", "ERA", "FDD")
-_LISTED = 5
-NEAR, ALIKE = 0.02, 0.8
-"""A method has a mode where one of its own is as near in frequency and as like in shape."""
+DEFAULT_ORDER = 60
+"""Largest order of the models if the request gives none.
+
+Each mode needs an order of two, and noise needs several times as much; higher orders take longer.
+"""
+DEFAULT_METHODS = ("SSI-cov", "ERA", "FDD")
+"""Methods if the request gives none: two parametric ones, and one in the frequency domain that makes other errors."""
+_MOST_LISTED = 5
+"""Frequencies of further modes that a notice lists, so that it stays one sentence."""
+FREQUENCY_TOLERANCE = 0.02
+"""Relative difference of frequencies up to which modes of two methods can be the same one.
+
+It must cover the scatter between methods, and stay below the distance of neighbouring modes.
+"""
+LEAST_MAC = 0.8
+"""MAC from which modes of two methods can be the same one.
+
+Noise lowers the MAC of one mode by two methods; the MAC of different modes is mostly far lower.
+"""
 
 
 def read_asked(file: IdentifyFile) -> TimeSeries:
@@ -81,28 +96,28 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
             progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
             several[name, i] = _by_hand(OUTPUT_ONLY[name].load()(piece, asked), file)
     _check_choice([several[names[0], i] for i in range(table.fragments)], file)
-    found = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
-    labels = found.modes.dofs.labels()
+    identified = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
+    labels = identified.modes.dofs.labels()
     phases = next((n for one in several.values() if (n := quadrature_notices(one.complex_shapes, labels))), ())
     ready = prepared(record, asked)
     spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
     level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
     inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
     curve = Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
-    found = _unscaled(_judged(found, measured), measured, levels)
-    return replace(found, curve=curve, notices=(*phases, *found.notices))
+    identified = _unscaled(_judged(identified, measured), measured, levels)
+    return replace(identified, curve=curve, notices=(*phases, *identified.notices))
 
 
-def _unscaled(found: Found, record: TimeSeries, levels: NDArray[np.float64]) -> Found:
+def _unscaled(identified: Found, record: TimeSeries, levels: NDArray[np.float64]) -> Found:
     """Shapes of the channels as they were measured, of those that were divided by their levels."""
     if (levels == 1.0).all():
-        return found
+        return identified
     of_channel = {c.dof: level for c, level in zip(record.channels, levels) if c.role != "input"}
-    factors = np.array([of_channel[dof] for dof in found.modes.dofs])[:, None]
-    modes, table = found.modes, found.table
+    factors = np.array([of_channel[dof] for dof in identified.modes.dofs])[:, None]
+    modes, table = identified.modes, identified.table
     sd = None if modes.shapes_sd is None else factors * modes.shapes_sd
     modes = replace(modes, shapes=factors * modes.shapes, shapes_sd=sd, normalisation="unknown")
-    return replace(found, modes=modes, table=table and replace(table, shapes=factors * table.shapes))
+    return replace(identified, modes=modes, table=table and replace(table, shapes=factors * table.shapes))
 
 
 def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:
@@ -119,13 +134,13 @@ def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:
     return Operational((low, table.band_hz[1]), table.largest_order or DEFAULT_ORDER)
 
 
-def _by_hand(found: OperationalModes, file: IdentifyFile) -> OperationalModes:
+def _by_hand(operational: OperationalModes, file: IdentifyFile) -> OperationalModes:
     """The choice of the file, as far as this method has such clusters in this fragment."""
     take, drop = (
-        tuple(f for f in asked if has_candidate(found.candidates, f))
+        tuple(f for f in asked if has_candidate(operational.candidates, f))
         for asked in (file.identify.take_hz, file.identify.drop_hz)
     )
-    return chosen_modes(found, change_choice(found.candidates, take, drop)) if take or drop else found
+    return chosen_modes(operational, change_choice(operational.candidates, take, drop)) if take or drop else operational
 
 
 def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
@@ -147,25 +162,27 @@ def _first(names: list[str], several: dict[tuple[str, int], OperationalModes], d
         raise FemtuneError("identify.no-modes/of-first-method", method=names[0])
     by_method = {name: _beside(first.modes, several[name, 0].modes) for name in names}
     notices = _further(names[0], {name: several[name, 0].modes for name in names}, dropped)
-    found = Found(
+    identified = Found(
         first.modes, first.collinearity, first.table, first.candidates, by_method, _NO_CURVE, notices=notices
     )  # fmt: skip
-    return _remarked(found, first.deviation_deg)
+    return _remarked(identified, first.deviation_deg)
 
 
 def _further(first: str, modes: dict[str, ModeSet], dropped: tuple[float, ...]) -> tuple[Notice, ...]:
     """The modes of other methods that the first one lacks, except those that the user dropped."""
-    found = []
+    sentences = []
     for name, others in modes.items():
         lacking = [
             float(hz)
             for hz, own in zip(others.freq_hz, _beside(others, modes[first]))
-            if np.isnan(own) and not any(abs(hz - f) <= NEAR * f for f in dropped)
+            if np.isnan(own) and not any(abs(hz - f) <= FREQUENCY_TOLERANCE * f for f in dropped)
         ]
         if lacking:
-            more = f" and {len(lacking) - _LISTED} more" if len(lacking) > _LISTED else ""
-            found.append(f"{name}: {', '.join(f'{hz:.4g}' for hz in lacking[:_LISTED])} Hz{more}")
-    notice = Notice("identify.further-modes", level="info", first=first, found="; ".join(found)) if found else None
+            more = f" and {len(lacking) - _MOST_LISTED} more" if len(lacking) > _MOST_LISTED else ""
+            sentences.append(f"{name}: {', '.join(f'{hz:.4g}' for hz in lacking[:_MOST_LISTED])} Hz{more}")
+    notice = (
+        Notice("identify.further-modes", level="info", first=first, found="; ".join(sentences)) if sentences else None
+    )
     return (notice,) if notice else ()
 
 
@@ -173,15 +190,15 @@ def _beside(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
     """(m,) the frequency of the other method's mode that is the same one, NaN where there is none."""
     if not len(others):
         return np.full(len(modes), np.nan)
-    same = mac(modes.shapes, others.shapes) >= ALIKE
+    same = mac(modes.shapes, others.shapes) >= LEAST_MAC
     away = np.where(same, np.abs(others.freq_hz / modes.freq_hz[:, None] - 1.0), np.inf)
     at = away.argmin(axis=1)
-    near = away[np.arange(len(modes)), at] <= NEAR
+    near = away[np.arange(len(modes)), at] <= FREQUENCY_TOLERANCE
     return np.where(near, others.freq_hz[at], np.nan)
 
 
 def _means(several: dict[tuple[str, int], OperationalModes], record: TimeSeries) -> Found:
-    combined = combine([Estimate(name, i, found.modes) for (name, i), found in several.items()])
+    combined = combine([Estimate(name, i, identified.modes) for (name, i), identified in several.items()])
     with_orders = next((f for f in several.values() if f.table is not None), None)
     table, candidates = (None, ()) if with_orders is None else (with_orders.table, with_orders.candidates)
     modes = replace(combined.modes, source=record.source)
@@ -189,11 +206,11 @@ def _means(several: dict[tuple[str, int], OperationalModes], record: TimeSeries)
         np.array([_middle(several.values(), modes, i, name) for i in range(len(modes))])
         for name in ("collinearity", "deviation_deg")
     )
-    found = Found(
+    identified = Found(
         modes, collinearity, table, candidates, combined.by_method, _NO_CURVE, combined.found, len(several),
         combined.dropped,
     )  # fmt: skip
-    return _remarked(found, deviation_deg)
+    return _remarked(identified, deviation_deg)
 
 
 def _middle(several: Iterable[OperationalModes], modes: ModeSet, i: int, name: str) -> float:
@@ -204,24 +221,24 @@ def _middle(several: Iterable[OperationalModes], modes: ModeSet, i: int, name: s
     return float(np.median(values)) if values else float("nan")
 
 
-def _remarked(found: Found, deviation_deg: NDArray[np.float64]) -> Found:
+def _remarked(identified: Found, deviation_deg: NDArray[np.float64]) -> Found:
     """With remarks on modes whose damping or shape is not that of a structure."""
-    freq = found.modes.freq_hz
+    freq = identified.modes.freq_hz
     remarks = (
-        *damping_remarks(freq, found.modes.damping_ratio),
-        *collinearity_remarks(freq, found.collinearity, deviation_deg),
+        *damping_remarks(freq, identified.modes.damping_ratio),
+        *collinearity_remarks(freq, identified.collinearity, deviation_deg),
     )
-    return replace(found, remarks=remarks, notices=(*found.notices, *(r.notice for r in remarks)))
+    return replace(identified, remarks=remarks, notices=(*identified.notices, *(r.notice for r in remarks)))
 
 
-def _judged(found: Found, record: TimeSeries) -> Found:
+def _judged(identified: Found, record: TimeSeries) -> Found:
     """Peaks that a recorded ground has too."""
     ground = record.positions("input")
     if not ground:
-        return found
-    segment = min(2 ** int(np.log2(record.even_hz / found.modes.freq_hz.min() * 200.0)), record.samples // 8)
+        return identified
+    segment = min(2 ** int(np.log2(record.even_hz / identified.modes.freq_hz.min() * 200.0)), record.samples // 8)
     spectra = cross_spectra(record.values - record.values.mean(axis=1, keepdims=True), record.even_hz, segment)
-    return replace(found, of_input=judge_peaks(found.modes.freq_hz.tolist(), spectra, ground))
+    return replace(identified, of_input=judge_peaks(identified.modes.freq_hz.tolist(), spectra, ground))
 
 
 _NO_CURVE = Curve(np.zeros(0), np.zeros(0), "")

@@ -1,4 +1,4 @@
-"""The step that works on a measurement: identify."""
+"""The function `identify`: modes from measured records or FRFs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def identify(
     >>> found.modes.freq_hz.round(1), found.modes.damping_ratio.round(3)
     (array([44.7]), array([0.01]))
     """
-    # pictures take a second to import
+    # imported here, because pictures take a second to import
     from femtune.reporting.html import write_html  # noqa: PLC0415
     from femtune.steps.identify.page import build_identification_page  # noqa: PLC0415
 

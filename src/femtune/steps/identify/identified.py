@@ -1,4 +1,4 @@
-"""Found: all that an identification came to, before it is written."""
+"""The result of an identification, before it is written."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Found:
     ----------
     modes : the result
     table, candidates : poles of every order and their clusters; None and () for methods without orders
-    by_method : frequencies (m,) of every method beside those of `modes`; NaN where it lacks the mode
+    by_method : frequencies (m,) by every method for each of `modes`; NaN where the method did not find the mode
     found_in : (m,) estimates that had each mode, of `estimates`; None where there is only one
     dropped : frequency and number of estimates of what too few of them had
     curve : behind the stabilisation diagram

@@ -1,4 +1,4 @@
-"""Further measurements at other levels of force, identified like the first one, and whether the structure is linear."""
+"""Further measurements at other force levels: each identified like the first, and compared for nonlinearity."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def level_file(file: IdentifyFile, entry: LevelEntry) -> IdentifyFile:
     return copy
 
 
-def linearity_of(file: IdentifyFile, found: Found, identify: IdentifyEach) -> LinearityResults | None:
+def linearity_of(file: IdentifyFile, identified: Found, identify: IdentifyEach) -> LinearityResults | None:
     """All levels compared with the first; None without [[level]].
 
     Parameters
     ----------
-    found : at the level of [identify]
+    identified : at the level of [identify]
     identify : identifies the measurements of files
 
     Raises
@@ -43,7 +43,7 @@ def linearity_of(file: IdentifyFile, found: Found, identify: IdentifyEach) -> Li
     if not file.level:
         return None
     table = file.linearity
-    levels = [_level(file, found, table.force or 1.0, "")]
+    levels = [_level(file, identified, table.force or 1.0, "")]
     files = [level_file(file, entry) for entry in file.level]
     each = identify([(of_level, f"level {of_level.measured_path.name}") for of_level in files])
     levels += [_level(f, one, e.force, e.name or "") for f, one, e in zip(files, each, file.level)]
@@ -51,51 +51,64 @@ def linearity_of(file: IdentifyFile, found: Found, identify: IdentifyEach) -> Li
     return _record(check_linearity(levels, limits))
 
 
-def _level(file: IdentifyFile, found: Found, force: float, name: str) -> ForceLevel:
-    own = [i for i in range(len(found.modes)) if found.of_structure(i)]
+def _level(file: IdentifyFile, identified: Found, force: float, name: str) -> ForceLevel:
+    own = [i for i in range(len(identified.modes)) if identified.of_structure(i)]
     shown = name or f"{Path(file.measured_path).name} ({force:g})"
-    return ForceLevel(shown, force, found.modes.select_modes(own), found.measured, _sd(found))
+    return ForceLevel(shown, force, identified.modes.select_modes(own), identified.measured, _sd(identified))
 
 
-_NEIGHBOURS = 17
-"""Lines over which estimates of the noise are averaged."""
-_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+_AVERAGED_LINES = 17
+"""Lines over which estimates of the noise are averaged.
+
+More lines make them more accurate and blur changes over the frequency.
+"""
+_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+"""Coefficients of the fourth difference.
+
+It is zero for a function that is cubic over five lines, so that mainly noise is left.
+"""
 
 
-def _sd(found: Found) -> Reals | None:
+def _sd(identified: Found) -> Reals | None:
     """√E|error|² of the functions: that of their estimate, else the smaller one of two estimates, line by line.
 
     One is the size of what the identified modes do not explain, which includes errors of the fit, the other that of the
     fourth difference over neighbouring lines, which includes the curvature of sharp peaks.
     """
-    if found.measured_sd is not None or found.measured is None:
-        return found.measured_sd
-    values, estimates = found.measured.values, []
-    if found.synthesised is not None:
-        estimates.append(np.abs(values - found.synthesised.values) ** 2)
-    if values.shape[2] >= len(_FOURTH):
-        rough = np.abs(convolve1d(values.real, _FOURTH, axis=2) + 1j * convolve1d(values.imag, _FOURTH, axis=2)) ** 2
-        estimates.append(rough / np.sum(_FOURTH**2))
-    smooth = [uniform_filter1d(e, _NEIGHBOURS, axis=2, mode="nearest") for e in estimates]
+    if identified.measured_sd is not None or identified.measured is None:
+        return identified.measured_sd
+    values, estimates = identified.measured.values, []
+    if identified.synthesised is not None:
+        estimates.append(np.abs(values - identified.synthesised.values) ** 2)
+    if values.shape[2] >= len(_FOURTH_DIFFERENCE):
+        rough = (
+            np.abs(
+                convolve1d(values.real, _FOURTH_DIFFERENCE, axis=2)
+                + 1j * convolve1d(values.imag, _FOURTH_DIFFERENCE, axis=2)
+            )
+            ** 2
+        )
+        estimates.append(rough / np.sum(_FOURTH_DIFFERENCE**2))
+    smooth = [uniform_filter1d(e, _AVERAGED_LINES, axis=2, mode="nearest") for e in estimates]
     return np.asarray(np.sqrt(np.min(smooth, axis=0))) if smooth else None
 
 
-def linearity_notice(found: LinearityResults) -> tuple[Notice, ...]:
+def linearity_notice(linearity: LinearityResults) -> tuple[Notice, ...]:
     """``frf.not-linear`` where the structure is not linear."""
-    return (Notice("frf.not-linear/levels", sentence=found.sentence),) if found.linear is False else ()
+    return (Notice("frf.not-linear/levels", sentence=linearity.sentence),) if linearity.linear is False else ()
 
 
-def _record(found: Linearity) -> LinearityResults:
+def _record(linearity: Linearity) -> LinearityResults:
     return LinearityResults(
-        names=found.names,
-        forces=found.forces,
-        modes=tuple(_mode(m) for m in found.modes),
-        functions=tuple(_functions(f) for f in found.functions),
-        linear=found.linear,
-        frequency_limit_percent=100.0 * found.limits.frequency,
-        damping_limit_percent=100.0 * found.limits.damping,
-        frac_limit=found.limits.frac,
-        sentence=_sentence(found),
+        names=linearity.names,
+        forces=linearity.forces,
+        modes=tuple(_mode(m) for m in linearity.modes),
+        functions=tuple(_functions(f) for f in linearity.functions),
+        linear=linearity.linear,
+        frequency_limit_percent=100.0 * linearity.limits.frequency,
+        damping_limit_percent=100.0 * linearity.limits.damping,
+        frac_limit=linearity.limits.frac,
+        sentence=_sentence(linearity),
     )
 
 
@@ -139,18 +152,18 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _sentence(found: Linearity) -> str:
-    if found.linear is None:
+def _sentence(linearity: Linearity) -> str:
+    if linearity.linear is None:
         return "linearity was not tested: neither modes nor functions could be compared between the levels"
-    parts = [_worst(found, name) for name in ("frequency", "damping")]
-    fracs = [f.frac for f in found.functions if not f.reason]
+    parts = [_worst(linearity, name) for name in ("frequency", "damping")]
+    fracs = [f.frac for f in linearity.functions if not f.reason]
     parts += [f"lowest FRAC between levels {min(fracs):.3f}"] if fracs else []
-    verdict = "linear within the limits" if found.linear else "not linear"
+    verdict = "linear within the limits" if linearity.linear else "not linear"
     return f"the structure is {verdict}: {'; '.join(part for part in parts if part)}"
 
 
-def _worst(found: Linearity, name: str) -> str:
-    trends = [(m.label, getattr(m, name)) for m in found.modes]
+def _worst(linearity: Linearity, name: str) -> str:
+    trends = [(m.label, getattr(m, name)) for m in linearity.modes]
     known = [(label, t) for label, t in trends if np.isfinite(t.largest)]
     if not known:
         return ""

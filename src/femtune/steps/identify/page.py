@@ -53,6 +53,10 @@ if TYPE_CHECKING:
 
 
 _SHOWN_FUNCTIONS = 6
+"""Measured functions in the figure, those that are fitted best and worst.
+
+They must stay large enough to be compared.
+"""
 
 
 def build_identification_page(made: IdentifyResult) -> Document:
@@ -75,18 +79,20 @@ def build_identification_page(made: IdentifyResult) -> Document:
 
 def _verdict(made: IdentifyResult) -> tuple[str, Level]:
     modes = made.record.modes
-    own = [m for m in modes if not m.of_input]
+    structural = [m for m in modes if not m.of_input]
     text = (
-        f"{counted(len(own), 'mode')} from {freq(own[0].freq_hz)} to {freq(own[-1].freq_hz)} Hz" if own else "No mode"
+        f"{counted(len(structural), 'mode')} from {freq(structural[0].freq_hz)} to {freq(structural[-1].freq_hz)} Hz"
+        if structural
+        else "No mode"
     )
-    doubtful = sum(m.doubtful for m in own)
+    doubtful = sum(m.doubtful for m in structural)
     if doubtful:
         text += f", {doubtful} of them doubtful"
-    text += _agreement(own)
-    others = len(modes) - len(own)
+    text += _agreement(structural)
+    others = len(modes) - len(structural)
     if others:
         text += f"; {counted(others, 'peak')} of the excitation excluded"
-    warned = any(a.level != "info" for a in made.record.alerts) or not own
+    warned = any(a.level != "info" for a in made.record.alerts) or not structural
     return text + ".", "warning" if warned else "info"
 
 
@@ -148,8 +154,10 @@ def _spread(number: float | None) -> str:
     return NONE if number is None else typeset(f"{number:.2g}")
 
 
-_A_FIGURE, _MOST_LINES = 6, 20_000
-"""Modes in a figure, and trace lines in all of them: the page must stay small enough to be sent."""
+_MODES_PER_FIGURE = 6
+"""Modes in one figure: they must stay large enough to be compared."""
+_MOST_TRACE_LINES = 20_000
+"""Trace lines in all figures: the page must stay small enough to be sent."""
 
 
 def _shapes(made: IdentifyResult) -> Iterator[Block]:
@@ -159,9 +167,9 @@ def _shapes(made: IdentifyResult) -> Iterator[Block]:
     if not placed:
         return
     frame = _wire_frame(geometry)
-    most = min(len(modes), max(1, _MOST_LINES // max(len(frame.lines), 1)))
-    for first in range(0, most, _A_FIGURE):
-        group = range(first, min(first + _A_FIGURE, most))
+    most = min(len(modes), max(1, _MOST_TRACE_LINES // max(len(frame.lines), 1)))
+    for first in range(0, most, _MODES_PER_FIGURE):
+        group = range(first, min(first + _MODES_PER_FIGURE, most))
         titles = [f"{modes.labels[i]}: {freq(modes.freq_hz[i])} Hz" for i in group]
         draw = partial(_draw_shapes, frame, geometry, modes, group, placed)
         yield Figure(draw, "", f"Identified mode shapes. {'; '.join(titles)}", wide=True)
@@ -234,23 +242,23 @@ def _scenes(made: IdentifyResult) -> Iterator[SceneView]:
 
 def _functions(made: IdentifyResult) -> Iterator[FunctionsView]:
     """Those with the poorest fits where there is no room for all."""
-    found = made.found
-    if found.measured is None or found.synthesised is None or found.misfit_percent is None:
+    identified = made.found
+    if identified.measured is None or identified.synthesised is None or identified.misfit_percent is None:
         return
-    sides = (("test", found.measured), ("identified", found.synthesised))
-    order = np.argsort(-found.misfit_percent, axis=None)
+    sides = (("test", identified.measured), ("identified", identified.synthesised))
+    order = np.argsort(-identified.misfit_percent, axis=None)
     shown = order[: max(1, FUNCTION_BYTES // (8 * sum(len(side.freq_hz) for _, side in sides)))]
-    i, j = np.unravel_index(shown, found.misfit_percent.shape)
+    i, j = np.unravel_index(shown, identified.misfit_percent.shape)
     titles = [
-        f"{found.measured.responses[a]} / {found.measured.references[b]}, "
-        f"error {percent(float(found.misfit_percent[a, b]))} %"
+        f"{identified.measured.responses[a]} / {identified.measured.references[b]}, "
+        f"error {percent(float(identified.misfit_percent[a, b]))} %"
         for a, b in zip(i.tolist(), j.tolist())
     ]
     left = len(order) - len(shown)
     curves = tuple(curve_view(look, side.freq_hz, side.values[i, j]) for look, side in sides)
     note = f"The {len(shown)} functions with the poorest fits, of {len(order)}." if left else ""
-    unit = frf_unit(found.measured.kind, unit_system(made.record.units))
-    ordinate = f"{found.measured.kind.capitalize()}, {unit}"
+    unit = frf_unit(identified.measured.kind, unit_system(made.record.units))
+    ordinate = f"{identified.measured.kind.capitalize()}, {unit}"
     yield FunctionsView("test", ordinate, tuple(titles), curves, note, section="fit")
 
 
@@ -275,36 +283,36 @@ def _poles(made: IdentifyResult) -> Iterator[Block]:
 
 
 def _picture(made: IdentifyResult) -> StabilisationPicture:
-    found, table = made.found, made.found.table
-    own = [m.freq_hz for m in made.record.modes if not m.of_input]
+    identified, table = made.found, made.found.table
+    structural_hz = [m.freq_hz for m in made.record.modes if not m.of_input]
     others = [m.freq_hz for m in made.record.modes if m.of_input]
-    curve = found.curve
-    ends = curve.freq_hz if len(curve.freq_hz) else np.array([*own, *others])
+    curve = identified.curve
+    ends = curve.freq_hz if len(curve.freq_hz) else np.array([*structural_hz, *others])
     band = float(ends.min()), float(ends.max())
     if table is None:
         nothing = np.zeros(0)
         return StabilisationPicture(
-            nothing, np.zeros(0, int), (), np.zeros(0, bool), curve.freq_hz, curve.level_db, own, others, band
+            nothing, np.zeros(0, int), (), np.zeros(0, bool), curve.freq_hz, curve.level_db, structural_hz, others, band
         )
     inside = (table.freq_hz >= band[0]) & (table.freq_hz <= band[1])
-    shown, firm = table.select(inside), found.stable_poles()[inside]
+    shown, firm = table.select(inside), identified.stable_poles()[inside]
     return StabilisationPicture(
-        shown.freq_hz, shown.order, shown.method, firm, curve.freq_hz, curve.level_db, own, others, band
+        shown.freq_hz, shown.order, shown.method, firm, curve.freq_hz, curve.level_db, structural_hz, others, band
     )
 
 
 def _fit(made: IdentifyResult) -> Iterator[Block]:
-    found = made.found
-    if found.measured is None or found.synthesised is None or found.misfit_percent is None:
+    identified = made.found
+    if identified.measured is None or identified.synthesised is None or identified.misfit_percent is None:
         return
-    worst, middle = float(found.misfit_percent.max()), float(np.median(found.misfit_percent))
+    worst, middle = float(identified.misfit_percent.max()), float(np.median(identified.misfit_percent))
     yield Paragraph(
         "The error is the root mean square of measured − synthesised relative to that of the measured function. It is "
         f"{percent(worst)} % for the function with the poorest fit and {percent(middle)} % in the median. The "
         "synthesis contains the modes and residual terms for the modes outside the band. Check the sensors of "
         "functions with a poor fit."
     )
-    panels = tuple(_panel(made, i, j) for i, j in _functions_to_show(found.misfit_percent))
+    panels = tuple(_panel(made, i, j) for i, j in _functions_to_show(identified.misfit_percent))
     caption = "Wide line: measured. Narrow line: synthesised from the identified modes. The poorest fits come last."
     yield Figure(partial(frfs_svg, panels), caption, "Measured and synthesised functions", wide=True)
 
@@ -319,37 +327,40 @@ def _functions_to_show(misfit: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _panel(made: IdentifyResult, i: int, j: int) -> FrfPanel:
-    found = made.found
-    assert found.measured is not None
-    assert found.synthesised is not None
-    assert found.misfit_percent is not None
-    missed = percent(float(found.misfit_percent[i, j]))
-    title = f"{found.measured.responses[i]} / {found.measured.references[j]}, error {missed} %"
+    identified = made.found
+    assert identified.measured is not None
+    assert identified.synthesised is not None
+    assert identified.misfit_percent is not None
+    missed = percent(float(identified.misfit_percent[i, j]))
+    title = f"{identified.measured.responses[i]} / {identified.measured.references[j]}, error {missed} %"
     curves = (
-        FrfCurve("test", found.measured.freq_hz, found.measured.values[i, j]),
-        FrfCurve("model", found.synthesised.freq_hz, found.synthesised.values[i, j]),
+        FrfCurve("test", identified.measured.freq_hz, identified.measured.values[i, j]),
+        FrfCurve("model", identified.synthesised.freq_hz, identified.synthesised.values[i, j]),
     )
-    return FrfPanel(title, found.measured.kind, curves)
+    return FrfPanel(title, identified.measured.kind, curves)
 
 
 def _linearity(made: IdentifyResult) -> Iterator[Block]:
-    found = made.record.linearity
-    if found is None:
+    linearity = made.record.linearity
+    if linearity is None:
         return
-    yield Paragraph(as_sentence(found.sentence), "poor" if found.linear is False else "")
+    yield Paragraph(as_sentence(linearity.sentence), "poor" if linearity.linear is False else "")
     note = (
-        f"Changes relative to {found.names[0]}, the largest over the levels, ± one standard deviation, and for twice "
-        f"the force. A mode is not linear if its frequency changes by more than {found.frequency_limit_percent:g} % or "
-        f"its damping ratio by more than {found.damping_limit_percent:g} %, and by more than three standard deviations "
+        f"Changes relative to {linearity.names[0]}, the largest over the levels, ± one standard deviation, and for "
+        "twice the force. A mode is not linear if its frequency changes by more than "
+        f"{linearity.frequency_limit_percent:g} % or its damping ratio by more than "
+        f"{linearity.damping_limit_percent:g} %, and by more than three standard deviations "
         "where these are known."
     )
     heads = columns(
-        "Mode", *(f">{name}, Hz" for name in found.names), ">Change %", ">Per doubling %",
-        *(f">{name}, damping %" for name in found.names), ">Change %", ">Per doubling %", "Linear",
+        "Mode", *(f">{name}, Hz" for name in linearity.names), ">Change %", ">Per doubling %",
+        *(f">{name}, damping %" for name in linearity.names), ">Change %", ">Per doubling %", "Linear",
     )  # fmt: skip
-    if found.modes:
-        yield Table("Modes at several levels of force", heads, tuple(row(*_level_cells(m)) for m in found.modes), note)
-    yield _level_functions(found)
+    if linearity.modes:
+        yield Table(
+            "Modes at several levels of force", heads, tuple(row(*_level_cells(m)) for m in linearity.modes), note
+        )
+    yield _level_functions(linearity)
 
 
 def _level_cells(mode: LevelMode) -> list[str]:
@@ -372,7 +383,7 @@ def _trend_cells(trend: LevelTrend) -> list[str]:
     return [signed_percent(v) + (f" ± {_spread(sd)}" if v is not None and sd is not None else "") for v, sd in pairs]
 
 
-def _level_functions(found: LinearityResults) -> Table:
+def _level_functions(linearity: LinearityResults) -> Table:
     heads = columns(
         "Level",
         ">Functions",
@@ -390,12 +401,12 @@ def _level_functions(found: LinearityResults) -> Table:
             f.lowest, percent(f.change_percent), percent(f.noise_percent),
             as_sentence(f.reason) if f.reason else _differing(f),
         )
-        for name, f in zip(found.names[1:], found.functions)
+        for name, f in zip(linearity.names[1:], linearity.functions)
     ]  # fmt: skip
     note = (
-        f"FRFs compared with those of {found.names[0]}. Noise: the change that noise alone would give (from the "
+        f"FRFs compared with those of {linearity.names[0]}. Noise: the change that noise alone would give (from the "
         "record, or estimated from the fit and from neighbouring lines). A level is not linear if the FRAC is below "
-        f"{found.frac_limit:g} and the functions differ by more than noise."
+        f"{linearity.frac_limit:g} and the functions differ by more than noise."
     )
     return Table("FRFs at several levels of force", heads, tuple(rows), note)
 

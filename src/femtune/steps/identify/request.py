@@ -1,4 +1,4 @@
-"""The request: an identification file, or a measured file with options."""
+"""The request: an identification file, or a measured file with options; checks of the measured records."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ if TYPE_CHECKING:
     from femtune.identification.operational import Operational
     from femtune.modal import TimeSeries
 
-_FUNCTIONS = (".uff", ".unv")
+_UFF_SUFFIXES = (".uff", ".unv")
+"""Suffixes of Universal Files."""
 _TIME_RESPONSE = 1
+"""Function type of a time response in dataset 58."""
 
 
 def asked_of(path: Path | str, options: Mapping[str, Any]) -> IdentifyFile:
@@ -63,20 +65,23 @@ def _checked(data: dict[str, Any], path: Path) -> IdentifyFile:
 
 def _kind_of(path: Path) -> str:
     """ "frfs" for a Universal File, unless its functions are records in time."""
-    if path.suffix.lower() not in _FUNCTIONS:
+    if path.suffix.lower() not in _UFF_SUFFIXES:
         return "record"
     types = [read_header(one).function_type for one in scan_uff(path) if one.number == 58]
     return "record" if types and all(t == _TIME_RESPONSE for t in types) else "frfs"
 
 
-# ----------------------------------------------------------------------------------------------------
-# Whether anything can be identified from a record: asked before any method works on it.
+LARGEST_SAMPLE = 1e60
+"""Largest magnitude of samples. Standard deviations need fourth powers, which overflow above it."""
+SMALLEST_SAMPLE = 1e-60
+"""Smallest magnitude of the largest sample of a channel, unless it is zero.
 
-
-LARGEST, SMALLEST = 1e60, 1e-60
-"""Between these the fourth powers that standard deviations need neither overflow nor vanish."""
-LEAST_SAMPLES, LEAST_LINES = 128, 4
-"""Of a piece of record, and of spectra in the band, that any method can work on."""
+Standard deviations need fourth powers, which underflow below it.
+"""
+LEAST_SAMPLES = 128
+"""Samples that a piece of record needs for any of the methods."""
+LEAST_LINES = 4
+"""Lines that spectra need in the band for any of the methods: less than four cannot show a resonance."""
 
 
 def check_usable(record: TimeSeries) -> None:
@@ -86,7 +91,7 @@ def check_usable(record: TimeSeries) -> None:
     ------
     FemtuneError : ``record.dead`` where no response moves, ``record.values`` for numbers that are too large or small
     """
-    # sizes first: the squares that tell a dead channel would overflow
+    # magnitudes are checked first, because the squares that reveal a dead channel could overflow
     _check_size(record)
     responses = record.select_channels([*record.positions("reference"), *record.positions("response")])
     if len(responses) and dead_channels(responses).all():
@@ -95,10 +100,10 @@ def check_usable(record: TimeSeries) -> None:
 
 def _check_size(record: TimeSeries) -> None:
     largest = np.nanmax(np.abs(record.values), axis=1, initial=0.0)
-    bad = np.flatnonzero((largest > LARGEST) | ((largest < SMALLEST) & (largest > 0.0)))
+    bad = np.flatnonzero((largest > LARGEST_SAMPLE) | ((largest < SMALLEST_SAMPLE) & (largest > 0.0)))
     if len(bad):
         names = ", ".join(str(record.channels[i]) for i in bad[:5])
-        values = {"largest sample": f"{largest[bad[0]]:.3g}", "wanted": f"{SMALLEST:g} to {LARGEST:g}"}
+        values = {"largest sample": f"{largest[bad[0]]:.3g}", "wanted": f"{SMALLEST_SAMPLE:g} to {LARGEST_SAMPLE:g}"}
         raise FemtuneError("record.values/size", values=values, channels=names)
 
 

@@ -1,4 +1,4 @@
-"""What `identify` returns."""
+"""The result of `identify`: modes, poles and linearity, for Python users."""
 
 from __future__ import annotations
 

@@ -13,8 +13,11 @@ from femtune.identification.setups import to_rigid_motion
 from femtune.modal import TimeSeries
 from femtune.testdata import WireFrame
 
-LEFT_OVER = 0.2
-"""Part of the signal of a sensor that the rigid motions may miss."""
+LARGEST_REMAINDER = 0.2
+"""Part of the signal of a sensor that the rigid motions may leave unexplained.
+
+Noise leaves a small part; a sensor on a flexible part, or with a wrong direction, leaves a large one.
+"""
 
 
 def with_rigid_bodies(
@@ -56,7 +59,7 @@ def _reduced(
     kept = record.select_channels(others)
     own = tuple(replace(c, role=role, unit=channels[0].unit) for c in made.channels)
     joined = replace(record, values=np.vstack([made.values, kept.values]), channels=(*own, *kept.channels))
-    poor = [f"{c.dof} ({r:.0%})" for c, r in zip(channels, rest) if r > LEFT_OVER]
+    poor = [f"{c.dof} ({r:.0%})" for c, r in zip(channels, rest) if r > LARGEST_REMAINDER]
     notice = Notice("identify.rigid-bodies", where=where, sensors=", ".join(poor)) if poor else None
     return joined, (notice,) if notice else ()
 

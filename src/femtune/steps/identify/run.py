@@ -1,4 +1,4 @@
-"""The step as a whole: read, identify, write."""
+"""The step identify: read the measurement, identify modes, write files."""
 
 from __future__ import annotations
 
@@ -64,20 +64,20 @@ def identify(
     _check_folder(folder, file)
     progress.step("reading the measurement", 0, None)
     with _at_the_file(file):
-        found = _found(file, progress, each)
-    linearity = linearity_of(file, found, each)
+        identified = _found(file, progress, each)
+    linearity = linearity_of(file, identified, each)
     if linearity is not None:
-        found = replace(found, notices=(*found.notices, *linearity_notice(linearity)))
+        identified = replace(identified, notices=(*identified.notices, *linearity_notice(linearity)))
     source = InputFile(path=file.measured_path.name, sha256=_digest(file.measured_path))
     title = file.identify.title or file.measured_path.name
     tables = (file.channel, file.function, file.functions, *(one.channel for one in file.setup))
-    test = test_of_modes(found, title, file.identify.units)
+    test = test_of_modes(identified, title, file.identify.units)
     unwritten = no_modes_file(test, named=any(map(bool, tables)))
     if unwritten is not None:
-        found = replace(found, notices=(*found.notices, unwritten))
-    record = identification(found, title, source, file.identify.units, linearity)
-    names = write_found(folder, found, record, test if unwritten is None else None)
-    return IdentifyResult(folder, record, found, tuple(names))
+        identified = replace(identified, notices=(*identified.notices, unwritten))
+    record = identification(identified, title, source, file.identify.units, linearity)
+    names = write_found(folder, identified, record, test if unwritten is None else None)
+    return IdentifyResult(folder, record, identified, tuple(names))
 
 
 def _found(file: IdentifyFile, progress: Progress, each: IdentifyEach) -> Found:
@@ -101,9 +101,9 @@ def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
     return _with_agreement(found if geometry is None else replace(found, geometry=geometry))
 
 
-def _with_geometry(found: Found, file: IdentifyFile) -> Found:
+def _with_geometry(identified: Found, file: IdentifyFile) -> Found:
     geometry = read_described_geometry(file)
-    return found if geometry is None else replace(found, geometry=geometry)
+    return identified if geometry is None else replace(identified, geometry=geometry)
 
 
 def _found_each(jobs: int, progress: Progress, asked: Sequence[tuple[IdentifyFile, str]]) -> list[Found]:
@@ -129,15 +129,15 @@ def _found_named(progress: Progress, file: IdentifyFile, name: str) -> Found:
         return _found_of_one(file, progress)
 
 
-def _with_agreement(found: Found) -> Found:
+def _with_agreement(identified: Found) -> Found:
     """With a notice of the modes that one method alone has."""
-    own = [i for i in range(len(found.modes)) if found.of_structure(i)]
-    alone = {i: name for i in own if (name := found.only_method(i)) is not None}
+    structural = [i for i in range(len(identified.modes)) if identified.of_structure(i)]
+    alone = {i: name for i in structural if (name := identified.only_method(i)) is not None}
     if not alone:
-        return found
-    names = ", ".join(f"{found.modes.freq_hz[i]:.4g} Hz ({name})" for i, name in alone.items())
-    notice = Notice("identify.one-method", level="info", n_alone=len(alone), n_modes=len(own), names=names)
-    return replace(found, notices=(*found.notices, notice))
+        return identified
+    names = ", ".join(f"{identified.modes.freq_hz[i]:.4g} Hz ({name})" for i, name in alone.items())
+    notice = Notice("identify.one-method", level="info", n_alone=len(alone), n_modes=len(structural), names=names)
+    return replace(identified, notices=(*identified.notices, notice))
 
 
 @contextmanager

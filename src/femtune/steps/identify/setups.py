@@ -21,10 +21,10 @@ IdentifyEach = Callable[[Sequence[tuple[IdentifyFile, str]]], list[Found]]
 
 def setup_file(file: IdentifyFile, entry: SetupEntry) -> IdentifyFile:
     """The identification file of one set-up: the common settings with its own measurement and channels."""
-    own: dict[str, object] = {"record": entry.record, "frfs": entry.frfs}
-    own |= {"take_hz": entry.take_hz, "drop_hz": entry.drop_hz}
-    own |= {key: value for key in ("sampling_hz", "variable") if (value := getattr(entry, key)) is not None}
-    table = file.identify.model_copy(update=own)
+    values: dict[str, object] = {"record": entry.record, "frfs": entry.frfs}
+    values |= {"take_hz": entry.take_hz, "drop_hz": entry.drop_hz}
+    values |= {key: value for key in ("sampling_hz", "variable") if (value := getattr(entry, key)) is not None}
+    table = file.identify.model_copy(update=values)
     made = file.model_copy(update={"identify": table, "channel": entry.channel or file.channel, "setup": ()})
     made._path, made._source = file._path, file._source
     return made
@@ -43,50 +43,53 @@ def found_from_setups(file: IdentifyFile, identify: IdentifyEach) -> Found:
     """
     names = [entry.name or str(i) for i, entry in enumerate(file.setup, 1)]
     each = identify([(setup_file(file, entry), f"set-up {name}") for name, entry in zip(names, file.setup)])
-    modes, left = same_modes([_of_structure(found) for found in each])
+    modes, left = same_modes([_of_structure(setup) for setup in each])
     more = _to_take(left, each)
     entries = {k: file.setup[k].model_copy(update={"take_hz": (*file.setup[k].take_hz, *f)}) for k, f in more.items()}
     words = "with modes of the other set-ups"
     again = identify([(setup_file(file, entry), f"set-up {names[k]}, {words}") for k, entry in entries.items()])
-    each = [dict(zip(entries, again)).get(k, found) for k, found in enumerate(each)]
+    each = [dict(zip(entries, again)).get(k, setup) for k, setup in enumerate(each)]
     if left:
-        modes, left = same_modes([_of_structure(found) for found in each])
+        modes, left = same_modes([_of_structure(setup) for setup in each])
     if not len(modes[0]):
-        values = {name: ", ".join(f"{f:.4g}" for f in found.modes.freq_hz) + " Hz" for name, found in zip(names, each)}
+        values = {name: ", ".join(f"{f:.4g}" for f in setup.modes.freq_hz) + " Hz" for name, setup in zip(names, each)}
         raise FemtuneError(
             "identify.setups/none-common", where=Where(str(file.path)), values=values, n_setups=len(each)
         )
     merged = replace(merge_setups(modes), normalisation="unknown")
     merged = replace(merged, shapes=merged.shapes / np.linalg.norm(merged.shapes, axis=0), normalisation="unit-norm")
-    collinearity = np.array([min(_collinearity(found, f) for found in each) for f in merged.freq_hz])
+    collinearity = np.array([min(_collinearity(setup, f) for setup in each) for f in merged.freq_hz])
     return Found(
         merged, collinearity, None, (), {}, replace(each[0].curve, words=f"{each[0].curve.words}, set-up {names[0]}"),
         found_in=np.full(len(merged), len(each)), estimates=len(each),
         notices=(*_notices(each), *left_notice(left, len(each))),
-        geometry=next((found.geometry for found in each if len(found.geometry)), NO_GEOMETRY),
+        geometry=next((setup.geometry for setup in each if len(setup.geometry)), NO_GEOMETRY),
     )  # fmt: skip
 
 
-SHARE = 0.5
-"""A mode that so many set-ups have is accepted in the others if they have a cluster of stable poles there."""
+LEAST_SHARE = 0.5
+"""Share of the set-ups that must have a mode so that a cluster of stable poles is accepted in the others.
+
+A mode that less than half of the set-ups have may be a pole of noise.
+"""
 
 
 def _to_take(left: list[PartlyFound], each: list[Found]) -> dict[int, tuple[float, ...]]:
     """Frequencies of clusters, by set-up, that are accepted because most other set-ups have the mode."""
     out: dict[int, tuple[float, ...]] = {}
-    for mode in (m for m in left if len(m.having) >= SHARE * len(each)):
+    for mode in (m for m in left if len(m.having) >= LEAST_SHARE * len(each)):
         for k in sorted(set(range(len(each))) - set(mode.having)):
             if has_candidate(each[k].candidates, mode.freq_hz):
                 out[k] = (*out.get(k, ()), mode.freq_hz)
     return out
 
 
-def _of_structure(found: Found) -> ModeSet:
-    return found.modes.select_modes([i for i in range(len(found.modes)) if found.of_structure(i)])
+def _of_structure(identified: Found) -> ModeSet:
+    return identified.modes.select_modes([i for i in range(len(identified.modes)) if identified.of_structure(i)])
 
 
-def _collinearity(found: Found, freq: float) -> float:
-    return float(found.collinearity[int(np.argmin(np.abs(found.modes.freq_hz - freq)))])
+def _collinearity(identified: Found, freq: float) -> float:
+    return float(identified.collinearity[int(np.argmin(np.abs(identified.modes.freq_hz - freq)))])
 
 
 def _notices(each: list[Found]) -> tuple[Notice, ...]:

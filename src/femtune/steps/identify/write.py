@@ -27,16 +27,19 @@ if TYPE_CHECKING:
     from femtune.steps.identify.identified import Found
     from femtune.steps.identify.record import Identification
 
-RECORD_FILE, MODES_FILE, TABLE_FILE, POLES_FILE, SYSTEM_FILE, DEVIATIONS_FILE = (
-    "identified.json", "modes.uff", "modes.csv", "poles.csv", "system.npz", "deviations.json",
-)  # fmt: skip
+RECORD_FILE = "identified.json"
+MODES_FILE = "modes.uff"
+TABLE_FILE = "modes.csv"
+POLES_FILE = "poles.csv"
+SYSTEM_FILE = "system.npz"
+DEVIATIONS_FILE = "deviations.json"
 
 
-def test_of_modes(found: Found, title: str, units: str) -> ModalTest:
+def test_of_modes(identified: Found, title: str, units: str) -> ModalTest:
     """The modes as a test that a study can read, without those of the excitation."""
     name = title if title.isprintable() and len(title) <= 80 else "identified"
-    of_structure = [i for i in range(len(found.modes)) if found.of_structure(i)]
-    return ModalTest(name, unit_system(units), found.geometry, modes=found.modes.select_modes(of_structure))
+    of_structure = [i for i in range(len(identified.modes)) if identified.of_structure(i)]
+    return ModalTest(name, unit_system(units), identified.geometry, modes=identified.modes.select_modes(of_structure))
 
 
 def no_modes_file(test: ModalTest, *, named: bool) -> Notice | None:
@@ -54,18 +57,18 @@ def no_modes_file(test: ModalTest, *, named: bool) -> Notice | None:
     return None
 
 
-def write_found(folder: Path, found: Found, record: Identification, test: ModalTest | None) -> list[str]:
+def write_found(folder: Path, identified: Found, record: Identification, test: ModalTest | None) -> list[str]:
     """Write all files; returns their names. `test` has the modes for a study, None where they are not written.
 
     Raises
     ------
     FemtuneError : ``run.unwritable``
     """
-    files: dict[str, bytes] = {RECORD_FILE: _json(record), TABLE_FILE: _modes_table(found)}
-    if found.table is not None:
-        files[POLES_FILE] = _poles_table(found)
-    if found.system is not None:
-        files[SYSTEM_FILE] = _packed(found.system)
+    files: dict[str, bytes] = {RECORD_FILE: _json(record), TABLE_FILE: _modes_table(identified)}
+    if identified.table is not None:
+        files[POLES_FILE] = _poles_table(identified)
+    if identified.system is not None:
+        files[SYSTEM_FILE] = _packed(identified.system)
     try:
         for name, content in files.items():
             write_whole(folder / name, content)
@@ -98,21 +101,27 @@ def _plain(test: ModalTest) -> ModalTest:
     return replace(test, modes=plain)
 
 
-def _modes_table(found: Found) -> bytes:
-    modes = found.modes
-    heads = ["label", "freq_hz", "freq_sd_hz", "damping_ratio", "damping_sd", *found.by_method]
+def _modes_table(identified: Found) -> bytes:
+    modes = identified.modes
+    heads = ["label", "freq_hz", "freq_sd_hz", "damping_ratio", "damping_sd", *identified.by_method]
     rows = []
     for i, label in enumerate(modes.labels):
-        values = [modes.freq_hz, modes.freq_sd_hz, modes.damping_ratio, modes.damping_sd, *found.by_method.values()]
+        values = [
+            modes.freq_hz,
+            modes.freq_sd_hz,
+            modes.damping_ratio,
+            modes.damping_sd,
+            *identified.by_method.values(),
+        ]
         rows.append([label, *("" if v is None or not np.isfinite(v[i]) else f"{v[i]:.8g}" for v in values)])
     return _csv(heads, rows)
 
 
-def _poles_table(found: Found) -> bytes:
-    table = found.table
+def _poles_table(identified: Found) -> bytes:
+    table = identified.table
     assert table is not None
     firm = stable(table, Limits())
-    chosen = {int(i) for c in found.candidates if c.chosen for i in c.members}
+    chosen = {int(i) for c in identified.candidates if c.chosen for i in c.members}
     rows = [
         [table.method[i], int(table.order[i]), f"{f:.8g}", f"{z:.6g}", int(firm[i]), int(i in chosen)]
         for i, (f, z) in enumerate(zip(table.freq_hz, table.damping_ratio, strict=True))

@@ -26,10 +26,16 @@ from femtune.steps.info.record.checks import ModelCheck, ModeMeshError
 Solutions = Mapping[str, EigenSolution]
 
 
-MASS, LUMPING, MESH = "weighed mass", "lumped or consistent mass", "mesh"
+MASS = "weighed mass"
+LUMPING = "lumped or consistent mass"
+MESH = "mesh"
 
 
-_SAME = 1e-6
+_EQUAL_CHANGE = 1e-6
+"""Relative difference up to which changes of two modes are equal.
+
+It is above the rounding of an eigenvalue and far below a change that matters.
+"""
 
 
 _OFF = "refinement = false in [checks]"
@@ -56,12 +62,12 @@ def _mass(study: Study, case: StudyCase) -> ModelCheck:
 
 def model_checks(study: Study, solutions: Solutions, progress: Progress) -> tuple[ModelCheck, ...]:
     """All checks of the configurations that the update uses, at the deck's values."""
-    found = list(mass_checks(study))
+    checks = list(mass_checks(study))
     for case in study.cases:
         if case.used is not None and case.name in solutions:
             progress.step(f"mass and mesh: {case.name}", 0, None)
-            found += [_lumping(study, case, solutions[case.name]), mesh_check(study, case, solutions[case.name])]
-    return tuple(found)
+            checks += [_lumping(study, case, solutions[case.name]), mesh_check(study, case, solutions[case.name])]
+    return tuple(checks)
 
 
 def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelCheck:
@@ -79,7 +85,7 @@ def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelChe
 
 
 def checks_of_modes(study: Study) -> tuple[list[ModelCheck], list[Alert]]:
-    """What the modes of each configuration tell of its mesh and of the mass of beams, if the model is small enough."""
+    """Checks of the mesh and of the mass of beams by the modes of each configuration, if the model is small enough."""
     reason, limit = mesh_not_checked(study), 100.0 * study.file.checks.mesh_error
     checks: list[ModelCheck] = []
     told: list[Alert] = []
@@ -113,43 +119,43 @@ def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelC
     limit = 100.0 * checks.mesh_error
     if checks.refinement is False:
         return _untested(case, MESH, limit, _OFF)
-    found = mesh_change(solution, _most_dofs(study))
-    if isinstance(found, str):
-        return _untested(case, MESH, limit, found)
-    worst = _worst(case, solution, found.error)
+    change = mesh_change(solution, _most_dofs(study))
+    if isinstance(change, str):
+        return _untested(case, MESH, limit, change)
+    worst = _worst(case, solution, change.error)
     if worst is None:
-        reason = "no mode of the refined mesh resembles a mode of the original mesh" + _drilling(found)
+        reason = "no mode of the refined mesh resembles a mode of the original mesh" + _drilling(change)
         return _untested(case, MESH, limit, reason)
     mode, value = worst
     k = mode - 1
     sentence = (
-        f"with elements of half the size ({found.free_dofs} free DOFs), mode {mode} changes from "
-        f"{found.freq_hz[k]:.5g} to {found.refined_hz[k]:.5g} Hz; its discretisation error is about {value:+.2g} %"
+        f"with elements of half the size ({change.free_dofs} free DOFs), mode {mode} changes from "
+        f"{change.freq_hz[k]:.5g} to {change.refined_hz[k]:.5g} Hz; its discretisation error is about {value:+.2g} %"
     )
-    if found.whole:
-        sentence += f"; {', '.join(found.whole)} elements were not divided"
+    if change.whole:
+        sentence += f"; {', '.join(change.whole)} elements were not divided"
     check = _tested(case, MESH, limit, value, sentence)
-    modes = tuple(_mode_errors(found))
-    return check.model_copy(update={"modes": modes, "sentence": check.sentence + _drilling(found)})
+    modes = tuple(_mode_errors(change))
+    return check.model_copy(update={"modes": modes, "sentence": check.sentence + _drilling(change)})
 
 
-def _drilling(found: MeshChange) -> str:
+def _drilling(change: MeshChange) -> str:
     """Part of a sentence on modes without an estimate because of the drilling stiffness."""
-    if not found.drilling:
+    if not change.drilling:
         return ""
-    modes = f"mode{'s' if len(found.drilling) > 1 else ''} {', '.join(map(str, found.drilling))}"
+    modes = f"mode{'s' if len(change.drilling) > 1 else ''} {', '.join(map(str, change.drilling))}"
     return f"; no estimate for {modes}, whose drilling stiffness (K6ROT) falls with the size of the elements"
 
 
-def _mode_errors(found: MeshChange) -> Iterator[ModeMeshError]:
-    for i in np.flatnonzero(np.isfinite(found.freq_hz)):
-        known = bool(np.isfinite(found.error[i]))
+def _mode_errors(change: MeshChange) -> Iterator[ModeMeshError]:
+    for i in np.flatnonzero(np.isfinite(change.freq_hz)):
+        known = bool(np.isfinite(change.error[i]))
         yield ModeMeshError(
             mode=int(i) + 1,
-            freq_hz=float(found.freq_hz[i]),
-            refined_hz=float(found.refined_hz[i]) if known else None,
-            error_percent=100.0 * float(found.error[i]) if known else None,
-            converged_hz=float(found.converged_hz[i]) if known else None,
+            freq_hz=float(change.freq_hz[i]),
+            refined_hz=float(change.refined_hz[i]) if known else None,
+            error_percent=100.0 * float(change.error[i]) if known else None,
+            converged_hz=float(change.converged_hz[i]) if known else None,
         )
 
 
@@ -159,8 +165,8 @@ def _worst(case: StudyCase, solution: EigenSolution, values: Reals) -> tuple[int
     inside = np.where(solution.freq_hz[: len(values)] <= top, np.abs(values), np.nan)
     if not np.isfinite(inside).any():
         return None
-    # modes in two planes change alike: the first of them is named, whatever rounding adds to the others
-    mode = int(np.flatnonzero(inside >= (1.0 - _SAME) * np.nanmax(inside))[0])
+    # modes in two planes change equally: the first of them is named, whatever the rounding of the others
+    mode = int(np.flatnonzero(inside >= (1.0 - _EQUAL_CHANGE) * np.nanmax(inside))[0])
     return mode + 1, 100.0 * float(values[mode])
 
 

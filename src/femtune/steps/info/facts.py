@@ -133,14 +133,14 @@ def _field(structure: Structure, name: _Group, mine: NDArray[np.bool_]) -> Dampi
     follows = np.zeros(len(mine), bool)
     follows[[d.target for d in table.derived]] = True
     # directions that follow the first are no values of their own
-    own = mine & ~follows if (mine & ~follows).any() else mine
+    elements = mine & ~follows if (mine & ~follows).any() else mine
     users = [b.ids[mine[at]] for b in structure.batches for at in b.roles.values()]
     return DampingField(
         kind="loss factor" if name[1] == "GE" else "viscous",
         field=" ".join(name),
-        cards=len({table.refs[i].id for i in np.flatnonzero(own)}),
-        lowest=float(table.values[own].min()),
-        highest=float(table.values[own].max()),
+        cards=len({table.refs[i].id for i in np.flatnonzero(elements)}),
+        lowest=float(table.values[elements].min()),
+        highest=float(table.values[elements].max()),
         elements=len(np.unique(np.concatenate([np.zeros(0, np.int64), *users]))),
     )
 
@@ -156,6 +156,7 @@ def _modal(built: BuiltModel) -> str:
 
 
 _MOST_GROUNDING = 10
+"""Elements that are listed where rigid motion strains them; the largest ones show the mistake."""
 
 
 _NOT_TESTED = "not tested: the factorisation hides the inertia"
@@ -190,19 +191,19 @@ def model_facts(study: Study) -> ModelFacts:
     )
 
 
-def _beside_deck(found: ModesBeside) -> BesideDeck:
+def _beside_deck(comparison: ModesBeside) -> BesideDeck:
     modes = tuple(
         ModeBesideDeck(
             number=i + 1,
-            freq_hz=float(found.freq_hz[i]),
-            deck_hz=float(found.deck_hz[i]),
-            difference_percent=100.0 * float(found.difference[i]) if found.elastic[i] else None,
-            mac=None if found.mac is None else float(found.mac[i]),
-            alike=bool(found.paired[i]),
+            freq_hz=float(comparison.freq_hz[i]),
+            deck_hz=float(comparison.deck_hz[i]),
+            difference_percent=100.0 * float(comparison.difference[i]) if comparison.elastic[i] else None,
+            mac=None if comparison.mac is None else float(comparison.mac[i]),
+            alike=bool(comparison.paired[i]),
         )
-        for i in range(len(found.freq_hz))
+        for i in range(len(comparison.freq_hz))
     )
-    return BesideDeck(configuration=found.configuration, derivatives=found.derivatives, modes=modes)
+    return BesideDeck(configuration=comparison.configuration, derivatives=comparison.derivatives, modes=modes)
 
 
 def shapes_remark(built: BuiltModel) -> tuple[Notice, ...]:
@@ -231,15 +232,15 @@ def _element_shapes(built: BuiltModel) -> ElementShapes:
     return ElementShapes(elements=elements, tests=tests, given=given, ignored=asked.unknown, sentence=sentence)
 
 
-def _shape_test(found: ShapeFound) -> ElementShapeTest:
-    test = found.test
-    degenerate = found.beyond > 0 and test.key.endswith("_DETJ") and found.extreme <= 0.0
+def _shape_test(outcome: ShapeFound) -> ElementShapeTest:
+    test = outcome.test
+    degenerate = outcome.beyond > 0 and test.key.endswith("_DETJ") and outcome.extreme <= 0.0
     return ElementShapeTest(
-        test=test.key, meaning=test.meaning, unit=test.unit, limit=found.limit, least=test.least,
-        tested=found.tested, beyond=found.beyond, extreme=found.extreme, degenerate=degenerate,
+        test=test.key, meaning=test.meaning, unit=test.unit, limit=outcome.limit, least=test.least,
+        tested=outcome.tested, beyond=outcome.beyond, extreme=outcome.extreme, degenerate=degenerate,
         worst=tuple(
             OutOfShape(card=card, element=number, value=value)
-            for card, number, value in zip(found.cards, found.ids, found.values)
+            for card, number, value in zip(outcome.cards, outcome.ids, outcome.values)
         ),
     )  # fmt: skip
 
@@ -395,10 +396,10 @@ def _meant_sentence(elements: tuple[GroundingElementRecord, ...]) -> str:
 def _grounding(
     structure: Structure, configuration: Configuration, about: NDArray
 ) -> tuple[GroundingElementRecord, ...]:
-    found = (e for e in grounding_elements(structure, about) if e.id not in configuration.elements_off)
+    elements = (e for e in grounding_elements(structure, about) if e.id not in configuration.elements_off)
     return tuple(
         GroundingElementRecord(card=e.card, element=e.id, motion=e.motion, relative_energy=e.relative_energy)
-        for e in found
+        for e in elements
     )
 
 
@@ -539,21 +540,21 @@ def _test_masses(solution: EigenSolution) -> TestMassEffect | None:
     masses = [m for m in solution.point.configured.configuration.masses if m.of_test]
     if not masses:
         return None
-    found, hz = effect_of_masses(solution, masses), solution.freq_hz
+    effect, hz = effect_of_masses(solution, masses), solution.freq_hz
     modes = []
     for j in range(_rigid_body_modes(solution), solution.wanted):
-        largest = int(np.argmax(found.shares[:, j]))
+        largest = int(np.argmax(effect.shares[:, j]))
         modes.append(
             TestMassMode(
                 number=j + 1,
-                share_percent=100.0 * float(found.shares[:, j].sum()),
-                shift_percent=100.0 * float(hz[j] / found.freq_hz[j] - 1.0),
+                share_percent=100.0 * float(effect.shares[:, j].sum()),
+                shift_percent=100.0 * float(hz[j] / effect.freq_hz[j] - 1.0),
                 node=masses[largest].node,
                 label=masses[largest].label,
-                largest_percent=100.0 * float(found.shares[largest, j]),
+                largest_percent=100.0 * float(effect.shares[largest, j]),
             )
         )
-    without = found.freq_hz[_rigid_body_modes(solution) :]
+    without = effect.freq_hz[_rigid_body_modes(solution) :]
     first = _rigid_body_modes(solution) + 1
     pairs = [(i, j) for j in range(len(without)) for i in range(j) if without[i] > without[j]]
     return TestMassEffect(
@@ -575,7 +576,7 @@ def _of_test_masses(name: str, effect: TestMassEffect | None) -> Iterable[Alert]
     """What the test equipment does to the frequencies, and whether it exchanges modes."""
     if effect is None:
         return
-    if effect.ratio is not None and effect.ratio > _HEAVY:
+    if effect.ratio is not None and effect.ratio > _LARGE_MASS_RATIO:
         yield alert("warning", "model.test-masses/heavy", configuration=name, ratio=effect.ratio)
     if not effect.modes:
         return
@@ -587,36 +588,41 @@ def _of_test_masses(name: str, effect: TestMassEffect | None) -> Iterable[Alert]
         yield alert("warning", "model.test-masses/exchanged", configuration=name, modes=modes)
 
 
-_HEAVY = 0.3
-"""Masses of the test equipment relative to that of the structure from which their unit is doubted."""
+_LARGE_MASS_RATIO = 0.3
+"""Mass of the test equipment relative to that of the structure, from which a mistake of units is suspected.
+
+Equipment of this mass would change the modes so much that nobody would use it.
+"""
 
 
 _MOST_DRILLING = 6
+"""Modes that a notice lists, so that it stays one sentence."""
 
 
 _MOST_GRIDS = 8
+"""Grid points that a notice lists, so that it stays one sentence."""
 
 
 def _of_drilling(name: str, solution: EigenSolution) -> Iterable[Alert]:
     """That K6ROT, a number without physical meaning, determines some of the modes."""
-    found = list(drilling_modes(solution))
-    if not found:
+    drilling = list(drilling_modes(solution))
+    if not drilling:
         return
-    shown = [f"mode {m.number} ({m.freq_hz:.5g} Hz, {100.0 * m.share:.0f} %)" for m in found[:_MOST_DRILLING]]
-    more = f" and {len(found) - _MOST_DRILLING} more" if len(found) > _MOST_DRILLING else ""
-    grids = list(dict.fromkeys(grid for m in found for grid in m.grids))
+    shown = [f"mode {m.number} ({m.freq_hz:.5g} Hz, {100.0 * m.share:.0f} %)" for m in drilling[:_MOST_DRILLING]]
+    more = f" and {len(drilling) - _MOST_DRILLING} more" if len(drilling) > _MOST_DRILLING else ""
+    grids = list(dict.fromkeys(grid for m in drilling for grid in m.grids))
     places = ", ".join(map(str, grids[:_MOST_GRIDS])) + (" …" if len(grids) > _MOST_GRIDS else "")
     facts = {"configuration": name, "modes": ", ".join(shown) + more, "grids": places}
     yield alert("warning", "model.drilling", **facts)
 
 
 def _effective_masses(solution: EigenSolution) -> EffectiveMasses:
-    found = effective_mass(solution)
-    # rotations about a centre that nobody knows
+    masses = effective_mass(solution)
+    # rotations about an unknown centre
     known = 6 if solution.point.configured.model.structure.nodes.has_coordinates else 3
-    total = np.where(np.arange(6) < known, found.total, 0.0)
+    total = np.where(np.arange(6) < known, masses.total, 0.0)
     fractions = [
-        [float(f) if i < known and not np.isnan(f) else None for i, f in enumerate(r)] for r in found.fractions
+        [float(f) if i < known and not np.isnan(f) else None for i, f in enumerate(r)] for r in masses.fractions
     ]
     return EffectiveMasses(total=tuple(map(float, total)), fractions=tuple(map(tuple, fractions)))
 

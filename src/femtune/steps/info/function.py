@@ -1,4 +1,4 @@
-"""Steps that need a model alone: info, modes, plan, respond."""
+"""The function `info`: facts and checks of the model."""
 
 from __future__ import annotations
 

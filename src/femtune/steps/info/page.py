@@ -1,4 +1,4 @@
-"""Measured mass, rigid-body check, completeness of modes, cards, DOFs constrained by AUTOSPC."""
+"""Sections of the report: checks of mass, lumping and mesh, completeness of the modes, cards, AUTOSPC."""
 
 from __future__ import annotations
 
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from femtune.steps.info.record.checks import ModelCheck
     from femtune.steps.info.record.model import BesideDeck, ElementShapeTest, ModelConfiguration, ModelFacts
     from femtune.steps.report_source import ReportSource
-
-# ----------------------------------------------------------------------------------------------------
-# Errors that updating cannot correct: mass, lumping, mesh.
 
 
 def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
@@ -56,13 +53,14 @@ def shape_blocks(facts: ModelFacts) -> list[Block]:
     return [Table("Elements out of shape", heads, tuple(map(_shape_row, failed)), note)]
 
 
-_WORST = 3
+_MOST_WORST_ELEMENTS = 3
+"""Elements that are listed in a cell of the table; more do not fit one line."""
 
 
 def _shape_row(test: ElementShapeTest) -> tuple[Cell, ...]:
     unit = "°" if test.unit else ""
-    shown = ", ".join(f"{e.card} {e.element} ({short(e.value)}{unit})" for e in test.worst[:_WORST])
-    more = " …" if test.beyond > _WORST else ""
+    shown = ", ".join(f"{e.card} {e.element} ({short(e.value)}{unit})" for e in test.worst[:_MOST_WORST_ELEMENTS])
+    more = " …" if test.beyond > _MOST_WORST_ELEMENTS else ""
     limit = f"{'≥' if test.least else '≤'} {short(test.limit)}{unit}"
     beyond = Cell(str(test.beyond), tone="poor" if test.degenerate else "")
     return row(test.test, test.meaning, limit, beyond, str(test.tested), shown + more)
@@ -74,11 +72,8 @@ def mesh_tables(checks: Sequence[ModelCheck]) -> list[Block]:
     return [mesh_table(c, len(found) > 1) for c in found]
 
 
-# ----------------------------------------------------------------------------------------------------
-# DOFs constrained by AUTOSPC, grouped: thousands of them must fit into a line or two.
-
-
-_RANGES = 5
+_MOST_RANGES = 5
+"""Ranges of grid points that are listed: AUTOSPC may constrain thousands of DOFs, which must fit into a line or two."""
 
 
 def held_lines(c: ModelConfiguration) -> list[str]:
@@ -90,9 +85,9 @@ def held_lines(c: ModelConfiguration) -> list[str]:
 def _line(reason: str, names: Sequence[str]) -> str:
     kinds = _by_kind(names)
     groups = [f"{' '.join(directions)} of {_points(nodes)}" for directions, nodes in kinds]
-    left = any(len(_ranges(nodes)) > _RANGES for _, nodes in kinds)
+    left = any(len(_ranges(nodes)) > _MOST_RANGES for _, nodes in kinds)
     rest = " (results.json, or femtune info --json, lists each)" if left else ""
-    return f"{counted(len(names), 'DOF')}, {reason}: {'; '.join(groups) or ', '.join(names[:_RANGES])}{rest}"
+    return f"{counted(len(names), 'DOF')}, {reason}: {'; '.join(groups) or ', '.join(names[:_MOST_RANGES])}{rest}"
 
 
 def _by_kind(names: Iterable[str]) -> list[tuple[tuple[str, ...], list[int]]]:
@@ -111,24 +106,24 @@ def _by_kind(names: Iterable[str]) -> list[tuple[tuple[str, ...], list[int]]]:
 
 def _points(nodes: Sequence[int]) -> str:
     ranges = _ranges(nodes)
-    shown = ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in ranges[:_RANGES])
-    left = sum(b - a + 1 for a, b in ranges[_RANGES:])
+    shown = ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in ranges[:_MOST_RANGES])
+    left = sum(b - a + 1 for a, b in ranges[_MOST_RANGES:])
     return f"{counted(len(nodes), 'point')}, {shown}{f' and {left} more' if left else ''}"
 
 
 def _ranges(nodes: Sequence[int]) -> list[tuple[int, int]]:
     """Runs of numbers without a gap, of ascending numbers."""
-    found: list[tuple[int, int]] = []
+    ranges: list[tuple[int, int]] = []
     for node in nodes:
-        if found and node == found[-1][1] + 1:
-            found[-1] = found[-1][0], node
+        if ranges and node == ranges[-1][1] + 1:
+            ranges[-1] = ranges[-1][0], node
         else:
-            found.append((node, node))
-    return found
+            ranges.append((node, node))
+    return ranges
 
 
 def beside_deck_tables(found: Sequence[BesideDeck]) -> list[Block]:
-    """The elastic modes of the external solver beside those of the deck, for page and terminal; a table each input."""
+    """The elastic modes of the external solver and those of the deck, for page and terminal: one table per input."""
     heads = columns("Mode", ">Solver Hz", ">Deck Hz", ">Difference %", ">MAC", "Alike")
     used = "The update begins with derivatives of the deck."
     unused = "Derivatives are those of the solver alone."
@@ -148,7 +143,8 @@ def beside_deck_tables(found: Sequence[BesideDeck]) -> list[Block]:
 
 
 _MOTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
-_ROUNDING = 1e-12
+_ENERGY_ROUNDING = 1e-12
+"""Relative strain energy below which its value is rounding, so that only the limit is shown."""
 
 
 def checks(source: ReportSource) -> list[Block]:
@@ -237,7 +233,7 @@ def _energies(c: ModelConfiguration) -> list[str]:
 
 def _energy(energy: float) -> str:
     """What is rounding is not shown as if it were a number."""
-    return f"< {short(_ROUNDING)}" if 0.0 < abs(energy) < _ROUNDING else short(energy)
+    return f"< {short(_ENERGY_ROUNDING)}" if 0.0 < abs(energy) < _ENERGY_ROUNDING else short(energy)
 
 
 def grounding_elements(configurations: Sequence[ModelConfiguration]) -> list[Table]:

@@ -1,4 +1,4 @@
-"""The deck and the model that came of it, each configuration by itself."""
+"""Facts of the deck and of each configuration of the model on the terminal; layout of tables to its width."""
 
 from __future__ import annotations
 
@@ -49,10 +49,6 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
 
 
-# ----------------------------------------------------------------------------------------------------
-# The damping that a deck describes.
-
-
 def damping_blocks(facts: ModelFacts) -> list[Block]:
     """A line for the whole model, one for the modes, and a table by card and field; nothing where it is not known."""
     damping = facts.damping
@@ -87,22 +83,19 @@ def _range(field: DampingField) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-# ----------------------------------------------------------------------------------------------------
-# The whole model, and each configuration.
-
-
 _ORDER: tuple[Level, ...] = ("problem", "warning")
 _IN_TABLES = ("deck.ignored-cards", "deck.ignored-param", "deck.dof-set")
 """Notices that repeat the tables of cards, PARAMs and named sets."""
 
-_ROWS = 5
+_MOST_ROWS = 5
+"""First rows of a table that are shown on the terminal; a note gives the number of the others."""
 _AXES = ("x", "y", "z")
-_NOISE = 1e-9
-"""Parts of the largest entry below which an entry is rounding."""
+_ENTRY_ROUNDING = 1e-9
+"""Entries of the mass matrix below this fraction of the largest are rounding and are shown as zero."""
 
 
 def info_document(subject: Subject, facts: ModelFacts) -> Document:
-    """Cards, PARAMs and notices, then a section each configuration."""
+    """Cards, PARAMs and notices, then one section for each configuration."""
     level: Level = "info" if all(c.rigid_body_check.verdict == "pass" for c in facts.configurations) else "warning"
     deck = Section("deck", f"{subject.word} {subject.deck}", tuple(_deck(subject, facts)))
     each = (Section(c.configuration, c.configuration, tuple(_configuration(subject, c))) for c in facts.configurations)
@@ -110,13 +103,13 @@ def info_document(subject: Subject, facts: ModelFacts) -> Document:
 
 
 def _verdict(facts: ModelFacts) -> str:
-    found: dict[str, list[str]] = {}
+    remarks: dict[str, list[str]] = {}
     for c in facts.configurations:
-        found.setdefault(c.rigid_body_check.verdict, []).append(c.configuration)
+        remarks.setdefault(c.rigid_body_check.verdict, []).append(c.configuration)
     words = {"pass": "passed", "fail": "failed", "not tested": NOT_TESTED}
     if len(facts.configurations) == 1:
-        return f"Rigid-body check: {words[next(iter(found))]}."
-    parts = [f"{words[verdict]} in {listed(names)}" for verdict, names in found.items()]
+        return f"Rigid-body check: {words[next(iter(remarks))]}."
+    parts = [f"{words[verdict]} in {listed(names)}" for verdict, names in remarks.items()]
     return f"Rigid-body check: {'; '.join(parts)}." if parts else "There is no configuration."
 
 
@@ -144,10 +137,10 @@ def _beside(subject: Subject, facts: ModelFacts) -> ModelFacts:
     return facts.model_copy(update={"cards_ignored": ignored})
 
 
-def _parameters(found: tuple[DeckParameterRecord, ...]) -> list[Block]:
+def _parameters(parameters: tuple[DeckParameterRecord, ...]) -> list[Block]:
     """A line each effect, those with the same remark together."""
     groups: dict[str, list[str]] = {}
-    for p in sorted(found, key=lambda p: not p.understood):
+    for p in sorted(parameters, key=lambda p: not p.understood):
         remark = f" ({p.remark})" if p.remark else ""
         head = f"PARAM {'understood' if p.understood else 'ignored'}{remark}"
         groups.setdefault(head, []).append(f"{p.name}={p.value}" if p.value else p.name)
@@ -215,7 +208,7 @@ def _centre(subject: Subject, c: ModelConfiguration) -> str:
 
 
 def _clean(number: float, scale: float) -> str:
-    return value(number if abs(number) > _NOISE * scale else 0.0)
+    return value(number if abs(number) > _ENTRY_ROUNDING * scale else 0.0)
 
 
 def _inertia(subject: Subject, c: ModelConfiguration) -> list[Table]:
@@ -241,9 +234,9 @@ def _rigid_body(c: ModelConfiguration) -> list[Block]:
 
 def _beginning(table: Table) -> Table:
     """The first rows of a table, and how many more there are."""
-    more = len(table.rows) - _ROWS
+    more = len(table.rows) - _MOST_ROWS
     rest = f"and {counted(more, 'more row')}. " if more > 0 else ""
-    return replace(table, rows=table.rows[:_ROWS], note=f"{rest}{table.note}")
+    return replace(table, rows=table.rows[:_MOST_ROWS], note=f"{rest}{table.note}")
 
 
 def _held(c: ModelConfiguration) -> list[Block]:

@@ -1,4 +1,4 @@
-"""The steps around a new study: init and check."""
+"""The function `init`: a first study from a deck and a test."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def init(
     >>> ft.correlate(made.path).pairs.column("mac").round(2)
     array([1., 1., 1., 1.])
     """
-    # numerical packages that a check does without
+    # imported here, because `check` does not need the numerical packages
     from femtune.steps.init.run import init_study  # noqa: PLC0415
 
     return init_study(Path(deck), Path(test), Path(folder), units_word(units) or None, force, progress)

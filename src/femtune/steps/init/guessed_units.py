@@ -1,4 +1,4 @@
-"""Which units a deck has: those in which its materials are common and its grid points lie at the test's sensors."""
+"""Units of a deck, guessed from common values of its materials and from the positions of the test sensors."""
 
 from __future__ import annotations
 
@@ -17,14 +17,38 @@ if TYPE_CHECKING:
     from femtune.fem import Structure
     from femtune.study.plausible_units import Material
 
-_OF_TEST = ("m-kg-s", "mm-t-s", "cm-kg-s", "in-slinch-s", "ft-slug-s")
+_TEST_UNITS = ("m-kg-s", "mm-t-s", "cm-kg-s", "in-slinch-s", "ft-slug-s")
 """Units that are tried for a test whose file states none: one for each unit of length."""
 _SAME_PLACE = 1e-3
-"""Distance of a sensor from its grid point over the diagonal of the model."""
-_COVERED = (0.4, 1.3)
-"""Extent of the sensors over that of the model."""
-_OF_MATERIAL, _POSSIBLE, _OF_PLACES, _OF_EXTENT = 4.0, 1.0, 3.0, 1.5
-_USUAL = 0.1
+"""Distance of a sensor from its grid point, relative to the diagonal of the model.
+
+It covers coordinates that are written with few digits, not sensors between grid points.
+"""
+_USUAL_EXTENT = (0.4, 1.3)
+"""Usual extent of the sensors relative to that of the model, lower and upper limit.
+
+The factors between units of length are at least 2.54, so that wrong units lead out of these limits if the sensors
+cover most of the structure.
+"""
+_MATERIAL_SCORE = 4.0
+"""Score of units in which a material of the deck is a common one; half of it if its density is a weight density.
+
+It is the strongest evidence, because modulus and density rarely agree by chance.
+"""
+_POSSIBLE_SCORE = 1.0
+"""Score of units in which all materials are physically possible: weak evidence, because most systems of units pass."""
+_PLACE_SCORE = 3.0
+"""Score of units in which all grid points of the sensors are found: less than that of a common material."""
+_EXTENT_SCORE = 1.5
+"""Score of units in which the sensors extend over the structure.
+
+It is weaker evidence than sensors that coincide with grid points.
+"""
+_USUAL_SCORE = 0.1
+"""Score of the most common system of units, less for others.
+
+It decides only between systems that are otherwise equal.
+"""
 _MASSES = {"kg": "kg", "t": "t", "slinch": "lbf·s²/in", "lbm": "lbm", "slug": "slug"}
 
 
@@ -36,7 +60,7 @@ class GuessedUnits:
     ----------
     units : of the deck
     of_test : of the test; None where the file states them
-    reasons : sentences that tell why
+    reasons : sentences with the reasons
     doubts : contradictions, each with what to write
     """
 
@@ -60,10 +84,10 @@ class _Try:
 
     @property
     def score(self) -> float:
-        covers = _COVERED[0] <= self.extent <= _COVERED[1]
-        usual = _USUAL * (1.0 - SYSTEMS.index(self.units.name) / len(SYSTEMS))
-        known = _OF_MATERIAL * bool(self.common) + 0.5 * _OF_MATERIAL * bool(self.weight)
-        return known + _POSSIBLE * self.possible + _OF_PLACES * self.share + _OF_EXTENT * covers + usual
+        covers = _USUAL_EXTENT[0] <= self.extent <= _USUAL_EXTENT[1]
+        usual = _USUAL_SCORE * (1.0 - SYSTEMS.index(self.units.name) / len(SYSTEMS))
+        known = _MATERIAL_SCORE * bool(self.common) + 0.5 * _MATERIAL_SCORE * bool(self.weight)
+        return known + _POSSIBLE_SCORE * self.possible + _PLACE_SCORE * self.share + _EXTENT_SCORE * covers + usual
 
 
 def guess_units(structure: Structure, points: Reals, of_test: UnitSystem | None) -> GuessedUnits:
@@ -77,7 +101,7 @@ def guess_units(structure: Structure, points: Reals, of_test: UnitSystem | None)
     """
     materials = tuple(materials_of(structure))
     places = _Places(structure, points)
-    tests = [of_test] if of_test is not None else [unit_system(name) for name in _OF_TEST]
+    tests = [of_test] if of_test is not None else [unit_system(name) for name in _TEST_UNITS]
     tries = [_tried(unit_system(name), test, materials, places) for name in SYSTEMS for test in tests]
     best = max(tries, key=lambda one: one.score)
     return GuessedUnits(
@@ -129,42 +153,47 @@ def _tried(units: UnitSystem, of_test: UnitSystem, materials: Sequence[Material]
 
 
 def _reasons(best: _Try, places: _Places) -> list[str]:
-    units, found = best.units, []
+    units, reasons = best.units, []
     for material, name in best.common[:3]:
-        found.append(
+        reasons.append(
             f"{material.name} is {name}: E = {material.modulus:.4g} is {material.modulus_si(units) / 1e9:.4g} GPa, "
             f"density {material.density:.4g} is {material.density_si(units):.4g} kg/m³"
         )
     if places.diagonal:
         length = units.name.partition("-")[0]
-        found.append(
+        reasons.append(
             f"the grid points extend over {places.diagonal:.4g} {length} ({places.diagonal * units.length:.4g} m)"
         )
     if best.share:
-        found.append(f"{100.0 * best.share:.0f} % of the test points lie at grid points")
+        reasons.append(f"{100.0 * best.share:.0f} % of the test points lie at grid points")
     elif places.of_test and places.diagonal:
-        found.append(f"the test points extend over {100.0 * best.extent:.0f} % of that")
+        reasons.append(f"the test points extend over {100.0 * best.extent:.0f} % of that")
     if not best.common and not best.weight:
-        found.append("no material of the deck is a common one in any system: check the units yourself")
-    return found
+        reasons.append("no material of the deck is a common one in any system: check the units yourself")
+    return reasons
 
 
 def _doubts(best: _Try, places: _Places) -> list[str]:
-    units, found = best.units, []
+    units, doubts = best.units, []
     if best.weight and not best.common:
         material, name = best.weight[0]
         factor = units.length / 9.80665
-        found.append(
+        doubts.append(
             f"the density {material.density:.4g} of {material.name} is that of {name} as a weight per volume, too "
             f"large by the factor {1.0 / factor:.5g}: add PARAM,WTMASS,{factor:.5g} to the deck, or masses and "
             "frequencies are wrong"
         )
-    if places.of_test and places.diagonal and not best.share and not _COVERED[0] <= best.extent <= _COVERED[1]:
-        found.append(
+    if (
+        places.of_test
+        and places.diagonal
+        and not best.share
+        and not _USUAL_EXTENT[0] <= best.extent <= _USUAL_EXTENT[1]
+    ):
+        doubts.append(
             f"the test points extend over {100.0 * best.extent:.3g} % of the model: the unit of length of the deck or "
             "of the test may be wrong; state them with the keys units of [study] and of [test]"
         )
-    return found
+    return doubts
 
 
 def unit_words(units: UnitSystem) -> str:

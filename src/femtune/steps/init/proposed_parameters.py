@@ -1,9 +1,9 @@
-"""Parameters that a study could update: the values of properties, materials and joints that elements use, ranked.
+"""Parameters proposed for a study: properties, materials and joints in use, ranked by what the modes determine.
 
-Each candidate is a field of the deck with usual bounds. The test that the model itself would give, with stated standard
-deviations of frequencies and shapes, tells by its Fisher information what the measured modes could determine.
-Candidates are taken in the order in which each adds most to the determinant of the information. One is proposed if,
-with it, the standard deviations of all that are proposed are below a third of those of the prior.
+Each candidate is a field of the deck with usual bounds. The model takes the place of the test: with stated standard
+deviations of frequencies and shapes, the Fisher information tells what the measured modes could determine. Candidates
+are taken in the order in which each adds most to the determinant of the information. A candidate is proposed if the
+standard deviations of all proposed parameters, including its own, then stay below a third of the prior ones.
 """
 
 from __future__ import annotations
@@ -35,13 +35,21 @@ MOST_RANKED = 60
 """Number of candidates that are compared; of more, those with the largest effect."""
 MOST_PROPOSED = 20
 """Number of parameters that are proposed at most."""
-FREQUENCY_SD, SHAPE_SD = 0.01, 0.1
-"""Relative standard deviations of frequencies, and of shapes of unit norm, that a first study states."""
+FREQUENCY_SD = 0.01
+"""Relative standard deviation of frequencies that a first study states.
+
+It stands for errors of the measurement and for what the model cannot represent.
+"""
+SHAPE_SD = 0.1
+"""Standard deviation of the entries of a shape, relative to its largest entry, that a first study states.
+
+Shapes are measured less accurately than frequencies.
+"""
 
 
 @dataclass(frozen=True)
 class ProposalKind:
-    """What a field of some cards is, and the usual bounds of the factor on it."""
+    """Meaning of a field of some cards, and the usual bounds of the factor on it."""
 
     what: str
     lower: float
@@ -98,15 +106,15 @@ class FieldCandidate:
 
 @dataclass(frozen=True)
 class Proposed:
-    """A candidate and what the test could tell of it, standard deviations in % of its value.
+    """A candidate and the information of the test on it, as standard deviations in % of its value.
 
     Parameters
     ----------
     proposed : whether it should be updated
-    sd_percent : expected standard deviation beside the other proposed ones, or, of one that is not proposed, beside
-        them as one more; None where the data leave it open
+    sd_percent : expected standard deviation if all proposed parameters are updated, and this one in addition if it
+        is not proposed; None where the data do not determine it
     alone_percent : the same if all others were known; None without effect
-    like : a proposed parameter with nearly the same effect, "" where there is none
+    like : a proposed parameter with nearly the same effect, "" without one
     """
 
     candidate: FieldCandidate
@@ -136,21 +144,21 @@ def _candidates(built: BuiltModel) -> Iterator[FieldCandidate]:
 
 
 def ranked(
-    found: Sequence[FieldCandidate], parameters: ParameterSet, case: ComparedCase, solution: EigenSolution
+    fields: Sequence[FieldCandidate], parameters: ParameterSet, case: ComparedCase, solution: EigenSolution
 ) -> tuple[list[Proposed], int]:
     """The candidates, proposed ones first and in the order of selection; and how many were not compared.
 
     Parameters
     ----------
-    found : as many as the free parameters, in their order
+    fields : as many as the free parameters, in their order
     case : the model at the sensors, with its own modes as the test
     solution : modes at the initial values
     """
     S = sensitivities(parameters, case, solution)
     size = np.linalg.norm(S, axis=0)
     order = np.argsort(-size, kind="stable")[:MOST_RANKED]
-    names = tuple(found[i].name for i in order)
-    S, some = S[:, order], [found[i] for i in order]
+    names = tuple(fields[i].name for i in order)
+    S, some = S[:, order], [fields[i] for i in order]
     percent = 100.0 * np.asarray(parameters.prior[1])[order]
     information = fisher_information(S, names)
     taken: list[int] = []
@@ -166,13 +174,19 @@ def ranked(
     for j in information.d_order:
         if j not in taken:
             nearest = max(taken, key=lambda t: cosine[j, t], default=None)
-            like = some[nearest].name if nearest is not None and cosine[j, nearest] >= _ALIKE else ""
+            like = some[nearest].name if nearest is not None and cosine[j, nearest] >= _ALIKE_COSINE else ""
             sds = (_finite(_sd(S, [*taken, j])[-1] * percent[j]), _finite(information.alone[j] * percent[j]))
             out.append(Proposed(some[j], False, *sds, like))
-    return out, len(found) - len(some)
+    return out, len(fields) - len(some)
 
 
-_ALIKE, _NO_EFFECT = 0.95, 1e-9
+_ALIKE_COSINE = 0.95
+"""Cosine of the sensitivities of two parameters from which one is said to act like the other.
+
+The data then hardly separate them.
+"""
+_NO_EFFECT = 1e-9
+"""Sensitivity relative to the largest below which a parameter has no effect but rounding."""
 
 
 def sensitivities(parameters: ParameterSet, case: ComparedCase, solution: EigenSolution) -> Reals:
@@ -187,7 +201,7 @@ def sensitivities(parameters: ParameterSet, case: ComparedCase, solution: EigenS
 
 
 def _sd(S: Reals, columns: list[int]) -> Reals:
-    """Standard deviations of some parameters beside each other, in those of the prior; inf where undetermined."""
+    """Standard deviations of parameters updated together, in units of the prior ones; inf where undetermined."""
     if not columns:
         return np.zeros(0)
     return fisher_information(S[:, columns], ("",) * len(columns)).together

@@ -51,12 +51,18 @@ if TYPE_CHECKING:
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
 
-STUDY_FILE, IDENTIFY_FILE, IDENTIFIED_FOLDER = "study.toml", "identify.toml", "identified"
-_UFF = (".uff", ".unv")
+STUDY_FILE = "study.toml"
+IDENTIFY_FILE = "identify.toml"
+IDENTIFIED_FOLDER = "identified"
+_UFF_SUFFIXES = (".uff", ".unv")
+"""Suffixes of Universal Files."""
 _MOST_GRIDS = 60
-"""Grid points at which shapes are taken as measured where no sensor could be assigned."""
-_MOST_OFF = 15
-"""Candidates that are not proposed and are listed one by one."""
+"""Grid points at which shapes are taken as measured if no sensor could be assigned.
+
+They must be enough to distinguish the lowest modes, and few enough for a quick ranking.
+"""
+_MOST_UNPROPOSED = 15
+"""Candidates that are not proposed and still listed one by one, so that the study stays short."""
 
 
 class ProposedParameter(Record):
@@ -137,22 +143,22 @@ class InitResult(StepResult):
     @property
     def overview(self) -> str:
         """What was found, line by line."""
-        found = self.record
-        said = [*self._sentences()[:1], f"  units: {'; '.join(found.unit_reasons)}", f"  sensors: {found.sensors}"]
-        said += [f"  supports: {found.supports}", f"  modes: {found.agreement}"]
-        for p in found.parameters:
+        record = self.record
+        said = [*self._sentences()[:1], f"  units: {'; '.join(record.unit_reasons)}", f"  sensors: {record.sensors}"]
+        said += [f"  supports: {record.supports}", f"  modes: {record.agreement}"]
+        for p in record.parameters:
             if p.proposed:
                 bounds = f"{p.lower:g} to {p.upper:g}, ±{_percent(p.sd_percent)}"
                 said.append(f"  parameter {p.name}: {p.field} ({p.what}), {bounds}")
-        return "\n".join([*said, *(f"check: {doubt}" for doubt in found.doubts)])
+        return "\n".join([*said, *(f"check: {doubt}" for doubt in record.doubts)])
 
     def _sentences(self) -> list[str]:
-        found = self.record
-        n = sum(p.proposed for p in found.parameters)
-        paired = "" if found.paired is None else f", {found.paired} paired"
+        record = self.record
+        n = sum(p.proposed for p in record.parameters)
+        paired = "" if record.paired is None else f", {record.paired} paired"
         return [
-            f"{self.path.name}: units {found.units}, {found.test_modes} test modes{paired}, {n} parameters",
-            *found.doubts,
+            f"{self.path.name}: units {record.units}, {record.test_modes} test modes{paired}, {n} parameters",
+            *record.doubts,
         ]
 
     def _table(self) -> Rows:
@@ -191,10 +197,6 @@ def _check_absent(folder: Path, force: bool) -> None:
         raise FemtuneError("init.exists", where=Where(str(folder / STUDY_FILE)))
 
 
-# ----------------------------------------------------------------------------------------------------
-# The test: modes as they are in the file, or identified from functions and records.
-
-
 @dataclass(frozen=True, eq=False)
 class _Measured:
     """A test with modes.
@@ -217,16 +219,16 @@ class _Measured:
 
 
 def _measured(path: Path, folder: Path, force: bool, units: str | None, progress: Progress) -> _Measured:
-    if path.suffix.lower() in _UFF:
-        test, own = _read(path)
+    if path.suffix.lower() in _UFF_SUFFIXES:
+        test, stated = _read(path)
         if test.modes is not None:
-            return _Measured(test, path, own, f"the modes of {path.name}")
-        if test.frfs is not None and own is None:
+            return _Measured(test, path, stated, f"the modes of {path.name}")
+        if test.frfs is not None and stated is None:
             # functions need units; those of the deck are as good as any for the identification
-            own = unit_system(units) if units else SI
+            stated = unit_system(units) if units else SI
     else:
-        own = unit_system(units) if units else None
-    return _identified(path, folder, force, own, progress)
+        stated = unit_system(units) if units else None
+    return _identified(path, folder, force, stated, progress)
 
 
 def _read(path: Path) -> tuple[ModalTest, UnitSystem | None]:
@@ -253,7 +255,7 @@ def _identified(path: Path, folder: Path, force: bool, units: UnitSystem | None,
     text.say(f"Identification of modes from {path.name}: femtune identify {IDENTIFY_FILE}")
     text.table("[identify]")
     text.key(kind, _relative(path, folder))
-    if units is not None and path.suffix.lower() not in _UFF:
+    if units is not None and path.suffix.lower() not in _UFF_SUFFIXES:
         text.key("units", units.name)
     text.off(["band_hz = [2.0, 60.0]    # frequency range of the modes", "largest_order = 40"])
     if kind == "record":
@@ -282,10 +284,6 @@ def _relative(path: Path, folder: Path) -> str:
         return path.resolve().as_posix()
 
 
-# ----------------------------------------------------------------------------------------------------
-# What is found, and the text.
-
-
 @dataclass(eq=False)
 class _Draft:
     """A study as far as it is known."""
@@ -312,11 +310,11 @@ class _Draft:
         """Units and sensors."""
         structure, measured = self.model.structure, self.measured
         numbers, points = _points(measured.test)
-        found = guess_units(structure, points, measured.units)
+        guessed = guess_units(structure, points, measured.units)
         if self.stated is not None:
-            found = replace(found, units=unit_system(self.stated), reasons=("as stated",), doubts=())
-        self.units = found
-        test = _in_units(measured.test, found)
+            guessed = replace(guessed, units=unit_system(self.stated), reasons=("as stated",), doubts=())
+        self.units = guessed
+        test = _in_units(measured.test, guessed)
         numbers, points = _points(test)
         self.sensors = guess_sensors(structure, numbers, points)
 
@@ -404,8 +402,6 @@ class _Draft:
         elif structure.support_sets:
             sets = ", ".join(map(str, sorted(structure.support_sets)))
             self.supports += f"; the deck has SPC sets that its case control does not select: {sets}"
-
-    # ------------------------------------------------------------------------------------------------
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -511,9 +507,9 @@ class _Draft:
         if others:
             text.lines.append("")
             text.say("Not proposed, because the test modes do not determine them beside the parameters above:")
-        for one in others[:_MOST_OFF]:
+        for one in others[:_MOST_UNPROPOSED]:
             text.say(_not_proposed(one), indent="- ")
-        left = len(others[_MOST_OFF:]) + self.skipped
+        left = len(others[_MOST_UNPROPOSED:]) + self.skipped
         if left:
             text.say(f"and {left} more fields with less effect.", indent="- ")
 
@@ -577,10 +573,10 @@ def _points(test: ModalTest) -> tuple[Integers, Reals]:
     return numbers, np.array(points, float).reshape(-1, 3)
 
 
-def _in_units(test: ModalTest, found: GuessedUnits) -> ModalTest:
-    if found.of_test is not None:
-        test = replace(test, units=found.of_test)
-    return convert_units(test, found.units)
+def _in_units(test: ModalTest, guessed: GuessedUnits) -> ModalTest:
+    if guessed.of_test is not None:
+        test = replace(test, units=guessed.of_test)
+    return convert_units(test, guessed.units)
 
 
 def _own_test(study: Study, solution: EigenSolution, highest: float) -> ComparedCase:

@@ -1,4 +1,4 @@
-"""The text of a first study: keys with the reasons for their values as comments."""
+"""The text of a first study: keys, with the reasons for their values as comments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-_WIDTH = 112
+_LINE_WIDTH = 112
+"""Characters in a line of comments; they stay readable in an editor without wrapping."""
 
 
 @dataclass
@@ -18,11 +19,11 @@ class StudyText:
     lines: list[str] = field(default_factory=list)
 
     def say(self, *sentences: str, indent: str = "") -> None:
-        """Comments, each sentence on lines of its own."""
+        """Comments; each sentence begins a new line."""
         for sentence in sentences:
             first, rest = f"# {indent}", f"# {' ' * len(indent)}"
             self.lines += textwrap.wrap(
-                sentence, _WIDTH, initial_indent=first, subsequent_indent=rest, break_long_words=False
+                sentence, _LINE_WIDTH, initial_indent=first, subsequent_indent=rest, break_long_words=False
             )
 
     def listed(self, sentences: Iterable[str]) -> None:

@@ -1,4 +1,4 @@
-"""Steps that need a model alone: info, modes, plan, respond."""
+"""The function `modes`: natural modes of each configuration."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def modes(
     >>> found.mode_sets["as the deck"].shapes.shape
     (30, 3)
     """
-    # the journal and the solvers are imported by those who solve
+    # imported here, because only a solution needs the journal and the solvers
     from femtune.steps.modes.run import solve_modes  # noqa: PLC0415
 
     page = checked_page(report)

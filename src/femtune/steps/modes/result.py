@@ -1,8 +1,4 @@
-"""Results of the steps: records, arrays and remarks as one object.
-
-A step that looks at each configuration returns a sequence with one record a configuration; a step on the whole study
-returns one record. Tables are `Rows`, which ``pandas.DataFrame`` takes as they are.
-"""
+"""The result of `modes`: natural modes and shapes of each configuration, for Python users."""
 
 from __future__ import annotations
 
@@ -81,12 +77,12 @@ class ModesResult(OfConfigurations[ModelModes], ResultWithPage):
         return self.whole()
 
     def _sentences(self) -> list[str]:
-        found = []
+        sentences = []
         for m in self.records:
             shown = ", ".join(f"{f:.5g}" for f in m.freq_hz[:6]) + (" …" if len(m.freq_hz) > 6 else "")
             rigid = f", {m.rigid_body_modes} of them rigid-body modes" if m.rigid_body_modes else ""
-            found.append(f"{m.configuration}: {len(m.freq_hz)} modes{rigid}: {shown} Hz")
-        return [*found, *(a.sentence for m in self.records for a in m.alerts), *map(str, self.remarks)]
+            sentences.append(f"{m.configuration}: {len(m.freq_hz)} modes{rigid}: {shown} Hz")
+        return [*sentences, *(a.sentence for m in self.records for a in m.alerts), *map(str, self.remarks)]
 
     def _table(self) -> Rows:
         return self.frequencies

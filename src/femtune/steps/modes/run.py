@@ -77,12 +77,12 @@ def solve_modes(
         if vtu is not None:
             check_vtu(loaded, vtu)
         inputs = _each_once(inputs_of(loaded))
-    with watch.step("modes"), looking_up(loaded, fresh) as found:
-        solved = list(solved_cases(found.study, progress))
+    with watch.step("modes"), looking_up(loaded, fresh) as looked_up:
+        solved = list(solved_cases(looked_up.study, progress))
         records = tuple(model_modes(case.name, "before", solution) for case, solution in solved)
     with watch.step("mesh"):
         progress.step("errors due to the mesh", 0, None)
-        meshes = [mesh_check(found.study, case, solution) for case, solution in solved]
+        meshes = [mesh_check(looked_up.study, case, solution) for case, solution in solved]
         records = tuple(r.model_copy(update={"mesh": mesh}) for r, mesh in zip(records, meshes))
     if simulate is not None:
         write_simulated(loaded, simulate, solved)
@@ -95,7 +95,7 @@ def solve_modes(
     def whole() -> tuple[Results, Arrays]:
         return _whole(loaded, solved, records, inputs, watch, progress)
 
-    remarks = (*found.remarks, *shapes_remark(loaded.built))
+    remarks = (*looked_up.remarks, *shapes_remark(loaded.built))
     return ModesResult(records, remarks=remarks, shapes=lambda: _mode_sets(loaded, solved), whole=whole)
 
 
@@ -149,7 +149,7 @@ def _whole(
     facts = study_facts(study)
     if not study.units_known:
         facts = facts.model_copy(update={"units": ""})
-    found = Results(
+    results = Results(
         provenance=provenance(inputs, watch, (modes.solver for modes in records)),
         study=facts,
         model=model,
@@ -157,7 +157,7 @@ def _whole(
         mode_shapes=shapes,
         alerts=tuple(a for record in records for a in record.alerts),
     )
-    return found, arrays
+    return results, arrays
 
 
 def _drawn(i: int, case: StudyCase, solution: EigenSolution, arrays: Arrays) -> ModeShapes:

@@ -25,14 +25,18 @@ if TYPE_CHECKING:
     from femtune.testdata import WireFrame
 from femtune.steps.modes.record import ModeShapes
 
-_MOST_MOTIONS = 30_000_000
-"""Entries of the shapes (240 MB) of which the strain energies are computed at once."""
+_ENTRIES_PER_BATCH = 30_000_000
+"""Entries of the shapes (240 MB) for which the strain energies are computed in one batch.
+
+It bounds the memory for temporary arrays.
+"""
 
 
 Arrays = dict[str, NDArray]
 
 
 MOST_MODES = 50
+"""Modes whose shapes are stored for the page; the size of the results grows with them."""
 
 
 def mode_shapes(
@@ -45,13 +49,13 @@ def mode_shapes(
     if reason:
         return ModeShapes(configuration=case.name, stage=version, reason=reason)
     rows = mesh.used
-    found: Arrays = {
+    stored: Arrays = {
         **_geometry(case.configured, mesh),
         "translations": grid_translations(case.configured, solution, rows),
         **_energies(case.configured, solution, mesh),
         **_measured(case, solution),
     }
-    return _stored(case, version, mesh, found, f"{prefix}/shapes", arrays)
+    return _stored(case, version, mesh, stored, f"{prefix}/shapes", arrays)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +88,12 @@ def complex_mode_shapes(
     if reason:
         return ModeShapes(configuration=case.name, stage=version, reason=reason)
     points = len(shown.mesh.used)
-    found = {
+    stored = {
         **_geometry(case.configured, shown.mesh),
         "translations": motion[: 3 * points].reshape(points, 3, -1),
         **({} if case.modal is None else {"model_at_sensors": motion[3 * points :]}),
     }
-    return _stored(case, version, shown.mesh, found, f"{prefix}/complex_shapes", arrays)
+    return _stored(case, version, shown.mesh, stored, f"{prefix}/complex_shapes", arrays)
 
 
 def _geometry(configured: ConfiguredModel, mesh: DrawnMesh) -> Arrays:
@@ -102,15 +106,16 @@ def _geometry(configured: ConfiguredModel, mesh: DrawnMesh) -> Arrays:
     }
 
 
-_SMALL = {np.dtype(float): np.float32, np.dtype(complex): np.complex64}
+_SINGLE_PRECISION = {np.dtype(float): np.float32, np.dtype(complex): np.complex64}
+"""Types in which shapes are stored: single precision is enough for pictures."""
 
 
 def _stored(
-    case: StudyCase, version: ModelVersion, mesh: DrawnMesh, found: Arrays, prefix: str, arrays: Arrays
+    case: StudyCase, version: ModelVersion, mesh: DrawnMesh, stored: Arrays, prefix: str, arrays: Arrays
 ) -> ModeShapes:
     """The record of arrays, which are put away in single precision."""
-    arrays |= {f"{prefix}/{name}": a.astype(_SMALL.get(a.dtype, a.dtype)) for name, a in found.items()}
-    keys = {f"{name}_key": f"{prefix}/{name}" for name in found}
+    arrays |= {f"{prefix}/{name}": a.astype(_SINGLE_PRECISION.get(a.dtype, a.dtype)) for name, a in stored.items()}
+    keys = {f"{name}_key": f"{prefix}/{name}" for name in stored}
     record = {"configuration": case.name, "stage": version, "simplified": mesh.sentence, **keys}
     return ModeShapes.model_validate(record)
 
@@ -155,7 +160,7 @@ def _in_basic_axes(
 
 def _energies(configured: ConfiguredModel, solution: EigenSolution, mesh: DrawnMesh) -> dict[str, NDArray]:
     """Shares of the elements in the strain energy, %, of the lines that are drawn, and of all else at the points."""
-    most = max(1, _MOST_MOTIONS // solution.shapes.shape[0])
+    most = max(1, _ENTRIES_PER_BATCH // solution.shapes.shape[0])
     parts = [
         strain_shares(solution, range(first, min(first + most, solution.wanted)))
         for first in range(0, solution.wanted, most)

@@ -1,4 +1,4 @@
-"""Steps that need a model alone: info, modes, plan, respond."""
+"""The function `simulate`: a simulated modal test from the modes of a model."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class SimulatedTest:
     path : Universal File to write; with several configurations each has its own, with its number in the name; None
         where none is wanted
     sensors : ``"12Z+"``, or nodes and components: ``"101 THRU 160:123"``, along the displacement axes of the points
-    units : length-mass-s of a deck alone, which tells none
+    units : length-mass-s of a deck alone, which does not state them
     frequency_scatter : standard deviation of each frequency, relative to it
     shape_scatter : standard deviation at each sensor, relative to the largest entry of the shape
     seed : of the random errors
@@ -77,10 +77,10 @@ def check_simulated(study: Study, wanted: SimulatedTest) -> None:
 
 def sensor_dofs(sensors: Sequence[str]) -> DofSet:
     """The sensors, each once (errors ``dof.syntax``, ``study.support``; ``uff.cannot-write`` for none)."""
-    found = dict.fromkeys(dof for text in sensors for dof in _named(text))
-    if not found:
+    dofs = dict.fromkeys(dof for text in sensors for dof in _named(text))
+    if not dofs:
         raise FemtuneError("uff.cannot-write/no-sensors")  # fmt: skip
-    return DofSet(tuple(found))
+    return DofSet(tuple(dofs))
 
 
 def _named(text: str) -> Iterable[Dof]:

@@ -101,11 +101,11 @@ def _values(case: StudyCase, x: NDArray, cells: Sequence[Cells]) -> dict[str, li
     """Of each field that a parameter sets, its value on the elements that use it; NaN on all others."""
     model = case.configured.model
     values = np.asarray(model.table(np.asarray(x, dtype=float)).value)
-    found = {}
+    fields = {}
     for name, position, _ in model.placed:
         users = model.structure.users(position)
         of_cells = [np.where(np.isin(one.elements, users), values[position], np.nan) for one in cells]
         label = f"{model.name_of(name)}: {model.structure.values.refs[position]}"
         if any(np.isfinite(one).any() for one in of_cells):
-            found[label] = of_cells
-    return found
+            fields[label] = of_cells
+    return fields

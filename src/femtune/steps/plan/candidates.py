@@ -28,8 +28,11 @@ if TYPE_CHECKING:
     from femtune.study.drawn_mesh import DrawnMesh
     from femtune.study.study import Study
 
-_STILL = 1e-6
-"""Motion relative to the largest of any candidate, in every target mode, below which a candidate does not move."""
+_LEAST_MOTION = 1e-6
+"""Motion of a candidate relative to the largest of all, up to which it does not move in a target mode.
+
+Smaller motions are rounding errors.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +150,7 @@ def moving(sites: Sites) -> Flags:
     """(n,) True where a grid point moves in at least one target mode."""
     size = np.linalg.norm(sites.motion, axis=1)
     largest = size.max(axis=0, initial=0.0)
-    return np.asarray((size > _STILL * largest).any(axis=1))
+    return np.asarray((size > _LEAST_MOTION * largest).any(axis=1))
 
 
 def surface_normals(xyz: Reals, faces: NDArray[np.int64]) -> Reals:
@@ -201,11 +204,11 @@ def uniaxial_of(sites: Sites, table: PlanTable) -> Uniaxial:
     return _moving_axes(sites, Uniaxial(site, np.tile(np.array(axes), len(sites))))
 
 
-def _moving_axes(sites: Sites, found: Uniaxial) -> Uniaxial:
-    size = np.abs(sites.local[found.site, found.axis])
+def _moving_axes(sites: Sites, uniaxial: Uniaxial) -> Uniaxial:
+    size = np.abs(sites.local[uniaxial.site, uniaxial.axis])
     largest = np.linalg.norm(sites.motion, axis=1).max(axis=0, initial=0.0)
-    some = (size > _STILL * largest).any(axis=1)
-    return Uniaxial(found.site[some], found.axis[some])
+    some = (size > _LEAST_MOTION * largest).any(axis=1)
+    return Uniaxial(uniaxial.site[some], uniaxial.axis[some])
 
 
 def masses_at(study: Study, case: StudyCase, table: PlanTable, rows: Integers) -> Reals:

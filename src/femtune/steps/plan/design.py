@@ -1,4 +1,4 @@
-"""Sensors, exciters and lines together: by the target modes, or for the parameters in turns."""
+"""Sensors, exciters and lines together: for the target modes, or for the parameters in turns."""
 
 from __future__ import annotations
 
@@ -26,9 +26,16 @@ if TYPE_CHECKING:
     from femtune.study.progress import Progress
     from femtune.study.study import Study
 
-_ROUNDS = 6
-"""Turns of sensors, exciters and lines at most."""
-_BETTER = 1e-6
+_MOST_ROUNDS = 6
+"""Rounds of placing sensors, exciters and lines in turns.
+
+Each improves the criterion; the limit bounds the time of a search that improves slowly.
+"""
+_LEAST_GAIN = 1e-6
+"""Increase of the criterion above which a set is better.
+
+Smaller increases are rounding errors and could alternate without end.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +46,7 @@ class PlannedDesign:
     ----------
     uniaxial : candidates
     excitation : None without exciters
-    known : what the test tells of the parameters; None without free parameters
+    known : information of the test on the parameters; None without free parameters
     every : (k, k) information with a sensor at every candidate, where it is known
     lines : positions of the frequency lines that were chosen; None for all of them
     order : of the reduced model that the FRFs are from; None for the full one
@@ -121,9 +128,6 @@ class Designer:
             return None
         return find_exciters(self.study, self.solution, self.targets, self.table, self.sites, uniaxial)
 
-    # ------------------------------------------------------------------------------------------------
-    # For a calibration with FRFs.
-
     def _for_functions(self, lines_hz: Reals) -> PlannedDesign:
         table = self.table
         plan, placed = self._place(None)
@@ -146,31 +150,31 @@ class Designer:
         return PlannedDesign(placed, plan.uniaxial, excitation, known, every, chosen, functions.order)
 
     def _functions(self, lines_hz: Reals, placed: PlacedSensors, excitation: Excitation, rows: Integers) -> Functions:
-        found = Functions(self.study, self.case, self.table, lines_hz, self.progress)
+        functions = Functions(self.study, self.case, self.table, lines_hz, self.progress)
         inputs = directions_of(excitation.exciters)
-        found.reduce(directions_of(placed.sensors), inputs, rows)
-        found.refer_to(inputs)
-        return found
+        functions.reduce(directions_of(placed.sensors), inputs, rows)
+        functions.refer_to(inputs)
+        return functions
 
     def _turns(
         self, uniaxial: Uniaxial, placed: PlacedSensors, excitation: Excitation, known: FrfCalibration
     ) -> tuple[PlacedSensors, Excitation, FrfCalibration]:
         """Exciters for the sensors, lines for both, sensors for both, as long as the set becomes better."""
         worth = known.worth(placed.sensors)
-        for _ in range(_ROUNDS):
+        for _ in range(_MOST_ROUNDS):
             before = worth
             if self.table.exciters:
                 others = self._exciters(uniaxial, known, placed.sensors)
                 better = FrfCalibration(known.functions, others.exciters, known.lines)
-                if (own := better.worth(placed.sensors)) > worth + _BETTER:
-                    worth, excitation, known = own, others, better
+                if (new_worth := better.worth(placed.sensors)) > worth + _LEAST_GAIN:
+                    worth, excitation, known = new_worth, others, better
             better = self._with_lines(known, placed)
-            if (own := better.worth(placed.sensors)) > worth + _BETTER:
-                worth, known = own, better
+            if (new_worth := better.worth(placed.sensors)) > worth + _LEAST_GAIN:
+                worth, known = new_worth, better
             _, again = self._place(known)
-            if (own := known.worth(again.sensors)) > worth + _BETTER:
-                worth, placed = own, again
-            if worth <= before + _BETTER:
+            if (new_worth := known.worth(again.sensors)) > worth + _LEAST_GAIN:
+                worth, placed = new_worth, again
+            if worth <= before + _LEAST_GAIN:
                 break
         return placed, excitation, known
 

@@ -50,26 +50,26 @@ def mass_loading(
     # the loaded mode that is nearest in the scalar product of the mass
     wanted = solution.shapes[:, targets]
     near = np.abs(again.shapes.T @ (pencil_of(solution.point).mass @ wanted)).argmax(axis=0)
-    found = []
+    effects = []
     for j, t in enumerate(targets):
         if not rigid[j]:
             exact, approximate = (np.sqrt(v / values[t]) - 1.0 for v in (again.eigenvalues[near[j]], quotient[t]))
-            found.append(
+            effects.append(
                 LoadedMode(
                     number=int(t) + 1, shift_percent=100.0 * float(exact), rayleigh_percent=100.0 * float(approximate)
                 )
             )
-    return tuple(found)
+    return tuple(effects)
 
 
 def _solved_with(
     study: Study, case: StudyCase, solution: EigenSolution, rows: Integers, masses: Reals
 ) -> EigenSolution:
-    ids, own = study.model.structure.nodes.ids, case.configured.configuration
+    ids, configuration = study.model.structure.nodes.ids, case.configured.configuration
     added = tuple(
         AddedMass(int(ids[r]), float(m), (0.0, 0.0, 0.0), _NO_INERTIA, "sensor") for r, m in zip(rows, masses)
     )
-    loaded = configure(study.model, replace(own, masses=(*own.masses, *added)))
+    loaded = configure(study.model, replace(configuration, masses=(*configuration.masses, *added)))
     return study.solver.modes(loaded.at(nominal(study)), solution.wanted, None)
 
 
@@ -92,11 +92,11 @@ def suspension_effect(
         where = study.file.where("plan", "suspension", i, "nodes")
         with errors_at(where):
             listed = number_list(entry.nodes)
-            found = [nodes.position(n) for n in {*listed.singles, *listed.among(nodes.ids.tolist())}]
-        if not found:
+            constrained = [nodes.position(n) for n in {*listed.singles, *listed.among(nodes.ids.tolist())}]
+        if not constrained:
             raise FemtuneError("plan.suspension/no-point", where=where)
-        rows += found
-        springs += [entry.stiffness] * len(found)
+        rows += constrained
+        springs += [entry.stiffness] * len(constrained)
     motion = grid_translations(case.configured, solution, np.array(rows))
     values = solution.eigenvalues[: solution.wanted]
     hung = suspended(values, rigid, np.array(springs), motion)

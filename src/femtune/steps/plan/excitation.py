@@ -25,8 +25,11 @@ if TYPE_CHECKING:
     from femtune.study.record import Vector3
     from femtune.study.study import Study
 
-_BEYOND = 0.1
-"""Part of the frequencies by which the lines go beyond the target modes where no band is given."""
+_BAND_MARGIN = 0.1
+"""Fraction of the frequency by which the lines extend beyond the target modes if no band is given.
+
+The flanks of the lowest and highest resonances also carry information.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +113,7 @@ def _allowed(study: Study, table: PlanTable, sites: Sites, uniaxial: Uniaxial) -
 
 
 def _given(study: Study, solution: EigenSolution, targets: Integers, table: PlanTable) -> list[Exciter]:
-    nodes, found = study.model.structure.nodes, []
+    nodes, exciters = study.model.structure.nodes, []
     motion = solution.point.configured
     for i, text in enumerate(table.exciters_placed):
         dof, where = parse_dof(text), study.file.where("plan", "exciters_placed", i)
@@ -124,15 +127,17 @@ def _given(study: Study, solution: EigenSolution, targets: Integers, table: Plan
         shape = axes[dof.component - 1] @ own
         if not np.abs(shape[targets]).max(initial=0.0) > 0.0:
             raise FemtuneError("plan.exciters/still", where=where, dof=text)
-        found.append(Exciter(row, axes, dof.component - 1, shape[targets], given=True))
-    return found
+        exciters.append(Exciter(row, axes, dof.component - 1, shape[targets], given=True))
+    return exciters
 
 
-def exciter_records(study: Study, found: Excitation, sensors: tuple[PlannedSensor, ...]) -> tuple[PlannedExciter, ...]:
+def exciter_records(
+    study: Study, excitation: Excitation, sensors: tuple[PlannedSensor, ...]
+) -> tuple[PlannedExciter, ...]:
     """The exciters as records."""
     ids, xyz = study.model.structure.nodes.ids, study.model.structure.nodes.xyz
     records = []
-    for k, e in enumerate(found.exciters):
+    for k, e in enumerate(excitation.exciters):
         node = int(ids[e.row])
         records.append(
             PlannedExciter(
@@ -158,7 +163,12 @@ def _sensor_at(node: int, direction: Reals, sensors: tuple[PlannedSensor, ...]) 
 
 
 def mode_excitation(
-    solution: EigenSolution, targets: Integers, found: Excitation, outputs: Reals, inputs: Reals, damping_ratio: float
+    solution: EigenSolution,
+    targets: Integers,
+    excitation: Excitation,
+    outputs: Reals,
+    inputs: Reals,
+    damping_ratio: float,
 ) -> tuple[ModeExcitation, ...]:
     """Level and mode indicator of each target mode.
 
@@ -170,10 +180,13 @@ def mode_excitation(
     hz = solution.freq_hz[targets]
     # a rigid-body mode has no resonance
     indicator = mode_indicator(np.maximum(hz, 1e-3 * hz.max(initial=1.0)), values, damping_ratio, outputs, inputs)
-    best = found.levels.argmax(axis=0)
+    best = excitation.levels.argmax(axis=0)
     return tuple(
         ModeExcitation(
-            number=int(t) + 1, exciter=f"E{best[j] + 1}", level=float(found.levels[best[j], j]), indicator=indicator[j]
+            number=int(t) + 1,
+            exciter=f"E{best[j] + 1}",
+            level=float(excitation.levels[best[j], j]),
+            indicator=indicator[j],
         )
         for j, t in enumerate(targets)
     )
@@ -188,7 +201,7 @@ def frequency_lines(table: PlanTable, elastic_hz: Reals, arrays: dict[str, Reals
     """
     if not len(elastic_hz):
         return None
-    low, high = (1.0 - _BEYOND) * elastic_hz.min(), (1.0 + _BEYOND) * elastic_hz.max()
+    low, high = (1.0 - _BAND_MARGIN) * elastic_hz.min(), (1.0 + _BAND_MARGIN) * elastic_hz.max()
     if table.band_hz is not None and table.band_hz[0] > 0.0:
         low, high = table.band_hz
     ratio, per = table.damping_ratio, table.lines_per_half_band

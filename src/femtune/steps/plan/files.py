@@ -71,11 +71,11 @@ def sensor_frame(record: PlanResults) -> WireFrame:
     everything: tuple[PlannedSensor | PlannedExciter, ...] = (*record.sensors, *record.exciters)
     for one in everything:
         points.setdefault(one.node, one)
-    found = [points[node] for node in sorted(points)]
+    positions = [points[node] for node in sorted(points)]
     return WireFrame(
-        np.array([s.node for s in found], np.int64),
-        np.array([s.position for s in found]),
-        np.array([s.axes for s in found]),
+        np.array([s.node for s in positions], np.int64),
+        np.array([s.position for s in positions]),
+        np.array([s.axes for s in positions]),
         lines=record.lines,
     )
 

@@ -1,6 +1,6 @@
-"""What a planned test of FRFs would tell of the parameters: the residual of the calibration, with the model as test.
+"""Information of a planned FRF test on the parameters: the residual of the calibration, with the model as test.
 
-The functions of the model between sensors and exciters take the place of measured ones, so that the Jacobian of
+The FRFs of the model between sensors and exciters take the place of measured ones, so that the Jacobian of
 `FrfResidual` with its forms and standard deviations is that of the calibration. The information of functions and lines
 adds up.
 """
@@ -41,9 +41,15 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
 
 DYNAMIC_RANGE = 1e-4
-"""Values below this part of the largest value at the driving points cannot be measured, and tell nothing: 80 dB."""
-_NUMBERS = 4_000_000
-"""Numbers in the temporary arrays of functions that are computed together."""
+"""Smallest measurable value relative to the largest value at the driving points: 80 dB.
+
+Smaller values are covered by noise and carry no information.
+"""
+_NUMBERS_PER_BATCH = 4_000_000
+"""Numbers in the temporary arrays of functions that are computed together.
+
+It bounds the memory for these arrays.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +68,7 @@ class Directions:
 
     @property
     def keys(self) -> list[bytes]:
-        """What tells one from another."""
+        """Keys that distinguish the directions."""
         return [np.append(r, v).tobytes() for r, v in zip(self.rows.astype(float), self.vectors)]
 
 
@@ -100,15 +106,17 @@ class Functions:
         Real and imaginary parts, or the parts of logarithms, along c; zero where nothing would be compared.
         """
         values, gradient = self._computed(p, outputs, inputs)
-        own = self._residual(values, self._places(outputs, inputs))
-        own = replace(own, sd=np.where(np.abs(values) <= DYNAMIC_RANGE * self._levels[p], np.nan, own.sd))
-        known, k = np.isfinite(own.sd), gradient.shape[-1]
-        parts = 1 if own.form == "log-magnitude" else 2
-        found = np.zeros((*known.shape, parts, k))
+        residual = self._residual(values, self._places(outputs, inputs))
+        residual = replace(
+            residual, sd=np.where(np.abs(values) <= DYNAMIC_RANGE * self._levels[p], np.nan, residual.sd)
+        )
+        known, k = np.isfinite(residual.sd), gradient.shape[-1]
+        parts = 1 if residual.form == "log-magnitude" else 2
+        derivatives = np.zeros((*known.shape, parts, k))
         if known.any():
-            (block,) = own.compared(values, gradient)
-            found[known] = block.jacobian.reshape(parts, -1, k).swapaxes(0, 1) * self.study.parameters.prior[1]
-        return found
+            (block,) = residual.compared(values, gradient)
+            derivatives[known] = block.jacobian.reshape(parts, -1, k).swapaxes(0, 1) * self.study.parameters.prior[1]
+        return derivatives
 
     def refer_to(self, inputs: Directions) -> None:
         """Make the largest value at these driving points what others must not be small beside."""
@@ -134,12 +142,12 @@ class Functions:
         return values, gradient
 
     def _model(self, p: int, outputs: Directions, inputs: Directions) -> tuple[Complexes, Complexes]:
-        own = self._residual(
+        residual = self._residual(
             np.ones((len(outputs), len(inputs), len(self.freq_hz)), complex), self._places(outputs, inputs)
         )
         if self._reduced is None:
-            return own.functions(self.way.model(self._states[p], float(self.freq_hz[-1])), derivatives=True)
-        on_basis = ReducedFrfs(own, self._on_basis(outputs), self._on_basis(inputs))
+            return residual.functions(self.way.model(self._states[p], float(self.freq_hz[-1])), derivatives=True)
+        on_basis = ReducedFrfs(residual, self._on_basis(outputs), self._on_basis(inputs))
         return on_basis.functions(self._states[p], True)
 
     def _unmeasured(self, outputs: Directions, inputs: Directions) -> FrfResidual:
@@ -162,9 +170,6 @@ class Functions:
         """Positions of the directions that are not held."""
         seen = self._matrix(at) @ self.case.configured.transformation
         return np.flatnonzero(np.abs(seen).max(axis=1).toarray().ravel() > 0.0)
-
-    # ------------------------------------------------------------------------------------------------
-    # On a reduced model, where the study has [reduction].
 
     def reduce(self, outputs: Directions, inputs: Directions, rows: Integers) -> None:
         """Train a reduced model for functions between these directions; any at the grid points `rows` are seen of it.
@@ -267,21 +272,21 @@ class FrfCalibration:
     def of_lines(self, sensors: Sequence[SiteSensor]) -> list[Reals]:
         """(l, k, k) information of each line, at each point."""
         outputs = directions_of(sensors)
-        found = []
+        information = []
         for p in range(len(self.functions.points)):
             J = self.functions.slopes(p, outputs, self._inputs)
-            found.append(np.einsum("oilck,oilcm->lkm", J, J, optimize=True))
-        return found
+            information.append(np.einsum("oilck,oilcm->lkm", J, J, optimize=True))
+        return information
 
     def _of(self, outputs: Directions) -> list[Reals]:
         """(n, k, k) information of each direction, at each point."""
-        keys, found = outputs.keys, []
+        keys, functions = outputs.keys, []
         for p, known in enumerate(self._known):
             new = np.array([i for i, key in enumerate(keys) if key not in known], np.int64)
             for i, F in zip(new, self._in_parts(p, outputs.select(new), len(self._inputs), self._of_outputs)):
                 known[keys[i]] = F
-            found.append(np.array([known[key] for key in keys]).reshape(-1, self._count, self._count))
-        return found
+            functions.append(np.array([known[key] for key in keys]).reshape(-1, self._count, self._count))
+        return functions
 
     def _of_outputs(self, p: int, some: Directions) -> Reals:
         J = self.functions.slopes(p, some, self._inputs)[:, :, self.lines]
@@ -292,7 +297,7 @@ class FrfCalibration:
     ) -> Reals:
         """(n, k, k) of candidates, some at a time."""
         k, lines = self._count, len(self.functions.freq_hz)
-        some = max(1, _NUMBERS // (lines * (others * 4 * k + 100)))
+        some = max(1, _NUMBERS_PER_BATCH // (lines * (others * 4 * k + 100)))
         parts = [np.zeros((0, k, k))]
         for first in range(0, len(candidates), some):
             self.functions.progress.step("information of the FRFs at the candidates", first, len(candidates))

@@ -1,4 +1,4 @@
-"""Steps that need a model alone: info, modes, plan, respond."""
+"""The function `plan`: sensors, exciters and frequency lines for a test."""
 
 from __future__ import annotations
 

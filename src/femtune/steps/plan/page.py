@@ -1,4 +1,4 @@
-"""A planned test: its numbers, the sensors on the structure, the target modes, and how the sensors were placed."""
+"""A planned test: key numbers, sensors on the structure, target modes, and how the sensors were placed."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def counts(plan: PlanResults) -> str:
 
 
 def plan_numbers(plan: PlanResults) -> KeyNumbers:
-    """Counts, AutoMAC and condition number, beside those of all candidates."""
+    """Counts, AutoMAC and condition number, compared with those of all candidates."""
     chosen, most = plan.chosen, plan.all_candidates
     beside = f"all candidates: {unit_fraction(most.auto_mac)}"
     return KeyNumbers(
@@ -111,7 +111,7 @@ def sensor_table(plan: PlanResults, unit: str) -> Table:
 def own_axes(plan: PlanResults) -> list[Block]:
     """Whose axes the letters behind a point are, where these are not those of the basic system."""
     axes = [*(s.axes for s in plan.sensors), *(e.axes for e in plan.exciters)]
-    if not any(np.abs(np.asarray(a) - np.eye(3)).max() > _TURNED for a in axes):
+    if not any(np.abs(np.asarray(a) - np.eye(3)).max() > _AXIS_TOLERANCE for a in axes):
         return []
     return [
         Paragraph(
@@ -122,7 +122,8 @@ def own_axes(plan: PlanResults) -> list[Block]:
     ]
 
 
-_TURNED = 1e-6
+_AXIS_TOLERANCE = 1e-6
+"""Difference of the axes of a sensor from those of the basic system that is more than rounding."""
 
 _DIRECTIONS = " X, Y, Z"
 """Of a triaxial sensor, behind the number of its point."""
@@ -239,18 +240,18 @@ def setup_blocks(plan: PlanResults, units: str) -> list[Block]:
 
 
 def _lines(plan: PlanResults) -> list[Block]:
-    found = plan.frequency_lines
-    if found is None:
+    lines = plan.frequency_lines
+    if lines is None:
         return []
-    band = f"{freq(found.low_hz)} to {freq(found.high_hz)} Hz"
-    per = f"at least {counted(found.per_half_band, 'line')} per half bandwidth 2ξf at ξ = {short(found.damping_ratio)}"
+    band = f"{freq(lines.low_hz)} to {freq(lines.high_hz)} Hz"
+    per = f"at least {counted(lines.per_half_band, 'line')} per half bandwidth 2ξf at ξ = {short(lines.damping_ratio)}"
     return [
         Listing(
             (
-                f"Calibration: {counted(found.calibration_lines, 'line')}, logarithmically spaced, {band}, {per}.",
-                f"Identification: resolution {short(found.spacing_hz)} Hz, a record of {short(found.duration_s)} s or "
-                f"more per average, {counted(found.identification_lines, 'line')} from {band}.",
-                f"The lowest target mode decays to a thousandth in {short(found.decay_s)} s.",
+                f"Calibration: {counted(lines.calibration_lines, 'line')}, logarithmically spaced, {band}, {per}.",
+                f"Identification: resolution {short(lines.spacing_hz)} Hz, a record of {short(lines.duration_s)} s or "
+                f"more per average, {counted(lines.identification_lines, 'line')} from {band}.",
+                f"The lowest target mode decays to a thousandth in {short(lines.decay_s)} s.",
             )
         )
     ]
@@ -269,13 +270,15 @@ def _loading(plan: PlanResults, units: str) -> list[Block]:
 
 
 def _suspension(plan: PlanResults) -> list[Block]:
-    found = plan.suspension
-    if found is None:
+    suspension = plan.suspension
+    if suspension is None:
         return []
-    hung = ", ".join(short(f) for f in found.rigid_hz)
+    hung = ", ".join(short(f) for f in suspension.rigid_hz)
     heads = columns(">Mode", ">Shift of the frequency, %")
-    rows = (row(str(m.number), signed_percent(s)) for m, s in zip(plan.modes, found.shift_percent) if not m.rigid_body)
-    words = f"Suspension: {hung} Hz; first elastic mode {freq(found.first_elastic_hz)} Hz."
+    rows = (
+        row(str(m.number), signed_percent(s)) for m, s in zip(plan.modes, suspension.shift_percent) if not m.rigid_body
+    )
+    words = f"Suspension: {hung} Hz; first elastic mode {freq(suspension.first_elastic_hz)} Hz."
     return [Paragraph(words), Table("Effect of the suspension", heads, tuple(rows))]
 
 
@@ -327,7 +330,7 @@ def method_sentences(plan: PlanResults) -> list[str]:
         where = "at the initial values" if plan.points == 1 else f"at {plan.points} points within the bounds"
         of = "" if plan.functions is None else " from the FRFs"
         placed = f"sensors were placed one by one for the {what} the parameters{of}, {where}"
-    found = [
+    sentences = [
         f"Candidates: {counted(plan.candidate_points, 'grid point')} that move in at least one target mode, with "
         f"{counted(plan.candidate_directions, 'uniaxial direction')}.",
         f"Method {plan.method}: {placed}. {WEIGHTINGS[plan.weighting].text}",
@@ -335,21 +338,17 @@ def method_sentences(plan: PlanResults) -> list[str]:
         f"{short(plan.uniaxial_threshold)} for uniaxial sensors; {counted(plan.rejected, 'candidate')} rejected.",
     ]
     if plan.exchanges:
-        found.append(f"After the placement {counted(plan.exchanges, 'sensor')} exchanged for better ones.")
+        sentences.append(f"After the placement {counted(plan.exchanges, 'sensor')} exchanged for better ones.")
     if plan.rigid_left_out:
-        found.append(f"{counted(plan.rigid_left_out, 'rigid-body mode')} left out of the target modes.")
-    return found
+        sentences.append(f"{counted(plan.rigid_left_out, 'rigid-body mode')} left out of the target modes.")
+    return sentences
 
 
 def plan_verdict(plan: PlanResults) -> tuple[str, Level]:
-    """Whether the sensors tell the target modes apart, in one sentence."""
+    """Whether the sensors distinguish the target modes, in one sentence."""
     level: Level = "warning" if any(a.level != "info" for a in plan.alerts) else "info"
     modes, channels = counted(len(plan.modes), "target mode"), counted(plan.chosen.channels, "measured direction")
     return f"{channels} for {modes}; the largest AutoMAC is {unit_fraction(plan.chosen.auto_mac)}.", level
-
-
-# ----------------------------------------------------------------------------------------------------
-# On the terminal.
 
 
 def plan_document(subject: Subject, plan: PlanResults) -> Document:

@@ -1,4 +1,4 @@
-"""What the planned test would tell of the parameters: derivatives of the target modes at candidates and sensors."""
+"""Information of the planned test on the parameters: derivatives of the target modes at candidates and sensors."""
 
 from __future__ import annotations
 
@@ -118,12 +118,12 @@ def calibration(
 ) -> Calibration:  # fmt: skip
     """Derivatives at grid points `rows`, at the nominal point and at further points of a Latin hypercube."""
     maker = _Maker(study, case, table, sites, rows)
-    found = [maker.at(solution, targets)]
+    points = [maker.at(solution, targets)]
     for i, x in enumerate(hypercube(study, table.points - 1, table.seed)):
         progress.step("derivatives within the bounds of the parameters", i, table.points - 1)
         other = study.solver.modes(case.configured.at(x), solution.wanted, None)
-        found.append(maker.at(other, maker.matched(solution, targets, other)))
-    return Calibration(table, rows, found)
+        points.append(maker.at(other, maker.matched(solution, targets, other)))
+    return Calibration(table, rows, points)
 
 
 def hypercube(study: Study, count: int, seed: int) -> Reals:
@@ -156,24 +156,28 @@ class _Maker:
         return (self.sites.axes @ motion).reshape(-1, motion.shape[-1])
 
     def at(self, solution: EigenSolution, targets: Integers) -> PointDerivatives:
-        """At one solution; rigid-body modes tell nothing."""
+        """At one solution; rigid-body modes carry no information."""
         rigid = is_rigid(solution)[: solution.wanted]
         elastic = [int(t) for t in targets if not rigid[t]]
         largest = largest_entries(self._at_sites(solution))
         sd = self.study.parameters.prior[1]
         k = len(sd)
-        information, found = np.zeros((k, k)), []
+        information, derivatives = np.zeros((k, k)), []
         for members in clusters(solution.freq_hz, self.study.file.correlate.cluster_gap):
-            own = [i for i, member in enumerate(members) if member in elastic]
-            if not own:
+            elastic_members = [i for i, member in enumerate(members) if member in elastic]
+            if not elastic_members:
                 continue
             made = direct.derivative(solution, members, self._observed)
             slope = np.einsum("kjj->jk", made.stiffness) - made.eigenvalues[:, None] * np.einsum("kjj->jk", made.mass)
-            relative = 0.5 * slope[own] / made.eigenvalues[own, None] * sd / self.table.frequency_sd
+            relative = (
+                0.5 * slope[elastic_members] / made.eigenvalues[elastic_members, None] * sd / self.table.frequency_sd
+            )
             information += relative.T @ relative
-            noise = self.table.shape_sd * largest[[members[i] for i in own]]
-            found.append(ClusterShapes(self._basic(made.shapes), self._basic(made.outside[:, own] * sd), noise))
-        return PointDerivatives(information, tuple(found))
+            noise = self.table.shape_sd * largest[[members[i] for i in elastic_members]]
+            derivatives.append(
+                ClusterShapes(self._basic(made.shapes), self._basic(made.outside[:, elastic_members] * sd), noise)
+            )
+        return PointDerivatives(information, tuple(derivatives))
 
     @property
     def _observed(self) -> object:
@@ -187,7 +191,7 @@ class _Maker:
 
 
 class CalibrationKnown(Protocol):
-    """What the planned test would tell of the parameters, of the calibration with modes or with FRFs."""
+    """Information of the planned test on the parameters, in a calibration with modes or with FRFs."""
 
     def objective(self, rows: Integers, axes: Reals, placed: Sequence[SiteSensor]) -> Objective:
         """For candidates at rows (s,) along directions (s, d, 3), beside sensors that are there."""
@@ -208,7 +212,7 @@ class CalibrationKnown(Protocol):
 
 
 def expected_parameters(
-    study: Study, found: CalibrationKnown, sensors: Sequence[SiteSensor], every: Reals | None
+    study: Study, known: CalibrationKnown, sensors: Sequence[SiteSensor], every: Reals | None
 ) -> tuple[ExpectedParameter, ...]:
     """Expected standard deviations of the free parameters.
 
@@ -216,9 +220,9 @@ def expected_parameters(
     ----------
     every : (k, k) information of all candidates at the nominal point, None where it is not known
     """
-    each = found.information(sensors)
+    each = known.information(sensors)
     ratios = [expected_sd(F) for F in each]
-    frequencies, data = found.of_frequencies, data_sd(each[0])
+    frequencies, data = known.of_frequencies, data_sd(each[0])
     alone = None if frequencies is None else expected_sd(frequencies)
     best = None if every is None else expected_sd(every)
     values = study.parameters.values(nominal(study))

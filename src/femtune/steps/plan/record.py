@@ -1,4 +1,4 @@
-"""A planned test as records: target modes, sensors, and what they are worth."""
+"""A planned test as records: target modes, sensors, and measures of their quality."""
 
 from __future__ import annotations
 

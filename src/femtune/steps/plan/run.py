@@ -1,4 +1,4 @@
-"""The step plan: sensors for a test that has not been made, from the modes of the model."""
+"""The step plan: sensors for a test that has not been made yet, from the modes of the model."""
 
 from __future__ import annotations
 
@@ -53,14 +53,22 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, NDArray[Any]]
 
-_ALIKE = 0.5
-"""AutoMAC of two target modes from which an alert says that they look alike."""
-_LOADED_PERCENT = 0.5
-"""Shift of a frequency by the masses of the sensors from which an alert says so."""
-_UNINFORMED = 0.9
-"""Expected over prior standard deviation of a parameter from which an alert says that the test tells nothing of it."""
-_SOFT = 0.2
-"""Highest frequency of a soft suspension relative to the first elastic mode."""
+_HIGH_AUTO_MAC = 0.5
+"""AutoMAC of two target modes above which an alert says that the sensors hardly distinguish them."""
+_LARGE_SHIFT_PERCENT = 0.5
+"""Shift of a frequency by the masses of the sensors, in %, above which an alert is given.
+
+It is then as large as usual errors of measured frequencies.
+"""
+_UNINFORMED_RATIO = 0.9
+"""Ratio of expected to prior standard deviation of a parameter above which an alert says that the test gives no
+information about it.
+"""
+_SOFT_RATIO = 0.2
+"""Highest frequency of a suspension relative to the first elastic mode up to which it is soft.
+
+At one fifth the suspension changes the first frequency by about 2 %.
+"""
 _PREFIX = {"triaxial": "T", "uniaxial": "U", "visualisation": "V"}
 
 
@@ -81,7 +89,7 @@ def plan_test(
     options : keys of [plan] that take the place of the study's
     fresh : do not take solutions from the journal of the study's run folder
     files : a Universal File and a table to write
-    units : of a deck alone, which tells none
+    units : of a deck alone, which does not state them
     page : where the report will be written; not a file that was read
 
     Raises
@@ -96,13 +104,13 @@ def plan_test(
         inputs = inputs_of(study)
     table = study.file.plan
     assert table is not None
-    with watch.step("modes"), looking_up(study, fresh) as found:
-        case = found.study.cases[0]
+    with watch.step("modes"), looking_up(study, fresh) as looked_up:
+        case = looked_up.study.cases[0]
         progress.step(f"modes of {case.name}", 0, None)
-        solution = solve(found.study, case, nominal(found.study))
+        solution = solve(looked_up.study, case, nominal(looked_up.study))
     progress.step("placing the sensors", 0, None)
     with watch.step("sensors"), errors_at(study.file.where("plan")):
-        plan = _Plan(found.study, case, solution, table, progress)
+        plan = _Plan(looked_up.study, case, solution, table, progress)
         record = plan.record(arrays)
     write_plan_files(study, record, files)
     facts = study_facts(study)
@@ -114,7 +122,7 @@ def plan_test(
         plan=record,
         citations=citations(_papers(record)),
     )
-    return PlanResult(record, results, arrays, remarks=tuple(found.remarks), files=files.written)
+    return PlanResult(record, results, arrays, remarks=tuple(looked_up.remarks), files=files.written)
 
 
 def _papers(record: PlanResults) -> list[str]:
@@ -245,24 +253,24 @@ class _Plan:
             self.study, self.case, self.solution, targets.positions, table, self.sites, given, counts, lines_hz,
             self.progress,
         )  # fmt: skip
-        found = designer.design()
-        placed, triaxial = found.placed, counts[0]
-        anywhere = outcome_of(candidate_shapes(self.sites, found.uniaxial, bool(triaxial)))
+        design = designer.design()
+        placed, triaxial = design.placed, counts[0]
+        anywhere = outcome_of(candidate_shapes(self.sites, design.uniaxial, bool(triaxial)))
         shapes = np.concatenate([s.shapes for s in placed.sensors])
         if (rank := rank_of(shapes)) < shapes.shape[1]:
             raise FemtuneError("plan.dependent/sensors", channels=len(shapes), rank=rank, modes=shapes.shape[1])
         chosen = outcome_of(shapes)
         arrays["plan/auto_mac"] = chosen.auto_mac
         sensors = self._sensors(placed.sensors)
-        setup = self._setup(placed.sensors, sensors, found.excitation)
+        setup = self._setup(placed.sensors, sensors, design.excitation)
         setup["frequency_lines"] = lines
-        setup |= self._expected(found, lines_hz, arrays)
+        setup |= self._expected(design, lines_hz, arrays)
         return PlanResults(
             configuration=self.case.name,
             modes=tuple(self._mode(j, chosen, anywhere) for j in range(len(targets.positions))),
             rigid_left_out=targets.left_out,
             candidate_points=len(self.sites),
-            candidate_directions=len(found.uniaxial.site),
+            candidate_directions=len(design.uniaxial.site),
             still=self.still,
             method=table.method,
             weighting=table.weighting,
@@ -272,45 +280,45 @@ class _Plan:
             exchanges=placed.exchanges,
             sensors=sensors,
             chosen=_planned_set(len(shapes), chosen),
-            all_candidates=_planned_set(3 * len(self.sites) if triaxial else len(found.uniaxial.site), anywhere),
+            all_candidates=_planned_set(3 * len(self.sites) if triaxial else len(design.uniaxial.site), anywhere),
             lines=self._lines(placed.sensors),
             auto_mac_key="plan/auto_mac",
             alerts=(*self._alerts(placed, chosen), *self._alerts_of_setup(setup)),
             **setup,
         )
 
-    def _expected(self, found: PlannedDesign, lines_hz: Reals | None, arrays: Arrays) -> dict[str, Any]:
+    def _expected(self, design: PlannedDesign, lines_hz: Reals | None, arrays: Arrays) -> dict[str, Any]:
         """Expected standard deviations of the parameters; fields of the record by name."""
-        table, known = self.table, found.known
+        table, known = self.table, design.known
         if known is None:
             return {}
         if table.data == "frfs":
             assert lines_hz is not None
-            assumed: dict[str, Any] = {"functions": self._functions(found, lines_hz, arrays)}
+            assumed: dict[str, Any] = {"functions": self._functions(design, lines_hz, arrays)}
         else:
             assumed = {"frequency_sd": table.frequency_sd, "shape_sd": table.shape_sd}
-        information = known.information(found.placed.sensors)[0]
+        information = known.information(design.placed.sensors)[0]
         return {
             "aim": table.aim,
             "criterion": table.criterion if table.aim == "parameters" else None,
             "points": table.points,
             "log_det_parameters": float(np.linalg.slogdet(np.eye(len(information)) + information)[1]),
-            "parameters": expected_parameters(self.study, known, found.placed.sensors, found.every),
+            "parameters": expected_parameters(self.study, known, design.placed.sensors, design.every),
             **assumed,
         }
 
-    def _functions(self, found: PlannedDesign, lines_hz: Reals, arrays: Arrays) -> PlannedFunctions:
+    def _functions(self, design: PlannedDesign, lines_hz: Reals, arrays: Arrays) -> PlannedFunctions:
         """What is assumed of the FRFs, and the lines that were chosen."""
         table = self.table
-        if found.lines is not None:
-            arrays["plan/chosen_lines"] = lines_hz[found.lines]
+        if design.lines is not None:
+            arrays["plan/chosen_lines"] = lines_hz[design.lines]
         return PlannedFunctions(
             form=table.frf_form,
             relative_sd=relative_sd(table.frf_sd, table.frf_floor),
             floor=table.frf_floor,
-            lines=len(lines_hz) if found.lines is None else len(found.lines),
-            lines_key=None if found.lines is None else "plan/chosen_lines",
-            order=found.order,
+            lines=len(lines_hz) if design.lines is None else len(design.lines),
+            lines_key=None if design.lines is None else "plan/chosen_lines",
+            order=design.order,
         )
 
     def _setup(
@@ -318,21 +326,21 @@ class _Plan:
     ) -> dict[str, Any]:
         """Exciters, and what sensors and suspension change; fields of the record by name."""
         table, targets, solution, case = self.table, self.targets, self.solution, self.case
-        found: dict[str, Any] = {
+        fields: dict[str, Any] = {
             "suspension": suspension_effect(self.study, case, solution, targets.positions, table),
         }
         if excitation is not None:
             outputs, inputs = self._all_modes(sensors), self._all_modes(excitation.exciters)
-            found["exciters"] = exciter_records(self.study, excitation, records)
-            found["excitation"] = mode_excitation(
+            fields["exciters"] = exciter_records(self.study, excitation, records)
+            fields["excitation"] = mode_excitation(
                 solution, targets.positions, excitation, outputs, inputs, table.damping_ratio
             )
         masses = sensor_masses(table, sensors)
-        found["sensor_mass"] = float(masses.sum())
-        found["loading"] = mass_loading(
+        fields["sensor_mass"] = float(masses.sum())
+        fields["loading"] = mass_loading(
             self.study, case, solution, targets.positions, targets.rigid, sensors, masses
         )  # fmt: skip
-        return found
+        return fields
 
     def _all_modes(self, where: Sequence[SiteSensor | Exciter]) -> Reals:
         """(rows, n) all wanted modes along the directions of sensors or exciters."""
@@ -342,9 +350,9 @@ class _Plan:
         )
 
     def _alerts_of_setup(self, setup: Mapping[str, Any]) -> Iterator[Alert]:
-        vague = [p.name for p in setup.get("parameters", ()) if p.expected_sd > _UNINFORMED * p.prior_sd]
+        vague = [p.name for p in setup.get("parameters", ()) if p.expected_sd > _UNINFORMED_RATIO * p.prior_sd]
         if vague:
-            yield alert("warning", "plan.uninformed", names=", ".join(vague), percent=100.0 * _UNINFORMED)
+            yield alert("warning", "plan.uninformed", names=", ".join(vague), percent=100.0 * _UNINFORMED_RATIO)
         low = [str(e.number) for e in setup.get("excitation", ()) if e.level < self.table.exciter_level]
         if low:
             percent = 100.0 * self.table.exciter_level
@@ -353,11 +361,11 @@ class _Plan:
         if bare:
             yield alert("info", "plan.no-driving-point", names=", ".join(bare))
         worst = min(setup["loading"], key=lambda m: m.shift_percent, default=None)
-        if worst is not None and worst.shift_percent < -_LOADED_PERCENT:
+        if worst is not None and worst.shift_percent < -_LARGE_SHIFT_PERCENT:
             yield alert("warning", "plan.mass-loading", number=worst.number, shift=worst.shift_percent)
         hung = setup["suspension"]
-        if hung is not None and max(hung.rigid_hz) > _SOFT * hung.first_elastic_hz:
-            facts = {"rigid": max(hung.rigid_hz), "elastic": hung.first_elastic_hz, "limit": 100.0 * _SOFT}
+        if hung is not None and max(hung.rigid_hz) > _SOFT_RATIO * hung.first_elastic_hz:
+            facts = {"rigid": max(hung.rigid_hz), "elastic": hung.first_elastic_hz, "limit": 100.0 * _SOFT_RATIO}
             yield alert("warning", "plan.stiff-suspension", **facts)
 
     def _counts(self, given: tuple[SiteSensor, ...]) -> tuple[int, int]:
@@ -389,11 +397,11 @@ class _Plan:
         Q = information_of(*(s.shapes for s in sensors))
         shares = [float(set_independence(s.shapes[None], Q)[0]) for s in sensors]
         counts: dict[str, int] = {}
-        found = []
+        records = []
         for s, share in zip(sensors, shares):
             counts[s.kind] = counts.get(s.kind, 0) + 1
-            found.append(self._sensor(s, f"{_PREFIX[s.kind]}{counts[s.kind]}", share))
-        return tuple(found)
+            records.append(self._sensor(s, f"{_PREFIX[s.kind]}{counts[s.kind]}", share))
+        return tuple(records)
 
     def _sensor(self, s: SiteSensor, name: str, share: float) -> PlannedSensor:
         node = int(self.study.model.structure.nodes.ids[s.row])
@@ -420,16 +428,16 @@ class _Plan:
         return tuple((int(ids[rows[i]]), int(ids[rows[j]])) for i, j in pairs)
 
     def _alerts(self, placed: PlacedSensors, chosen: SensorOutcome) -> list[Alert]:
-        found = []
+        alerts = []
         for kind, count, wanted in placed.lacking:
             facts = {"placed": count, "wanted": wanted, "kind": kind, "key": f"{kind}_threshold"}
-            found.append(alert("warning", "plan.rejected", **facts))
+            alerts.append(alert("warning", "plan.rejected", **facts))
         if self.still:
-            found.append(alert("info", "plan.still", count=self.still))
-        if chosen.largest_off_diagonal > _ALIKE:
+            alerts.append(alert("info", "plan.still", count=self.still))
+        if chosen.largest_off_diagonal > _HIGH_AUTO_MAC:
             i, j = (int(self.targets.positions[k]) + 1 for k in chosen.worst_pair)
-            found.append(alert("warning", "plan.alike", one=i, other=j, mac=chosen.largest_off_diagonal))
-        return found
+            alerts.append(alert("warning", "plan.alike", one=i, other=j, mac=chosen.largest_off_diagonal))
+        return alerts
 
 
 def _largest(mac: Reals, j: int) -> int | None:
@@ -441,13 +449,13 @@ def _largest(mac: Reals, j: int) -> int | None:
     return int(np.argmax(row))
 
 
-def _planned_set(channels: int, found: SensorOutcome) -> PlannedSet:
+def _planned_set(channels: int, outcome: SensorOutcome) -> PlannedSet:
     return PlannedSet(
         channels=channels,
-        condition=found.condition if np.isfinite(found.condition) else None,
-        log_det=found.log_det if np.isfinite(found.log_det) else None,
-        auto_mac=found.largest_off_diagonal,
-        auto_mac_rms=found.root_mean_square,
+        condition=outcome.condition if np.isfinite(outcome.condition) else None,
+        log_det=outcome.log_det if np.isfinite(outcome.log_det) else None,
+        auto_mac=outcome.largest_off_diagonal,
+        auto_mac_rms=outcome.root_mean_square,
     )
 
 

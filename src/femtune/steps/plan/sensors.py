@@ -1,4 +1,4 @@
-"""Sensors of a plan: those that are given, those that are placed, and those that complete the picture."""
+"""Sensors of a plan: given ones, placed ones, and ones added for visualisation."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def given_sensors(
     ------
     FemtuneError : ``plan.placed``, ``model.unknown-node``
     """
-    nodes, found = study.model.structure.nodes, []
+    nodes, sensors = study.model.structure.nodes, []
     masses = masses_at(study, case, table, np.arange(len(nodes.ids))) if table.placed else np.zeros(0)
     taken: set[tuple[int, int]] = set()
     for i, text in enumerate(table.placed):
@@ -65,8 +65,8 @@ def given_sensors(
         motion = grid_translations(case.configured, solution, np.array([row]))[0][:, targets]
         shapes = axes @ motion if axis is None else axes[[axis]] @ motion
         kind: SensorKind = "triaxial" if axis is None else "uniaxial"
-        found.append(SiteSensor(kind, row, axes, axis, shapes, float(masses[row]), given=True))
-    return tuple(found)
+        sensors.append(SiteSensor(kind, row, axes, axis, shapes, float(masses[row]), given=True))
+    return tuple(sensors)
 
 
 def _given(text: str, where: Where) -> tuple[int, int | None, int]:
@@ -119,14 +119,14 @@ class SensorPlan:
         return np.sqrt(mass) if self._table.weighting == "kinetic-energy" else np.ones_like(mass)
 
     def _placed(self) -> tuple[Placed, ...]:
-        found = []
+        placed = []
         for d in (1, 3):
             some = [s for s in self.sensors if len(s.shapes) == d]
             if some:
                 shapes = np.array([s.shapes for s in some])
                 factor = self._factor(np.array([s.mass for s in some]))
-                found.append(Placed(shapes, shapes * factor[:, None, None]))
-        return tuple(found)
+                placed.append(Placed(shapes, shapes * factor[:, None, None]))
+        return tuple(placed)
 
     def _free(self) -> Integers:
         """Sites without a sensor."""
@@ -144,14 +144,14 @@ class SensorPlan:
         if self._calibration is not None:
             objective = self._calibration.objective(self._sites.rows[site], axes, self.sensors)
         if table.method == "elimination":
-            found = eliminate(candidates, count, self._placed(), threshold)
+            outcome = eliminate(candidates, count, self._placed(), threshold)
         else:
-            found = expand(candidates, count, self._placed(), threshold, exchange=table.exchange, objective=objective)
-        self.rejected += found.rejected
-        self.exchanges += found.exchanges
-        if len(found.chosen) < count:
-            self.lacking.append((kind, len(found.chosen), count))
-        return found
+            outcome = expand(candidates, count, self._placed(), threshold, exchange=table.exchange, objective=objective)
+        self.rejected += outcome.rejected
+        self.exchanges += outcome.exchanges
+        if len(outcome.chosen) < count:
+            self.lacking.append((kind, len(outcome.chosen), count))
+        return outcome
 
     def _triaxial(self, count: int) -> None:
         free = self._free()
@@ -188,7 +188,7 @@ class SensorPlan:
             self.sensors.append(self._sensor("visualisation", int(i), self._best_axis(int(i))))
 
     def _best_axis(self, i: int) -> int:
-        """The normal, or where there is none the axis along which the target modes move most."""
+        """The normal, or without one the axis along which the target modes move most."""
         if self._table.directions == "normal" and self._sites.on_surface[i]:
             return 2
         return int(np.argmax((self._sites.local[i] ** 2).sum(axis=1)))
@@ -204,6 +204,6 @@ def _beside(sensor: SiteSensor, axes: Reals, axis: int) -> bool:
     return sensor.axis is not None and sensor.axis != axis and np.allclose(sensor.axes, axes)
 
 
-def candidate_shapes(sites: Sites, found: Uniaxial, triaxial: bool) -> Reals:
+def candidate_shapes(sites: Sites, uniaxial: Uniaxial, triaxial: bool) -> Reals:
     """(rows, m) target modes at all candidates."""
-    return sites.local.reshape(-1, sites.local.shape[-1]) if triaxial else sites.local[found.site, found.axis]
+    return sites.local.reshape(-1, sites.local.shape[-1]) if triaxial else sites.local[uniaxial.site, uniaxial.axis]

@@ -1,4 +1,4 @@
-"""Steps that compare and write no run folder: correlate, compare, select, quantify."""
+"""The function `quantify`: mean and covariance of the parameters from repeated tests."""
 
 from __future__ import annotations
 

@@ -14,10 +14,21 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.uncertainty import FrequencyOutputs, IntervalResult, StochasticResult
 
-_HALF_WIDTH, _LEAST, _MOST = 2.0, 1e-3, 8
+_HALF_WIDTH = 2.0
+"""Half-width of the first box of the parameters, in standard deviations: about the extremes of twenty normal values."""
+_LEAST_HALF_WIDTH = 1e-3
+"""Least half-width of the first box, in initial standard deviations.
+
+A parameter whose standard deviation is zero must still be able to move.
+"""
+_MOST_PARAMETERS = 8
+"""Parameters up to which all corners of the box are solved if their effects are not known to be monotone.
+
+2⁸ = 256 solutions.
+"""
 
 
-def parameter_intervals(outputs: FrequencyOutputs, found: StochasticResult, hz: Reals) -> IntervalResults:
+def parameter_intervals(outputs: FrequencyOutputs, result: StochasticResult, hz: Reals) -> IntervalResults:
     """The box whose extrema are the smallest and largest frequencies of the repeats `hz` (n, m), from mean ± 2 σ.
 
     A box that cannot be found is a result with a sentence.
@@ -29,15 +40,15 @@ def parameter_intervals(outputs: FrequencyOutputs, found: StochasticResult, hz: 
     if outputs.paired.states[0].case.configured.model.tables:
         return _without("they are not computed for values that depend on frequency ([[frequency_table]])", 0)
     measured = np.nanmin(hz, axis=0), np.nanmax(hz, axis=0)
-    half = np.maximum(_HALF_WIDTH * found.sd, _LEAST * found.start_sd)
+    half = np.maximum(_HALF_WIDTH * result.sd, _LEAST_HALF_WIDTH * result.start_sd)
     signs, counted = _signs(outputs), Counted(outputs)
-    if len(half) > _MOST and not signs.all():
-        raise FemtuneError("quantify.interval/parameters", values={"parameters": len(half)}, most=_MOST)
+    if len(half) > _MOST_PARAMETERS and not signs.all():
+        raise FemtuneError("quantify.interval/parameters", values={"parameters": len(half)}, most=_MOST_PARAMETERS)
     try:
-        box = interval_update(counted, measured, (found.mean - half, found.mean + half), signs)
+        box = interval_update(counted, measured, (result.mean - half, result.mean + half), signs)
     except FemtuneError as error:
         return _without(error.what, counted.solutions)
-    return _record(outputs, found, box, measured)
+    return _record(outputs, result, box, measured)
 
 
 def _without(reason: str, solutions: int) -> IntervalResults:
@@ -57,7 +68,7 @@ def _signs(outputs: FrequencyOutputs) -> Reals:
 
 
 def _record(
-    outputs: FrequencyOutputs, found: StochasticResult, box: IntervalResult, measured: tuple[Reals, Reals]
+    outputs: FrequencyOutputs, result: StochasticResult, box: IntervalResult, measured: tuple[Reals, Reals]
 ) -> IntervalResults:
     bounds = box.bounds
     target = np.concatenate(measured)
@@ -69,7 +80,7 @@ def _record(
         solutions=box.solutions,
         parameters=tuple(
             ParameterInterval(parameter=n, lower=float(a), upper=float(b))
-            for n, a, b in zip(found.names, box.lower, box.upper)
+            for n, a, b in zip(result.names, box.lower, box.upper)
         ),
         outputs=tuple(
             OutputInterval(

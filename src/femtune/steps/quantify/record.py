@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from femtune.study.record import CitationRecord, Record, VerdictWord
 
-ORDER, OUTLIERS, HELD_OUT = "order of the tests", "outliers", "held-out repeats"
+ORDER = "order of the tests"
+OUTLIERS = "outliers"
+HELD_OUT = "held-out repeats"
 
 
 class QuantifiedParameter(Record):

@@ -74,7 +74,15 @@ if TYPE_CHECKING:
 Arrays = dict[str, NDArray]
 
 
-_FEWEST, _NOTHING, _STILL = 4, 1e-6, 1e-6
+_LEAST_FREQUENCIES = 4
+"""Frequencies from which cosine distances are computed: with fewer, directions are close to each other by chance."""
+_NO_VARIABILITY = 1e-6
+"""Standard deviation of a parameter, relative to the initial one, up to which it is zero.
+
+What the iteration leaves of it.
+"""
+_LEAST_SHAPE_SD = 1e-6
+"""Standard deviation of an entry of a shape up to which it is rounding, as at nodes of the shape."""
 _NO_REPEAT = "the repeats do not have it"
 _NO_OUTLIERS = {
     "few": "this test needs at least four more repeats without missing values than frequencies",
@@ -124,7 +132,7 @@ def _prepared(study: Study, table: QuantifyTable, repeats: Repeats, start: Reals
         whole = shape_outputs(outputs.problem, start)
         entries = _shapes_of(repeats, whole)
         # entries at nodes of a shape and out of its plane are rounding errors
-        kept = np.flatnonzero(np.nan_to_num(np.nanstd(entries, axis=0)) > _STILL)
+        kept = np.flatnonzero(np.nan_to_num(np.nanstd(entries, axis=0)) > _LEAST_SHAPE_SD)
         used = replace(whole, kept=tuple(int(i) for i in kept))
         rows = np.hstack([rows, entries[:, kept]])
     return _Prepared(outputs, used, rows, held, _with_noise(_statistics(rows[~held], used, table), used, table))
@@ -388,7 +396,7 @@ def _from_covariance(
     measured: OutputStatistics, G: Reals, theta: Reals, names: tuple[str, ...]
 ) -> CosineDistances | None:
     """Distances of the parameters from the covariance; None where there are too few frequencies to say anything."""
-    if len(measured.mean) < _FEWEST or not G.any():
+    if len(measured.mean) < _LEAST_FREQUENCIES or not G.any():
         return None
     return cosine_distances(measured.covariance, measured.mean, G, theta, names)
 
@@ -411,7 +419,8 @@ def distances_at(study: Study, x: Reals) -> CosineDistances | str:
         return f"The parameters were not compared with the covariance of the repeated tests: {error.what}."
     return near or (
         "The parameters were not compared with the covariance of the repeated tests: this requires "
-        f"{_FEWEST} frequencies that depend on them; the repeats have {len(measured.mean)} compared frequencies."
+        f"{_LEAST_FREQUENCIES} frequencies that depend on them; the repeats have {len(measured.mean)} compared "
+        "frequencies."
     )
 
 
@@ -570,7 +579,7 @@ def _of_noise(found: StochasticResult) -> list[str]:
     if percent is None:
         return []
     out = [f"Measurement errors are {percent:.2g} % of the measured variance, and were subtracted."]
-    none = [n for n, sd, unit in zip(found.names, found.sd, found.start_sd) if sd <= _NOTHING * unit]
+    none = [n for n, sd, unit in zip(found.names, found.sd, found.start_sd) if sd <= _NO_VARIABILITY * unit]
     larger = np.flatnonzero(np.diag(found.measured.structural) <= 0.0)
     if larger.size:
         which = ", ".join(found.measured.labels[i] for i in larger)

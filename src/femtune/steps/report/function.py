@@ -1,4 +1,4 @@
-"""Reports: the HTML page of a result, or of a run folder."""
+"""The function `report`: the HTML page of a result, or of a run folder."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def checked_page(path: Path | str | None) -> Path | None:
     """The page, checked to be writable before solving (error ``run.unwritable``); None without a page."""
     if path is None:
         return None
-    # pictures take a second to import, and most calls need none
+    # imported here, because pictures take a second to import and most calls need none
     from femtune.reporting.html import check_page  # noqa: PLC0415
 
     check_page(Path(path))
@@ -85,7 +85,7 @@ def report(
 
 
 def _read(source: Path | str | Study) -> RunResult:
-    # records of all steps, which only a run has
+    # imported here, because it imports the records of all steps
     from femtune.steps.run_folder import read_results  # noqa: PLC0415
 
     if isinstance(source, Study):
@@ -98,7 +98,7 @@ def _read(source: Path | str | Study) -> RunResult:
 
 def document_of(result: RunResult | ResultWithPage | IdentifyResult) -> Document:
     """The page of a result as data."""
-    # pictures take a second to import, and most calls need none
+    # imported here, because pictures take a second to import and most calls need none
     from femtune.steps.identify.page import build_identification_page  # noqa: PLC0415
     from femtune.steps.report.build import build_page, build_report  # noqa: PLC0415
 

@@ -1,8 +1,8 @@
-"""What the interactive page needs beside its text: geometry, shapes, functions and iterations, as compact data.
+"""Data of the interactive page: geometry, shapes, functions and iterations, in compact form.
 
 The document is plain data: numbers, texts, and arrays packed as base64 of little-endian values. Coordinates and motions
-are stored with 16 bits, to 1/65534 of their range. A large mesh is drawn with fewer faces, and modes that are least
-looked at are left out, so that the page stays small; a sentence says so.
+are stored with 16 bits, to 1/65534 of their range. To keep the page small, a large mesh is drawn with fewer faces and
+the least important modes are left out; a sentence says so.
 """
 
 from __future__ import annotations
@@ -56,14 +56,21 @@ if TYPE_CHECKING:
 
 
 MOTION_BYTES = 2_800_000
-"""Bytes of all motions of the model; base64 makes them a third larger."""
+"""Bytes of all motions of the model; base64 makes them a third larger. The page must stay small enough to be sent."""
 ITERATION_BYTES = 800_000
-"""Bytes of the functions at all iterations."""
-_FEWEST_FACES = 6_000
-_MODE_BYTES = 7
-"""Of a point in a mode: three components of its motion, and its strain energy."""
-_WHOLE_EDGES = 3_000
-"""Up to so many faces all of their edges are drawn, above it those that show the form."""
+"""Bytes of the functions at all iterations: the page must stay small enough to be sent."""
+_LEAST_FACES = 6_000
+"""Faces that a picture keeps however many modes there are.
+
+With fewer the form of a structure is lost, and modes are left out instead.
+"""
+_BYTES_PER_POINT = 7
+"""Bytes of a point in a mode: three components of its motion with two bytes each, and its strain energy with one."""
+_MOST_FACES_WITH_EDGES = 3_000
+"""Faces up to which all edges are drawn.
+
+Edges of finer meshes would cover the faces, so that only those that show the form are drawn.
+"""
 
 
 def view_of(source: ReportSource) -> PageView:
@@ -111,10 +118,6 @@ def _complex_modes(source: ReportSource) -> Iterable[_Modes]:
             yield _Modes(kept, title, freq_hz, columns, tuple(p.damping_ratio for p in poles))
 
 
-# ----------------------------------------------------------------------------------------------------
-# Scenes.
-
-
 @dataclass(frozen=True)
 class _Geometry:
     """The mesh that is drawn; `rows` of the points of the results."""
@@ -127,12 +130,12 @@ class _Geometry:
     def lines(self) -> NDArray[np.int64]:
         """The line of the results that each line of elements is: where it was moved, the one nearest to it."""
         ends, of = self.rows[self.mesh.lines[self.mesh.kinds == 0]], self.frame
-        found = DrawnMesh(of.lines, of.rigid.astype(np.int64), of.faces).line_of(ends)
-        moved, elements = np.flatnonzero(found < 0), np.flatnonzero(~of.rigid)
+        numbers = DrawnMesh(of.lines, of.rigid.astype(np.int64), of.faces).line_of(ends)
+        moved, elements = np.flatnonzero(numbers < 0), np.flatnonzero(~of.rigid)
         if len(moved):
             middles = cKDTree(of.points[of.lines[elements]].mean(axis=1))
-            found[moved] = elements[middles.query(of.points[ends[moved]].mean(axis=1))[1]]
-        return found
+            numbers[moved] = elements[middles.query(of.points[ends[moved]].mean(axis=1))[1]]
+        return numbers
 
 
 def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneView | None:
@@ -141,7 +144,7 @@ def _scene(source: ReportSource, kept: Sequence[_Modes], share: int) -> SceneVie
     if frame is None or not len(frame.points):
         return None
     geometry = _geometry(frame, share, sum(_mode_count(source, m) for m in shapes))
-    room = max(1, share // (_MODE_BYTES * len(geometry.rows) * len(kept)))
+    room = max(1, share // (_BYTES_PER_POINT * len(geometry.rows) * len(kept)))
     # the test is stored with real modes
     measured = next((m for m in reversed(shapes) if m.test_shapes_key), shapes[-1])
     stages = [_stage(source, m, measured, geometry, room) for m in kept]
@@ -178,13 +181,13 @@ def _geometry(frame: Wireframe, share: int, modes: int) -> _Geometry:
     """With so few faces that all modes have room, but not with fewer than a picture needs."""
     mesh = DrawnMesh(frame.lines, frame.rigid.astype(np.int64), frame.faces)
     # points are about as many as faces
-    mesh = thinned(frame.points, mesh, most_faces=max(_FEWEST_FACES, share // (_MODE_BYTES * max(modes, 1))))
+    mesh = thinned(frame.points, mesh, most_faces=max(_LEAST_FACES, share // (_BYTES_PER_POINT * max(modes, 1))))
     rows = mesh.used
     return _Geometry(frame, mesh.counted_from(rows), rows)
 
 
 def _edges(faces: NDArray[np.int64], points: Reals) -> NDArray[np.int64]:
-    if len(faces) > _WHOLE_EDGES:
+    if len(faces) > _MOST_FACES_WITH_EDGES:
         return outline(faces, points)
     corners = closed(faces)
     sides = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
@@ -239,10 +242,6 @@ def _model_numbers(comparison: CorrelationResults, pair: ModePairRecord) -> tupl
     return cluster.model_numbers if cluster else (pair.model_number,)
 
 
-# ----------------------------------------------------------------------------------------------------
-# The test beside the model.
-
-
 @dataclass(frozen=True)
 class _Measured:
     """Shapes (sensors, test modes), those of the model at the sensors, and what makes motions of the places of them."""
@@ -259,10 +258,10 @@ def _measured(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> tuple
         kept.sensor_positions_key, kept.sensor_directions_key, kept.sensor_rotations_key, kept.test_shapes_key,
         kept.model_at_sensors_key,
     )  # fmt: skip
-    found = [a for a in map(source.array, keys) if a is not None]
-    if len(found) < len(keys) or not found[3].size:
+    arrays = [a for a in map(source.array, keys) if a is not None]
+    if len(arrays) < len(keys) or not arrays[3].size:
         return None
-    seats, directions, rotations, test, seen = found
+    seats, directions, rotations, test, seen = arrays
     places, motions, place_of = measured_places(
         frame, seats.astype(float), directions.astype(float), rotations.astype(bool)
     )
@@ -271,10 +270,10 @@ def _measured(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> tuple
 
 def _test(source: ReportSource, kept: ModeShapes, frame: Wireframe) -> dict[str, Any]:
     """The fields of a scene that a test fills."""
-    found, comparison = _measured(source, kept, frame), source.at(kept.configuration, kept.stage)
-    if found is None or comparison is None:
+    motions, comparison = _measured(source, kept, frame), source.at(kept.configuration, kept.stage)
+    if motions is None or comparison is None:
         return {}
-    measured, place_of = found
+    measured, place_of = motions
     moved = np.einsum("pcs,sm->pcm", measured.motions, measured.test)
     return {
         "places": single(measured.places),
@@ -325,11 +324,11 @@ def _compared(
     turned: NDArray[Any],
 ) -> StageView:
     """The stage with what the comparison with a test adds; `turned` are the phases that the modes are shown with."""
-    found, mac = _measured(source, of_test, geometry.frame), source.array(comparison.mac_key)
+    motions, mac = _measured(source, of_test, geometry.frame), source.array(comparison.mac_key)
     seen = source.array(modes.shapes.model_at_sensors_key)
-    if found is None or mac is None or seen is None:
+    if motions is None or mac is None or seen is None:
         return plain
-    measured, _ = found
+    measured, _ = motions
     if modes.is_complex:
         measured = replace(measured, seen=seen * turned)
         mac = _mac(measured.test, measured.seen)
@@ -413,10 +412,6 @@ def _expanded(source: ReportSource, comparison: CorrelationResults, geometry: _G
     return quantised(out)
 
 
-# ----------------------------------------------------------------------------------------------------
-# Frequency response functions, and the update by iterations.
-
-
 @dataclass(frozen=True)
 class _Curves:
     """Functions of one look: values (outputs, inputs, lines), NaN where there are none."""
@@ -437,17 +432,17 @@ def _bytes(curves: Iterable[_Curves]) -> int:
 
 
 def _functions(source: ReportSource) -> Iterable[FunctionsView]:
-    found = [r for r in source.results.responses if r.frfs is not None]
-    names, damped = list(dict.fromkeys(r.configuration for r in found)), source.results.mapped_damping
+    responses = [r for r in source.results.responses if r.frfs is not None]
+    names, damped = list(dict.fromkeys(r.configuration for r in responses)), source.results.mapped_damping
     share = FUNCTION_BYTES // max(1, len(names) + len(damped))
     for name in names:
-        yield _functions_of(source, [r for r in found if r.configuration == name], share)
+        yield _functions_of(source, [r for r in responses if r.configuration == name], share)
     for one in damped:
         yield _with_measured_damping(source, one, share)
 
 
-def _functions_of(source: ReportSource, found: Sequence[ResponseResults], share: int) -> FunctionsView:
-    frfs = [r.frfs for r in found if r.frfs is not None]
+def _functions_of(source: ReportSource, responses: Sequence[ResponseResults], share: int) -> FunctionsView:
+    frfs = [r.frfs for r in responses if r.frfs is not None]
     last, looks = frfs[-1], ("model",) if len(frfs) == 1 else ("before", "after")
     curves = [
         *_known(source, "test", last.test_freq_key, last.test_values_key),
@@ -460,7 +455,7 @@ def _functions_of(source: ReportSource, found: Sequence[ResponseResults], share:
     # functions are counted input by input
     inputs, outputs = np.divmod(np.array(shown, int), len(last.outputs))
     return FunctionsView(
-        configuration=found[-1].configuration,
+        configuration=responses[-1].configuration,
         ordinate=_ordinate(last.kind, last.unit),
         titles=tuple(_function_title(last, k) for k in shown),
         curves=tuple(c.of(outputs, inputs) for c in curves),
@@ -476,14 +471,14 @@ def _known(
         yield _Curves(look, freq_hz, values, phase)
 
 
-def _with_measured_damping(source: ReportSource, found: MappedDamping, share: int) -> FunctionsView:
+def _with_measured_damping(source: ReportSource, mapped: MappedDamping, share: int) -> FunctionsView:
     """The test as measured, as identified and with equal damping, and the model with the measured damping."""
-    keys = (("before", found.before_values_key), ("after", found.after_values_key))
-    test, identified = _identified_test(source, found)
-    equal = _equalised(source, found)
+    keys = (("before", mapped.before_values_key), ("after", mapped.after_values_key))
+    test, identified = _identified_test(source, mapped)
+    equal = _equalised(source, mapped)
     curves = [
         test, identified, *(() if equal is None else (equal[0],)),
-        *(c for look, key in keys for c in _known(source, look, found.freq_key, key)),
+        *(c for look, key in keys for c in _known(source, look, mapped.freq_key, key)),
     ]  # fmt: skip
     size = np.nan_to_num(np.abs(test.values)).max(axis=2)
     order = np.argsort(-size, axis=None, kind="stable")[: max(1, share // max(_bytes(curves), 1))]
@@ -491,43 +486,43 @@ def _with_measured_damping(source: ReportSource, found: MappedDamping, share: in
     left = size.size - len(order)
     notes = (
         "The model has the measured damping of the paired modes.",
-        f"Equal damping: {percent(found.equalised_percent)} %, as in the update." if equal is not None else "",
+        f"Equal damping: {percent(mapped.equalised_percent)} %, as in the update." if equal is not None else "",
         f"The {len(order)} largest functions, of {size.size}." if left else "",
     )
     return FunctionsView(
-        configuration=found.configuration,
-        ordinate=_ordinate(found.kind, "" if equal is None else equal[1]),
-        titles=tuple(f"{found.outputs[i]} by {found.inputs[j]}" for i, j in zip(outputs, inputs)),
+        configuration=mapped.configuration,
+        ordinate=_ordinate(mapped.kind, "" if equal is None else equal[1]),
+        titles=tuple(f"{mapped.outputs[i]} by {mapped.inputs[j]}" for i, j in zip(outputs, inputs)),
         curves=tuple(c.of(outputs, inputs) for c in curves),
         note=" ".join(filter(None, notes)),
         section="measured_damping",
     )
 
 
-def _identified_test(source: ReportSource, found: MappedDamping) -> tuple[_Curves, _Curves]:
-    (test,) = _known(source, "test", found.freq_key, found.test_values_key)
-    (identified,) = _known(source, "identified", found.freq_key, found.identified_values_key)
+def _identified_test(source: ReportSource, mapped: MappedDamping) -> tuple[_Curves, _Curves]:
+    (test,) = _known(source, "test", mapped.freq_key, mapped.test_values_key)
+    (identified,) = _known(source, "identified", mapped.freq_key, mapped.identified_values_key)
     return test, identified
 
 
-def _equalised(source: ReportSource, found: MappedDamping) -> tuple[_Curves, str] | None:
-    """The test with equal damping, by the rows and columns of `found`, and the unit; from the last comparison."""
+def _equalised(source: ReportSource, mapped: MappedDamping) -> tuple[_Curves, str] | None:
+    """The test with equal damping, by the rows and columns of `mapped`, and the unit; from the last comparison."""
     update = source.results.update
     for frfs in reversed(() if update is None else update.frfs):
-        if frfs.configuration == found.configuration and _has(found, frfs):
+        if frfs.configuration == mapped.configuration and _has(mapped, frfs):
             freq_hz, values = source.arrays[frfs.freq_key], source.arrays[frfs.test_values_key]
-            out = np.full((len(found.outputs), len(found.inputs), len(freq_hz)), complex(np.nan, np.nan))
-            out[_places(found, frfs.outputs, frfs.inputs)] = values
+            out = np.full((len(mapped.outputs), len(mapped.inputs), len(freq_hz)), complex(np.nan, np.nan))
+            out[_places(mapped, frfs.outputs, frfs.inputs)] = values
             return _Curves("equalised", freq_hz, out, frfs.phase), frfs.unit
     return None
 
 
-def _has(found: MappedDamping, frfs: IterationFrfs) -> bool:
-    return set(frfs.outputs) <= set(found.outputs) and set(frfs.inputs) <= set(found.inputs)
+def _has(mapped: MappedDamping, frfs: IterationFrfs) -> bool:
+    return set(frfs.outputs) <= set(mapped.outputs) and set(frfs.inputs) <= set(mapped.inputs)
 
 
-def _places(found: MappedDamping, outputs: Sequence[str], inputs: Sequence[str]) -> tuple[NDArray[Any], ...]:
-    return np.ix_([found.outputs.index(o) for o in outputs], [found.inputs.index(i) for i in inputs])
+def _places(mapped: MappedDamping, outputs: Sequence[str], inputs: Sequence[str]) -> tuple[NDArray[Any], ...]:
+    return np.ix_([mapped.outputs.index(o) for o in outputs], [mapped.inputs.index(i) for i in inputs])
 
 
 def _function_title(frfs: FrfResults, k: int) -> str:
@@ -558,7 +553,7 @@ def _ordinate(kind: str, unit: str) -> str:
 
 
 def _iteration_functions(source: ReportSource, frfs: IterationFrfs, share: int) -> IterationFunctionsView:
-    """Functions, evenly spaced where there is no room for all, and every n-th line where there is none for one."""
+    """Functions, evenly spaced if there is no room for all, and every n-th line if there is no room for a whole one."""
     freq, values, test = (source.arrays[key] for key in (frfs.freq_key, frfs.values_key, frfs.test_values_key))
     iterations, _, inputs, lines = values.shape
     thin = slice(None, None, -(-8 * iterations * lines // share))
@@ -593,10 +588,10 @@ def _iteration_functions(source: ReportSource, frfs: IterationFrfs, share: int) 
 
 def _beside(source: ReportSource, frfs: IterationFrfs) -> tuple[_Curves, ...]:
     """The identified test, and the test as measured where one with equal damping is compared."""
-    for found in source.results.mapped_damping:
-        if found.configuration == frfs.configuration and _has(found, frfs):
-            at = _places(found, frfs.outputs, frfs.inputs)
-            return tuple(replace(c, values=c.values[at]) for c in _identified_test(source, found))
+    for mapped in source.results.mapped_damping:
+        if mapped.configuration == frfs.configuration and _has(mapped, frfs):
+            at = _places(mapped, frfs.outputs, frfs.inputs)
+            return tuple(replace(c, values=c.values[at]) for c in _identified_test(source, mapped))
     return tuple(_known(source, "identified", frfs.identified_freq_key, frfs.identified_values_key))
 
 

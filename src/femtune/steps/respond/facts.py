@@ -93,10 +93,13 @@ def unstable(request: ResponseRequest, poles: ComplexModeTable | None) -> tuple[
     )
     if not growing:
         return ()
-    more = f" and {len(growing) - _SHOWN} more" if len(growing) > _SHOWN else ""
+    more = f" and {len(growing) - _MOST_LISTED} more" if len(growing) > _MOST_LISTED else ""
     return (
         Notice(
-            "response.unstable", configuration=request.case.name, frequencies=", ".join(growing[:_SHOWN]), more=more
+            "response.unstable",
+            configuration=request.case.name,
+            frequencies=", ".join(growing[:_MOST_LISTED]),
+            more=more,
         ),
     )
 
@@ -170,7 +173,7 @@ def _ports(
 
 
 def _numbered(count: int) -> DofSet:
-    """Labels for combinations that have no DOF of their own; names and order tell them apart."""
+    """Labels for combinations that are not a single DOF; names and order distinguish them."""
     return DofSet(Dof(k + 1, "S") for k in range(count))
 
 
@@ -183,16 +186,23 @@ def _record(load: LoadEntry, axis: Axis, values: NDArray[np.float64], relief: bo
 Arrays = dict[str, NDArray]
 
 
-_SAME_LINE = 1e-6
+_LINE_TOLERANCE = 1e-6
+"""Relative difference of two frequencies up to which they are the same line: frequencies in files have few digits."""
 
 
 _LEAST_LINES = 2
+"""Common lines from which the FRAC is computed: with one line it is always one."""
 
 
-_SHOWN = 6
+_MOST_LISTED = 6
+"""Frequencies or damping ratios that a notice lists, so that it stays one sentence."""
 
 
 _ROUNDING = 1e-12
+"""Functions, or negative damping ratios, up to this magnitude (functions.
+
+Relative to the largest) are zero except for rounding.
+"""
 
 
 def response_results(
@@ -214,15 +224,15 @@ def response_results(
     if table is None and not study.file.load:
         return None
     point = case.configured.at(x)
-    found = ResponseResults(configuration=case.name, stage=version)
+    record = ResponseResults(configuration=case.name, stage=version)
     doing = partial(_say, progress, f"{case.name}, {version}")
     if table is not None:
         request = response_request(study, case, table)
         key = f"{array_prefix(version, case.name, number)}/frf"
-        found = _with_frfs(study, request, point, found, key, arrays, doing)
+        record = _with_frfs(study, request, point, record, key, arrays, doing)
     doing("static displacements")
     outputs = None if table is None else request.outputs
-    return found.model_copy(update={"loads": static_results(study, case, point, outputs)})
+    return record.model_copy(update={"loads": static_results(study, case, point, outputs)})
 
 
 def _say(progress: Progress, subject: str, doing: str, done: int = 0, total: int | None = None) -> None:
@@ -233,7 +243,7 @@ def _with_frfs(
     study: Study,
     request: ResponseRequest,
     point: ModelPoint,
-    found: ResponseResults,
+    record: ResponseResults,
     prefix: str,
     arrays: Arrays,
     doing: Callable[..., None],
@@ -257,7 +267,7 @@ def _with_frfs(
     doing("complex modes")
     shown = shape_rows(request.case)
     poles, reason = listed_poles(study, request, point, modes, shown, damped=bool(damping))
-    case, stage = request.case, found.stage
+    case, stage = request.case, record.stage
     shapes = None if poles is None else complex_mode_shapes(case, stage, shown, poles.motion, prefix, arrays)
     notices = (*notices, *unstable(request, poles))
     parts = {
@@ -269,19 +279,23 @@ def _with_frfs(
         "pole_shapes": shapes,
         "alerts": tuple(map(alert_of, notices)),
     }
-    return found.model_copy(update=parts)
+    return record.model_copy(update=parts)
 
 
 def _about_damping(table: ResponseTable) -> tuple[str, ...]:
     return ("ratios",) if table.ratios is not None else ()
 
 
-_TRUNCATED = 1e-3
+_LARGE_TRUNCATION = 1e-3
+"""Relative error of functions by truncation of the modes above which a notice is given.
+
+It is smaller than errors of measured functions.
+"""
 
 
 def _truncated(request: ResponseRequest, error: float | None) -> tuple[Notice, ...]:
     """A notice where modes are missing that the functions need."""
-    if error is None or error <= _TRUNCATED:
+    if error is None or error <= _LARGE_TRUNCATION:
         return ()
     code = "response.truncated" if request.limit else "response.truncated/default"
     return (Notice(code, configuration=request.case.name, percent=100.0 * error, limit=request.limit),)
@@ -310,10 +324,10 @@ def damping_words(study: Study, request: ResponseRequest, point: ModelPoint) -> 
 
 def _words_of_modes(point: ModelPoint) -> str:
     """Ratios that are parameters."""
-    found = [
+    ratios = [
         f"{float(r.value):.3g} of " + (f"mode {n}" if n else "others") for n, r in sorted(point.mode_ratios.items())
     ]
-    return "updated damping ratios " + ", ".join(found[:_SHOWN]) + (" …" if len(found) > _SHOWN else "")
+    return "updated damping ratios " + ", ".join(ratios[:_MOST_LISTED]) + (" …" if len(ratios) > _MOST_LISTED else "")
 
 
 def _frf_results(
@@ -347,8 +361,8 @@ def _frf_results(
     )
 
 
-_FDAC_LINES = 400
-"""Lines of each side of the FDAC: of more, every n-th is used."""
+_MOST_FDAC_LINES = 400
+"""Lines of each side of the FDAC; of more, every n-th is used. It is a picture, whose pixels are not finer."""
 
 
 def _fdac(
@@ -389,11 +403,11 @@ def _or_none(value: float) -> float | None:
 
 
 _LEAST_FUNCTIONS = 2
-"""The FDAC of a single function is one whatever it is."""
+"""Functions of an input from which the FDAC is computed: that of a single function is always one."""
 
 
 def _every(positions: NDArray[np.int64]) -> NDArray[np.int64]:
-    return positions[:: -(-len(positions) // _FDAC_LINES) or 1]
+    return positions[:: -(-len(positions) // _MOST_FDAC_LINES) or 1]
 
 
 def _unit(study: Study, table: ResponseTable) -> str:
@@ -418,13 +432,13 @@ def _pair(
     floor: float,
 ) -> FrfPair:
     at = int(np.argmax(np.abs(model)))
-    found = {} if common is None else _beside(request, model, i, j, common)
-    if found and abs(model[at]) <= floor:
+    comparison = {} if common is None else _beside(request, model, i, j, common)
+    if comparison and abs(model[at]) <= floor:
         # how rounding compares says nothing
-        found["frac"] = None
+        comparison["frac"] = None
     return FrfPair(
         output=str(request.outputs.labels[i]), input=str(request.inputs.labels[j]), driving_point=driven,
-        peak_hz=float(request.freq_hz[at]), peak=float(abs(model[at])), **found,
+        peak_hz=float(request.freq_hz[at]), peak=float(abs(model[at])), **comparison,
     )  # fmt: skip
 
 
@@ -449,5 +463,5 @@ def _common_lines(a: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
     left = right - 1
     right = np.minimum(right, len(b) - 1)
     near = np.where(np.abs(b[left] - a) <= np.abs(b[right] - a), left, right)
-    same = np.flatnonzero(np.abs(b[near] - a) <= _SAME_LINE * a)
+    same = np.flatnonzero(np.abs(b[near] - a) <= _LINE_TOLERANCE * a)
     return same, near[same]

@@ -1,4 +1,4 @@
-"""Steps that need a model alone: info, modes, plan, respond."""
+"""The function `respond`: frequency responses, complex modes and static displacements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""FRFs of the modes that were identified in a test, fitted to the measured FRFs of the same test."""
+"""FRFs of the modes identified in a test, fitted to the measured FRFs of the same test."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ if TYPE_CHECKING:
     from femtune.arrays import Complexes, Reals
     from femtune.modal import FrfSet, ModeSet
 
-_MARGIN = 0.1
-"""Of the lowest and the highest frequency: further away no identified mode describes the functions."""
+_BAND_MARGIN = 0.1
+"""Margin of the band beyond the lowest and highest identified frequency, relative to these.
+
+Further away no identified mode describes the functions.
+"""
 
 
 def identified_frfs(frfs: FrfSet, modes: ModeSet | None) -> tuple[Reals, Complexes] | None:
@@ -53,5 +56,5 @@ def _poles(modes: ModeSet | None) -> tuple[Complexes, tuple[float, float]]:
     zeta = modes.damping_ratio
     known = (zeta > 0.0) & (zeta < 1.0) & (modes.freq_hz > 0.0)
     hz = modes.freq_hz[known]
-    ends = (1.0 - _MARGIN) * hz.min(initial=np.inf), (1.0 + _MARGIN) * hz.max(initial=0.0)
+    ends = (1.0 - _BAND_MARGIN) * hz.min(initial=np.inf), (1.0 + _BAND_MARGIN) * hz.max(initial=0.0)
     return pole_of(hz, zeta[known]), ends

@@ -1,4 +1,4 @@
-"""Frequency responses of the model, before and after the update, beside the measured ones."""
+"""FRFs before and after beside measured ones, complex modes, static displacements: sections and terminal."""
 
 from __future__ import annotations
 
@@ -20,16 +20,12 @@ if TYPE_CHECKING:
     from femtune.steps.report_source import ReportSource, Subject
     from femtune.steps.respond.record import ComplexPole, FrfPair, FrfResults, ResponseResults, StaticResults
 
-
-# ----------------------------------------------------------------------------------------------------
-# Complex modes beside the real modes that they resemble.
-
-
 _NOTE = (
     "The phase collinearity is 1 if all points move in phase, and lower for complex modes. The difference is "
     "(complex − real)/real."
 )
 _NEARLY_REAL = 0.95
+"""Phase collinearity below which a mode is marked as complex, so that a comparison with real modes is doubtful."""
 
 
 def complex_modes(source: ReportSource) -> list[Block]:
@@ -38,11 +34,11 @@ def complex_modes(source: ReportSource) -> list[Block]:
     return pole_blocks(found)
 
 
-def pole_blocks(found: list[ResponseResults]) -> list[Block]:
+def pole_blocks(responses: list[ResponseResults]) -> list[Block]:
     """The tables of these records."""
-    several = len(found) > 1
+    several = len(responses) > 1
     blocks: list[Block] = []
-    for r in found:
+    for r in responses:
         name = f"{r.configuration}, {VERSION_WORDS[r.stage]}" if several else ""
         if r.poles:
             blocks.append(_table(r, name))
@@ -70,21 +66,17 @@ def _pole_row(number: int, p: ComplexPole) -> tuple[Cell, ...]:
     return row(str(number), freq(p.freq_hz), percent(ratio), shown, str(p.real_mode), freq(p.real_freq_hz), difference)
 
 
-# ----------------------------------------------------------------------------------------------------
-# Static displacements under load cases.
-
-
 def static_loads(source: ReportSource) -> list[Block]:
     """A table each configuration and load; [] without loads."""
     return load_blocks(list(source.results.responses), source.results.study.units.partition("-")[0])
 
 
-def load_blocks(found: list[ResponseResults], length_unit: str = "") -> list[Block]:
+def load_blocks(responses: list[ResponseResults], length_unit: str = "") -> list[Block]:
     """The tables of these records; the unit is "" where nobody declares one."""
-    names = list(dict.fromkeys(r.configuration for r in found))
+    names = list(dict.fromkeys(r.configuration for r in responses))
     tables: list[Block] = []
     for name in names:
-        versions = [r for r in found if r.configuration == name]
+        versions = [r for r in responses if r.configuration == name]
         tables += [
             _load_table(name, len(names) > 1, [s.loads[k] for s in versions], length_unit)
             for k in range(len(versions[0].loads))
@@ -107,8 +99,10 @@ def _load_table(name: str, named: bool, versions: list[StaticResults], unit: str
     return Table(f"{name}: {last.load}" if named else last.load, heads, rows, note)
 
 
-_PANELS = 6
-_FOLDED = 16
+_MOST_PANELS = 6
+"""Functions in the figure, the largest ones first: they must stay large enough to be compared."""
+_MOST_UNFOLDED_ROWS = 16
+"""Rows of the largest table that is shown unfolded: about half a screen."""
 _ROUNDING = 1e-12
 """Functions below this part of the largest are not drawn: they are zero but for rounding."""
 _CAPTION = "Magnitude (logarithmic) and phase over frequency. The phase is that of motion over force, for e^{iωt}."
@@ -124,7 +118,7 @@ def responses(source: ReportSource) -> list[Block]:
 
 
 def frequency_responses(source: ReportSource) -> list[Block]:
-    """Alerts, pictures and the table of all functions, each configuration by itself."""
+    """Alerts, pictures and the table of all functions, for each configuration."""
     names = list(dict.fromkeys(r.configuration for r in source.results.responses))
     blocks = [b for name in names for b in _configuration(source, name, len(names) > 1)]
     return blocks or [Paragraph("Frequency responses were not computed; the study has no [response].", "muted")]
@@ -136,33 +130,34 @@ def responses_of(source: ReportSource, name: str) -> list[ResponseResults]:
 
 
 def _configuration(source: ReportSource, name: str, named: bool) -> list[Block]:
-    found = [r for r in responses_of(source, name) if r.frfs is not None]
-    if not found:
+    responses = [r for r in responses_of(source, name) if r.frfs is not None]
+    if not responses:
         return []
-    last = found[-1].frfs
+    last = responses[-1].frfs
     assert last is not None
     order = ordered_pairs(last)
     floor = _ROUNDING * max(p.peak for p in last.pairs)
-    shown = [k for k in order if last.pairs[k].peak >= floor][:_PANELS]
-    alerts = alert_boxes(a for r in found for a in r.alerts)
+    shown = [k for k in order if last.pairs[k].peak >= floor][:_MOST_PANELS]
+    alerts = alert_boxes(a for r in responses for a in r.alerts)
     return [
         *([Heading(name)] if named else []),
         *alerts,
         Paragraph(how(last)),
-        _figure(source, found, shown),
+        _figure(source, responses, shown),
         *([Paragraph(_rest(len(order) - len(shown)), "muted")] if len(order) > len(shown) else []),
-        frf_table(found, order, folded=len(order) > _FOLDED),
-        *fdac_table(found),
+        frf_table(responses, order, folded=len(order) > _MOST_UNFOLDED_ROWS),
+        *fdac_table(responses),
         *_fdac_figures(source, last),
     ]
 
 
-_FDAC_PANELS = 4
+_MOST_FDAC_PANELS = 4
+"""Pictures of the FDAC, one for each input."""
 
 
-def fdac_table(found: Sequence[ResponseResults]) -> list[Block]:
+def fdac_table(responses: Sequence[ResponseResults]) -> list[Block]:
     """Mean FDAC and frequency shift, before and after; [] where it was not computed."""
-    frfs = [r.frfs for r in found if r.frfs is not None]
+    frfs = [r.frfs for r in responses if r.frfs is not None]
     if not frfs[-1].fdac:
         return []
     words = ("Model",) if len(frfs) == 1 else ("Before", "After")
@@ -189,7 +184,7 @@ def fdac_table(found: Sequence[ResponseResults]) -> list[Block]:
 
 def _fdac_figures(source: ReportSource, frfs: FrfResults) -> list[Block]:
     panels = []
-    for one in frfs.fdac[:_FDAC_PANELS]:
+    for one in frfs.fdac[:_MOST_FDAC_PANELS]:
         values, test, model = map(source.array, (one.values_key, one.test_freq_key, one.model_freq_key))
         if values is not None and test is not None and model is not None and len(test) > 1 and len(model) > 1:
             panels.append(FdacPanel(f"{one.axis} {one.dof}", values, test, model, one.shift_percent))
@@ -225,12 +220,12 @@ def _rest(count: int) -> str:
     return f"{counted(count, 'more function')} {'is' if count == 1 else 'are'} in the table and in arrays.npz."
 
 
-def _figure(source: ReportSource, found: Sequence[ResponseResults], shown: Sequence[int]) -> Figure:
-    last = found[-1].frfs
+def _figure(source: ReportSource, responses: Sequence[ResponseResults], shown: Sequence[int]) -> Figure:
+    last = responses[-1].frfs
     assert last is not None
     titles = [_title(last.pairs[k]) for k in shown]
-    alt = f"Frequency responses of {found[-1].configuration}: {'; '.join(titles)}"
-    return Figure(partial(_draw, source, tuple(found), tuple(shown)), _CAPTION, alt, wide=True)
+    alt = f"Frequency responses of {responses[-1].configuration}: {'; '.join(titles)}"
+    return Figure(partial(_draw, source, tuple(responses), tuple(shown)), _CAPTION, alt, wide=True)
 
 
 def _title(pair: FrfPair) -> str:
@@ -241,12 +236,12 @@ def _draw(source: ReportSource, found: tuple[ResponseResults, ...], shown: tuple
     return frfs_svg([_panel(source, found, k) for k in shown])
 
 
-def _panel(source: ReportSource, found: Sequence[ResponseResults], k: int) -> FrfPanel:
-    last = found[-1].frfs
+def _panel(source: ReportSource, responses: Sequence[ResponseResults], k: int) -> FrfPanel:
+    last = responses[-1].frfs
     assert last is not None
     pair = last.pairs[k]
-    looks = ("model",) if len(found) == 1 else ("before", "after")
-    curves = [_curve(source, r.frfs, look, k) for r, look in zip(found, looks) if r.frfs is not None]
+    looks = ("model",) if len(responses) == 1 else ("before", "after")
+    curves = [_curve(source, r.frfs, look, k) for r, look in zip(responses, looks) if r.frfs is not None]
     test = (
         *_test_curve(source, last, k, "test", last.test_freq_key, last.test_values_key),
         *_test_curve(source, last, k, "identified", last.identified_freq_key, last.identified_values_key),
@@ -278,9 +273,9 @@ def _test_curve(
         yield FrfCurve(look, lines[inside], curve[inside])
 
 
-def frf_table(found: Sequence[ResponseResults], order: Sequence[int], *, folded: bool = False) -> Table:
+def frf_table(responses: Sequence[ResponseResults], order: Sequence[int], *, folded: bool = False) -> Table:
     """Every function: largest magnitudes and FRAC."""
-    frfs = [r.frfs for r in found if r.frfs is not None]
+    frfs = [r.frfs for r in responses if r.frfs is not None]
     words = ("Model",) if len(frfs) == 1 else ("Model before", "Model after")
     measured = any(p.test_peak is not None for p in frfs[-1].pairs)
     heads = [Column("Output"), Column("Input")]
@@ -304,33 +299,30 @@ def _row(frfs: Sequence[FrfResults], k: int, measured: bool) -> tuple[Cell, ...]
     return row(last.output, last.input, *cells)
 
 
-def responses_verdict(found: Sequence[ResponseResults]) -> tuple[str, Level]:
+def responses_verdict(responses: Sequence[ResponseResults]) -> tuple[str, Level]:
     """How many responses there are, and whether something damps them."""
-    functions = sum(len(r.frfs.pairs) for r in found if r.frfs is not None)
-    loads = sum(len(r.loads) for r in found)
+    functions = sum(len(r.frfs.pairs) for r in responses if r.frfs is not None)
+    loads = sum(len(r.loads) for r in responses)
     parts = [counted(functions, "frequency response")] if functions else []
     parts += [counted(loads, "load case")] if loads else []
     what = " and ".join(parts)
-    if any(a.code == "response.undamped" for r in found for a in r.alerts):
+    if any(a.code == "response.undamped" for r in responses for a in r.alerts):
         return f"{what}; the model has no damping.", "warning"
     return f"{what}.", "info"
 
 
-# ----------------------------------------------------------------------------------------------------
-# On the terminal.
+_MOST_ROWS = 24
+"""Functions that are listed on the terminal: about a screen; a note gives the number of the others."""
 
 
-_ROWS = 24
-
-
-def responses_document(subject: Subject, found: Sequence[ResponseResults]) -> Document:
+def responses_document(subject: Subject, responses: Sequence[ResponseResults]) -> Document:
     """Peaks of the functions, complex modes, displacements."""
-    verdict, level = responses_verdict(found)
-    blocks = [b for r in found for b in _functions(r, len(found) > 1)]
+    verdict, level = responses_verdict(responses)
+    blocks = [b for r in responses for b in _functions(r, len(responses) > 1)]
     sections = (
         Section("functions", "Frequency responses", tuple(blocks)),
-        Section("poles", "Complex modes", tuple(pole_blocks([r for r in found if r.frfs is not None]))),
-        Section("loads", "Static loads", tuple(load_blocks(list(found), subject.length_unit))),
+        Section("poles", "Complex modes", tuple(pole_blocks([r for r in responses if r.frfs is not None]))),
+        Section("loads", "Static loads", tuple(load_blocks(list(responses), subject.length_unit))),
     )
     return subject.document(verdict, level, sections)
 
@@ -341,6 +333,6 @@ def _functions(r: ResponseResults, named: bool) -> list[Block]:
     order = ordered_pairs(r.frfs)
     name = f"{r.configuration}. " if named else ""
     alerts = alert_boxes(r.alerts)
-    more = len(order) - _ROWS
+    more = len(order) - _MOST_ROWS
     rest = [Paragraph(f"and {counted(more, 'more function')} in --json and --report", "muted")] if more > 0 else []
-    return [*alerts, Paragraph(name + how(r.frfs)), frf_table([r], order[:_ROWS]), *fdac_table([r]), *rest]
+    return [*alerts, Paragraph(name + how(r.frfs)), frf_table([r], order[:_MOST_ROWS]), *fdac_table([r]), *rest]

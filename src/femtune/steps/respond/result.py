@@ -1,8 +1,4 @@
-"""Results of the steps: records, arrays and remarks as one object.
-
-A step that looks at each configuration returns a sequence with one record a configuration; a step on the whole study
-returns one record. Tables are `Rows`, which ``pandas.DataFrame`` takes as they are.
-"""
+"""The result of `respond`: FRFs, complex modes and static displacements of each configuration, for Python users."""
 
 from __future__ import annotations
 
@@ -46,13 +42,13 @@ class RespondResult(OfConfigurations[ResponseResults], ResultWithPage):
     @property
     def measured_sets(self) -> dict[str, FrfSet]:
         """The test's functions at its own lines, in the kind of the model's; NaN where not measured."""
-        found = {}
+        sets = {}
         for r in self.records:
             if r.frfs is not None and r.frfs.test_freq_key is not None and r.frfs.test_values_key is not None:
                 lines, values = self.arrays[r.frfs.test_freq_key], self.arrays[r.frfs.test_values_key]
                 responses, references = DofSet.parse(r.frfs.outputs), DofSet.parse(r.frfs.inputs)
-                found[r.configuration] = FrfSet(lines, values, responses, references, r.frfs.kind, source="test")
-        return found
+                sets[r.configuration] = FrfSet(lines, values, responses, references, r.frfs.kind, source="test")
+        return sets
 
     @property
     def frfs(self) -> FrfSet:
@@ -92,7 +88,7 @@ class RespondResult(OfConfigurations[ResponseResults], ResultWithPage):
         )
 
     def _sentences(self) -> list[str]:
-        found = []
+        sentences = []
         for r in self.records:
             frfs, parts = r.frfs, []
             if frfs is not None:
@@ -102,8 +98,8 @@ class RespondResult(OfConfigurations[ResponseResults], ResultWithPage):
             parts += [f"{len(r.poles)} complex modes"] * bool(r.poles) + [f"{len(r.loads)} static loads"] * bool(
                 r.loads
             )
-            found.append(f"{r.configuration}: {'; '.join(parts)}")
-        return [*found, *map(str, self.remarks)]
+            sentences.append(f"{r.configuration}: {'; '.join(parts)}")
+        return [*sentences, *map(str, self.remarks)]
 
     def _table(self) -> Rows:
         return self.functions or self.displacements

@@ -92,7 +92,7 @@ def solve_responses(
     ----------
     options : keys of [response] that take the place of the study's
     uff : Universal File for the FRFs; with several configurations each has its own, with its number in the name
-    units : of a deck alone, which tells none
+    units : of a deck alone, which does not state them
     page : where the report will be written; not a file that was read
     noise : of the FRFs in the file; what is returned has none
 
@@ -109,15 +109,17 @@ def solve_responses(
         files = [] if uff is None else uff_paths(uff, loaded)
         _check_files(loaded, [*([] if page is None else [page]), *files], uff)
         inputs = inputs_of(loaded)
-    with watch.step("respond"), looking_up(loaded, fresh) as found:
+    with watch.step("respond"), looking_up(loaded, fresh) as looked_up:
         start = np.zeros(len(loaded.parameters.free))
-        responses = responses_at(found.study, "before", start, arrays, progress)
+        responses = responses_at(looked_up.study, "before", start, arrays, progress)
     written = [] if uff is None else write_frf_files(loaded, responses, arrays, files, noise)
     facts = study_facts(loaded)
     if not loaded.units_known:
         facts = facts.model_copy(update={"units": ""})
     results = Results(provenance=provenance(inputs, watch), study=facts, responses=responses)
-    return RespondResult(responses, remarks=tuple(found.remarks), results=results, arrays=arrays, files=tuple(written))
+    return RespondResult(
+        responses, remarks=tuple(looked_up.remarks), results=results, arrays=arrays, files=tuple(written)
+    )
 
 
 def _read(source: Path | str | StudyFile, options: Mapping[str, Any], units: str | None, progress: Progress) -> Study:
@@ -139,11 +141,11 @@ def responses_at(
     """Responses of all configurations at a parameter vector; () where the study asks for none."""
     if study.file.response is None and not study.file.load:
         return ()
-    found = []
+    records = []
     for i, case in enumerate(study.cases):
         progress.step(f"responses, {stage}: {case.name}", i, len(study.cases))
-        found.append(response_results(study, case, stage, x, i + 1, arrays, progress))
-    return tuple(r for r in found if r is not None)
+        records.append(response_results(study, case, stage, x, i + 1, arrays, progress))
+    return tuple(r for r in records if r is not None)
 
 
 def uff_paths(path: Path, study: Study) -> list[Path]:

@@ -31,10 +31,14 @@ _REPEAT_CHECKS = {
     OUTLIERS: "quantify.outlier/found",
     HELD_OUT: "quantify.held-out-differ",
 }
-_WRITTEN_PERCENT = 0.05
+_LARGE_DIFFERENCE_PERCENT = 0.05
+"""Difference of the objective between the updated model and the written deck, in percentage points, above which an
+alert is given. Rounding to the characters of a field usually causes less.
+"""
 FEWEST_SAMPLES = 1000
 """Effective number of samples below which intervals are not accurate: a quantile varies by 0.1 standard deviations."""
 _MOST_UNPAIRED = 8
+"""Unpaired test modes that are listed one by one, so that other alerts stay visible."""
 
 
 _MISFITS = {
@@ -46,7 +50,7 @@ _MISFITS = {
 
 def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> tuple[Alert, ...]:
     """Alerts of a finished run with `others` among them, the most serious first."""
-    found = [
+    alerts = [
         *_of_update(results),
         *_of_quantify(results),
         *_of_writing(results),
@@ -64,7 +68,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *others,
     ]
     order = {"problem": 0, "warning": 1, "info": 2}
-    return tuple(sorted(dict.fromkeys(found), key=lambda a: order[a.level]))
+    return tuple(sorted(dict.fromkeys(alerts), key=lambda a: order[a.level]))
 
 
 def _of_residuals(study: Study) -> Iterable[Alert]:
@@ -94,11 +98,11 @@ def _of_left_out_modes(results: Results) -> Iterable[Alert]:
 
 def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:
     """An update by FRFs alone looks as if damping and levels were tested by it."""
-    update, found = results.update, results.validation
-    if update is None or found is None or not compares_frfs(study):
+    update, validation = results.update, results.validation
+    if update is None or validation is None or not compares_frfs(study):
         return
     if all(r.kind in (FrfResidual.label, AntiresonanceResidual.label) for r in update.residual_counts):
-        missing = responses_not_tested(study, bool(found.frfs), results.responses)
+        missing = responses_not_tested(study, bool(validation.frfs), results.responses)
         if missing:
             yield alert("info", "update.frfs-alone", missing="; ".join(missing))
 
@@ -130,17 +134,17 @@ def _of_update(results: Results) -> Iterable[Alert]:
         yield from _of_goodness(update.goodness)
 
 
-def _of_goodness(found: GoodnessResults) -> Iterable[Alert]:
+def _of_goodness(goodness: GoodnessResults) -> Iterable[Alert]:
     """Residuals that are no noise, and data too few to show what the model neglects."""
-    if found.verdict == "fail":
-        code = _MISFITS.get(found.finding, "update.misfit")
-        yield alert("warning", code, outcome=found.sentence)
-    if found.values is None or found.rank is None or not found.rank:
+    if goodness.verdict == "fail":
+        code = _MISFITS.get(goodness.finding, "update.misfit")
+        yield alert("warning", code, outcome=goodness.sentence)
+    if goodness.values is None or goodness.rank is None or not goodness.rank:
         return
-    spare = found.values - found.rank
-    if spare < found.rank:
+    spare = goodness.values - goodness.rank
+    if spare < goodness.rank:
         code = "update.few-data" if spare > 0 else "update.few-data/none-spare"
-        yield alert("warning", code, values=found.values, rank=found.rank, spare=spare)
+        yield alert("warning", code, values=goodness.values, rank=goodness.rank, spare=spare)
 
 
 def _of_intervals(update: UpdateResults) -> Iterable[Alert]:
@@ -165,14 +169,14 @@ def _of_stages(stages: Iterable[StageResults]) -> Iterable[Alert]:
 
 
 def _of_quantify(results: Results) -> Iterable[Alert]:
-    found = results.quantify
-    if found is None:
+    record = results.quantify
+    if record is None:
         return
-    if not found.ok:
-        yield alert("problem", "quantify.no-distribution", ending=found.message)
-    elif not found.agrees:
-        yield alert("warning", "quantify.disagrees", outcome=found.sentences[0])
-    for check in found.checks:
+    if not record.ok:
+        yield alert("problem", "quantify.no-distribution", ending=record.message)
+    elif not record.agrees:
+        yield alert("warning", "quantify.disagrees", outcome=record.sentences[0])
+    for check in record.checks:
         if check.verdict == "fail":
             yield alert("warning", _REPEAT_CHECKS[check.check], found=check.sentence)
 
@@ -184,7 +188,7 @@ def _of_writing(results: Results) -> Iterable[Alert]:
     for sentence in written.without_field:
         yield alert("warning" if sentence in written.lost else "info", "write.without-field", reason=sentence)
     as_written = update.objective_as_written_percent
-    if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
+    if as_written is not None and abs(as_written - update.objective_after_percent) > _LARGE_DIFFERENCE_PERCENT:
         code = "write.incomplete" if written.lost else "write.rounding"
         errors = {"error_percent": as_written, "updated_percent": update.objective_after_percent}
         yield alert("warning", code, **errors)

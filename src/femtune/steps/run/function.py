@@ -1,4 +1,4 @@
-"""Steps that write a run folder: update, candidates, validate, run, and reading such a folder."""
+"""The functions `run` and `read_results`: the whole run of a study, and a run folder read back."""
 
 from __future__ import annotations
 

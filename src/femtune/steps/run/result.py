@@ -1,8 +1,4 @@
-"""Results of the steps: records, arrays and remarks as one object.
-
-A step that looks at each configuration returns a sequence with one record a configuration; a step on the whole study
-returns one record. Tables are `Rows`, which ``pandas.DataFrame`` takes as they are.
-"""
+"""The result of `update`, `validate`, `bootstrap`, `run` and `read_results`: the content of a run folder."""
 
 from __future__ import annotations
 
@@ -107,7 +103,7 @@ class RunResult(StepResult):
         """One line a test mode: frequency of the test, and of the model before and after, in Hz; errors in %; MAC."""
         before = {(p.configuration, p.test_label): p for p in self.before.pairs}
         after = {(p.configuration, p.test_label): p for p in self.after.pairs}
-        found = []
+        rows = []
         for key in dict.fromkeys([*before, *after]):
             old, new = before.get(key), after.get(key)
             some = old or new
@@ -117,8 +113,8 @@ class RunResult(StepResult):
                 row[f"{word}_hz"] = None if pair is None else pair.model_freq_hz
                 row[f"{word}_error_percent"] = None if pair is None else pair.freq_error_percent
                 row[f"{word}_mac"] = None if pair is None else pair.mac
-            found.append(row)
-        return Rows.of(found)
+            rows.append(row)
+        return Rows.of(rows)
 
     @property
     def pairs(self) -> Rows:
@@ -228,13 +224,13 @@ class RunResult(StepResult):
             return [f"{self.results.study.title} in {self.folder}"]
         error = f"{update.objective_before_percent:.3g} to {update.objective_after_percent:.3g} %"
         head = f"{update.status}, weighted mean error {error}, {len(update.history) - 1} iterations, {self.folder}"
-        found = []
+        sentences = []
         for p in update.parameters:
             sd = f", standard deviation {p.sd:.2g}" if p.sd is not None else f" ({p.sd_reason})"
             change = "" if p.change_percent is None else f", {p.change_percent:+.3g} %"
-            found.append(f"{p.name} = {text_of(p.value)}{sd}{change}")
+            sentences.append(f"{p.name} = {text_of(p.value)}{sd}{change}")
         problems = [f"{a.level}: {a.sentence}" for a in self.results.alerts if a.level == "problem"]
-        return [head, *problems, *found]
+        return [head, *problems, *sentences]
 
     def _table(self) -> Rows:
         return self.parameters

@@ -1,4 +1,4 @@
-"""One run of a whole study: correlate, select, update, write back, correlate again; nothing computed is lost."""
+"""One run of a whole study: correlate, select, update, write back, correlate again; a failure keeps earlier results."""
 
 from __future__ import annotations
 
@@ -265,10 +265,6 @@ class Run:
             "journal": journal_results(self.journal),
         }
         return known.facts.model_copy(update=parts)
-
-
-# ----------------------------------------------------------------------------------------------------
-# The steps and their order.
 
 
 def _model(run: Run, known: Known, arrays: Arrays) -> Outcome:

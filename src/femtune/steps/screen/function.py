@@ -1,4 +1,4 @@
-"""Steps that run the model at designed points: screen, search."""
+"""The function `screen`: effects of the parameters by designed runs of the model."""
 
 from __future__ import annotations
 

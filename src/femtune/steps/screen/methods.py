@@ -33,17 +33,32 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
 
 LITTLE = 0.01
-"""Contribution to every mode below which a parameter is said to matter little."""
+"""Contribution to every mode below which a parameter is said to matter little: it may usually be fixed."""
 MUCH = 0.1
 """Contribution from which a parameter is said to matter for a mode."""
 _UNEXPLAINED = 0.05
-"""Part of the variation from which an alert says that it is not explained."""
+"""Fraction of the variation above which an alert says that it is not explained.
+
+It is smaller than contributions that matter.
+"""
 _CURVED = 0.5
-"""σ relative to μ* from which an effect is said to depend on where it is taken."""
-_LEVELS, _MORRIS_LEVELS, _PER_PARAMETER = 3, 4, 10
+"""Ratio σ/μ* of elementary effects above which an effect is said to depend on where it is taken.
+
+By a nonlinearity or an interaction.
+"""
+_DEFAULT_LEVELS = 3
+"""Levels of each parameter if the study gives none: two would not show a curvature."""
+_DEFAULT_MORRIS_LEVELS = 4
+"""Levels of elementary effects if the study gives none.
+
+The usual number of the method, which visits all levels equally often.
+"""
+_DEFAULT_RUNS_PER_PARAMETER = 10
+"""Runs per parameter for a fitted surrogate if the study gives none: the usual size of a computer experiment."""
 _MOST_NAMED = 6
-_STILL = 1e-10
-"""Relative variation of a frequency below which it is rounding."""
+"""Modes that an alert lists, so that it stays one sentence."""
+_FREQUENCY_ROUNDING = 1e-10
+"""Relative variation of a frequency up to which it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -101,17 +116,21 @@ class ScreenMethod(Protocol):
 def method_of_screen(table: ScreenTable, parameters: int) -> ScreenMethod:
     """The method that a table asks for (errors ``design.*``)."""
     if table.design == "morris":
-        return _Morris(morris_design(parameters, table.trajectories, table.levels or _MORRIS_LEVELS, table.seed))
+        return _Morris(
+            morris_design(parameters, table.trajectories, table.levels or _DEFAULT_MORRIS_LEVELS, table.seed)
+        )
     if table.design == "sobol":
         design = sobol_design(parameters, table.points, table.seed)
         if table.on == "model":
             return _Sobol(design, table.seed)
         return _SobolOfSurrogate(
-            design, table.seed, latin_hypercube(parameters, table.runs or _PER_PARAMETER * parameters, table.seed)
+            design,
+            table.seed,
+            latin_hypercube(parameters, table.runs or _DEFAULT_RUNS_PER_PARAMETER * parameters, table.seed),
         )
     if table.design == "plackett-burman":
         return _ByLevels(plackett_burman(parameters))
-    counts = [table.levels or _LEVELS] * parameters
+    counts = [table.levels or _DEFAULT_LEVELS] * parameters
     if table.design == "factorial":
         return _ByLevels(full_factorial(counts))
     return _ByLevels(orthogonal_design(counts, table.array))
@@ -139,29 +158,29 @@ class _ByLevels:
     def findings(self, values: Reals, places: ResponseLabels) -> Findings:
         assert self.design.levels is not None
         good = np.isfinite(values).all(axis=1)
-        found = main_effects(self.design.levels[good], values[good])
-        alerts = _unexplained("screen.interactions", found.error_contribution, places)
-        if found.error_freedom == 0:
+        effects = main_effects(self.design.levels[good], values[good])
+        alerts = _unexplained("screen.interactions", effects.error_contribution, places)
+        if effects.error_freedom == 0:
             alerts = (*alerts, alert("info", "screen.saturated", runs=len(values)))
-        left = 100.0 * (1.0 - found.error_contribution.max())
+        left = 100.0 * (1.0 - effects.error_contribution.max())
         return Findings(
             (
-                *_sorted(found.contribution, places, "of the variation"),
+                *_sorted(effects.contribution, places, "of the variation"),
                 f"Main effects explain at least {left:.1f} % of the variation of each frequency.",
             ),
             effects=tuple(
                 MainEffect(
                     **place,
-                    contribution=float(found.contribution[i, j]),
-                    f_value=_finite(found.f_values[i, j]),
-                    p_value=_finite(found.p_values[i, j]),
-                    range_hz=float(found.ranges[i, j]),
-                    means_hz=tuple(found.level_means[i][:, j].tolist()),
+                    contribution=float(effects.contribution[i, j]),
+                    f_value=_finite(effects.f_values[i, j]),
+                    p_value=_finite(effects.p_values[i, j]),
+                    range_hz=float(effects.ranges[i, j]),
+                    means_hz=tuple(effects.level_means[i][:, j].tolist()),
                 )
                 for i, j, place in places.each()
             ),
-            unexplained=found.error_contribution,
-            error_freedom=found.error_freedom,
+            unexplained=effects.error_contribution,
+            error_freedom=effects.error_freedom,
             alerts=alerts,
         )
 
@@ -185,10 +204,10 @@ class _Morris:
         return ["morris1991", "campolongo2007"]
 
     def findings(self, values: Reals, places: ResponseLabels) -> Findings:
-        found = elementary_effects(self.paths, values.reshape(*self.paths.shape[:2], -1))
-        largest = found.absolute.max(axis=0)
-        share = found.absolute / np.where(largest > 0.0, largest, np.inf)
-        varies = (share >= MUCH) & (found.spread > _CURVED * found.absolute)
+        effects = elementary_effects(self.paths, values.reshape(*self.paths.shape[:2], -1))
+        largest = effects.absolute.max(axis=0)
+        share = effects.absolute / np.where(largest > 0.0, largest, np.inf)
+        varies = (share >= MUCH) & (effects.spread > _CURVED * effects.absolute)
         curved = [name for name, row in zip(places.names, varies) if row.any()]
         told = [f"Effects that depend on the values of the parameters (σ above {_CURVED:g} μ*): {_named(curved)}."]
         return Findings(
@@ -196,10 +215,10 @@ class _Morris:
             elementary=tuple(
                 ElementaryEffect(
                     **place,
-                    mean_hz=float(found.mean[i, j]),
-                    absolute_hz=float(found.absolute[i, j]),
-                    absolute_margin_hz=_finite(found.margin[i, j]),
-                    spread_hz=_finite(found.spread[i, j]),
+                    mean_hz=float(effects.mean[i, j]),
+                    absolute_hz=float(effects.absolute[i, j]),
+                    absolute_margin_hz=_finite(effects.margin[i, j]),
+                    spread_hz=_finite(effects.spread[i, j]),
                 )
                 for i, j, place in places.each()
             ),
@@ -226,24 +245,24 @@ class _Sobol:
         return ["sobol2001", "saltelli2010"]
 
     def findings(self, values: Reals, places: ResponseLabels) -> Findings:
-        found = variance_indices(values.reshape(*self.design.shape[:2], -1), self.seed)
-        assert found.first_interval is not None
-        assert found.total_interval is not None
-        varying = found.total.sum(axis=0) > 0.0
-        alone = min(100.0 * float(found.first.sum(axis=0)[varying].min(initial=1.0)), 100.0)
+        effects = variance_indices(values.reshape(*self.design.shape[:2], -1), self.seed)
+        assert effects.first_interval is not None
+        assert effects.total_interval is not None
+        varying = effects.total.sum(axis=0) > 0.0
+        alone = min(100.0 * float(effects.first.sum(axis=0)[varying].min(initial=1.0)), 100.0)
         return Findings(
             (
-                *_sorted(found.total, places, "of the variance, with interactions,"),
+                *_sorted(effects.total, places, "of the variance, with interactions,"),
                 f"Single parameters explain at least {alone:.1f} % of the variance of each frequency; the rest is "
                 "interactions.",
             ),
             indices=tuple(
                 SobolIndices(
                     **place,
-                    first=float(found.first[i, j]),
-                    first_interval=(float(found.first_interval[0, i, j]), float(found.first_interval[1, i, j])),
-                    total=float(found.total[i, j]),
-                    total_interval=(float(found.total_interval[0, i, j]), float(found.total_interval[1, i, j])),
+                    first=float(effects.first[i, j]),
+                    first_interval=(float(effects.first_interval[0, i, j]), float(effects.first_interval[1, i, j])),
+                    total=float(effects.total[i, j]),
+                    total_interval=(float(effects.total_interval[0, i, j]), float(effects.total_interval[1, i, j])),
                 )
                 for i, j, place in places.each()
             ),
@@ -276,15 +295,15 @@ class _SobolOfSurrogate:
         edges = np.zeros(x.shape[1]), np.ones(x.shape[1])
         fitted = fit_surrogate(x, y, KrigingRules("linear", seed=self.seed), edges, places.names)
         on = _Sobol(self.design, self.seed)
-        found = on.findings(fitted.predict(on.points), places)
+        effects = on.findings(fitted.predict(on.points), places)
         error, spread = np.mean((fitted.left_out - y) ** 2, axis=0), np.var(y, axis=0)
-        varies = spread > (_STILL * y.mean(axis=0)) ** 2
+        varies = spread > (_FREQUENCY_ROUNDING * y.mean(axis=0)) ** 2
         unexplained = np.where(varies, error / np.where(varies, spread, 1.0), 0.0)
         left = 100.0 * (1.0 - unexplained.max())
         return Findings(
-            (*found.sentences, f"Kriging predicts at least {left:.1f} % of the variance of each frequency in runs that "
-             "are left out."),
-            indices=found.indices,
+            (*effects.sentences, f"Kriging predicts at least {left:.1f} % of the variance of each frequency in runs "
+             "that are left out."),
+            indices=effects.indices,
             unexplained=unexplained,
             alerts=_unexplained("screen.surrogate-error", unexplained, places),
         )  # fmt: skip

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 
 _MOST_COLUMNS = 12
-"""Modes side by side in a table."""
+"""Modes side by side in a table; more do not fit the width of a page."""
 _MOST_DRAWN = 6
+"""Modes in the figure: they must stay large enough to be compared."""
 
 
 def _of(source: ReportSource) -> ScreenResults:
@@ -26,13 +27,13 @@ def _of(source: ReportSource) -> ScreenResults:
     return source.results.screen
 
 
-def _label(found: ScreenResults, mode: ScreenedMode) -> str:
-    several = len({m.configuration for m in found.modes}) > 1
+def _label(screening: ScreenResults, mode: ScreenedMode) -> str:
+    several = len({m.configuration for m in screening.modes}) > 1
     return f"{mode.configuration} {mode.mode}" if several else str(mode.mode)
 
 
-def _by_place(found: ScreenResults) -> dict[tuple[str, str, int], MainEffect]:
-    return {(e.parameter, e.configuration, e.mode): e for e in found.effects}
+def _by_place(screening: ScreenResults) -> dict[tuple[str, str, int], MainEffect]:
+    return {(e.parameter, e.configuration, e.mode): e for e in screening.effects}
 
 
 def screen_summary(source: ReportSource) -> list[Block]:
@@ -41,45 +42,45 @@ def screen_summary(source: ReportSource) -> list[Block]:
     return [*summary_blocks(found), *(_picture(found) if found.effects else _beside(found))]
 
 
-def summary_blocks(found: ScreenResults) -> list[Block]:
+def summary_blocks(screening: ScreenResults) -> list[Block]:
     """Sentences and alerts, for page and terminal."""
-    alerts = alert_boxes(found.alerts)
-    freedom = "" if found.error_freedom is None else f", {found.error_freedom} degrees of freedom for the error"
-    design = f"{found.design}: {counted(found.runs, 'run')}{freedom}."
-    return [Listing((*found.sentences, design)), *alerts]
+    alerts = alert_boxes(screening.alerts)
+    freedom = "" if screening.error_freedom is None else f", {screening.error_freedom} degrees of freedom for the error"
+    design = f"{screening.design}: {counted(screening.runs, 'run')}{freedom}."
+    return [Listing((*screening.sentences, design)), *alerts]
 
 
-def _picture(found: ScreenResults) -> list[Block]:
-    effects, modes = _by_place(found), found.modes[:_MOST_DRAWN]
+def _picture(screening: ScreenResults) -> list[Block]:
+    effects, modes = _by_place(screening), screening.modes[:_MOST_DRAWN]
     changes = [
         [
             [100.0 * (effects[p.name, m.configuration, m.mode].means_hz[k] / m.mean_hz - 1.0) for m in modes]
             for k in range(len(p.values))
         ]
-        for p in found.parameters
+        for p in screening.parameters
     ]
-    names, labels = [p.name for p in found.parameters], [f"mode {_label(found, m)}" for m in modes]
-    draw = partial(main_effects_svg, names, labels, [p.values for p in found.parameters], changes)
+    names, labels = [p.name for p in screening.parameters], [f"mode {_label(screening, m)}" for m in modes]
+    draw = partial(main_effects_svg, names, labels, [p.values for p in screening.parameters], changes)
     caption = "Mean frequency of the runs of each level, relative to the mean of all runs."
-    return [Figure(draw, caption, f"{caption} {'; '.join(found.sentences)}", wide=True)]
+    return [Figure(draw, caption, f"{caption} {'; '.join(screening.sentences)}", wide=True)]
 
 
-def _beside(found: ScreenResults) -> list[Block]:
+def _beside(screening: ScreenResults) -> list[Block]:
     """Elementary effects or Sobol's indices of the first modes."""
-    modes = found.modes[:_MOST_DRAWN]
-    labels = [f"mode {_label(found, m)}" for m in modes]
-    if found.elementary:
+    modes = screening.modes[:_MOST_DRAWN]
+    labels = [f"mode {_label(screening, m)}" for m in modes]
+    if screening.elementary:
         legend, unit = ("μ*, with 95 % interval", "σ"), "Hz"
         caption = "Elementary effects: mean absolute change over the range of each parameter, and standard deviation."
-        values = {(e.parameter, e.configuration, e.mode): _morris(e) for e in found.elementary}
+        values = {(e.parameter, e.configuration, e.mode): _morris(e) for e in screening.elementary}
     else:
         legend, unit = ("first", "total"), "part of the variance"
         caption = "Sobol's indices with 95 % intervals: alone, and with all interactions."
-        values = {(s.parameter, s.configuration, s.mode): _sobol(s) for s in found.indices}
-    names = [p.name for p in found.parameters]
+        values = {(s.parameter, s.configuration, s.mode): _sobol(s) for s in screening.indices}
+    names = [p.name for p in screening.parameters]
     panels = [[values[name, m.configuration, m.mode] for name in names] for m in modes]
     draw = partial(beside_svg, names, labels, panels, legend, unit)
-    return [Figure(draw, caption, f"{caption} {'; '.join(found.sentences)}", wide=True)]
+    return [Figure(draw, caption, f"{caption} {'; '.join(screening.sentences)}", wide=True)]
 
 
 _Ranges = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -101,17 +102,17 @@ def screen_elementary(source: ReportSource) -> list[Block]:
     return elementary_table(_of(source))
 
 
-def elementary_table(found: ScreenResults) -> list[Block]:
+def elementary_table(screening: ScreenResults) -> list[Block]:
     """The same, for page and terminal."""
     heads = columns("Parameter", ">Mode", ">μ Hz", ">μ* Hz", ">± 95 %", ">σ Hz", ">σ / μ*")
-    modes = _labels(found)
+    modes = _labels(screening)
     rows = tuple(
         row(
             e.parameter, modes[e.configuration, e.mode], short(e.mean_hz), short(e.absolute_hz),
             short(e.absolute_margin_hz), short(e.spread_hz),
             NONE if e.spread_hz is None or not e.absolute_hz else f"{e.spread_hz / e.absolute_hz:.2f}",
         )
-        for e in found.elementary
+        for e in screening.elementary
     )  # fmt: skip
     return [Table("", heads, rows, folded=len(rows) > 40)] if rows else []
 
@@ -121,16 +122,16 @@ def screen_indices(source: ReportSource) -> list[Block]:
     return indices_table(_of(source))
 
 
-def indices_table(found: ScreenResults) -> list[Block]:
+def indices_table(screening: ScreenResults) -> list[Block]:
     """The same, for page and terminal."""
     heads = columns("Parameter", ">Mode", ">First", ">95 %", ">Total", ">95 %")
-    modes = _labels(found)
+    modes = _labels(screening)
     rows = tuple(
         row(
             s.parameter, modes[s.configuration, s.mode], f"{s.first:.3f}", _limits(s.first_interval),
             Cell(f"{s.total:.3f}", bar=Bar(0.0, min(max(s.total, 0.0), 1.0))), _limits(s.total_interval),
         )
-        for s in found.indices
+        for s in screening.indices
     )  # fmt: skip
     return [Table("", heads, rows, folded=len(rows) > 40)] if rows else []
 
@@ -139,8 +140,8 @@ def _limits(interval: tuple[float, float]) -> str:
     return f"{interval[0]:.3f} to {interval[1]:.3f}"
 
 
-def _labels(found: ScreenResults) -> dict[tuple[str, int], str]:
-    return {(m.configuration, m.mode): _label(found, m) for m in found.modes}
+def _labels(screening: ScreenResults) -> dict[tuple[str, int], str]:
+    return {(m.configuration, m.mode): _label(screening, m) for m in screening.modes}
 
 
 def screen_contributions(source: ReportSource) -> list[Block]:
@@ -148,18 +149,18 @@ def screen_contributions(source: ReportSource) -> list[Block]:
     return contribution_table(_of(source))
 
 
-def contribution_table(found: ScreenResults) -> list[Block]:
+def contribution_table(screening: ScreenResults) -> list[Block]:
     """Contributions in %, of main effects."""
-    if not found.effects:
+    if not screening.effects:
         return []
-    effects, modes = _by_place(found), found.modes[:_MOST_COLUMNS]
-    heads = columns("Parameter", *(f">{_label(found, m)}" for m in modes))
+    effects, modes = _by_place(screening), screening.modes[:_MOST_COLUMNS]
+    heads = columns("Parameter", *(f">{_label(screening, m)}" for m in modes))
     rows = [
         row(p.name, *(_share(effects[p.name, m.configuration, m.mode].contribution) for m in modes))
-        for p in found.parameters
+        for p in screening.parameters
     ]
     rows.append(row("not explained", *(_share(m.error_contribution or 0.0) for m in modes)))
-    left = len(found.modes) - len(modes)
+    left = len(screening.modes) - len(modes)
     return [Table("", heads, tuple(rows), f"and {counted(left, 'more mode')} in the results" if left else "")]
 
 
@@ -169,8 +170,8 @@ def _share(part: float) -> Cell:
 
 def screen_variance(source: ReportSource) -> list[Block]:
     """F, p and range of every effect."""
-    found = _of(source)
-    modes = _labels(found)
+    screening = _of(source)
+    modes = _labels(screening)
     heads = columns("Parameter", ">Mode", ">F", ">p", ">Contribution %", ">Range Hz", ">Mean Hz of each level")
     rows = tuple(
         row(
@@ -182,7 +183,7 @@ def screen_variance(source: ReportSource) -> list[Block]:
             short(e.range_hz),
             ", ".join(freq(hz) for hz in e.means_hz),
         )
-        for e in found.effects
+        for e in screening.effects
     )
     return [Table("", heads, rows, folded=len(rows) > 40)] if rows else []
 
@@ -192,7 +193,7 @@ def screen_modes(source: ReportSource) -> list[Block]:
     return [mode_table(_of(source))]
 
 
-def mode_table(found: ScreenResults) -> Table:
+def mode_table(screening: ScreenResults) -> Table:
     """Frequencies, and how well the shapes could be followed."""
     heads = columns("Mode", ">Initial Hz", ">Mean of the runs Hz", ">Smallest MAC", ">Not explained %")
     return Table(
@@ -200,33 +201,29 @@ def mode_table(found: ScreenResults) -> Table:
         heads,
         tuple(
             row(
-                _label(found, m), freq(m.freq_hz), freq(m.mean_hz), unit_fraction(m.least_mac),
+                _label(screening, m), freq(m.freq_hz), freq(m.mean_hz), unit_fraction(m.least_mac),
                 NONE if m.error_contribution is None else f"{100.0 * m.error_contribution:.1f}",
             )
-            for m in found.modes
+            for m in screening.modes
         ),
     )  # fmt: skip
 
 
-def screen_verdict(found: ScreenResults) -> tuple[str, Level]:
+def screen_verdict(screening: ScreenResults) -> tuple[str, Level]:
     """The first sentence of a screening."""
-    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
-    return f"{found.design}, {counted(found.runs, 'run')}. {found.sentences[0]}", level
+    level: Level = "warning" if any(a.level != "info" for a in screening.alerts) else "info"
+    return f"{screening.design}, {counted(screening.runs, 'run')}. {screening.sentences[0]}", level
 
 
-# ----------------------------------------------------------------------------------------------------
-# On the terminal.
-
-
-def screen_document(subject: Subject, found: ScreenResults) -> Document:
+def screen_document(subject: Subject, screening: ScreenResults) -> Document:
     """Sentences, effects and modes."""
-    verdict, level = screen_verdict(found)
+    verdict, level = screen_verdict(screening)
     parts = (
-        ("screen", "Effects of the parameters", summary_blocks(found)),
-        ("contributions", "Contribution to the variation of each frequency in %", contribution_table(found)),
-        ("elementary", "Elementary effects", elementary_table(found)),
-        ("indices", "Sobol's indices", indices_table(found)),
-        ("modes", "Modes", [mode_table(found)]),
+        ("screen", "Effects of the parameters", summary_blocks(screening)),
+        ("contributions", "Contribution to the variation of each frequency in %", contribution_table(screening)),
+        ("elementary", "Elementary effects", elementary_table(screening)),
+        ("indices", "Sobol's indices", indices_table(screening)),
+        ("modes", "Modes", [mode_table(screening)]),
     )
     sections = tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
     return subject.document(verdict, level, sections)

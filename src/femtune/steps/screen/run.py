@@ -37,9 +37,10 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
     from femtune.study.study import Study
 
-_FOLLOWED = 0.5
-"""MAC below which a mode is said to be lost."""
+_LEAST_FOLLOWED_MAC = 0.5
+"""MAC below which a mode is said to be lost: another mode may then resemble the original one as well."""
 _MOST_NAMED = 6
+"""Runs or modes that an alert lists, so that it stays one sentence."""
 
 
 def screen_parameters(
@@ -78,8 +79,8 @@ def screen_parameters(
             check_places(study, [table], None)
         check_executor(study)
         inputs = inputs_of(study)
-    with watch.step("runs"), looking_up(study, fresh) as found, opened_solver(found.study, progress) as solver:
-        runs = _Runs.of(found.study, method, progress, solver)
+    with watch.step("runs"), looking_up(study, fresh) as looked_up, opened_solver(looked_up.study, progress) as solver:
+        runs = _Runs.of(looked_up.study, method, progress, solver)
         with errors_at(file.where("screen")):
             record = runs.record()
     arrays = {"screen_runs": runs.table}
@@ -92,7 +93,7 @@ def screen_parameters(
         citations=citations(method.papers),
         alerts=record.alerts,
     )
-    return ScreenResult(record, results, arrays, tuple(found.remarks), () if table is None else (table,))
+    return ScreenResult(record, results, arrays, tuple(looked_up.remarks), () if table is None else (table,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +118,10 @@ class _Runs:
         different = list(dict.fromkeys(map(tuple, points)))
         runs = runs_at(work, [np.array(p) for p in different], executor_of(study), progress, "runs of the design")
         by_point = dict(zip(different, runs, strict=True))
-        found = tuple(by_point[point] for point in map(tuple, points))
-        if all(run.problem for run in found):
-            raise FemtuneError("screen.all-failed", runs=len(found), reason=found[0].problem)
-        return cls(study, method, work, found)
+        outcomes = tuple(by_point[point] for point in map(tuple, points))
+        if all(run.problem for run in outcomes):
+            raise FemtuneError("screen.all-failed", runs=len(outcomes), reason=outcomes[0].problem)
+        return cls(study, method, work, outcomes)
 
     @property
     def labels(self) -> list[str]:
@@ -187,7 +188,7 @@ class _Runs:
         if failed:
             listed = ", ".join(str(f.run) for f in failed[:_MOST_NAMED])
             out.append(alert("warning", "screen.failed-runs", count=len(failed), runs=listed, reason=failed[0].reason))
-        lost = [f"{m.mode} (MAC {m.least_mac:.2f})" for m in modes if m.least_mac < _FOLLOWED]
+        lost = [f"{m.mode} (MAC {m.least_mac:.2f})" for m in modes if m.least_mac < _LEAST_FOLLOWED_MAC]
         if lost:
             out.append(alert("warning", "screen.lost-modes", modes=", ".join(lost[:_MOST_NAMED])))
         return out

@@ -1,4 +1,4 @@
-"""Steps that run the model at designed points: screen, search."""
+"""The function `search`: the minimum of the residuals in the whole box."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A global search: what it found, how it converged, and how good the surrogate is."""
+"""A global search, its convergence, and the accuracy of the surrogate: sections of the report and terminal."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 
 _MOST_DRAWN = 6
+"""Searches whose convergence is drawn: the curves of more cover each other."""
 
 
 def _of(source: ReportSource) -> GlobalSearchResults:
@@ -40,16 +41,18 @@ def search_summary(source: ReportSource) -> list[Block]:
     return summary_blocks(_of(source))
 
 
-def summary_blocks(found: GlobalSearchResults) -> list[Block]:
+def summary_blocks(search: GlobalSearchResults) -> list[Block]:
     """Numbers, sentences, and alerts, for page and terminal."""
-    alerts = alert_boxes(found.alerts)
+    alerts = alert_boxes(search.alerts)
     numbers = KeyNumbers(
         (
-            KeyNumber("χ²", short(found.chi2_initial), short(found.chi2), remark=counted(found.residuals, "residual")),
-            KeyNumber("Runs of the model", str(found.runs), remark=f"{found.method} on the {found.on}"),
+            KeyNumber(
+                "χ²", short(search.chi2_initial), short(search.chi2), remark=counted(search.residuals, "residual")
+            ),
+            KeyNumber("Runs of the model", str(search.runs), remark=f"{search.method} on the {search.on}"),
         )
     )
-    return [numbers, Listing((*found.sentences, f"{found.status}: {found.message}.")), *alerts]
+    return [numbers, Listing((*search.sentences, f"{search.status}: {search.message}.")), *alerts]
 
 
 def search_parameters(source: ReportSource) -> list[Block]:
@@ -57,9 +60,9 @@ def search_parameters(source: ReportSource) -> list[Block]:
     return [parameter_table(_of(source))]
 
 
-def parameter_table(found: GlobalSearchResults) -> Table:
+def parameter_table(search: GlobalSearchResults) -> Table:
     """A line each parameter."""
-    known = any(p.variance_total is not None for p in found.parameters)
+    known = any(p.variance_total is not None for p in search.parameters)
     extra = (">Variance alone", ">Total") if known else ()
     heads = columns("Parameter", "Unit", ">Lower", ">Upper", ">Initial", ">Found", ">Value", *extra, "")
     rows = tuple(
@@ -68,7 +71,7 @@ def parameter_table(found: GlobalSearchResults) -> Table:
             *((_share(p.variance_alone), _share(p.variance_total)) if known else ()),
             Cell("at its bound", tone="poor") if p.at_bound else "",
         )
-        for p in found.parameters
+        for p in search.parameters
     )  # fmt: skip
     note = "Variance: part of that of all residuals over the box which the parameter explains alone, and with others."
     return Table("", heads, rows, note if known else "")
@@ -80,56 +83,56 @@ def _share(part: float | None) -> str:
 
 def search_convergence(source: ReportSource) -> list[Block]:
     """The picture, and a line each seed."""
-    found, history = _of(source), source.arrays[_of(source).history_key]
+    search, history = _of(source), source.arrays[_of(source).history_key]
     lines = []
-    for seed in found.seeds[:_MOST_DRAWN]:
+    for seed in search.seeds[:_MOST_DRAWN]:
         mine = history[history[:, 0] == seed.seed]
         lines.append((f"seed {seed.seed}", mine[:, 1].tolist(), mine[:, 2].tolist()))
-    caption = f"Smallest χ² on the {found.on} against the number of evaluations. Dotted: where the searches ended."
-    draw = partial(search_svg, lines, [seed.chi2 for seed in found.seeds])
-    return [Figure(draw, caption, f"{caption} {found.sentences[0]}", wide=True), seed_table(found)]
+    caption = f"Smallest χ² on the {search.on} against the number of evaluations. Dotted: where the searches ended."
+    draw = partial(search_svg, lines, [seed.chi2 for seed in search.seeds])
+    return [Figure(draw, caption, f"{caption} {search.sentences[0]}", wide=True), seed_table(search)]
 
 
-def seed_table(found: GlobalSearchResults) -> Table:
+def seed_table(search: GlobalSearchResults) -> Table:
     """A line each seed."""
     heads = columns(">Seed", ">Evaluations", ">χ²", "Same minimum", "Converged")
     words = {True: "yes", False: "no"}
     rows = tuple(
-        row(str(s.seed), str(s.evaluations), short(s.chi2), words[s.same], words[s.converged]) for s in found.seeds
+        row(str(s.seed), str(s.evaluations), short(s.chi2), words[s.same], words[s.converged]) for s in search.seeds
     )
     return Table("", heads, rows)
 
 
 def search_front(source: ReportSource) -> list[Block]:
     """The front: picture and table; nothing where it was not requested."""
-    found = _of(source).front
-    if found is None:
+    front = _of(source).front
+    if front is None:
         return []
-    whole = source.arrays[found.front_key][:, -2:]
-    confirmed = [(p.frequency_model, p.other_model) for p in found.points]
+    whole = source.arrays[front.front_key][:, -2:]
+    confirmed = [(p.frequency_model, p.other_model) for p in front.points]
     known = [(f, o) for f, o in confirmed if f is not None and o is not None]
     caption = (
-        f"Sum of squared relative errors of the frequencies against the {found.label}. Line: front on the "
+        f"Sum of squared relative errors of the frequencies against the {front.label}. Line: front on the "
         f"{_of(source).on}. Dots: the model at points of the front. Cross: initial values."
     )
     draw = partial(
-        front_svg, whole.tolist(), known, (found.initial_frequency, found.initial_other), found.label,
+        front_svg, whole.tolist(), known, (front.initial_frequency, front.initial_other), front.label,
     )  # fmt: skip
     return [Figure(draw, caption, caption, wide=True), front_table(_of(source))]
 
 
-def front_table(found: GlobalSearchResults) -> Table:
+def front_table(search: GlobalSearchResults) -> Table:
     """A line each point of the front that the model has confirmed."""
-    assert found.front is not None
+    assert search.front is not None
     heads = columns(
-        *(f">{p.name}" for p in found.parameters), ">Frequencies", ">model", f">{found.front.label}", ">model"
+        *(f">{p.name}" for p in search.parameters), ">Frequencies", ">model", f">{search.front.label}", ">model"
     )
     rows = tuple(
         row(
             *map(value, p.parameters), short(p.frequency), _or_none(p.frequency_model), short(p.other),
             _or_none(p.other_model),
         )
-        for p in found.front.points
+        for p in search.front.points
     )  # fmt: skip
     note = "Frequencies: sum of the squared relative errors. Both errors on what was searched, and of the model there."
     return Table("", heads, rows, note)
@@ -154,9 +157,9 @@ def search_surrogate(source: ReportSource) -> list[Block]:
     return surrogate_blocks(_of(source))
 
 
-def surrogate_blocks(found: GlobalSearchResults) -> list[Block]:
+def surrogate_blocks(search: GlobalSearchResults) -> list[Block]:
     """The surrogate and its errors, for page and terminal."""
-    s = found.surrogate
+    s = search.surrogate
     if s is None:
         return [Paragraph("The model itself was searched.")]
     heads = columns(
@@ -175,25 +178,21 @@ def surrogate_blocks(found: GlobalSearchResults) -> list[Block]:
     return [Table("", heads, (line,), note)]
 
 
-def search_verdict(found: GlobalSearchResults) -> tuple[str, Level]:
+def search_verdict(search: GlobalSearchResults) -> tuple[str, Level]:
     """What the search came to."""
-    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
-    return found.sentences[-1], level
+    level: Level = "warning" if any(a.level != "info" for a in search.alerts) else "info"
+    return search.sentences[-1], level
 
 
-# ----------------------------------------------------------------------------------------------------
-# On the terminal.
-
-
-def search_document(subject: Subject, found: GlobalSearchResults) -> Document:
+def search_document(subject: Subject, search: GlobalSearchResults) -> Document:
     """Numbers, parameters, seeds, surrogate."""
-    verdict, level = search_verdict(found)
-    front = () if found.front is None else (Section("front", "Frequencies against shapes", (front_table(found),)),)
+    verdict, level = search_verdict(search)
+    front = () if search.front is None else (Section("front", "Frequencies against shapes", (front_table(search),)),)
     sections = (
-        Section("search", "Global search", tuple(summary_blocks(found))),
-        Section("parameters", "Parameters", (parameter_table(found),)),
-        Section("seeds", "Searches", (seed_table(found),)),
+        Section("search", "Global search", tuple(summary_blocks(search))),
+        Section("parameters", "Parameters", (parameter_table(search),)),
+        Section("seeds", "Searches", (seed_table(search),)),
         *front,
-        Section("surrogate", "Surrogate", tuple(surrogate_blocks(found))),
+        Section("surrogate", "Surrogate", tuple(surrogate_blocks(search))),
     )
     return subject.document(verdict, level, sections)

@@ -68,17 +68,33 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
     from femtune.study.study import Study
 
-_PER_PARAMETER = 10
-_AT_A_TIME = 5
-"""Further runs by error after which the surrogate is fitted again."""
+_DEFAULT_RUNS_PER_PARAMETER = 10
+"""Runs of the model per parameter for the surrogate if the study gives none.
+
+The usual size of a computer experiment.
+"""
+_RUNS_PER_FIT = 5
+"""Further runs after which the surrogate is fitted again.
+
+Fewer runs use its errors better; more can run in parallel.
+"""
 _MOST_RESPONSES = 12
-"""Residuals beyond which their principal components are fitted."""
-_ENERGY = 1e-10
-"""Part of the squares that components left out may have."""
-_SAME = 1e-3
+"""Residuals that are fitted one by one.
+
+Of more, principal components are fitted, at most this number, because each fit takes time.
+"""
+_LEFT_OUT_SQUARES = 1e-10
+"""Fraction of the sum of squares that the principal components left out may have: far below errors of the surrogate."""
+_SAME_POINT = 1e-3
+"""Largest difference of two points, relative to the ranges of the parameters, up to which they are the same minimum.
+
+It is above the accuracy with which a search ends.
+"""
 _FRONT = "search_front"
-_WRONG = 1.0
-"""Difference of χ² between surrogate and model, relative to that of the model and one, from which an alert says so."""
+_WRONG_SURROGATE = 1.0
+"""Difference of χ² between surrogate and model, relative to 1 + χ² of the model, above which an alert says that the
+surrogate is wrong.
+"""
 
 
 def search_minimum(
@@ -90,7 +106,7 @@ def search_minimum(
     jobs: int | None = None,
     table_of_front: Path | None = None,
 ) -> SearchResult:
-    """The minimum of the squared residuals within the bounds, from the initial values of nobody.
+    """The minimum of the squared residuals within the bounds, without initial values.
 
     Parameters
     ----------
@@ -116,8 +132,8 @@ def search_minimum(
         check_executor(study)
         inputs = inputs_of(study)
     arrays: dict[str, Any] = {}
-    with looking_up(study, fresh) as found, opened_solver(found.study, progress) as solver:
-        search = _Search.begin(found.study, table, progress, solver)
+    with looking_up(study, fresh) as looked_up, opened_solver(looked_up.study, progress) as solver:
+        search = _Search.begin(looked_up.study, table, progress, solver)
         if table.front:
             # what it cannot compare is said before the first run
             _ = search.parts
@@ -135,7 +151,7 @@ def search_minimum(
         citations=citations(_papers(table)),
         alerts=record.alerts,
     )
-    return SearchResult(record, results, arrays, tuple(found.remarks))
+    return SearchResult(record, results, arrays, tuple(looked_up.remarks))
 
 
 def _papers(table: SearchTable) -> list[str]:
@@ -222,20 +238,22 @@ class _Search:
         def objective(points: Reals) -> Reals:
             return np.asarray(np.sum(self.run(points, "runs of a generation") ** 2, axis=1))
 
-        found = []
+        searches = []
         for seed in range(self.table.seed, self.table.seed + self.table.seeds):
             rules = SearchRules(self.table.method, self.table.population, self.table.generations, seed=seed)
-            found.append(global_minimum(objective, *self.bounds, rules))
-        if not np.isfinite(found[0].value):
+            searches.append(global_minimum(objective, *self.bounds, rules))
+        if not np.isfinite(searches[0].value):
             raise FemtuneError("search.all-failed", runs=len(self.runs), reason=self.runs[0].problem)
         front = self._front(lambda points: self.run(points, "runs of a generation of the front"))
-        return _Ended(tuple(found), np.array([f.x for f in found]), np.array([f.value for f in found]), front=front)
+        return _Ended(
+            tuple(searches), np.array([f.x for f in searches]), np.array([f.value for f in searches]), front=front
+        )
 
     def on_surrogate(self) -> _Ended:
         """Runs of a Latin hypercube, a surrogate of the residuals, further runs, and its minimum."""
         table, (lower, upper) = self.table, self.bounds
         least = _surrogate_rules(table).least_runs(len(lower))
-        wanted = table.runs or max(_PER_PARAMETER * len(lower), least)
+        wanted = table.runs or max(_DEFAULT_RUNS_PER_PARAMETER * len(lower), least)
         if wanted < least:
             where = self.study.file.where("search", "runs")
             raise FemtuneError("search.too-few/asked", where=where, runs=wanted, needed=least, parameters=len(lower))
@@ -261,7 +279,7 @@ class _Search:
             surrogate = self._fit(x, responses.of_residuals(r))
         self.progress.step("search on the surrogate", 0, None)
         seeds = range(table.seed, table.seed + table.seeds)
-        found = surrogate_minimum(surrogate, responses.objective, (lower, upper), self.rules, seeds)
+        searches = surrogate_minimum(surrogate, responses.objective, (lower, upper), self.rules, seeds)
         rules = _surrogate_rules(table)
         facts = SurrogateFacts(
             method=table.surrogate,
@@ -282,8 +300,8 @@ class _Search:
         )
         shares = explained_variances(surrogate) if isinstance(rules, ChaosRules) else None
         front = self._front(lambda points: responses.residuals(surrogate.predict(points)))
-        chi2 = 2.0 * found.values + responses.rest
-        return _Ended(found.searches, found.ends, chi2, facts, responses.rest, front, shares)
+        chi2 = 2.0 * searches.values + responses.rest
+        return _Ended(searches.searches, searches.ends, chi2, facts, responses.rest, front, shares)
 
     def _further(self, surrogate: Surrogate, responses: SearchResponses, made: int) -> Reals:
         """(n, k) points of the next further runs, after those that were made; none at the end.
@@ -296,7 +314,7 @@ class _Search:
             return np.empty((0, surrogate.x.shape[1]))
         if table.infill_by == "improvement":
             return where_better(surrogate, responses.objective, left, table.seed)
-        return where_wrong(surrogate, min(_AT_A_TIME, left), table.seed + made)
+        return where_wrong(surrogate, min(_RUNS_PER_FIT, left), table.seed + made)
 
     def _designed(self, wanted: int) -> tuple[Reals, Reals]:
         """Points of a Latin hypercube and their residuals; as many further ones as runs failed."""
@@ -331,9 +349,6 @@ class _Search:
             return fit_surrogate(
                 x, y, _surrogate_rules(table), self.bounds, [p.name for p in self.study.parameters.free]
             )
-
-    # ------------------------------------------------------------------------------------------------
-    # The end on the model.
 
     def record(self, ended: _Ended, arrays: dict[str, Any]) -> GlobalSearchResults:
         """Least squares from where the search ended, and all of it as a record."""
@@ -423,7 +438,7 @@ class _Search:
         points: list[Reals] = []
         width = self.bounds[1] - self.bounds[0]
         for i in np.argsort(ended.chi2, kind="stable"):
-            if all(np.abs((ended.points[i] - p) / width).max() > _SAME for p in points):
+            if all(np.abs((ended.points[i] - p) / width).max() > _SAME_POINT for p in points):
                 points.append(ended.points[i])
         starts = multi_start(
             self.work.problem, method, StartRules(len(points)), nominal=self.work.before, points=np.array(points),
@@ -440,7 +455,8 @@ class _Search:
                 evaluations=int(search.evaluations[-1]),
                 chi2=float(chi2),
                 same=bool(
-                    np.abs((point - best) / width).max() <= (_SAME if self.table.on == "surrogate" else 10 * _SAME)
+                    np.abs((point - best) / width).max()
+                    <= (_SAME_POINT if self.table.on == "surrogate" else 10 * _SAME_POINT)
                 ),
                 converged=search.converged,
             )
@@ -448,7 +464,7 @@ class _Search:
         )
 
     def _parameters(self, ended: _Ended, result: UpdateResult) -> tuple[SearchedParameter, ...]:
-        found, shares = self.study.parameters.denormalise(ended.points[ended.best]), ended.shares
+        values, shares = self.study.parameters.denormalise(ended.points[ended.best]), ended.shares
         return tuple(
             SearchedParameter(
                 name=p.name,
@@ -456,7 +472,7 @@ class _Search:
                 lower=p.lower,
                 upper=p.upper,
                 initial=p.nominal,
-                found=float(found[i]),
+                found=float(values[i]),
                 value=result.values[p.name],
                 at_bound=p.name in result.at_bound,
                 variance_alone=None if shares is None else float(shares.first[i, 0]),
@@ -487,7 +503,7 @@ class SearchResponses:
             return cls(np.zeros_like(middle), None)
         _, size, rows = np.linalg.svd(r - middle, full_matrices=False)
         left = 1.0 - np.cumsum(size**2) / max(float(np.sum(size**2)), np.finfo(float).tiny)
-        count = min(int(np.sum(left > _ENERGY)) + 1, _MOST_RESPONSES)
+        count = min(int(np.sum(left > _LEFT_OUT_SQUARES)) + 1, _MOST_RESPONSES)
         return cls(middle, rows[:count].T)
 
     def of_residuals(self, r: Reals) -> Reals:
@@ -542,11 +558,11 @@ def _history(ended: _Ended, first: int) -> Reals:
     return np.vstack(lines)
 
 
-def _sentences(found: GlobalSearchResults) -> tuple[str, ...]:
-    same = sum(seed.same for seed in found.seeds)
-    out = [f"{same} of {len(found.seeds)} searches ended at the same minimum on the {found.on}."]
-    if found.surrogate is not None:
-        s = found.surrogate
+def _sentences(record: GlobalSearchResults) -> tuple[str, ...]:
+    same = sum(seed.same for seed in record.seeds)
+    out = [f"{same} of {len(record.seeds)} searches ended at the same minimum on the {record.on}."]
+    if record.surrogate is not None:
+        s = record.surrogate
         fresh = "" if s.fresh_rms is None else f", {s.fresh_rms:.3g} for {s.fresh_runs} fresh runs"
         out.append(
             f"The surrogate predicts a residual within {s.left_out_rms:.3g} standard deviations of the data "
@@ -558,38 +574,40 @@ def _sentences(found: GlobalSearchResults) -> tuple[str, ...]:
                 f"{s.left_out_rms_before:.3g} to {s.left_out_rms:.3g}."
             )
     shares = sorted(
-        ((p.variance_total, p.name) for p in found.parameters if p.variance_total is not None), reverse=True
+        ((p.variance_total, p.name) for p in record.parameters if p.variance_total is not None), reverse=True
     )
     if shares:
         named = ", ".join(f"{name} {100.0 * share:.0f} %" for share, name in shares)
         out.append(f"Parts of the variance of the residuals over the box, with interactions (Sobol): {named}.")
-    model = "" if found.chi2_model is None or found.on == "model" else f", {found.chi2_model:.4g} by the model there"
+    model = "" if record.chi2_model is None or record.on == "model" else f", {record.chi2_model:.4g} by the model there"
     out.append(
-        f"χ² is {found.chi2_initial:.4g} at the initial values, {found.chi2_searched:.4g} at the end of the search"
-        f"{model}, and {found.chi2:.4g} after least squares on the model."
+        f"χ² is {record.chi2_initial:.4g} at the initial values, {record.chi2_searched:.4g} at the end of the search"
+        f"{model}, and {record.chi2:.4g} after least squares on the model."
     )
     return tuple(out)
 
 
-def _alerts(found: GlobalSearchResults, open_: Sequence[str]) -> list[Alert]:
+def _alerts(record: GlobalSearchResults, open_: Sequence[str]) -> list[Alert]:
     out = []
     if open_:
         out.append(alert("warning", "search.undetermined", combinations=" ".join(open_)))
-    if found.failed:
-        out.append(alert("warning", "search.failed-runs", count=len(found.failed), reason=found.failed[0].reason))
-    model = found.chi2_model
-    if found.on == "surrogate" and (model is None or abs(model - found.chi2_searched) > _WRONG * (1.0 + model)):
+    if record.failed:
+        out.append(alert("warning", "search.failed-runs", count=len(record.failed), reason=record.failed[0].reason))
+    model = record.chi2_model
+    if record.on == "surrogate" and (
+        model is None or abs(model - record.chi2_searched) > _WRONG_SURROGATE * (1.0 + model)
+    ):
         shown = "no value" if model is None else f"{model:.4g}"
-        out.append(alert("warning", "search.surrogate-wrong", surrogate=found.chi2_searched, model=shown))
-    s = found.surrogate
+        out.append(alert("warning", "search.surrogate-wrong", surrogate=record.chi2_searched, model=shown))
+    s = record.surrogate
     if s is not None and s.infill_until is not None and s.left_out_rms > s.infill_until:
         out.append(
             alert("warning", "search.infill-error", runs=s.infill_runs, error=s.left_out_rms, wanted=s.infill_until)
         )
-    at_bound = ", ".join(p.name for p in found.parameters if p.at_bound)
+    at_bound = ", ".join(p.name for p in record.parameters if p.at_bound)
     if at_bound:
         out.append(alert("warning", "search.at-bound", names=at_bound))
     # of many sets with one χ², searches find different ones
-    if not open_ and sum(seed.same for seed in found.seeds) < 2 <= len(found.seeds):
-        out.append(alert("warning", "search.not-confirmed", seeds=len(found.seeds)))
+    if not open_ and sum(seed.same for seed in record.seeds) < 2 <= len(record.seeds):
+        out.append(alert("warning", "search.not-confirmed", seeds=len(record.seeds)))
     return out

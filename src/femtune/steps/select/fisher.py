@@ -20,7 +20,7 @@ from femtune.steps.select.record.fisher import FisherResults, KnownParameter
 def known_of_frfs(
     study: Study, at: Evaluation, stage: Literal["before", "after"], active: Sequence[str] | None = None
 ) -> ExpectedKnowledge | None:
-    """What the data tell at an evaluation; None for studies without residuals of measured FRFs.
+    """Information of the data at an evaluation; None for studies without residuals of measured FRFs.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def known_of_frfs(
 
 
 def fisher_results(
-    study: Study, at: Evaluation, stage: Literal["before", "after"], found: ExpectedKnowledge | None,
+    study: Study, at: Evaluation, stage: Literal["before", "after"], knowledge: ExpectedKnowledge | None,
     active: Sequence[str] | None = None,
 ) -> FisherResults | None:  # fmt: skip
     """The information at an evaluation as a record; None where there is none.
@@ -48,12 +48,12 @@ def fisher_results(
     ----------
     found, active : from `known_of_frfs`, and as there
     """
-    if found is None:
+    if knowledge is None:
         return None
     parameters = study.parameters
     names = tuple(p.name for p in parameters.free)
     moving = np.array([active is None or n in active for n in names])
-    values, jets, known = parameters.values(at.x), parameters.jets(at.x), found.select(moving)
+    values, jets, known = parameters.values(at.x), parameters.jets(at.x), knowledge.select(moving)
     scale = np.array([_percent(jets[n].grad, i, values[n]) for i, n in enumerate(names) if moving[i]])
     percent = known.together * scale
     return FisherResults(

@@ -1,4 +1,4 @@
-"""Steps that compare and write no run folder: correlate, compare, select, quantify."""
+"""The function `select`: which parameters the data determine."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def select(
     >>> found.jacobian.shape
     (4, 2)
     """
-    # what the other steps do without
+    # imported here, because the other steps do not need it
     from femtune.steps.select.run import check_parameters, select_at  # noqa: PLC0415
 
     study = read_study(source_of(source, test=test, parameters=parameters, residuals=residuals, **tables), progress)

@@ -43,6 +43,7 @@ Groups = dict[str, tuple[int, ...]]
 
 
 _MOST_GROUPS = 12
+"""Groups of elements for which strain energies are stored: those with the largest share."""
 
 
 def selection_measures(
@@ -87,31 +88,31 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _information(found: Information, near: CosineDistances | None) -> tuple[ParameterInformation, ...]:
+def _information(information: Information, near: CosineDistances | None) -> tuple[ParameterInformation, ...]:
     return tuple(
         ParameterInformation(
             parameter=name,
-            sd_alone=_finite(found.alone[i]),
-            sd_together=_finite(found.together[i]),
-            d_rank=found.d_order.index(i) + 1,
-            a_rank=found.a_order.index(i) + 1,
+            sd_alone=_finite(information.alone[i]),
+            sd_together=_finite(information.together[i]),
+            d_rank=information.d_order.index(i) + 1,
+            a_rank=information.a_order.index(i) + 1,
             cosine_distance=None if near is None or near.insensitive[i] else float(near.distance[i]),
         )
-        for i, name in enumerate(found.names)
+        for i, name in enumerate(information.names)
     )
 
 
-def _subset(found: Subset) -> tuple[SubsetEntry, ...]:
+def _subset(subset: Subset) -> tuple[SubsetEntry, ...]:
     return tuple(
         SubsetEntry(
             parameter=s.name,
             cosine=s.cosine,
             left_percent=100.0 * s.left,
-            chosen=s.name in found.chosen,
+            chosen=s.name in subset.chosen,
             candidates=s.candidates,
             p_value=_finite(s.p_value),
         )
-        for s in found.steps
+        for s in subset.steps
     )
 
 
@@ -125,20 +126,20 @@ def _groups(study: Study) -> Groups:
     if asked == "parameters":
         return {p.name: _elements(study, p.name) for p in study.parameters.parameters if _elements(study, p.name)}
     owners = study.built.property_of_elements if asked == "properties" else {}
-    found: dict[str, list[int]] = {}
+    groups: dict[str, list[int]] = {}
     for number in sorted(study.built.structure.element_kinds):
         name = f"property {owners[number]}" if number in owners else f"element {number}"
-        found.setdefault(name, []).append(number)
-    return {name: tuple(members) for name, members in found.items()}
+        groups.setdefault(name, []).append(number)
+    return {name: tuple(members) for name, members in groups.items()}
 
 
 def _elements(study: Study, parameter: str) -> tuple[int, ...]:
     """Elements that a parameter affects."""
-    structure, found = study.model.structure, set()
+    structure, elements = study.model.structure, set()
     for name, position, _ in study.model.placed:
         if name == study.in_study(parameter):
-            found |= {int(n) for n in structure.users(position)}
-    return tuple(sorted(found))
+            elements |= {int(n) for n in structure.users(position)}
+    return tuple(sorted(elements))
 
 
 def _energies(study: Study, at: Evaluation, groups: Groups, remarks: list[str]) -> Iterator[ModeEnergies]:

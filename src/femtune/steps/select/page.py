@@ -1,4 +1,4 @@
-"""Which parameters, and which combinations, the data determine: in words first."""
+"""What the data determine: sections of the report on parameters and their combinations, tables on the terminal."""
 
 from __future__ import annotations
 
@@ -48,40 +48,36 @@ if TYPE_CHECKING:
     from femtune.steps.select.record.identifiability import IdentifiabilityResults as Identifiability
     from femtune.steps.select.record.selection import GroupEnergy, ModeEnergies, SelectionMeasures
 
-
-# ----------------------------------------------------------------------------------------------------
-# Measures that help to choose parameters: order, information, likeness, energies.
-
-
 _MOST_MODES = 10
+"""Modes side by side in the table of energies; more do not fit the width of a page."""
 
 
-def measures(found: SelectionMeasures | None) -> list[Block]:
+def measures(record: SelectionMeasures | None) -> list[Block]:
     """Sentences and tables; nothing for results without them."""
-    if found is None:
+    if record is None:
         return []
-    words = [Listing(found.sentences)] if found.sentences else []
+    words = [Listing(record.sentences)] if record.sentences else []
     return [
         Heading("Selection of parameters"),
         *words,
-        choice_table(found),
-        *alike_table(found),
-        *energy_tables(found),
+        choice_table(record),
+        *alike_table(record),
+        *energy_tables(record),
     ]
 
 
-def choice_table(found: SelectionMeasures) -> Table:
+def choice_table(record: SelectionMeasures) -> Table:
     """Order of the projection, and what the data know of each."""
-    repeated = any(p.cosine_distance is not None for p in found.information)
+    repeated = any(p.cosine_distance is not None for p in record.information)
     heads = columns(
         "Parameter", ">Order", ">Residual left %", "Chosen", ">p-value", ">σ alone", ">σ together", ">D-order",
         ">A-order", *([">Distance"] if repeated else []),
     )  # fmt: skip
-    order = {s.parameter: i for i, s in enumerate(found.subset)}
+    order = {s.parameter: i for i, s in enumerate(record.subset)}
     rows = []
-    for p in sorted(found.information, key=lambda p: order.get(p.parameter, len(order))):
+    for p in sorted(record.information, key=lambda p: order.get(p.parameter, len(order))):
         at = order.get(p.parameter)
-        step = None if at is None else found.subset[at]
+        step = None if at is None else record.subset[at]
         taken = (NONE, NONE, "no independent effect", NONE) if step is None or at is None else (
             str(at + 1), percent(step.left_percent), "yes" if step.chosen else "no", _chance(step.p_value))  # fmt: skip
         sds = short(p.sd_alone), short(p.sd_together)
@@ -106,20 +102,20 @@ def _chance(p: float | None) -> str:
     return NONE if p is None else "< 1e-6" if p < 1e-6 else short(p)
 
 
-def alike_table(found: SelectionMeasures) -> list[Block]:
+def alike_table(record: SelectionMeasures) -> list[Block]:
     """Parameters that do nearly the same."""
-    rows = [row(f"{p.first}, {p.second}", unit_fraction(p.cosine), NONE) for p in found.pairs]
-    rows += [row(", ".join(d.parameters), NONE, short(d.condition_index, "∞")) for d in found.dependences]
+    rows = [row(f"{p.first}, {p.second}", unit_fraction(p.cosine), NONE) for p in record.pairs]
+    rows += [row(", ".join(d.parameters), NONE, short(d.condition_index, "∞")) for d in record.dependences]
     heads = columns("Parameters", ">Cosine", ">Condition index")
-    index = short(found.collinearity_index, "∞")
+    index = short(record.collinearity_index, "∞")
     note = f"Collinearity index of all: {index} (1: all independent; above 15: the data cannot determine all of them)."
     return [Table("Parameters with similar effects", heads, tuple(rows), note)] if rows else []
 
 
-def energy_tables(found: SelectionMeasures) -> list[Block]:
+def energy_tables(record: SelectionMeasures) -> list[Block]:
     """A table for each of the first modes."""
-    shown = found.energies[:_MOST_MODES]
-    more = len(found.energies) - len(shown)
+    shown = record.energies[:_MOST_MODES]
+    more = len(record.energies) - len(shown)
     tables: list[Block] = [_energy(mode) for mode in shown]
     return [*tables, *([Listing((f"The results contain {more} more modes.",))] if more > 0 else [])]
 
@@ -138,12 +134,14 @@ def _group(g: GroupEnergy) -> tuple[Cell, ...]:
     return row(g.group, percent(g.strain_percent), percent(g.kinetic_percent), percent(g.residual_percent))
 
 
-# ----------------------------------------------------------------------------------------------------
-# The scaled Jacobian as pictures, a row each residual.
-
-
-_MOST, _A_PAGE = 60, 30
-_TABLE_COLUMNS, _TABLE_ROWS = 12, 40
+_MOST_RESIDUALS = 60
+"""Residuals in the pictures of the Jacobian, those with the largest norms: weak rows show nothing."""
+_RESIDUALS_PER_PICTURE = 30
+"""Residuals in one picture: the labels of more rows are not legible."""
+_MOST_TABLE_COLUMNS = 12
+"""Parameters up to which the sensitivities are also a table; more do not fit the width of a page."""
+_MOST_TABLE_ROWS = 40
+"""Residuals up to which the sensitivities are also a table: a longer one is not read."""
 _CAPTION = (
     "Scaled sensitivities: change of each residual for a change of one prior standard deviation of a parameter. "
     "Residuals with several values, such as a shape, are shown by the root sum of squares."
@@ -156,10 +154,10 @@ def sensitivities(source: ReportSource, selection: SelectionResults) -> list[Blo
     if values is None or not values.size:
         return [Paragraph("Sensitivities: not tested.")]
     labels, joined = joined_rows(selection.row_labels, values)
-    strongest = np.sort(np.argsort(-np.linalg.norm(joined, axis=1), kind="stable")[:_MOST])
+    strongest = np.sort(np.argsort(-np.linalg.norm(joined, axis=1), kind="stable")[:_MOST_RESIDUALS])
     limit = float(np.abs(joined).max()) or 1.0
-    parts = [strongest[i : i + _A_PAGE] for i in range(0, len(strongest), _A_PAGE)]
-    some = f" The {_MOST} largest of {len(joined)} are shown." if len(joined) > _MOST else ""
+    parts = [strongest[i : i + _RESIDUALS_PER_PICTURE] for i in range(0, len(strongest), _RESIDUALS_PER_PICTURE)]
+    some = f" The {_MOST_RESIDUALS} largest of {len(joined)} are shown." if len(joined) > _MOST_RESIDUALS else ""
     captions = [*[""] * (len(parts) - 1), _CAPTION + some]
     names = selection.column_labels
     return [
@@ -170,7 +168,7 @@ def sensitivities(source: ReportSource, selection: SelectionResults) -> list[Blo
 
 def page_table(selection: SelectionResults) -> list[Block]:
     """The table of the frequencies where it fits a page; the pictures show the others."""
-    fits = len(selection.column_labels) <= _TABLE_COLUMNS and len(selection.sensitivities) <= _TABLE_ROWS
+    fits = len(selection.column_labels) <= _MOST_TABLE_COLUMNS and len(selection.sensitivities) <= _MOST_TABLE_ROWS
     return [frequency_table(selection, selection.column_labels)] if fits and selection.sensitivities else []
 
 
@@ -213,7 +211,8 @@ def _figure(
     return Figure(partial(matrix_svg, picture), caption, alt, wide=True)
 
 
-_PANELS = 4
+_MOST_PANELS = 4
+"""Combinations of parameters in the figure: they must stay large enough to be read."""
 
 
 def identifiability(source: ReportSource) -> list[Block]:
@@ -325,15 +324,15 @@ def _singular(selection: SelectionResults) -> list[Block]:
 
 
 def _combinations(selection: SelectionResults) -> list[Block]:
-    found = [(f"undetermined {i + 1}", c) for i, c in enumerate(selection.undetermined)]
-    found += [(f"weak {i + 1}", c) for i, c in enumerate(selection.weakly_determined)]
-    if not found:
+    combinations = [(f"undetermined {i + 1}", c) for i, c in enumerate(selection.undetermined)]
+    combinations += [(f"weak {i + 1}", c) for i, c in enumerate(selection.weakly_determined)]
+    if not combinations:
         return []
-    shown = found[:_PANELS]
+    shown = combinations[:_MOST_PANELS]
     labels = selection.column_labels
     titles, coefficients = [title for title, _ in shown], [_coefficients(c, labels) for _, c in shown]
     draw = partial(combinations_svg, titles, labels, coefficients)
-    more = f" The first {_PANELS} of {len(found)}." if len(found) > _PANELS else ""
+    more = f" The first {_MOST_PANELS} of {len(combinations)}." if len(combinations) > _MOST_PANELS else ""
     alt = "; ".join(f"{title}: {_shares(c)}" for title, c in shown)
     caption = f"Combinations of parameters that the data determine weakly or not at all.{more}"
     return [Figure(draw, caption, f"Coefficients by parameter. {alt}")]
@@ -370,10 +369,6 @@ def _strongest(values: NDArray[Any], labels: tuple[str, ...]) -> str:
     return f"; largest: {listed(pairs)}" if pairs else ""
 
 
-# ----------------------------------------------------------------------------------------------------
-# On the terminal.
-
-
 _NUMBER = len("−0.000")
 
 
@@ -399,11 +394,11 @@ def _listing(sentences: list[str]) -> tuple[Block, ...]:
 
 def _sensitivities(selection: SelectionResults) -> list[Block]:
     """Groups of columns one below the other where the parameters are many."""
-    found = selection.sensitivities
-    if not found:
+    sensitivities = selection.sensitivities
+    if not sensitivities:
         return [Paragraph("Frequencies are not compared.", "muted")]
-    taken = widest(["Configuration", *(s.configuration for s in found)]) + GAP
-    taken += widest(["Mode", *(s.test_label for s in found)])
+    taken = widest(["Configuration", *(s.configuration for s in sensitivities)]) + GAP
+    taken += widest(["Mode", *(s.test_label for s in sensitivities)])
     groups = column_groups(selection.column_labels, taken, _NUMBER)
     return [frequency_table(selection, names) for names in groups]
 

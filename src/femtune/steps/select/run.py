@@ -43,7 +43,7 @@ def select_at(study: Study, at: Evaluation, arrays: dict[str, NDArray], progress
     stated = study.file.residuals.scatter == "stated"
     size = 1.0 if stated else estimated_size(at.jacobian, at.residuals, sum(at.lost.values()))
     known = identifiability(at.jacobian, np.asarray(study.parameters.prior[1]), names, size)
-    found = selection_results(study, known, at, arrays)
+    record = selection_results(study, known, at, arrays)
     progress.step("measures of the parameters", 0, None)
     near, remarks = _distances(study, at)
     measures = selection_measures(study, known, at, near, remarks)
@@ -52,9 +52,9 @@ def select_at(study: Study, at: Evaluation, arrays: dict[str, NDArray], progress
         "measures": measures,
         "fisher": fisher_results(study, at, "before", known_of_frfs(study, at, "before")),
         "smoothness": smooth,
-        "sentences": (*found.sentences, *(s.sentence for s in smooth if s.sentence)),
+        "sentences": (*record.sentences, *(s.sentence for s in smooth if s.sentence)),
     }
-    return found.model_copy(update={"model_checks": model_checks(study, solutions_of(at), progress), **more})
+    return record.model_copy(update={"model_checks": model_checks(study, solutions_of(at), progress), **more})
 
 
 def _smoothness(study: Study, at: Evaluation, progress: Progress) -> tuple[SmoothnessRecord, ...]:
@@ -72,27 +72,28 @@ def _smoothness(study: Study, at: Evaluation, progress: Progress) -> tuple[Smoot
     return tuple(_smooth(f, float(nominal[i]), float(scale[i])) for i, f in enumerate(found))
 
 
-def _smooth(found: Smoothness, nominal: float, scale: float) -> SmoothnessRecord:
-    where, minima = nominal + scale * found.where, tuple(float(nominal + scale * x) for x in found.minima)
+def _smooth(smoothness: Smoothness, nominal: float, scale: float) -> SmoothnessRecord:
+    where, minima = nominal + scale * smoothness.where, tuple(float(nominal + scale * x) for x in smoothness.minima)
     return SmoothnessRecord(
-        parameter=found.name, verdict=found.verdict, holds_percent=100.0 * found.holds, where=where, minima=minima,
-        points=len(found.x), failed=found.failed, sentence=_words(found, where, minima),
+        parameter=smoothness.name, verdict=smoothness.verdict, holds_percent=100.0 * smoothness.holds,
+        where=where, minima=minima, points=len(smoothness.x), failed=smoothness.failed,
+        sentence=_words(smoothness, where, minima),
     )  # fmt: skip
 
 
-def _words(found: Smoothness, where: float, minima: tuple[float, ...]) -> str:
+def _words(smoothness: Smoothness, where: float, minima: tuple[float, ...]) -> str:
     """Why a misfit is not smooth, and what helps."""
-    head = f"The misfit is not smooth along {found.name}, the other parameters at their initial values"
+    head = f"The misfit is not smooth along {smoothness.name}, the other parameters at their initial values"
     several = f"; it has minima near {_listed(minima)}" if len(minima) > 1 else ""
-    if found.verdict == "no solution":
-        return f"The misfit along {found.name} is not known: the model could not be solved between its bounds."
-    if found.verdict == "smooth":
+    if smoothness.verdict == "no solution":
+        return f"The misfit along {smoothness.name} is not known: the model could not be solved between its bounds."
+    if smoothness.verdict == "smooth":
         return ""
-    if found.verdict == "several minima":
-        return f"Along {found.name} the misfit has several minima, near {_listed(minima)}: {_HELP}."
-    if found.holds == 0.0:
+    if smoothness.verdict == "several minima":
+        return f"Along {smoothness.name} the misfit has several minima, near {_listed(minima)}: {_HELP}."
+    if smoothness.holds == 0.0:
         return f"{head}: near {where:.4g} it has a kink or a jump{several}. {_HELP[:1].upper()}{_HELP[1:]}."
-    part = f"near {where:.4g} its slope holds over {100.0 * found.holds:.2g} % of the range only"
+    part = f"near {where:.4g} its slope holds over {100.0 * smoothness.holds:.2g} % of the range only"
     return f"{head}: {part}{several}. {_HELP[:1].upper()}{_HELP[1:]}."
 
 

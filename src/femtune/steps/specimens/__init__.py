@@ -1,4 +1,4 @@
-"""Nominally identical specimens beside each other; a part of a run."""
+"""Nominally identical specimens compared; a part of a run."""
 
 from __future__ import annotations
 

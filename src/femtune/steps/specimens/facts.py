@@ -1,4 +1,4 @@
-"""Nominally identical specimens beside each other, as records."""
+"""The comparison of nominally identical specimens, as records."""
 
 from __future__ import annotations
 
@@ -31,10 +31,12 @@ from femtune.steps.specimens.record import (
     SpreadRecord,
 )
 
-_LEAST = 2
+_LEAST_SPECIMENS = 2
+"""Values from which a spread is computed: one value has none."""
 
 
 _LEAST_PROBABILITY = 1e-6
+"""Probability below which only this limit is stated: the distribution is not known so accurately in its tails."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,20 +71,20 @@ def calibrated_specimens(study: Study) -> set[str]:
     return {case.entry.specimen or "" for case in study.cases if case.used is not None}
 
 
-def _separate(study: Study, joint: UpdateResult, name: str, found: UpdateResult) -> SpecimenUpdate:
+def _separate(study: Study, joint: UpdateResult, name: str, update: UpdateResult) -> SpecimenUpdate:
     return SpecimenUpdate(
         specimen=name,
-        ok=found.status.ok,
-        message=found.status.value,
+        ok=update.status.ok,
+        message=update.status.value,
         chi_square_joint=_squares(study, joint, name),
-        chi_square=_squares(study, found, name),
-        residuals=len(found.after.residuals),
+        chi_square=_squares(study, update, name),
+        residuals=len(update.after.residuals),
     )
 
 
-def _squares(study: Study, found: UpdateResult, specimen: str) -> float:
+def _squares(study: Study, update: UpdateResult, specimen: str) -> float:
     own = {case.name for case in study.cases if case.entry.specimen == specimen}
-    return sum(value for (configuration, _, _), value in found.after.squares.items() if configuration in own)
+    return sum(value for (configuration, _, _), value in update.after.squares.items() if configuration in own)
 
 
 def _common(study: Study, joint: UpdateResult, separate: Mapping[str, UpdateResult]) -> CommonTestRecord | None:
@@ -112,33 +114,33 @@ def _parameters(study: Study, joint: UpdateResult, separate: Mapping[str, Update
     for name in dict.fromkeys(study.in_study(p.name) for p in joint.parameters.free):
         expanded = study.specimens.expand(name)
         individual = name in study.specimens.individual
-        own = expanded if individual else expanded * len(study.specimens.names)
-        values = tuple(_value(s, p, joint, separate.get(s)) for s, p in zip(study.specimens.names, own))
-        p = by_name[own[0]]
-        known = [n for s, n in zip(study.specimens.names, own) if s in calibrated_specimens(study)]
+        names = expanded if individual else expanded * len(study.specimens.names)
+        values = tuple(_value(s, p, joint, separate.get(s)) for s, p in zip(study.specimens.names, names))
+        p = by_name[names[0]]
+        known = [n for s, n in zip(study.specimens.names, names) if s in calibrated_specimens(study)]
         yield SpecimenParameter(
             name=name, unit=p.unit, individual=individual, nominal=p.nominal, values=values,
             spread=_joint_spread(joint, known) if individual else _separate_spread(values),
         )  # fmt: skip
 
 
-def _value(specimen: str, name: str, joint: UpdateResult, own: UpdateResult | None) -> SpecimenValue:
-    sd, alone = joint.sd[name], np.nan if own is None else own.sd[name]
+def _value(specimen: str, name: str, joint: UpdateResult, separate: UpdateResult | None) -> SpecimenValue:
+    sd, alone = joint.sd[name], np.nan if separate is None else separate.sd[name]
     return SpecimenValue(
         specimen=specimen,
         parameter=name,
         value=joint.values[name],
         sd=float(sd) if np.isfinite(sd) else None,
         at_bound=name in joint.at_bound,
-        separate_value=None if own is None else own.values[name],
+        separate_value=None if separate is None else separate.values[name],
         separate_sd=float(alone) if np.isfinite(alone) else None,
-        separate_at_bound=own is not None and name in own.at_bound,
+        separate_at_bound=separate is not None and name in separate.at_bound,
     )
 
 
 def _joint_spread(joint: UpdateResult, names: Sequence[str]) -> SpreadRecord | None:
     """The covariance of individual values is full, because they share the common parameters."""
-    if len(names) < _LEAST:
+    if len(names) < _LEAST_SPECIMENS:
         return None
     at = [joint.parameters.index(name) for name in names]
     scale = joint.parameters.scale[at]
@@ -155,41 +157,41 @@ def _separate_spread(values: Sequence[SpecimenValue]) -> SpreadRecord | None:
 def spread_record(values: Reals, covariance: Reals | None) -> SpreadRecord | None:
     """Spread of values (n,) with the covariance (n, n) of their errors; those without standard deviation are left out
     of the test, all are where `covariance` is None."""
-    if len(values) < _LEAST:
+    if len(values) < _LEAST_SPECIMENS:
         return None
     mean, sd = float(np.mean(values)), float(np.std(values, ddof=1))
     known = np.zeros(len(values), bool) if covariance is None else np.diag(covariance) > 0.0
-    found = None
-    if covariance is not None and known.sum() >= _LEAST:
-        found = spread_of(values[known], covariance[np.ix_(known, known)])
+    spread = None
+    if covariance is not None and known.sum() >= _LEAST_SPECIMENS:
+        spread = spread_of(values[known], covariance[np.ix_(known, known)])
     return SpreadRecord(
         mean=mean,
         sd=sd,
         cov_percent=100.0 * sd / abs(mean) if mean else None,
-        stated_sd=None if found is None else found.stated_sd,
-        real_sd=None if found is None else found.real_sd,
-        chi_square=None if found is None else found.chi_square,
-        degrees_of_freedom=None if found is None else found.freedom,
-        p_value=None if found is None else found.p_value,
+        stated_sd=None if spread is None else spread.stated_sd,
+        real_sd=None if spread is None else spread.real_sd,
+        chi_square=None if spread is None else spread.chi_square,
+        degrees_of_freedom=None if spread is None else spread.freedom,
+        p_value=None if spread is None else spread.p_value,
         p_adjusted=None,
         verdict="not tested",
         sentence="" if covariance is None else "not tested: fewer than two values have a standard deviation",
     )
 
 
-def _with_verdicts(found: Sequence[SpecimenParameter]) -> Iterable[SpecimenParameter]:
+def _with_verdicts(parameters: Sequence[SpecimenParameter]) -> Iterable[SpecimenParameter]:
     """Individual parameters and common ones are families of tests of their own."""
     for individual in (True, False):
-        mine = [p for p in found if p.individual is individual]
+        mine = [p for p in parameters if p.individual is individual]
         spreads = _judged([p.spread for p in mine])
         yield from (p.model_copy(update={"spread": spread}) for p, spread in zip(mine, spreads))
 
 
-def _judged(found: Sequence[SpreadRecord | None]) -> list[SpreadRecord | None]:
+def _judged(spreads: Sequence[SpreadRecord | None]) -> list[SpreadRecord | None]:
     """The spreads with verdicts that take into account how many of them are tested."""
-    tested = [s.p_value for s in found if s is not None and s.p_value is not None]
+    tested = [s.p_value for s in spreads if s is not None and s.p_value is not None]
     several = iter(adjusted(tested))
-    return [_verdict(s, next(several)) if s is not None and s.p_value is not None else s for s in found]
+    return [_verdict(s, next(several)) if s is not None and s.p_value is not None else s for s in spreads]
 
 
 def _probability(p: float) -> str:
@@ -247,8 +249,8 @@ def _of_state(study: Study, cases: Sequence[StudyCase], compared: Compared) -> I
         )
 
 
-def _pairs(found: Sequence[CorrelationResults], name: str) -> dict[str, ModePairRecord]:
-    return {p.test_label: p for c in found if c.configuration == name for p in c.pairs}
+def _pairs(correlations: Sequence[CorrelationResults], name: str) -> dict[str, ModePairRecord]:
+    return {p.test_label: p for c in correlations if c.configuration == name for p in c.pairs}
 
 
 def _measured_mode(

@@ -1,4 +1,4 @@
-"""Specimens: parameters and frequencies of nominally identical structures beside each other."""
+"""Section of the report: parameters and frequencies of nominally identical structures, compared."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from femtune.steps.report_source import ReportSource
     from femtune.steps.specimens.record import SpecimenFrequency, SpecimenParameter, SpecimenResults, SpreadRecord
 
-_MOST_SHOWN, _LEAST_P = 24, 1e-6
+_MOST_LISTED = 24
+"""Parameters in the table and in the pictures; more make the page long without showing more, and are in the results."""
+_LEAST_PROBABILITY = 1e-6
+"""Probability below which only this limit is shown: the distribution is not known so accurately in its tails."""
 _NOTE = (
     "COV is the standard deviation over the specimens relative to the mean. Stated: the standard deviation that the "
     "uncertainty of the values alone would give. p: probability that this uncertainty makes the spread as large, "
@@ -28,53 +31,53 @@ _NOTE_OF_MODES = (
 
 def specimens(source: ReportSource) -> list[Block]:
     """Blocks of the report; a sentence where the study has no specimens."""
-    found = source.results.specimens
-    if found is None:
+    record = source.results.specimens
+    if record is None:
         return [Paragraph("Not tested: the configurations of the study belong to one structure.")]
-    return [*specimen_blocks(found), *_pictures(found), *_frequencies(found)]
+    return [*specimen_blocks(record), *_pictures(record), *_frequencies(record)]
 
 
-def specimen_blocks(found: SpecimenResults) -> list[Block]:
+def specimen_blocks(record: SpecimenResults) -> list[Block]:
     """Sentences and table of the parameters, for page and terminal."""
-    return [Listing(tuple(_sentences(found))), _parameters(found)]
+    return [Listing(tuple(_sentences(record))), _parameters(record)]
 
 
-def _sentences(found: SpecimenResults) -> list[str]:
+def _sentences(record: SpecimenResults) -> list[str]:
     out = [
         as_sentence(f"the spread of {p.name} is {p.spread.sentence}")
-        for p in found.parameters
+        for p in record.parameters
         if p.individual and p.spread
     ]
-    if found.not_calibrated:
-        names, one = " and ".join(found.not_calibrated), len(found.not_calibrated) == 1
+    if record.not_calibrated:
+        names, one = " and ".join(record.not_calibrated), len(record.not_calibrated) == 1
         out.append(
             f"The update uses no test of {names}: {'its' if one else 'their'} individual parameters have the initial "
             "values, which are left out of mean and COV."
         )
-    if found.common is not None:
-        out.append(as_sentence(f"common parameters: {found.common.sentence}"))
+    if record.common is not None:
+        out.append(as_sentence(f"common parameters: {record.common.sentence}"))
     out += [
         as_sentence(f"the calibration of {s.specimen} alone did not reach an optimum: {s.message}")
-        for s in found.separate
+        for s in record.separate
         if not s.ok
     ]
     return out
 
 
-def _parameters(found: SpecimenResults) -> Table:
-    alone = bool(found.separate)
+def _parameters(record: SpecimenResults) -> Table:
+    alone = bool(record.separate)
     heads = [Column("Parameter"), Column("Calibration")]
-    heads += [Column(title, "right", name) for name in found.specimens for title in ("Value", "± σ")]
+    heads += [Column(title, "right", name) for name in record.specimens for title in ("Value", "± σ")]
     heads += [Column(t, "right") for t in ("Mean", "COV %", "Stated %", "p")]
     rows = []
-    for p in found.parameters[:_MOST_SHOWN]:
+    for p in record.parameters[:_MOST_LISTED]:
         if p.individual:
-            rows.append(_row(p, "joint", p.spread, found.not_calibrated))
+            rows.append(_row(p, "joint", p.spread, record.not_calibrated))
         else:
             rows.append(_common_row(p))
         if alone:
-            rows.append(_row(p, "separate", None if p.individual else p.spread, found.not_calibrated))
-    more = len(found.parameters) - _MOST_SHOWN
+            rows.append(_row(p, "separate", None if p.individual else p.spread, record.not_calibrated))
+    more = len(record.parameters) - _MOST_LISTED
     note = f"{_NOTE} And {counted(more, 'more parameter')} in the results." if more > 0 else _NOTE
     return Table("Parameters of the specimens", tuple(heads), tuple(rows), note)
 
@@ -113,17 +116,17 @@ def _spread(spread: SpreadRecord | None) -> list[Cell]:
 def _p(spread: SpreadRecord | None) -> Cell:
     if spread is None or spread.p_adjusted is None:
         return Cell(NONE, tone="muted")
-    words = f"< {short(_LEAST_P)}" if spread.p_adjusted < _LEAST_P else short(spread.p_adjusted)
+    words = f"< {short(_LEAST_PROBABILITY)}" if spread.p_adjusted < _LEAST_PROBABILITY else short(spread.p_adjusted)
     return Cell(words, tone="poor" if spread.verdict == "real" else "")
 
 
-def _pictures(found: SpecimenResults) -> list[Block]:
+def _pictures(record: SpecimenResults) -> list[Block]:
     """Each individual parameter over the specimens, with its standard deviations."""
-    own = [p for p in found.parameters if p.individual][:_MOST_SHOWN]
-    if not own:
+    individual = [p for p in record.parameters if p.individual][:_MOST_LISTED]
+    if not individual:
         return []
-    names = tuple(name for name in found.specimens if name not in found.not_calibrated)
-    values = [(p, [v for v in p.values if v.specimen in names]) for p in own]
+    names = tuple(name for name in record.specimens if name not in record.not_calibrated)
+    values = [(p, [v for v in p.values if v.specimen in names]) for p in individual]
     rows = [
         SpecimenRow(p.name, p.unit, tuple(v.value for v in vs), tuple(v.sd for v in vs), p.nominal) for p, vs in values
     ]
@@ -132,14 +135,14 @@ def _pictures(found: SpecimenResults) -> list[Block]:
     return [Figure(partial(specimens_svg, names, rows), caption, f"{caption} {alt}", wide=True)]
 
 
-def _frequencies(found: SpecimenResults) -> list[Block]:
+def _frequencies(record: SpecimenResults) -> list[Block]:
     tables: dict[tuple[str, ...], list[SpecimenFrequency]] = {}
-    for f in found.frequencies:
+    for f in record.frequencies:
         tables.setdefault(f.configurations, []).append(f)
-    return [_table_of_modes(found, names, rows) for names, rows in tables.items()]
+    return [_table_of_modes(record, names, rows) for names, rows in tables.items()]
 
 
-def _table_of_modes(found: SpecimenResults, names: tuple[str, ...], rows: list[SpecimenFrequency]) -> Table:
+def _table_of_modes(record: SpecimenResults, names: tuple[str, ...], rows: list[SpecimenFrequency]) -> Table:
     specimens = [m.specimen for m in rows[0].modes]
     measured = any(m.test_hz is not None for f in rows for m in f.modes)
     heads = [Column("Mode")]

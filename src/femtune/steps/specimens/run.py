@@ -1,4 +1,4 @@
-"""The step specimens: each specimen of a study calibrated by itself, beside the joint calibration."""
+"""The step specimens: each specimen of a study calibrated separately, and compared with the joint calibration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from femtune.updating import UpdateResult
 
 
-def calibrate_each(study: Study, found: FoundParameters, progress: Progress) -> dict[str, UpdateResult]:
+def calibrate_each(study: Study, parameters: FoundParameters, progress: Progress) -> dict[str, UpdateResult]:
     """The calibration of each specimen alone, which starts where the joint one ended; with stages as the study says.
 
     None where all parameters are individual: then the joint calibration is the separate one of each specimen.
@@ -34,20 +34,24 @@ def calibrate_each(study: Study, found: FoundParameters, progress: Progress) -> 
         progress.step(f"calibration of specimen {name} alone", i, len(specimens.names))
         own = study.of_specimen(name)
         if any(case.used is not None for case in own.cases):
-            out[name], _ = with_noise_of_tests(own, _alone(own, found))
+            out[name], _ = with_noise_of_tests(own, _alone(own, parameters))
     return out
 
 
-def _alone(study: Study, found: FoundParameters) -> UpdateResult:
+def _alone(study: Study, parameters: FoundParameters) -> UpdateResult:
     if study.file.stage:
-        start = study.problem().start(found.result.before.x)
+        start = study.problem().start(parameters.result.before.x)
         return bottom_up(study, start, lambda stage, seed, iteration: None)[0]
     problem, method = study.problem(), method_of(study.file.update, study.parameters)
     active = tuple(p.name for p in study.parameters.free if p.name not in study.model.foreign)
     rules = reduction_rules(study)
     if rules is None:
-        return update(problem, method, start=problem.start(found.result.x), active=active)
-    search = None if found.search is None else found.search.part(problem)
+        return update(problem, method, start=problem.start(parameters.result.x), active=active)
+    search = None if parameters.search is None else parameters.search.part(problem)
     # derivatives of many FRFs by the full model take longer than the whole search
-    start = problem.start(found.result.x) if search is None else search.assessed(unassessed(problem, found.result.x))
+    start = (
+        problem.start(parameters.result.x)
+        if search is None
+        else search.assessed(unassessed(problem, parameters.result.x))
+    )
     return update_reduced(problem, method, rules, start=start, active=active, search=search).result

@@ -41,15 +41,16 @@ def write_damping(study: Study, update: UpdateResults, folder: Path) -> Path | N
         raise unwritable(folder, error) from error
 
 
-def _entry(study: Study, entry: Parameter, found: ParameterResult | None) -> DampingEntry | None:
-    if found is None or found.sd is None or not found.sd > 0.0 or not entry.moves_damping:
+def _entry(study: Study, entry: Parameter, parameter: ParameterResult | None) -> DampingEntry | None:
+    if parameter is None or parameter.sd is None or not parameter.sd > 0.0 or not entry.moves_damping:
         return None
     scale = 1.0 if entry.absolute else _value_of_all(study, entry.targets)
     if not scale:
         return None
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
     return DampingEntry(
-        entry.name, _kind(entry.targets[0]), tuple(map(str, entry.targets)), scale * found.value, scale * found.sd,
+        entry.name, _kind(entry.targets[0]), tuple(map(str, entry.targets)),
+        scale * parameter.value, scale * parameter.sd,
         entry.unit if entry.absolute else "", study.source.name, today, study.file.study.title[:500],
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The update with an external solver: on a model of the runs around a point, which moves to where the update ends."""
+"""The update with an external solver, by a response surface of runs around a point that moves to each optimum."""
 
 from __future__ import annotations
 
@@ -39,19 +39,37 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
     from femtune.updating import Iteration, SensitivityMethod, UpdateResult
 
-_SETTLED = 1e-4
-"""Largest change of a parameter, in half ranges, that moves the model no more."""
-_FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-3
+_SETTLED_STEP = 1e-4
+"""Largest change of a parameter, in half ranges, up to which the update has converged.
+
+Smaller changes do not matter, and each costs runs of the solver.
+"""
+_FIRST_RADIUS = 0.5
+"""First radius of the trust region, in half ranges.
+
+Half of the box, where a model of the derivatives is still useful.
+"""
+_LEAST_RADIUS = 1e-3
+"""Radius of the trust region, in half ranges, below which the update gives up.
+
+Smaller differences of the solver's frequencies are lost in its printed digits.
+"""
 _MOST_REJECTED = 2
-"""Steps by the derivatives of the deck after which the misfit is not smaller, from which they count as misleading."""
-_SAME = 1e-6
-_NEAR = 1e-9
-_NEGLIGIBLE = 0.5 * ALLOWED
-"""Decrease of the objective that the smallest change may cost where the data leave combinations of the parameters
-open."""
+"""Consecutive steps by the derivatives of the deck that may fail to reduce the misfit.
+
+After them these derivatives are taken as misleading and replaced by runs of the solver.
+"""
+_EQUAL_OBJECTIVE = 1e-6
+"""Relative difference of two objectives up to which they are equal: the printed digits of the solver decide below."""
+_AT_BOUND = 1e-9
+"""Distance from a bound, in normalised parameters, up to which a parameter is at it: rounding of the normalisation."""
+_NEGLIGIBLE_DECREASE = 0.5 * ALLOWED
+"""Decrease of the objective that the smallest change may cost if the data leave combinations of the parameters
+undetermined.
+"""
 _LOST = "fewer modes that move at the nodes than at the initial values"
-_PASSED = ("external.", "eigen.", "correlate.no-pairs", "runs.")
-"""Codes of errors at a point from which the way back is shorter steps."""
+_RECOVERABLE_ERRORS = ("external.", "eigen.", "correlate.no-pairs", "runs.")
+"""Beginnings of the codes of errors at a point after which the update continues with a shorter step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +100,7 @@ class _Place:
         """Objective up to which another point is no worse: the smallest change may cost what the update allows it."""
         small = self.result.smallest_change
         allowed = 0.0 if small is None else 0.5 * (small.chi_square + small.allowed)
-        return max(self.objective, allowed) * (1.0 + _SAME)
+        return max(self.objective, allowed) * (1.0 + _EQUAL_OBJECTIVE)
 
 
 @contextmanager
@@ -160,9 +178,9 @@ class _TrustRegion:
             if self._deck_ends():
                 if not self._by_differences():
                     return False
-            elif self.step <= _SETTLED or self.radius < _LEAST_RADIUS or not self._move():
+            elif self.step <= _SETTLED_STEP or self.radius < _LEAST_RADIUS or not self._move():
                 break
-        return self.step <= _SETTLED
+        return self.step <= _SETTLED_STEP
 
     def _updated(self, study: Study, start: Evaluation, radius: float) -> UpdateResult:
         """The update on the model around a point, at most a radius away from it."""
@@ -215,7 +233,10 @@ class _TrustRegion:
             start = study.problem().start(x)
             there = _Place(x, study, start, self._updated(study, start, radius))
         except FemtuneError as error:
-            if not error.code.startswith(_PASSED) or error.code in ("external.folder", "external.no-program"):
+            if not error.code.startswith(_RECOVERABLE_ERRORS) or error.code in (
+                "external.folder",
+                "external.no-program",
+            ):
                 raise
             self.told.append(Notice("external.step-halved", reason=error.what))
             return None
@@ -256,7 +277,7 @@ def _open_combinations(place: _Place, active: Sequence[str] | None) -> list[str]
         return []
     lower, upper = problem.parameters.bounds
     slope = at.jacobian.T @ at.residuals
-    blocked = ((at.x <= lower + _NEAR) & (slope > 0.0)) | ((at.x >= upper - _NEAR) & (slope < 0.0))
+    blocked = ((at.x <= lower + _AT_BOUND) & (slope > 0.0)) | ((at.x >= upper - _AT_BOUND) & (slope < 0.0))
     moving = moving_parameters(problem, active)
     # at a minimum of all parameters a bound blocks none of them: the slopes are rounding
     for which in (np.flatnonzero(moving), np.flatnonzero(moving & ~blocked)):
@@ -266,7 +287,7 @@ def _open_combinations(place: _Place, active: Sequence[str] | None) -> list[str]
         decrease = 0.5 * float(np.sum((left[:, : known.rank].T @ at.residuals) ** 2))
         shown = 2.0 * at.objective / max(len(at.residuals) - known.rank, 1)
         variance = shown if problem.scatter == "estimated" else min(shown, 1.0)
-        if decrease <= _NEGLIGIBLE * variance:
+        if decrease <= _NEGLIGIBLE_DECREASE * variance:
             return [undetermined_sentence(known, c) for c in known.undetermined]
     return []
 
@@ -316,7 +337,7 @@ def _numbered(history: Sequence[Iteration], first: int) -> list[Iteration]:
 
 def _difference(before: _Place, there: _Place) -> float:
     """Largest relative difference at a point between the frequencies of the last model and those of the runs."""
-    found = 0.0
+    largest = 0.0
     for old, new in zip(before.study.cases, there.study.cases):
         if old.compared is None or new.compared is None:
             continue
@@ -325,8 +346,8 @@ def _difference(before: _Place, there: _Place) -> float:
             for case in (old.compared, new.compared)
         ]
         size = np.maximum(hz[1], 1e-3 * hz[1].max())
-        found = max(found, float((np.abs(hz[0] - hz[1]) / size).max()))
-    return found
+        largest = max(largest, float((np.abs(hz[0] - hz[1]) / size).max()))
+    return largest
 
 
 def _told(moves: int, started: int, difference: float | None) -> Notice:
@@ -339,10 +360,6 @@ def _led(runs: SolverRuns, moves: int, rejected: int) -> Notice:
     if rejected == _MOST_REJECTED:
         return Notice("external.by-deck/misled", moves=moves)
     return Notice("external.by-deck", level="info", moves=moves, percent=100.0 * runs.relative_step)
-
-
-# ----------------------------------------------------------------------------------------------------
-# The solver at many points: frequencies of modes that are followed, or residuals.
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,14 +383,14 @@ class SolverFrequencies:
         known = runs.run([first])[0]
         if known.failure is not None:
             raise runs.failed(first, known)
-        tables, found = runs.tables([(first, known)]), []
+        tables, residuals = runs.tables([(first, known)]), []
         for case in study.cases:
             hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
             elastic = np.flatnonzero(hz > RIGID_FREQUENCY_RATIO * hz.max(initial=0.0))
             if not len(elastic):
                 raise FemtuneError("screen.no-modes", configuration=case.name)
-            found.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))
-        return cls(study, runs, known, tuple(found))
+            residuals.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))
+        return cls(study, runs, known, tuple(residuals))
 
     def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
         """See `ManyAtOnce`."""
@@ -385,13 +402,13 @@ class SolverFrequencies:
         seen = [_seen(tables[part_of(self.study.file, case.entry)]) for case in self.study.cases]
         size = sum(len(modes.numbers) for modes in self.followed)
         nothing = np.full(size, np.nan)
-        found = [ModelRun(nothing, nothing, str(outcome.failure)) for outcome in outcomes]
+        model_runs = [ModelRun(nothing, nothing, str(outcome.failure)) for outcome in outcomes]
         for row, i in enumerate(good, start=1):
             ends = [_followed(*own, row, modes.numbers - 1) for own, modes in zip(seen, self.followed)]
             values, mac = (np.concatenate(parts) for parts in zip(*ends))
             lost = np.isnan(values).any()
-            found[i] = ModelRun(values, mac, _LOST if lost else "")
-        return found
+            model_runs[i] = ModelRun(values, mac, _LOST if lost else "")
+        return model_runs
 
 
 def _seen(table: RunsTable) -> tuple[Reals, Reals | None]:
@@ -437,13 +454,13 @@ class SolverResiduals:
             return ModelRun(nothing, np.empty(0), str(outcome.failure))
         try:
             problem = at_outcome(self.study, self.runs, place, outcome).problem()
-            found = problem.assess(x, problem.solved(x), derivatives=False)
-            problem.check_compared(found)
+            point = problem.assess(x, problem.solved(x), derivatives=False)
+            problem.check_compared(point)
         except FemtuneError as error:
             return ModelRun(nothing, np.empty(0), f"[{error.code}] {error.what}")
-        if len(found.residuals) != len(nothing):
+        if len(point.residuals) != len(nothing):
             return ModelRun(nothing, np.empty(0), "another number of residuals than at the initial values")
-        return ModelRun(found.residuals, np.empty(0))
+        return ModelRun(point.residuals, np.empty(0))
 
 
 def least_squares_on_solver(

@@ -1,4 +1,4 @@
-"""Steps that write a run folder: update, candidates, validate, run, and reading such a folder."""
+"""The function `update`: the free parameters of a study, updated, with their uncertainty."""
 
 from __future__ import annotations
 

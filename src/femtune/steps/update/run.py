@@ -1,4 +1,4 @@
-"""The free parameters of a study, found as it asks: at once, in stages, from many starts, on reduced models."""
+"""The update of the free parameters as the study asks: at once, in stages, from many starts, on reduced models."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class FoundParameters:
     study : the study on the model at the result, where the model has moved
     alerts : what is said of the runs of an external solver
     search : the reduced models at the end, from which another update may go on
-    known : what the FRFs tell of the parameters at the result; None without FRFs
+    known : information of the FRFs on the parameters at the result; None without FRFs
     """
 
     result: UpdateResult
@@ -65,7 +65,7 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
 
 
 def with_noise_of_tests(study: Study, result: UpdateResult) -> tuple[UpdateResult, ExpectedKnowledge | None]:
-    """A result with the covariance of the noise of its identified tests, and what the FRFs tell of the parameters."""
+    """A result with the noise covariance of its identified tests, and the information of the FRFs on the parameters."""
     known = known_of_frfs(study, result.after, "after", result.active)
     # stages have a covariance of their own
     if known is None or known.noise is None or study.file.stage:

@@ -1,4 +1,4 @@
-"""The update of a study from many starts: each end is on disk as soon as it is known, and is not found twice."""
+"""The update of a study from many starts: each result is written as soon as it is known and reused later."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ class Starts:
     def begin(self, resume: bool) -> None:
         """Take over what an earlier run of the same left; an empty file otherwise (error ``run.unwritable``)."""
         try:
-            found = list(_entries(self._file.begin(resume)))
+            entries = list(_entries(self._file.begin(resume)))
         except OSError as error:
             raise unwritable(self.folder, error) from error
-        self.known = {(start.number, start.tries): start for start in found if isinstance(start, StartResult)}
-        self.samples = {sample.number: sample for sample in found if isinstance(sample, Sample)}
+        self.known = {(start.number, start.tries): start for start in entries if isinstance(start, StartResult)}
+        self.samples = {sample.number: sample for sample in entries if isinstance(sample, Sample)}
 
     def add(self, entry: StartResult | Sample) -> None:
         """A line for an end or a sample (error ``run.unwritable``)."""
@@ -119,11 +119,11 @@ def find_from_starts(
     tell = _teller(starts, progress, rules.count)
     limits = reduction_rules(study)
     if limits is None:
-        found = multi_start(
+        searches = multi_start(
             problem, method, rules, nominal=at, known=starts.known, report=tell, executor=executor_of(study),
             sampled=starts.samples, report_sample=_sample_teller(starts, progress, rules.samples),
         )  # fmt: skip
-        return found, None, None
+        return searches, None, None
     told = TrainingProgress(progress, limits.full_solutions)
     told.begin(case.name for case in problem.cases)
     reduced = multi_start_reduced(
@@ -164,10 +164,6 @@ def _key(study: Study, at: Evaluation) -> str:
     tables += "".join(component.model_dump_json() for component in study.file.component)
     lower, upper = study.parameters.bounds
     return digest(tables, at.residuals, at.jacobian, lower, upper)
-
-
-# ----------------------------------------------------------------------------------------------------
-# history.jsonl: a line for every iteration, written as soon as it is known.
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,8 @@ _MASS = (
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
 
 
-_NO_SWEEP, _NO_RANDOM = (f'the study has no [[vibration]] of kind "{kind}"' for kind in ("sweep", "random"))
+_NO_SWEEP = 'the study has no [[vibration]] of kind "sweep"'
+_NO_RANDOM = 'the study has no [[vibration]] of kind "random"'
 
 
 _NO_DATA = {
@@ -272,8 +273,8 @@ def _sensors(scope: Scope, after: ModelRecords) -> HeldOutSensors:
     return held_out_sensors(after.raw[scope.case.name], scope.case.held.sensors, scope.tests)
 
 
-def _shapes(scope: Scope, found: HeldOutSensors) -> Iterable[HeldOutShape]:
-    for label, error, noise in zip(found.labels, found.error, found.noise):
+def _shapes(scope: Scope, held_out: HeldOutSensors) -> Iterable[HeldOutShape]:
+    for label, error, noise in zip(held_out.labels, held_out.error, held_out.noise):
         yield HeldOutShape(
             configuration=scope.case.name,
             test_label=label,
@@ -392,7 +393,8 @@ def _not_tested(
 
 
 def _of_ratio(study: Study) -> bool:
-    """True if no data tell how large stiffness and mass are: none depends on it, nothing was weighed or added.
+    """True if the data determine only the ratio of stiffness to mass: no residual depends on their level, and nothing
+    was weighed or added.
 
     An error that all frequencies share is stated in `common_frequency_sd`, and then shown.
     """
@@ -409,7 +411,7 @@ def responses_not_tested(study: Study, predicted: bool, responses: Iterable[Resp
 
     Parameters
     ----------
-    predicted : whether FRFs that were not used, or vibration tests, are beside those of the model
+    predicted : whether FRFs that were not used, or vibration tests, are compared with those of the model
     responses : those of [response] at the end
     """
     with_ratios = any(c.entry.kind in ("complex-eigenvalue", "damping") for c in study.file.comparisons)
@@ -452,25 +454,25 @@ def goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
     )
 
 
-def goodness_results(found: GoodnessOfFit) -> GoodnessResults:
+def goodness_results(goodness: GoodnessOfFit) -> GoodnessResults:
     """The test as a record."""
-    kinds = (KindOfResiduals(kind=k, chi_square=c, degrees_of_freedom=d, p_value=p) for k, c, d, p in found.by_kind)
+    kinds = (KindOfResiduals(kind=k, chi_square=c, degrees_of_freedom=d, p_value=p) for k, c, d, p in goodness.by_kind)
     return GoodnessResults(
-        chi_square=found.chi_square,
-        degrees_of_freedom=found.degrees_of_freedom,
-        p_value=found.p_value,
-        runs=found.runs,
-        runs_p_value=found.runs_p_value,
-        largest=found.largest,
-        largest_label=found.largest_label,
+        chi_square=goodness.chi_square,
+        degrees_of_freedom=goodness.degrees_of_freedom,
+        p_value=goodness.p_value,
+        runs=goodness.runs,
+        runs_p_value=goodness.runs_p_value,
+        largest=goodness.largest,
+        largest_label=goodness.largest_label,
         by_kind=tuple(kinds),
-        verdict=found.outcome.value,
-        sentence=found.sentence,
-        finding=found.finding.name,
-        values=found.values,
-        rank=found.rank,
-        held=found.held,
-        held_p_value=found.held_p_value,
+        verdict=goodness.outcome.value,
+        sentence=goodness.sentence,
+        finding=goodness.finding.name,
+        values=goodness.values,
+        rank=goodness.rank,
+        held=goodness.held,
+        held_p_value=goodness.held_p_value,
     )
 
 

@@ -46,7 +46,8 @@ def deviations_of(channels: Sequence[ChannelDeviation]) -> FrfDeviations:
     )
 
 
-_SETS: tuple[DataSet, ...] = ("calibration", "validation")
+_DATA_SETS: tuple[DataSet, ...] = ("calibration", "validation")
+"""Data that the update used, and data that it did not use."""
 
 
 def _used(start: Evaluation, end: Evaluation) -> Iterator[ChannelDeviation]:
@@ -88,7 +89,7 @@ def _channels(
 
 
 def _sums(channels: Sequence[ChannelDeviation], configuration: str = "") -> Iterator[DeviationSum]:
-    for data in _SETS:
+    for data in _DATA_SETS:
         own = [c for c in channels if c.data == data]
         if own:
             yield _sum(data, own, configuration)

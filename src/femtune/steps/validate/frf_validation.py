@@ -1,4 +1,4 @@
-"""Measured FRFs that the update did not use, beside those of the model, as records."""
+"""Measured FRFs that the update did not use, compared with those of the model, as records."""
 
 from __future__ import annotations
 
@@ -181,13 +181,13 @@ def _table(study: Study, case: StudyCase) -> ResponseTable:
     assert case.test is not None
     assert case.test.frfs is not None
     entries = _entries(study)
-    own = [e for e in entries if e.is_in(case.name, several=False, used=True)] or entries
+    of_case = [e for e in entries if e.is_in(case.name, several=False, used=True)] or entries
     given = study.file.validation
     keys: dict[str, object] = {"kind": case.test.frfs.kind}
-    if own:
-        same = own[0]
+    if of_case:
+        same = of_case[0]
         keys |= {key: getattr(same, key) for key in ("method", "residual_vectors", "ratio", "ratios")}
-        bands = [e for e in own if e.around == "band"]
+        bands = [e for e in of_case if e.around == "band"]
         if bands:
             keys["from_hz"] = min(e.from_hz for e in bands)
             highest = [e.to_hz for e in bands]

@@ -1,4 +1,4 @@
-"""Steps that write a run folder: update, candidates, validate, run, and reading such a folder."""
+"""The function `validate`: the updated model compared with data that the update did not use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Validation on data that the update did not use: verdicts, predictions, and what was not tested."""
+"""Validation on data that the update did not use, goodness of fit and criteria: sections and terminal."""
 
 from __future__ import annotations
 
@@ -51,11 +51,6 @@ if TYPE_CHECKING:
     from femtune.steps.validate.record.validation import GoodnessResults, Prediction, ValidationVerdict
     from femtune.study.record import ModelVersion
 
-
-# ----------------------------------------------------------------------------------------------------
-# The cell of a verdict.
-
-
 _VERDICT_TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"}
 
 
@@ -65,21 +60,21 @@ def verdict_cell(verdict: str) -> Cell:
 
 
 def validation(source: ReportSource) -> list[Block]:
-    """Verdicts, predictions beside measurements, held-out sensors, then the list of what nobody looked at."""
-    found = source.results.validation
-    if found is None:
+    """Verdicts, predictions compared with measurements, held-out sensors, then the list of what was not tested."""
+    record = source.results.validation
+    if record is None:
         return [Paragraph("Not tested: no validation was run, so that the quality of predictions is not known.")]
     return [
-        *validation_verdicts(found),
-        *_picture(found),
-        *prediction_blocks(found, [m.reason for m in source.left_out()]),
-        *sensor_blocks(found),
-        *deviation_blocks(found),
-        *frf_blocks(found),
-        *_frf_figures(source, found),
-        *vibration_blocks(source, found),
+        *validation_verdicts(record),
+        *_picture(record),
+        *prediction_blocks(record, [m.reason for m in source.left_out()]),
+        *sensor_blocks(record),
+        *deviation_blocks(record),
+        *frf_blocks(record),
+        *_frf_figures(source, record),
+        *vibration_blocks(source, record),
         Heading("What was not tested"),
-        _listing([*untested_reasons(found), *found.not_tested]),
+        _listing([*untested_reasons(record), *record.not_tested]),
     ]
 
 
@@ -87,35 +82,35 @@ def _listing(lines: list[str]) -> Block:
     return Listing(tuple(lines)) if lines else Paragraph("There are no entries.")
 
 
-def outcome_sentence(found: ValidationResults) -> str:
+def outcome_sentence(validation: ValidationResults) -> str:
     """How many criteria passed on data that were not used, without a full stop; "" where none was tested."""
-    tested = [v for v in found.verdicts if v.verdict != NOT_TESTED]
+    tested = [v for v in validation.verdicts if v.verdict != NOT_TESTED]
     failed = [v for v in tested if v.verdict == "fail"]
     if not tested:
         return ""
     count = f"{len(tested) - len(failed)} of {counted(len(tested), 'criterion', 'criteria')}"
-    untested = len(found.verdicts) - len(tested)
+    untested = len(validation.verdicts) - len(tested)
     rest = f", {untested} {'was' if untested == 1 else 'were'} not tested" if untested else ""
     where = listed(dict.fromkeys(v.configuration for v in failed))
     tail = f"; {len(failed)} failed in {where}" if failed else ""
-    return f"on data that the update did not use {count} passed ({found.profile}){rest}{tail}"
+    return f"on data that the update did not use {count} passed ({validation.profile}){rest}{tail}"
 
 
-def validation_verdicts(found: ValidationResults) -> list[Block]:
+def validation_verdicts(validation: ValidationResults) -> list[Block]:
     """The outcome in a sentence, and a table of the criteria that were tested."""
-    sentence = outcome_sentence(found)
+    sentence = outcome_sentence(validation)
     if not sentence:
         return []
-    tested = [v for v in found.verdicts if v.verdict != NOT_TESTED]
+    tested = [v for v in validation.verdicts if v.verdict != NOT_TESTED]
     heads = columns(
         "Configuration", "Data", "Criterion", ">Required", ">Before the update", ">Measured", "Verdict", "Decided by"
     )
     table = Table("", heads, tuple(_verdict_row(v) for v in tested))
     if all(v.before is None for v in tested):
         table = without_column(table, "Before the update")
-    noise = tuple(f"{v.configuration}, {v.criterion}: {v.noise}" for v in found.verdicts if v.noise)
+    noise = tuple(f"{v.configuration}, {v.criterion}: {v.noise}" for v in validation.verdicts if v.noise)
     misses: list[Block] = [Heading("Can measurement noise explain the failures?"), Listing(noise)] if noise else []
-    tone: Tone = "poor" if any(v.verdict == "fail" for v in found.verdicts) else "good"
+    tone: Tone = "poor" if any(v.verdict == "fail" for v in validation.verdicts) else "good"
     return [Paragraph(as_sentence(sentence), tone), table, *misses]
 
 
@@ -129,20 +124,20 @@ def _verdict_row(v: ValidationVerdict) -> tuple[Cell, ...]:
     )
 
 
-def untested_reasons(found: ValidationResults) -> list[str]:
+def untested_reasons(validation: ValidationResults) -> list[str]:
     """Criteria that were not tested, those with one reason together."""
     reasons: dict[tuple[str, str], dict[str, None]] = {}
-    for v in found.verdicts:
+    for v in validation.verdicts:
         if v.verdict == NOT_TESTED:
             reasons.setdefault((v.configuration, v.remark), {})[v.criterion] = None
     return [f"{name}: {'; '.join(criteria)}: {reason}" for (name, reason), criteria in reasons.items()]
 
 
-def _picture(found: ValidationResults) -> list[Block]:
-    modes = [_predicted(p) for p in found.predictions if p.data and p.freq_error_percent is not None]
+def _picture(validation: ValidationResults) -> list[Block]:
+    modes = [_predicted(p) for p in validation.predictions if p.data and p.freq_error_percent is not None]
     if not modes:
         return []
-    limits = [v.required for v in found.verdicts if v.criterion.startswith("frequency error")]
+    limits = [v.required for v in validation.verdicts if v.criterion.startswith("frequency error")]
     limit = min(limits, default=None)
     caption = (
         "Errors of predicted frequencies, (model − test)/test. Grey ring: before the update. Blue dot: after the "
@@ -160,16 +155,16 @@ def _predicted(p: Prediction) -> PredictedMode:
     return PredictedMode(label, p.before_freq_error_percent, p.freq_error_percent or 0.0, sd)
 
 
-def prediction_blocks(found: ValidationResults, known_reasons: list[str]) -> list[Block]:
-    """All measured modes that the update did not use: a table each configuration and kind of data."""
-    if not found.predictions:
+def prediction_blocks(validation: ValidationResults, known_reasons: list[str]) -> list[Block]:
+    """All measured modes that the update did not use: one table for each configuration and kind of data."""
+    if not validation.predictions:
         return [Paragraph("No measured mode was held out, so that the quality of predictions was not tested.")]
     groups: dict[str, list[Prediction]] = {}
-    for p in found.predictions:
+    for p in validation.predictions:
         groups.setdefault(f"{p.configuration}: {p.data or 'left out'}", []).append(p)
     tables = [_predictions(title, rows, known_reasons) for title, rows in groups.items()]
     note = "z is the error divided by the σ of test and parameters; uncertainty does not explain errors beyond |z| = 2."
-    known = any(p.z is not None for p in found.predictions)
+    known = any(p.z is not None for p in validation.predictions)
     return [Heading("Measured modes that the update did not use"), *tables, *([Paragraph(note, "muted")] * known)]
 
 
@@ -207,51 +202,54 @@ def _remark(p: Prediction, known_reasons: list[str]) -> str:
     return "left out by the study" if p.remark in known_reasons else p.remark
 
 
-def sensor_blocks(found: ValidationResults) -> list[Block]:
+def sensor_blocks(validation: ValidationResults) -> list[Block]:
     """Shapes at the sensors that were held out."""
-    if not found.held_out_sensors:
+    if not validation.held_out_sensors:
         return []
     heads = columns("Configuration", "Shape of", ">Error %", ">Expected noise %")
     rows = tuple(
-        row(s.configuration, s.test_label, short(s.error_percent), short(s.noise_percent)) for s in found.shapes
+        row(s.configuration, s.test_label, short(s.error_percent), short(s.noise_percent)) for s in validation.shapes
     )
-    names = ", ".join(found.held_out_sensors[:8])
-    more = len(found.held_out_sensors) - 8
+    names = ", ".join(validation.held_out_sensors[:8])
+    more = len(validation.held_out_sensors) - 8
     note = f"Held out: {names}{f' and {more} more' if more > 0 else ''}. "
     note += "The error is the RMS of test − model relative to that of the shape; it is scaled at the used sensors."
     return [Table("Shapes at held-out sensors", heads, rows, note)]
 
 
-_UNFOLDED, _PANELS = 16, 4
+_MOST_UNFOLDED_ROWS = 16
+"""Rows of the largest table of FRFs that is shown unfolded: about half a screen."""
+_MOST_PANELS = 4
+"""Functions in the figure, the largest ones first: they must stay large enough to be compared."""
 
 
-def frf_blocks(found: ValidationResults) -> list[Block]:
-    """Measured FRFs that were not used beside those of the model, and their resonance peaks."""
-    if not found.frfs:
+def frf_blocks(validation: ValidationResults) -> list[Block]:
+    """Measured FRFs that were not used, compared with those of the model, and their resonance peaks."""
+    if not validation.frfs:
         return []
     heads = columns("Configuration", "Data", "FRF", ">FRAC", ">Mean level error dB", ">Largest dB", ">at Hz")
     rows = tuple(
         row(f.configuration, f.data, f"{f.output} / {f.input}", unit_fraction(f.frac, NONE), short(f.mean_db),
             short(f.max_db), freq(f.max_hz))
-        for f in found.frfs
+        for f in validation.frfs
     )  # fmt: skip
     peaks = columns("Configuration", "Input", ">Test Hz", ">Model Hz", ">Error %")
     resonances = tuple(
         row(r.configuration, r.input, freq(r.test_hz), freq(r.model_hz, "no peak"), _peak_error(r))
-        for r in found.resonances
+        for r in validation.resonances
     )
     note = "Level error: |20 lg(|H|/|H_test|)| over the frequency lines. FRAC is 1 for proportional functions."
     of_peaks = "Peaks of the sum of squares of the FRFs of one input."
     return [
         Heading("Measured FRFs that the update did not use"),
-        Table("", heads, rows, note, folded=len(rows) > _UNFOLDED),
+        Table("", heads, rows, note, folded=len(rows) > _MOST_UNFOLDED_ROWS),
         *([Table("Resonance peaks of these FRFs", peaks, resonances, of_peaks)] if resonances else []),
     ]
 
 
-def deviation_table(found: ValidationResults) -> list[Block]:
+def deviation_table(validation: ValidationResults) -> list[Block]:
     """δ of the FRFs before and after the update by set and configuration, for page and terminal."""
-    known = found.deviations
+    known = validation.deviations
     if known is None:
         return []
     heads = columns("Set", "Configuration", ">FRFs", ">δ before", ">δ after", ">Change %", ">FRFs with larger δ")
@@ -265,9 +263,9 @@ def deviation_table(found: ValidationResults) -> list[Block]:
     return [Table("Deviation δ of the FRFs before and after the update", heads, rows, note)]
 
 
-def deviation_blocks(found: ValidationResults) -> list[Block]:
+def deviation_blocks(validation: ValidationResults) -> list[Block]:
     """δ of the FRFs before and after the update, by set and by FRF; nothing where the update uses no FRFs."""
-    known = found.deviations
+    known = validation.deviations
     if known is None:
         return []
     heads = columns("Set", "Configuration", "FRF", ">Lines", ">δ before", ">δ after", ">Change %")
@@ -278,15 +276,15 @@ def deviation_blocks(found: ValidationResults) -> list[Block]:
     )  # fmt: skip
     return [
         Heading("Deviation of the measured FRFs before and after the update"),
-        *deviation_table(found),
-        Table("The same by FRF", heads, rows, folded=len(rows) > _UNFOLDED),
+        *deviation_table(validation),
+        Table("The same by FRF", heads, rows, folded=len(rows) > _MOST_UNFOLDED_ROWS),
     ]
 
 
-def _frf_figures(source: ReportSource, found: ValidationResults) -> list[Block]:
+def _frf_figures(source: ReportSource, validation: ValidationResults) -> list[Block]:
     """The largest of these FRFs of each configuration, test beside model."""
     figures: list[Block] = []
-    for curves in found.curves:
+    for curves in validation.curves:
         panels = _panels(source, curves)
         alt = f"Measured FRFs of {curves.configuration} that the update did not use, and those of the updated model"
         if panels:
@@ -299,7 +297,7 @@ def _panels(source: ReportSource, curves: PredictedCurves) -> list[FrfPanel]:
     lines, model, test = (np.asarray(one) for one in arrays)
     known = np.isfinite(test).any(axis=2)
     largest = np.where(known, np.nanmax(np.where(np.isfinite(test), np.abs(test), 0.0), axis=2), -1.0)
-    order = np.argsort(-largest, axis=None)[: min(_PANELS, int(known.sum()))]
+    order = np.argsort(-largest, axis=None)[: min(_MOST_PANELS, int(known.sum()))]
     return [
         FrfPanel(
             f"{curves.outputs[i]} by {curves.inputs[j]}",
@@ -314,10 +312,6 @@ def _peak_error(r: PredictedResonance) -> str:
     return NONE if r.model_hz is None else signed_percent(100.0 * (r.model_hz / r.test_hz - 1.0))
 
 
-# ----------------------------------------------------------------------------------------------------
-# Are the residuals noise of the stated size? In words, and by kind of residual.
-
-
 _TONES: dict[str, Tone] = {"pass": "", "fail": "poor", "not tested": "muted"}
 
 
@@ -329,13 +323,13 @@ def goodness_sentence(source: ReportSource) -> list[Block]:
 
 def goodness(source: ReportSource) -> list[Block]:
     """The sentence, and chi-square by kind."""
-    found = _found(source)
-    if found is None or not found.by_kind:
+    record = _found(source)
+    if record is None or not record.by_kind:
         return goodness_sentence(source)
     heads = columns("Residuals", ">Chi-square", ">Degrees of freedom", ">p")
-    rows = [row(k.kind, short(k.chi_square), str(k.degrees_of_freedom), _chance(k.p_value)) for k in found.by_kind]
-    if len(found.by_kind) > 1:
-        rows.append(row("all", short(found.chi_square), str(found.degrees_of_freedom), _chance(found.p_value)))
+    rows = [row(k.kind, short(k.chi_square), str(k.degrees_of_freedom), _chance(k.p_value)) for k in record.by_kind]
+    if len(record.by_kind) > 1:
+        rows.append(row("all", short(record.chi_square), str(record.degrees_of_freedom), _chance(record.p_value)))
     note = (
         "p is the probability of at least this chi-square if the residuals are noise with the stated standard "
         f"deviations. The test uses {_tested_part(source)}."
@@ -356,10 +350,6 @@ def _chance(p: float | None) -> str:
 
 def _found(source: ReportSource) -> GoodnessResults | None:
     return source.results.update.goodness if source.results.update is not None else None
-
-
-# ----------------------------------------------------------------------------------------------------
-# Acceptance criteria: the criterion's number beside the measured one.
 
 
 def criteria(source: ReportSource) -> list[Block]:
@@ -387,22 +377,22 @@ def tested(criteria: Iterable[CriterionRecord]) -> list[CriterionRecord]:
 
 def untested(criteria: Iterable[CriterionRecord]) -> dict[str, tuple[str, ...]]:
     """Criteria that were not tested, with what they ask, by the reason."""
-    found: dict[str, tuple[str, ...]] = {}
+    reasons: dict[str, tuple[str, ...]] = {}
     for c in criteria:
         if c.verdict == NOT_TESTED:
-            found[c.remark] = (*found.get(c.remark, ()), f"{c.name} {_asked(c)}")
-    return found
+            reasons[c.remark] = (*reasons.get(c.remark, ()), f"{c.name} {_asked(c)}")
+    return reasons
 
 
 def _not_tested(source: ReportSource) -> list[Block]:
     """Configurations with the same criteria and the same reason share a row; of two versions the last one is shown."""
-    found: dict[tuple[tuple[str, ...], tuple[str, ...], str], list[str]] = {}
+    groups: dict[tuple[tuple[str, ...], tuple[str, ...], str], list[str]] = {}
     for name in source.results.study.configurations:
         for names, (when, reason) in _of_configuration(source, name).items():
-            found.setdefault((names, tuple(when), reason), []).append(name)
+            groups.setdefault((names, tuple(when), reason), []).append(name)
     rows = [
         row(", ".join(where), " and ".join(when), "; ".join(names), reason or NONE)
-        for (names, when, reason), where in found.items()
+        for (names, when, reason), where in groups.items()
     ]
     heads = columns("Configurations", "When", "Criteria", "Reason")
     return [Table("Criteria that were not tested", heads, tuple(rows))] if rows else []
@@ -410,12 +400,12 @@ def _not_tested(source: ReportSource) -> list[Block]:
 
 def _of_configuration(source: ReportSource, name: str) -> dict[tuple[str, ...], tuple[list[str], str]]:
     """Versions and reason by the criteria; reasons hold numbers that differ from version to version."""
-    found: dict[tuple[str, ...], tuple[list[str], str]] = {}
+    groups: dict[tuple[str, ...], tuple[list[str], str]] = {}
     for version in versions(source):
         at = source.at(name, version)
         for reason, names in untested(at.criteria if at else ()).items():
-            found[names] = ([*found.get(names, ([], ""))[0], VERSION_HEADS[version]], reason)
-    return found
+            groups[names] = ([*groups.get(names, ([], ""))[0], VERSION_HEADS[version]], reason)
+    return groups
 
 
 def criterion_cells(c: CriterionRecord) -> tuple[Cell, ...]:
@@ -428,26 +418,24 @@ def _asked(c: CriterionRecord) -> str:
     return with_unit(f"{'≤' if c.sense == 'at most' else '≥'} {value(c.limit)}", c.unit)
 
 
-# ----------------------------------------------------------------------------------------------------
-# On the terminal.
-
-
 _NOTHING = "no data were held out of the update, so that the quality of predictions was not tested"
 
 
 def validation_document(subject: Subject, results: Results) -> Document:
     """Verdicts, predictions, held-out sensors, whether the residuals of the update are noise, what was not tested."""
-    found = results.validation or ValidationResults(predictions=(), not_tested=())
-    sentence = outcome_sentence(found) or _NOTHING
+    validation = results.validation or ValidationResults(predictions=(), not_tested=())
+    sentence = outcome_sentence(validation) or _NOTHING
     sections = (
-        Section("verdicts", "Verdicts", tuple(validation_verdicts(found)[1:])),
-        Section("predictions", "Predictions", tuple(prediction_blocks(found, []) if found.predictions else ())),
-        Section("sensors", "Held-out sensors", tuple(sensor_blocks(found))),
+        Section("verdicts", "Verdicts", tuple(validation_verdicts(validation)[1:])),
+        Section(
+            "predictions", "Predictions", tuple(prediction_blocks(validation, []) if validation.predictions else ())
+        ),
+        Section("sensors", "Held-out sensors", tuple(sensor_blocks(validation))),
         Section("residuals", "Residuals of the update", tuple(_residuals(results))),
-        Section("open", "What was not tested", (Listing((*untested_reasons(found), *found.not_tested)),)),
+        Section("open", "What was not tested", (Listing((*untested_reasons(validation), *validation.not_tested)),)),
         *warnings_of(results),
     )
-    return subject.document(as_sentence(sentence), _level(found), sections)
+    return subject.document(as_sentence(sentence), _level(validation), sections)
 
 
 def _residuals(results: Results) -> list[Block]:
@@ -457,6 +445,6 @@ def _residuals(results: Results) -> list[Block]:
     return [Paragraph(as_sentence(update.goodness.sentence), "poor" if update.goodness.verdict == "fail" else "")]
 
 
-def _level(found: ValidationResults) -> Level:
-    words = {v.verdict for v in found.verdicts}
+def _level(validation: ValidationResults) -> Level:
+    words = {v.verdict for v in validation.verdicts}
     return "problem" if "fail" in words else "info" if words - {NOT_TESTED} else "warning"

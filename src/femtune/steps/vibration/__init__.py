@@ -1,4 +1,4 @@
-"""Sweeps and random vibration tests beside the model; a part of a run."""
+"""Sweeps and random vibration tests compared with the model; a part of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sine sweeps, random vibration and transients beside the initial and the updated model."""
+"""Sections of the report: sine sweeps, random vibration and transients compared with the initial and updated model."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from femtune.steps.vibration.record import VibrationPoint, VibrationResults
 
 
-def vibration_blocks(source: ReportSource, found: ValidationResults) -> list[Block]:
+def vibration_blocks(source: ReportSource, validation: ValidationResults) -> list[Block]:
     """A table and a picture for each test, or the reason why there is none."""
-    return [block for test in found.vibrations for block in _blocks(source, test)]
+    return [block for test in validation.vibrations for block in _blocks(source, test)]
 
 
 def _blocks(source: ReportSource, test: VibrationResults) -> list[Block]:

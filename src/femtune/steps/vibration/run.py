@@ -1,4 +1,4 @@
-"""Sweeps and random vibration tests beside the model."""
+"""Sweeps, random vibration and transient tests compared with the model."""
 
 from __future__ import annotations
 
@@ -51,8 +51,11 @@ Band = tuple[float, float]
 Arrays = dict[str, NDArray]
 
 
-_MOST_LINES = {"sweep": 3000, "random": 3000, "transient": 20_000}
-"""Of a curve in the arrays of the results."""
+_MOST_STORED_LINES = {"sweep": 3000, "random": 3000, "transient": 20_000}
+"""Lines of a curve in the arrays of the results, by kind of test.
+
+They show the resonances; all lines would multiply the size of the results.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +112,12 @@ class VibrationTests:
         ------
         FemtuneError : ``vibration.*``, ``response.held-port``, ``model.unknown-node``; all tests together
         """
-        errors, found = ErrorCollector(), []
+        errors, residuals = ErrorCollector(), []
         for i, entry in enumerate(study.file.vibration):
             with errors.catch(), errors_at(study.file.where("vibration", i)):
-                found.append(_read(study, entry))
+                residuals.append(_read(study, entry))
         errors.raise_if_any()
-        return cls(tuple(found))
+        return cls(tuple(residuals))
 
     def check(self, study: Study, x: Reals, solved: Mapping[str, EigenSolution]) -> None:
         """Check the tests against the modes at normalised parameters, by configuration in `solved` as far as known.
@@ -148,13 +151,13 @@ def _read(study: Study, entry: VibrationEntry) -> VibrationTest:
     band = _band(entry, excitation, measured)
     if isinstance(excitation, Sweep):
         lines = [np.sort(excitation.steps()[0]), *([] if measured is None else [measured[0]])]
-        if measured is not None and min(int(np.sum((hz >= band[0]) & (hz <= band[1]))) for hz in lines) < _FEWEST_LINES:
-            raise FemtuneError("vibration.no-overlap/lines", name=entry.name, fewest=_FEWEST_LINES)
+        if measured is not None and min(int(np.sum((hz >= band[0]) & (hz <= band[1]))) for hz in lines) < _LEAST_LINES:
+            raise FemtuneError("vibration.no-overlap/lines", name=entry.name, fewest=_LEAST_LINES)
     return VibrationTest(entry, excitation, damping, words, band, measured)
 
 
-_FEWEST_LINES = 3
-"""Fewer lines have no maximum between their ends."""
+_LEAST_LINES = 3
+"""Lines in the band from which a curve is compared: fewer have no maximum between their ends."""
 
 
 def _excitation(study: Study, entry: VibrationEntry) -> Sweep | Spectrum | Curve:
@@ -182,11 +185,13 @@ def _beside(
     }  # fmt: skip
     try:
         before, after = (_transfer(study, test, x) for x in points)
-        found = [_response(test, transfer) for transfer in (before, after)]
+        responses = [_response(test, transfer) for transfer in (before, after)]
         measured = _measured_levels(entry, test.measured, test.band)
     except FemtuneError as error:
         return VibrationResults(**facts, excitation=motion, points=(), problem=f"{error.what} ({error.code})")
-    levels = zip(after.outputs, found[0].levels, found[1].levels, measured or [{}] * len(after.outputs), strict=True)
+    levels = zip(
+        after.outputs, responses[0].levels, responses[1].levels, measured or [{}] * len(after.outputs), strict=True
+    )
     return VibrationResults(
         **facts,
         excitation=f"{motion}, {_words(entry)}",
@@ -197,7 +202,7 @@ def _beside(
         ),
         compared_hz=None if entry.kind == "transient" else test.band,
         compared_s=test.band if entry.kind == "transient" else None,
-        curves=_kept((keep[0], entry.kind), keep[1], found[0].curve, found[1].curve, test.measured),
+        curves=_kept((keep[0], entry.kind), keep[1], responses[0].curve, responses[1].curve, test.measured),
     )  # fmt: skip
 
 
@@ -316,7 +321,7 @@ def _kept(of: tuple[str, str], arrays: Arrays, before: Curve, after: Curve, test
         if curve is None:
             continue
         hz, values = curve
-        kept = np.arange(0, len(hz), -(-len(hz) // _MOST_LINES[kind]))
+        kept = np.arange(0, len(hz), -(-len(hz) // _MOST_STORED_LINES[kind]))
         tops = np.argmax(np.abs(values), axis=1)
         kept = np.unique([*kept, *tops, len(hz) - 1])
         arrays[f"{key}_{name}_lines"], arrays[f"{key}_{name}"] = hz[kept], values[:, kept]
@@ -324,21 +329,21 @@ def _kept(of: tuple[str, str], arrays: Arrays, before: Curve, after: Curve, test
     return VibrationCurves(**names)  # type: ignore[arg-type]
 
 
-def vibration_verdicts(study: Study, found: VibrationResults) -> Iterable[tuple[Verdict, Verdict | None]]:
+def vibration_verdicts(study: Study, vibration: VibrationResults) -> Iterable[tuple[Verdict, Verdict | None]]:
     """Verdicts of the updated and of the initial model on each criterion of this kind of test, by the worst point."""
     for criterion in of_vibration(study):
-        if found.kind != _KINDS[criterion.quantity]:
+        if vibration.kind != _KINDS[criterion.quantity]:
             continue
-        if found.problem:
-            yield not_tested(criterion, found.problem), None
+        if vibration.problem:
+            yield not_tested(criterion, vibration.problem), None
             continue
-        yield _verdict(criterion, found, ""), _verdict(criterion, found, "before_")
+        yield _verdict(criterion, vibration, ""), _verdict(criterion, vibration, "before_")
 
 
-def _verdict(criterion: Criterion, found: VibrationResults, head: str) -> Verdict:
+def _verdict(criterion: Criterion, vibration: VibrationResults, head: str) -> Verdict:
     """By the worst point that has what is compared; `head` is that of the names of the initial model."""
     errors, flat = [], []
-    for point in found.points:
+    for point in vibration.points:
         where = _no_resonance(point, head) if criterion.quantity == SWEEP_FREQUENCY else ""
         error = _ERRORS[criterion.quantity](point, head)
         if where:
@@ -347,8 +352,8 @@ def _verdict(criterion: Criterion, found: VibrationResults, head: str) -> Verdic
             errors.append((error, point.output))
     if errors:
         worst, output = max(errors)
-        return judge(criterion, worst, "; ".join([f"{found.name}, {output}", *flat]))
-    return not_tested(criterion, f"{found.name}: {'; '.join(flat) or 'nothing was measured'}")
+        return judge(criterion, worst, "; ".join([f"{vibration.name}, {output}", *flat]))
+    return not_tested(criterion, f"{vibration.name}: {'; '.join(flat) or 'nothing was measured'}")
 
 
 def _no_resonance(p: VibrationPoint, head: str) -> str:

@@ -1,4 +1,4 @@
-"""Modes of an external solver in a vibration test: frequencies, shapes at the outputs, and participation factors."""
+"""Modes of an external solver in a vibration test: frequencies, shapes at the outputs, participation factors."""
 
 from __future__ import annotations
 
@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     from femtune.model.response.modal_damping import DampingRatios
     from femtune.study.study import Study
 
-_RIGID = 1e-3
-"""Frequency over the highest one of the run, below which a mode is a rigid-body mode."""
+_RIGID_BODY_RATIO = 1e-3
+"""Frequency relative to the highest one of the run, below which a mode is a rigid-body mode.
+
+Rounding keeps it from being exactly zero.
+"""
 
 
 def solver_transfer(study: Study, entry: VibrationEntry, x: Reals, damping: DampingRatios) -> ModalTransfer:
@@ -38,12 +41,12 @@ def solver_transfer(study: Study, entry: VibrationEntry, x: Reals, damping: Damp
     runs = own_runs(study.file, entry.solver or _of_configuration(study.file, entry), where)
     try:
         point = point_of(study.parameters, runs, x)
-        found = runs.run([point])[0]
+        run = runs.run([point])[0]
     finally:
         runs.journal.close()
-    modes = found.parts[0].modes
+    modes = run.parts[0].modes
     if modes is None:
-        raise runs.failed(point, found)
+        raise runs.failed(point, run)
     outputs = DofSet.parse(entry.outputs)
     on_base = modes_on_base(modes, outputs, entry.base, _carried(study.file, outputs, entry.base))
     return transfer_of_base(on_base, damping, tuple(map(str, outputs)), f"base {entry.base}")
@@ -56,7 +59,7 @@ def modes_on_base(modes: SolvedModes, outputs: DofSet, base: str, carried: Reals
     ------
     FemtuneError : ``vibration.solver`` in its variants, ``vibration.no-base``
     """
-    if (modes.freq_hz <= _RIGID * modes.freq_hz.max(initial=0.0)).any():
+    if (modes.freq_hz <= _RIGID_BODY_RATIO * modes.freq_hz.max(initial=0.0)).any():
         raise FemtuneError("vibration.no-base")
     if modes.participation is None or not np.isfinite(pushed := modes.participation[DIRECTIONS.index(base) - 1]).all():
         raise FemtuneError("vibration.solver")

@@ -1,4 +1,4 @@
-"""A window, or a picture, in which a mode moves: for models that are too large for the page."""
+"""The function `view`: a moving mode in a window or in a picture, for models too large for the page."""
 
 from __future__ import annotations
 
@@ -25,14 +25,22 @@ if TYPE_CHECKING:
     from femtune.study.described import Model, Study
     from femtune.study.progress import Progress
 
-_PART = 0.1
-"""Largest motion, as a part of the diagonal of the model."""
-_STRAIGHT = {1, 3, 5, 9, 10, 12, 13, 14}
-"""Types of VTK cells without mid-side points; others are divided into triangles, whose edges are not the element's."""
-_MOST_EDGED = 50_000
-"""Elements whose edges are drawn, at most."""
-_FRAME_MS, _FRAMES = 40, 48
-"""Time from one frame to the next, and frames of a period."""
+_LARGEST_MOTION = 0.1
+"""Largest motion that is drawn, relative to the diagonal of the model.
+
+It is clearly visible and does not distort the form.
+"""
+_CELLS_WITHOUT_MIDSIDE = {1, 3, 5, 9, 10, 12, 13, 14}
+"""Types of VTK cells without mid-side points.
+
+Others are divided into triangles for drawing, whose edges are not those of the elements.
+"""
+_MOST_ELEMENTS_WITH_EDGES = 50_000
+"""Elements up to which edges are drawn: those of finer meshes cover the faces and slow the motion down."""
+_FRAME_MS = 40
+"""Time between two frames in ms: 25 frames per second look continuous."""
+_FRAMES_PER_PERIOD = 48
+"""Frames of one period, which lasts about two seconds."""
 
 
 @checked
@@ -97,7 +105,7 @@ def view(
     if file is None:
         _window(pyvista, mesh, shapes, first)
         return None
-    # without a screen VTK tells that it found none, and draws
+    # without a screen VTK writes a warning and draws all the same
     log = require("vtkmodules.vtkCommonCore").vtkLogger
     log.SetStderrVerbosity(log.VERBOSITY_ERROR)
     plotter = _plotter(pyvista, mesh, shapes, first, off_screen=True)
@@ -138,9 +146,11 @@ def _draw(plotter: Any, mesh: Any, shape: str, phase: float) -> None:
     size = np.linalg.norm(motion, axis=1)
     largest = float(size.max()) or 1.0
     moved = mesh.copy()
-    moved.points = mesh.points + phase * _PART * mesh.length / largest * motion
+    moved.points = mesh.points + phase * _LARGEST_MOTION * mesh.length / largest * motion
     moved.point_data["displacement"] = size / largest
-    edges = mesh.n_cells < _MOST_EDGED and {int(kind) for kind in mesh.celltypes} <= _STRAIGHT
+    edges = (
+        mesh.n_cells < _MOST_ELEMENTS_WITH_EDGES and {int(kind) for kind in mesh.celltypes} <= _CELLS_WITHOUT_MIDSIDE
+    )
     plotter.add_mesh(
         moved, scalars="displacement", cmap="Blues", clim=(0.0, 1.0), show_edges=edges,
         line_width=2.0, name="shape", reset_camera=False, scalar_bar_args={"title": "displacement / largest"},
@@ -157,7 +167,9 @@ def _window(pyvista: Any, mesh: Any, shapes: Sequence[str], mode: int) -> None:
 
     def move(_: int) -> None:
         shown["frame"] += 1
-        _draw(plotter, mesh, shapes[shown["mode"] - 1], float(np.cos(2.0 * np.pi * shown["frame"] / _FRAMES)))
+        _draw(
+            plotter, mesh, shapes[shown["mode"] - 1], float(np.cos(2.0 * np.pi * shown["frame"] / _FRAMES_PER_PERIOD))
+        )
 
     if len(shapes) > 1:
         plotter.add_slider_widget(choose, (1, len(shapes)), value=mode, title="mode", fmt="%.0f", color="black")

@@ -59,14 +59,14 @@ def _reference(study: Study, change: FieldChange) -> str:
 
 def repointed(study: Study, plan: WritePlan) -> Iterable[RepointedElements]:
     """Elements of one kind that changed the same reference, as one record."""
-    found: dict[tuple[str, str, str, str], list[int]] = {}
+    fields: dict[tuple[str, str, str, str], list[int]] = {}
     for change in plan.edited.changes:
         name = _reference(study, change)
         if name and (change.position, change.index) not in plan.places:
             card = study.built_deck.deck.cards[change.position]
             after = _card_of(name, change.after.strip(), plan)
-            found.setdefault((card.name, name, change.before.strip(), after), []).append(card.integer(0))
-    for (kind, name, before, after), numbers in found.items():
+            fields.setdefault((card.name, name, change.before.strip(), after), []).append(card.integer(0))
+    for (kind, name, before, after), numbers in fields.items():
         yield RepointedElements(card=kind, field=name, before=before, after=after, elements=tuple(numbers))
 
 

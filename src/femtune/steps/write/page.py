@@ -14,26 +14,27 @@ if TYPE_CHECKING:
     from femtune.steps.write.record import EditedField, NewCardFacts, RepointedElements
 
 _MOST_NUMBERS = 12
+"""Numbers of elements that a cell lists, so that rows stay low."""
 
 
 def write_back(source: ReportSource) -> list[Block]:
     """Every changed field with its old and new text, new cards with their values, elements that refer to them."""
-    found = source.results.write_back
+    record = source.results.write_back
     no_deck = [a.sentence for a in source.results.alerts if a.code == "write.no-deck"]
-    if found is None and no_deck:
+    if record is None and no_deck:
         return [Paragraph(f"Not written: {no_deck[0]}; the updated values are in the section on the parameters.")]
-    if found is None:
+    if record is None:
         return [Paragraph("No updated deck was written.")]
     heads = columns("Card", "Field", "File and line", "Old text", "New text", ">Value", ">As written", "Parameter")
-    written = listed(found.files) or "no file"
+    written = listed(record.files) or "no file"
     return [
         Paragraph(f"Written: {written}. All other cards are copied from the original deck without change."),
-        table_or_none("Changed fields", heads, map(_row, found.edits), "No field was changed."),
-        *_new_cards(found.new_cards),
-        *_repointed(found.repointed),
-        *_sentences("Cards split", found.splits, "No card was split."),
-        *_sentences("Parameters without a field", found.without_field, "Every parameter has a field in the deck."),
-        *_sentences("INCLUDE lines", found.includes_changed, "No INCLUDE line was changed."),
+        table_or_none("Changed fields", heads, map(_row, record.edits), "No field was changed."),
+        *_new_cards(record.new_cards),
+        *_repointed(record.repointed),
+        *_sentences("Cards split", record.splits, "No card was split."),
+        *_sentences("Parameters without a field", record.without_field, "Every parameter has a field in the deck."),
+        *_sentences("INCLUDE lines", record.includes_changed, "No INCLUDE line was changed."),
     ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The updated deck: written values, what was split, what could not be written, and the deck read again."""
+"""The updated deck: written values, split properties, values that could not be written, and the deck read again."""
 
 from __future__ import annotations
 

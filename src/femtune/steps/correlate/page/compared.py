@@ -1,4 +1,4 @@
-"""Configurations, sensors, modes left out."""
+"""Sections of the report: configurations, sensors, test modes left out."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from femtune.steps.info.record.model import MatchedSensor, SensorResults
     from femtune.steps.report_source import ReportSource
 
-_UNFOLDED = 24
-"""Rows of the largest sensor table that is shown at once."""
+_MOST_UNFOLDED_ROWS = 24
+"""Rows of the largest sensor table that is shown unfolded: about half a screen."""
 
 _TOLD_ELSEWHERE = ("update.", "write.")
 """Areas whose notes stand in the sections about the update and the deck."""
@@ -41,18 +41,18 @@ def compared(source: ReportSource) -> list[Block]:
 
 def placement_blocks(comparison: CorrelationResults, units: str = "") -> list[Block]:
     """Standard deviations from errors in the placement of the sensors, for page and terminal; [] without any."""
-    found = comparison.placement
-    if found is None or not found.modes:
+    record = comparison.placement
+    if record is None or not record.modes:
         return []
     heads = columns("Test mode", ">± % of the largest entry", ">Largest ± %", "Sensor", ">1 − MAC")
     rows = tuple(
         row(m.test_label, percent(m.sd_percent), percent(m.largest_percent), m.largest_dof, short(m.mac_loss))
-        for m in found.modes
+        for m in record.modes
     )
     length = units.split("-", maxsplit=1)[0] if units else ""
     note = (
-        f"Standard deviations of the shapes from errors of the positions ({_span(found.position_sd)} {length}) and the "
-        f"directions ({_span(found.angle_sd_deg)}°) of the sensors, and the mean loss of MAC that they alone "
+        f"Standard deviations of the shapes from errors of the positions ({_span(record.position_sd)} {length}) and "
+        f"the directions ({_span(record.angle_sd_deg)}°) of the sensors, and the mean loss of MAC that they alone "
         "cause. Residuals of shape differences include them in their covariance."
     )
     title = f"{comparison.configuration}: effect of the placement of the sensors"
@@ -110,7 +110,7 @@ def _left_out(source: ReportSource) -> Block:
 
 
 def _alike(source: ReportSource) -> list[tuple[str, SensorResults]]:
-    """Configurations whose sensors are matched alike share a table: their names, and one of them."""
+    """Configurations whose sensors are matched in the same way share a table: their names, and one of them."""
     groups: dict[tuple, list[SensorResults]] = {}
     for sensors in source.results.sensors:
         groups.setdefault((sensors.tolerance, sensors.matched, sensors.unmatched), []).append(sensors)
@@ -125,15 +125,15 @@ def _matched(names: str, sensors: SensorResults, units: str) -> Block:
     rows = tuple(_at_one_place(together) for together in _by_place(sensors))
     if not rows:
         return Paragraph(f"{names}: no sensor could be matched.")
-    return Table(title, heads, rows, folded=len(rows) > _UNFOLDED)
+    return Table(title, heads, rows, folded=len(rows) > _MOST_UNFOLDED_ROWS)
 
 
 def _by_place(sensors: SensorResults) -> list[list[MatchedSensor]]:
     """Sensors of one test node that found the model in the same way."""
-    found: dict[tuple, list[MatchedSensor]] = {}
+    places: dict[tuple, list[MatchedSensor]] = {}
     for s in sensors.matched:
-        found.setdefault((s.test_node, s.model_node, s.distance, s.how), []).append(s)
-    return list(found.values())
+        places.setdefault((s.test_node, s.model_node, s.distance, s.how), []).append(s)
+    return list(places.values())
 
 
 def _at_one_place(sensors: list[MatchedSensor]) -> tuple[Cell, ...]:

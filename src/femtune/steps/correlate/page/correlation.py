@@ -1,4 +1,4 @@
-"""MAC matrices before and after, AutoMAC, cross-orthogonality."""
+"""Sections of the report: MAC matrices before and after, AutoMAC, cross-orthogonality, COMAC, unpaired modes."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def pair_places(comparison: CorrelationResults) -> tuple[tuple[int, int], ...]:
 
 
 def _auto(source: ReportSource, comparison: CorrelationResults) -> list[Block]:
-    """AutoMAC of test and model: which shapes the sensors can tell apart."""
+    """AutoMAC of test and model: which shapes the sensors can distinguish."""
     test = _labels(comparison.mac_test_labels, comparison.mac_test_freq_hz)
     kept = shown_columns(comparison)
     parts = (
@@ -139,12 +139,10 @@ def dropped_sensors(comparison: CorrelationResults) -> list[Block]:
     return [Paragraph(f"Cross-orthogonality is computed without {listed(names)}: {words}.", tone="muted")]
 
 
-# ----------------------------------------------------------------------------------------------------
-# COMAC by measured DOF.
-
-
-_SHOWN = 40
-_NAMED = 5
+_MOST_COMAC_BARS = 40
+"""Measured DOFs with the lowest COMAC in the chart; the labels of more bars are not legible."""
+_MOST_NAMED_DOFS = 5
+"""Lowest values of COMAC that the caption names, so that it stays one line."""
 
 
 def comac(source: ReportSource) -> list[Block]:
@@ -164,11 +162,11 @@ def _comac_of(source: ReportSource, name: str) -> Figure | Paragraph:
     last = after or before
     if not last:
         return Paragraph(f"{name}, COMAC: not tested (at least two paired modes with shapes are required).")
-    worst = sorted(last, key=lambda dof: last[dof])[:_SHOWN]
+    worst = sorted(last, key=lambda dof: last[dof])[:_MOST_COMAC_BARS]
     dofs = [dof for dof in last if dof in set(worst)]
     draw = partial(comac_svg, dofs, [before.get(d) for d in dofs], [after.get(d) for d in dofs])
-    some = f", the {_SHOWN} lowest of {len(last)} DOFs" if len(last) > _SHOWN else ""
-    caption = f"{name}{some}. Lowest: {listed(f'{unit_fraction(last[d])} at {d}' for d in worst[:_NAMED])}."
+    some = f", the {_MOST_COMAC_BARS} lowest of {len(last)} DOFs" if len(last) > _MOST_COMAC_BARS else ""
+    caption = f"{name}{some}. Lowest: {listed(f'{unit_fraction(last[d])} at {d}' for d in worst[:_MOST_NAMED_DOFS])}."
     return Figure(draw, caption, f"COMAC by measured DOF, {listed(f'{d} {unit_fraction(last[d])}' for d in dofs)}")
 
 
@@ -202,28 +200,27 @@ def _values(comparison: CorrelationResults | None) -> dict[str, float]:
     return {entry.dof: entry.comac for entry in comparison.comac} if comparison else {}
 
 
-# ----------------------------------------------------------------------------------------------------
-# Modes without a partner, all configurations in one table each.
-
-
 _Row = tuple[str, int, dict[str, float], "CorrelationResults"]
 """Configuration, number, frequency by version, and the last comparison where a mode has no partner."""
 
-ABOVE = 1.2
-"""Model modes up to so many times the highest test mode are listed one by one."""
+LISTED_UP_TO = 1.2
+"""Model modes up to this multiple of the highest test mode are listed one by one.
+
+Modes just above the measured band can be partners of unpaired test modes; those far above cannot.
+"""
 
 
 def unpaired_test(source: ReportSource, names: list[str]) -> list[Block]:
     """Test modes without a partner with the reason; versions with the same reason share a row."""
-    found: dict[tuple[str, str, float, str], list[str]] = {}
+    modes: dict[tuple[str, str, float, str], list[str]] = {}
     for name in names:
         for comparison in source.shown(name):
             for m in comparison.unpaired_test:
                 key = (name, m.test_label, m.test_freq_hz, m.reason)
-                found.setdefault(key, []).append(VERSION_HEADS[comparison.stage])
+                modes.setdefault(key, []).append(VERSION_HEADS[comparison.stage])
     rows = [
         row(name, label, freq(hz), " and ".join(versions), reason)
-        for (name, label, hz, reason), versions in found.items()
+        for (name, label, hz, reason), versions in modes.items()
     ]
     heads = columns("Configuration", "Test mode", ">Hz", "When", "Reason")
     return [Table("Test modes without a partner", heads, tuple(rows))] if rows else []
@@ -234,12 +231,12 @@ def unpaired_model(source: ReportSource, names: list[str]) -> list[Block]:
 
     How many lie higher is said, and rigid-body motions share a line.
     """
-    found = [_model_rows(source.shown(name)) for name in names]
-    near = [r for rows in found for r in rows if _in_range(r)]
-    if not any(found):
+    rows_of = [_model_rows(source.shown(name)) for name in names]
+    near = [r for rows in rows_of for r in rows if _in_range(r)]
+    if not any(rows_of):
         return []
     heads = columns("Configuration", ">Model mode", ">Hz before", ">Hz after", "Remark")
-    notes = [note for rows in found for note in _notes(rows)]
+    notes = [note for rows in rows_of for note in _notes(rows)]
     table = Table("Model modes without a partner", heads, tuple(_plain(source, r) for r in near), " ".join(notes))
     return [table] if near else [Paragraph(note, "muted") for note in notes]
 
@@ -251,7 +248,7 @@ def _in_range(entry: _Row) -> bool:
 
 def highest_hz(comparison: CorrelationResults) -> float:
     """Up to where model modes without a partner are listed one by one: a fifth above the highest test mode."""
-    return ABOVE * max(comparison.mac_test_freq_hz, default=0.0)
+    return LISTED_UP_TO * max(comparison.mac_test_freq_hz, default=0.0)
 
 
 def _notes(rows: list[_Row]) -> list[str]:
@@ -272,12 +269,12 @@ def others(name: str, comparison: CorrelationResults, rigid: int, higher: int) -
 
 def _model_rows(comparisons: list[CorrelationResults]) -> list[_Row]:
     """Configuration, number, frequency by version, and the last comparison where it has no partner."""
-    found: dict[int, tuple[dict[str, float], CorrelationResults]] = {}
+    modes: dict[int, tuple[dict[str, float], CorrelationResults]] = {}
     for comparison in comparisons:
         for m in comparison.unpaired_model:
-            known = found[m.model_number][0] if m.model_number in found else {}
-            found[m.model_number] = (known | {VERSION_HEADS[comparison.stage]: m.model_freq_hz}, comparison)
-    return [(comparison.configuration, number, hz, comparison) for number, (hz, comparison) in sorted(found.items())]
+            known = modes[m.model_number][0] if m.model_number in modes else {}
+            modes[m.model_number] = (known | {VERSION_HEADS[comparison.stage]: m.model_freq_hz}, comparison)
+    return [(comparison.configuration, number, hz, comparison) for number, (hz, comparison) in sorted(modes.items())]
 
 
 def _plain(source: ReportSource, entry: _Row) -> tuple[Cell, ...]:

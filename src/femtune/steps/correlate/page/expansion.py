@@ -1,4 +1,4 @@
-"""Test shapes expanded to the model: errors at sensors that were left out, and pictures."""
+"""Section of the report: test shapes expanded to the model, with errors at left-out sensors and pictures."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from femtune.steps.correlate.record.expansion import ExpandedMode, ExpansionResults
     from femtune.steps.report_source import ReportSource
 
-_A_FIGURE = 6
-_MOST_PARTS = 24_000
+_SHAPES_PER_FIGURE = 6
+"""Shapes in one figure: they must stay large enough to be compared."""
+_MOST_DRAWN_PARTS = 24_000
+"""Lines and faces in all pictures of a configuration: the page must stay small enough to be sent."""
 
 
 def expansion(source: ReportSource) -> list[Block]:
@@ -34,12 +36,12 @@ def expansion(source: ReportSource) -> list[Block]:
     return blocks or [Paragraph("Not computed: the study does not request an expansion (expand in [correlate]).")]
 
 
-def _configuration(source: ReportSource, name: str, found: Sequence[CorrelationResults]) -> list[Block]:
-    last = found[-1]
+def _configuration(source: ReportSource, name: str, correlations: Sequence[CorrelationResults]) -> list[Block]:
+    last = correlations[-1]
     assert last.expansion is not None
     return [
         Heading(name),
-        *(block for c in found if c.expansion is not None for block in expansion_table(c, c.expansion)),
+        *(block for c in correlations if c.expansion is not None for block in expansion_table(c, c.expansion)),
         *_pictures(source, last, last.expansion),
     ]
 
@@ -76,10 +78,6 @@ def _note(record: ExpansionResults) -> str:
     return words
 
 
-# ----------------------------------------------------------------------------------------------------
-# Pictures of the expanded shapes.
-
-
 def _pictures(source: ReportSource, comparison: CorrelationResults, record: ExpansionResults) -> list[Block]:
     kept = [
         m
@@ -91,8 +89,8 @@ def _pictures(source: ReportSource, comparison: CorrelationResults, record: Expa
     known = [j for j, mode in enumerate(record.modes) if mode.misfit_percent is not None]
     if frame is None or shapes is None or rows is None or not known:
         return [Paragraph("The expanded shapes are not drawn.", "muted")]
-    drawn = known[: max(1, _MOST_PARTS // parts_of(frame))]
-    groups = [drawn[i : i + _A_FIGURE] for i in range(0, len(drawn), _A_FIGURE)]
+    drawn = known[: max(1, _MOST_DRAWN_PARTS // parts_of(frame))]
+    groups = [drawn[i : i + _SHAPES_PER_FIGURE] for i in range(0, len(drawn), _SHAPES_PER_FIGURE)]
     motion = shapes[rows, :3].astype(float)
     figures = [_figure(comparison, record, frame, motion, group, axes=group is groups[0]) for group in groups]
     left = len(known) - len(drawn)

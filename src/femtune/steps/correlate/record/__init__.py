@@ -1,1 +1,1 @@
-"""The records in results.json."""
+"""Records of the comparison of test and model."""

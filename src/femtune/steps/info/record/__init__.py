@@ -1,1 +1,1 @@
-"""The records in results.json."""
+"""Records of the model and of its checks."""

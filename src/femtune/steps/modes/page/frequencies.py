@@ -1,4 +1,4 @@
-"""Natural frequencies of all configurations side by side."""
+"""Natural frequencies of all configurations side by side, on the terminal."""
 
 from __future__ import annotations
 

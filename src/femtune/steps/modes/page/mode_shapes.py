@@ -1,4 +1,4 @@
-"""Drawings of the paired modes: the model's motion, and the measured one over it."""
+"""Pictures of the paired modes, with the measured shape over that of the model, and of modes without a test."""
 
 from __future__ import annotations
 
@@ -23,11 +23,8 @@ if TYPE_CHECKING:
     from femtune.steps.modes.record import ModeShapes
     from femtune.steps.report_source import ReportSource
 
-# ----------------------------------------------------------------------------------------------------
-# The structure that pictures of modes show, from the arrays of the results.
-
-
 _RIGID = 1
+"""Kind of a drawn line that stands for a rigid element."""
 
 
 def structure_of(source: ReportSource, kept: ModeShapes) -> Wireframe | None:
@@ -40,10 +37,6 @@ def structure_of(source: ReportSource, kept: ModeShapes) -> Wireframe | None:
     return Wireframe(
         points.astype(float), lines.astype(np.int64), kinds == _RIGID, none if faces is None else faces.astype(np.int64)
     )
-
-
-# ----------------------------------------------------------------------------------------------------
-# A picture of each solved mode, where there is no test to compare with.
 
 
 _MOST_PICTURES = 80_000
@@ -65,7 +58,7 @@ def _pictures_of(source: ReportSource, modes: ModelModes, room: int) -> list[Blo
     if frame is None or motion is None:
         return [*head, Paragraph(f"Not drawn: {_why(kept)}.")]
     most = min(max(1, room // parts_of(frame)), motion.shape[2], len(modes.freq_hz))
-    groups = [range(i, min(i + _A_FIGURE, most)) for i in range(0, most, _A_FIGURE)]
+    groups = [range(i, min(i + _MODES_PER_FIGURE, most)) for i in range(0, most, _MODES_PER_FIGURE)]
     figures = [_picture(modes, frame, motion, group) for group in groups]
     return [*head, *simplified(kept), *figures, *_left(len(modes.freq_hz) - most)]
 
@@ -108,8 +101,9 @@ def _draw_picture(frame: Wireframe, motion: Reals, titles: Sequence[str], axes: 
     return shapes_svg(frame, panels, axes=axes)
 
 
-_A_FIGURE = 6
-_MOST_PARTS = 24_000
+_MODES_PER_FIGURE = 6
+"""Modes in one figure: they must stay large enough to be compared."""
+_MOST_DRAWN_PARTS = 24_000
 """Lines and faces in all drawings of a configuration: the page must stay small enough to be sent."""
 
 
@@ -145,9 +139,9 @@ def _configuration(source: ReportSource, name: str) -> list[Block]:
     if not comparison.pairs or drawn is None:
         why = "no mode is paired" if not comparison.pairs else "the test has no mode shapes"
         return [Heading(name), Paragraph(f"Not drawn: {why}.")]
-    most = max(1, _MOST_PARTS // parts_of(drawn.frame))
+    most = max(1, _MOST_DRAWN_PARTS // parts_of(drawn.frame))
     shown = comparison.pairs[:most]
-    groups = [shown[i : i + _A_FIGURE] for i in range(0, len(shown), _A_FIGURE)]
+    groups = [shown[i : i + _MODES_PER_FIGURE] for i in range(0, len(shown), _MODES_PER_FIGURE)]
     figures = (_figure(drawn, comparison, g, axes=g is groups[0]) for g in groups)
     return [Heading(name), *simplified(kept), *figures, *_rest(comparison, len(shown))]
 
@@ -170,11 +164,11 @@ def _drawn(source: ReportSource, kept: ModeShapes, comparison: CorrelationResult
         kept.translations_key, kept.sensor_positions_key, kept.sensor_directions_key, kept.sensor_rotations_key,
         kept.test_shapes_key, kept.model_at_sensors_key,
     )  # fmt: skip
-    found = [a for a in map(source.array, keys) if a is not None]
+    arrays = [a for a in map(source.array, keys) if a is not None]
     frame = structure_of(source, kept)
-    if frame is None or len(found) < len(keys):
+    if frame is None or len(arrays) < len(keys):
         return None
-    motion, seats, directions, rotations, test, seen = found
+    motion, seats, directions, rotations, test, seen = arrays
     return _Drawn(
         frame, motion.astype(float), seats.astype(float), directions.astype(float), rotations.astype(bool),
         test.astype(float), seen.astype(float), comparison.mac_test_labels,

@@ -1,4 +1,4 @@
-"""Frequencies and MAC before and after, a table each configuration."""
+"""Sections of the report: frequencies and MAC before and after, effective masses, Sturm sequence check."""
 
 from __future__ import annotations
 
@@ -87,14 +87,14 @@ class _ModeRow:
 def _entries(before: CorrelationResults, after: CorrelationResults | None) -> list[_ModeRow]:
     """All test modes, sorted by frequency, each once; those left out marked."""
     comparisons = [before, after] if after else [before]
-    found: dict[str, _ModeRow] = {}
+    entries: dict[str, _ModeRow] = {}
     for comparison in comparisons:
         modes_ = [*((p.test_label, p.test_freq_hz) for p in comparison.pairs)]
         modes_ += [(m.test_label, m.test_freq_hz) for m in comparison.unpaired_test]
-        found |= {label: _ModeRow(label, freq_hz) for label, freq_hz in modes_}
+        entries |= {label: _ModeRow(label, freq_hz) for label, freq_hz in modes_}
     for out in before.left_out:
-        found[out.test_label] = _ModeRow(out.test_label, out.test_freq_hz, _LEFT_OUT)
-    return sorted(found.values(), key=lambda e: e.freq_hz)
+        entries[out.test_label] = _ModeRow(out.test_label, out.test_freq_hz, _LEFT_OUT)
+    return sorted(entries.values(), key=lambda e: e.freq_hz)
 
 
 def _kept(source: ReportSource, name: str) -> set[str]:
@@ -135,11 +135,11 @@ def mac_cell(mac: float | None) -> Cell:
 
 def pair_remark(pairs: Sequence[ModePairRecord | None]) -> str:
     """What is special about the pair of a test mode, at one model version or several."""
-    found = [p for p in pairs if p]
-    numbers = {p.model_number for p in found}
+    paired = [p for p in pairs if p]
+    numbers = {p.model_number for p in paired}
     words = [
-        "pair given in the study" if any(p.fixed_by_hand for p in found) else "",
-        f"close modes, cluster {found[-1].cluster}" if found and found[-1].cluster is not None else "",
+        "pair given in the study" if any(p.fixed_by_hand for p in paired) else "",
+        f"close modes, cluster {paired[-1].cluster}" if paired and paired[-1].cluster is not None else "",
         "pairing changed" if len(numbers) > 1 else "",
     ]
     return ", ".join(w for w in words if w)
@@ -163,31 +163,27 @@ def _named(whose: str, labels: Sequence[str]) -> str:
     return f"{whose} {'mode' if len(labels) == 1 else 'modes'} {listed(labels)}"
 
 
-# ----------------------------------------------------------------------------------------------------
-# Was a mode missed: eigenvalues counted by the signs of the pivots beside those that were found.
-
-
 _STURM = "Completeness of the modes (Sturm sequence check)"
 _VERSIONS: dict[ModelVersion, str] = {"before": "before", "after": "after", "after as written": "written deck"}
 
 
 def sturm(source: ReportSource) -> list[Block]:
     """A table of numbers, and one sentence on what they say."""
-    found = source.results.modes
-    if not found:
+    records = source.results.modes
+    if not records:
         return [Paragraph("Modes were not computed.")]
     heads = columns(
         "Configuration", "Model", ">Modes", ">Rigid-body", ">Shift Hz", ">Modes below shift", ">Sturm count"
     )
     return [
-        Table(_STURM, heads, tuple(map(_count_row, found)), _sentence(found)),
-        *solved_by(found),
+        Table(_STURM, heads, tuple(map(_count_row, records)), _sentence(records)),
+        *solved_by(records),
     ]
 
 
-def solved_by(found: Sequence[ModelModes]) -> list[Block]:
+def solved_by(modes: Sequence[ModelModes]) -> list[Block]:
     """Who solved the modes, a line; [] in results of before it was kept."""
-    names = dict.fromkeys(m.solver for m in found if m.solver)
+    names = dict.fromkeys(m.solver for m in modes if m.solver)
     return [Paragraph(f"Eigen-solver: {'; '.join(names)}.", "muted")] if names else []
 
 
@@ -203,7 +199,7 @@ def _count_row(m: ModelModes) -> tuple[Cell, ...]:
 
 
 def _sentence(found: tuple[ModelModes, ...]) -> str:
-    """That nothing is missing, or where it may be and where nobody counted."""
+    """Whether modes are missing: none, possibly in some ranges, or not tested."""
     missed = [_place(m) for m in found if m.sturm_count is not None and m.sturm_count != m.modes_below_shift]
     untested = {_place(m): m.sturm_sentence.removeprefix("not tested: ") for m in found if m.sturm_count is None}
     why = "; ".join(dict.fromkeys(reason for reason in untested.values() if reason))
@@ -219,13 +215,12 @@ def _place(m: ModelModes) -> str:
     return f"{m.configuration} ({_VERSIONS[m.stage]})"
 
 
-# ----------------------------------------------------------------------------------------------------
-# Natural frequencies with effective masses, a table each configuration, and whether a mode was missed.
-
-
 _DIRECTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
-_SHOWN = 5e-5
-"""Parts below this are no more than a dash: a table of zeros hides what matters."""
+_LEAST_SHOWN_PART = 5e-5
+"""Fraction of the mass below which a dash is shown: a table of zeros hides what matters.
+
+The table would show it as 0.00 %.
+"""
 _NOTE = (
     "Modal effective mass: the part of the structure's mass (X, Y, Z) and inertia about its centre of gravity (RX, RY, "
     "RZ) that a mode moves when the supports move as a rigid body, in %. A dash is less than 0.005 %. The "
@@ -247,21 +242,21 @@ MESH_NOTE = (
 
 def mesh_cells(check: ModelCheck, mode: int) -> list[Cell]:
     """Estimated error of a mode (from 1), marked where it is beyond the limit, and frequency of a converged mesh."""
-    found = next((m for m in check.modes if m.mode == mode), None)
-    if found is None or found.error_percent is None:
+    mode_check = next((m for m in check.modes if m.mode == mode), None)
+    if mode_check is None or mode_check.error_percent is None:
         return [Cell(NONE, tone="muted"), Cell(NONE, tone="muted")]
-    tone: Tone = "poor" if abs(found.error_percent) > check.limit else ""
-    return [Cell(signed_percent(found.error_percent), tone=tone), Cell(freq(found.converged_hz))]
+    tone: Tone = "poor" if abs(mode_check.error_percent) > check.limit else ""
+    return [Cell(signed_percent(mode_check.error_percent), tone=tone), Cell(freq(mode_check.converged_hz))]
 
 
-def mesh_sentences(found: Sequence[ModelModes]) -> list[Block]:
+def mesh_sentences(modes: Sequence[ModelModes]) -> list[Block]:
     """Result of the check of each mesh, or the reason why there is none; one for all configurations that share it."""
     joined: dict[str, list[str]] = {}
-    for m in found:
+    for m in modes:
         if m.mesh:
             head = "Mesh error not tested" if m.mesh.verdict == "not tested" else "Mesh"
             joined.setdefault(f"{head}: {m.mesh.sentence}.", []).append(m.configuration)
-    named = len(found) > 1
+    named = len(modes) > 1
     return [Paragraph(f"{', '.join(names)}. {text}" if named else text) for text, names in joined.items()]
 
 
@@ -283,20 +278,20 @@ def mesh_table(check: ModelCheck, named: bool) -> Table:
 
 def natural_modes(source: ReportSource) -> list[Block]:
     """A table each configuration; then the sentences on missed modes."""
-    found = source.results.modes
-    if not found:
+    records = source.results.modes
+    if not records:
         return [Paragraph("Modes were not computed.")]
     units = _units(source.results.study.units)
-    alerts = alert_boxes(a for m in found for a in m.alerts)
-    tables = [block for m in found for block in _natural_modes_of(m, len(found) > 1, units)]
-    note: list[Block] = [Paragraph(_NOTE, "muted")] if any(m.effective_masses for m in found) else []
-    note += mesh_sentences(found)
-    note += [Paragraph(MESH_NOTE, "muted")] if any(m.mesh and m.mesh.modes for m in found) else []
-    return [*alerts, *tables, *note, Heading(_STURM), Listing(tuple(map(_sturm, found))), *solved_by(found)]
+    alerts = alert_boxes(a for m in records for a in m.alerts)
+    tables = [block for m in records for block in _natural_modes_of(m, len(records) > 1, units)]
+    note: list[Block] = [Paragraph(_NOTE, "muted")] if any(m.effective_masses for m in records) else []
+    note += mesh_sentences(records)
+    note += [Paragraph(MESH_NOTE, "muted")] if any(m.mesh and m.mesh.modes for m in records) else []
+    return [*alerts, *tables, *note, Heading(_STURM), Listing(tuple(map(_sturm, records))), *solved_by(records)]
 
 
 def _units(units: str) -> tuple[str, str]:
-    """Of mass and of inertia; "" where nobody declares any."""
+    """Units of mass and of inertia; "" if none are declared."""
     length, mass, *_ = (*units.split("-"), "")
     return (mass, f"{mass}·{length}²") if mass else ("", "")
 
@@ -318,7 +313,7 @@ def _is_free(m: ModelModes, masses: EffectiveMasses) -> bool:
     """True where the rigid-body motions carry all: a table of dashes would say no more."""
     elastic = range(m.rigid_body_modes, len(m.freq_hz))
     parts = (part or 0.0 for i in elastic for part in _parts(masses, range(i, i + 1)))
-    return m.rigid_body_modes == 6 and len(elastic) > 0 and max(parts) < _SHOWN
+    return m.rigid_body_modes == 6 and len(elastic) > 0 and max(parts) < _LEAST_SHOWN_PART
 
 
 def _rows(m: ModelModes, masses: EffectiveMasses | None) -> list[tuple[Cell, ...]]:
@@ -350,7 +345,7 @@ def _parts(masses: EffectiveMasses, modes: range) -> list[float | None]:
 
 
 def _cell(part: float | None) -> Cell:
-    if part is None or part < _SHOWN:
+    if part is None or part < _LEAST_SHOWN_PART:
         return Cell(NONE, tone="muted")
     return Cell(percent(100.0 * part), Bar(0.0, min(1.0, part)))
 

@@ -1,4 +1,4 @@
-"""How it was computed, and what to cite."""
+"""Sections of the report: the method of the run, and publications to cite."""
 
 from __future__ import annotations
 
@@ -35,10 +35,6 @@ def _sentence(update: UpdateResults) -> str:
     of_test = [r.kind for r in update.residual_counts if r.sd_of_test]
     deviations = f" The standard deviations of {listed(of_test)} residuals are those of the test." if of_test else ""
     return f"Solver: {update.method}. Compared: {kinds}.{deviations} Regularisation: {update.regularisation}{weighed}."
-
-
-# ----------------------------------------------------------------------------------------------------
-# Where the numbers come from.
 
 
 def provenance(source: ReportSource) -> list[Block]:

@@ -1,4 +1,4 @@
-"""The first page of a review: the numbers, the verdict against the standard, what changed, and what stays open."""
+"""The first page of a review: key numbers, verdicts on the criteria, changed parameters, open points."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from femtune.study.record import VerdictWord
 
 _MOST_VALUES = 16
+"""Changed values on the first page, which must fit one sheet of paper."""
 
 
 def review(source: ReportSource) -> list[Block]:
@@ -33,10 +34,6 @@ def review(source: ReportSource) -> list[Block]:
         *_changes(source),
         *([Heading("What stays open"), *open_] if open_ else []),
     ]
-
-
-# ----------------------------------------------------------------------------------------------------
-# Pass, fail, not tested: a line for each criterion and kind of data, the worst of all configurations.
 
 
 @dataclass(frozen=True)
@@ -109,30 +106,26 @@ def _verdict_row(group: list[_Judged]) -> tuple[Cell, ...]:
     return row(first.name, first.data, first.asked, measured, where, verdict_cell(worst.verdict))
 
 
-# ----------------------------------------------------------------------------------------------------
-# What changed, in physical values with intervals.
-
-
 def _changes(source: ReportSource) -> list[Block]:
     update = source.results.update
     if update is None:
         return []
     facts = {p.name: p for p in source.results.parameters}
-    own = [(facts[p.name], p) for p in update.parameters if p.name in facts and not p.physical]
-    own.sort(key=lambda entry: -abs(entry[1].change_percent or 0.0))
+    changed = [(facts[p.name], p) for p in update.parameters if p.name in facts and not p.physical]
+    changed.sort(key=lambda entry: -abs(entry[1].change_percent or 0.0))
     heads = columns("Parameter", "Unit", ">Initial", ">Updated", ">95 %", ">Change %")
-    more = len(own) - _MOST_VALUES
+    more = len(changed) - _MOST_VALUES
     note = f"and {counted(more, 'more parameter')} in the section on parameters" if more > 0 else ""
-    tables = [Table("", heads, tuple(_changed(*entry) for entry in own[:_MOST_VALUES]), note)] if own else []
+    tables = [Table("", heads, tuple(_changed(*entry) for entry in changed[:_MOST_VALUES]), note)] if changed else []
     bound = [p.name for p in update.parameters if p.at_bound]
     said = f"{listed(bound)} {'is at its bound' if len(bound) == 1 else 'are at their bounds'}."
     at_bound = [Paragraph(said, "poor")] if bound else []
     return [Heading("What changed"), *tables, *physical_values(update.parameters, _MOST_VALUES), *at_bound]
 
 
-def _changed(fact: ParameterFacts, found: ParameterResult) -> tuple[Cell, ...]:
-    interval = interval_ends(found.interval_95)
+def _changed(fact: ParameterFacts, parameter: ParameterResult) -> tuple[Cell, ...]:
+    interval = interval_ends(parameter.interval_95)
     return row(
-        found.name, fact.unit or NONE, value(fact.nominal), value(found.value), interval,
-        signed_percent(found.change_percent),
+        parameter.name, fact.unit or NONE, value(fact.nominal), value(parameter.value), interval,
+        signed_percent(parameter.change_percent),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The short form of the report, for a terminal: two screens, each fact once, what is left to the page said."""
+"""The report in short form, for a terminal: at most two screens, with a reference to the page for the rest."""
 
 from __future__ import annotations
 
@@ -28,7 +28,12 @@ if TYPE_CHECKING:
     from femtune.steps.report_source import ReportSource, Scores
     from femtune.steps.update.record.update import ParameterFacts, UpdateResults
 
-_MODES, _PARAMETERS, _LINES = 12, 24, 6
+_MOST_MODES = 12
+"""Test modes in the table: the short form must fit two screens of a terminal."""
+_MOST_PARAMETERS = 24
+"""Parameters in the table: the short form must fit two screens of a terminal."""
+_MOST_LINES = 6
+"""Lines of a list; a last line gives the number of the others."""
 
 
 def short_form(source: ReportSource) -> tuple[Section, ...]:
@@ -66,20 +71,21 @@ def _table(comparisons: list[CorrelationResults]) -> Block:
     heads = columns("Mode", ">Test Hz", *(f">{t} {w}" for w in words for t in ("Hz", "Error %", "MAC")))
     modes = _test_modes(comparisons)
     rows = [
-        row(label, freq(hz), *(cell for s in comparisons for cell in _cells(s, label))) for label, hz in modes[:_MODES]
+        row(label, freq(hz), *(cell for s in comparisons for cell in _cells(s, label)))
+        for label, hz in modes[:_MOST_MODES]
     ]
-    more = len(modes) - _MODES
+    more = len(modes) - _MOST_MODES
     note = f"and {counted(more, 'more test mode')} in the HTML report" if more > 0 else ""
     return Table(comparisons[0].configuration, heads, tuple(rows), note)
 
 
 def _test_modes(comparisons: list[CorrelationResults]) -> list[tuple[str, float]]:
-    found: dict[str, float] = {}
+    modes: dict[str, float] = {}
     for s in comparisons:
-        found |= {p.test_label: p.test_freq_hz for p in s.pairs}
-        found |= {m.test_label: m.test_freq_hz for m in s.unpaired_test}
-        found |= {m.test_label: m.test_freq_hz for m in s.left_out}
-    return sorted(found.items(), key=lambda entry: entry[1])
+        modes |= {p.test_label: p.test_freq_hz for p in s.pairs}
+        modes |= {m.test_label: m.test_freq_hz for m in s.unpaired_test}
+        modes |= {m.test_label: m.test_freq_hz for m in s.left_out}
+    return sorted(modes.items(), key=lambda entry: entry[1])
 
 
 def _cells(comparison: CorrelationResults, label: str) -> list[Cell]:
@@ -108,7 +114,7 @@ def _parameters(source: ReportSource) -> list[Block]:
     results = {p.name: p for p in update.parameters}
     heads = columns("Parameter", "Unit", ">Nominal", ">Updated", ">± σ", ">95 %", ">Change %", ">σ / prior σ", "")
     rows = []
-    for fact in facts[:_PARAMETERS]:
+    for fact in facts[:_MOST_PARAMETERS]:
         result = results.get(fact.name)
         if result is not None:
             spread = short(result.sd) if result.sd is not None else NONE
@@ -128,12 +134,12 @@ def _parameters(source: ReportSource) -> list[Block]:
                     remark,
                 )
             )
-    more = len(facts) - _PARAMETERS
+    more = len(facts) - _MOST_PARAMETERS
     note = f"and {counted(more, 'more parameter')} in the HTML report" if more > 0 else ""
     return [
         Table("", heads, tuple(rows), note),
         *interval_remarks(update.parameters),
-        *physical_values(update.parameters, _PARAMETERS),
+        *physical_values(update.parameters, _MOST_PARAMETERS),
         *derived_quantities(update.derived),
     ]
 
@@ -147,24 +153,24 @@ def undetermined(source: ReportSource) -> list[Block]:
     selection = source.results.selection
     if selection is None:
         return [Paragraph("The identifiability of the parameters was not tested.")]
-    weak, found = len(selection.weakly_determined), selection.undetermined
+    weak, combinations = len(selection.weakly_determined), selection.undetermined
     tail = f"; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined" if weak else ""
     update = source.results.update
     fisher = None if update is None else update.fisher
     known: list[Block] = [] if fisher is None else [Listing(fisher.sentences)]
     known += [Paragraph(s.sentence) for s in selection.smoothness if s.sentence]
-    if not found:
+    if not combinations:
         return [Paragraph(f"The data leave no combination of parameters undetermined{tail}."), *known]
-    lines = _some([c.sentence for c in found], "combination")
+    lines = _some([c.sentence for c in combinations], "combination")
     return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines)), *known]
 
 
 def not_tested(source: ReportSource) -> list[Block]:
-    """What nobody tested: predictions and criteria."""
-    found = source.results.validation
-    if found is None:
+    """Predictions and criteria that were not tested."""
+    validation = source.results.validation
+    if validation is None:
         return [Paragraph("Not tested: prediction of data that the update did not use. No validation was run.")]
-    lines = [*_untested_criteria(source), *untested_reasons(found), *found.not_tested]
+    lines = [*_untested_criteria(source), *untested_reasons(validation), *validation.not_tested]
     return [Heading("Not tested"), Listing(tuple(_some(lines, "line")))] if lines else []
 
 
@@ -185,12 +191,8 @@ def _with_standards(names: dict[str, set[str]]) -> str:
 
 
 def _some(lines: list[str], noun: str) -> list[str]:
-    more = len(lines) - _LINES
-    return [*lines[:_LINES], *([f"and {counted(more, f'more {noun}')} in the HTML report"] if more > 0 else [])]
-
-
-# ----------------------------------------------------------------------------------------------------
-# The outcome in one sentence.
+    more = len(lines) - _MOST_LINES
+    return [*lines[:_MOST_LINES], *([f"and {counted(more, f'more {noun}')} in the HTML report"] if more > 0 else [])]
 
 
 def verdict(source: ReportSource) -> tuple[str, Level]:

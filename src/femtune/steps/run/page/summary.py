@@ -1,4 +1,4 @@
-"""Key numbers before and after, and alerts."""
+"""Sections of the report: key numbers before and after, alerts, and the model at a glance."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def summary(source: ReportSource) -> list[Block]:
     if update is not None:
         blocks.append(Paragraph(f"Outcome of the update: {update.message}."))
         blocks += [Paragraph(text) for text in which_point(update)]
-        # where it fails an alert says so
+        # if it fails, an alert is given
         failed = update.goodness is not None and update.goodness.verdict == "fail"
         blocks += [] if failed else goodness_sentence(source)
     blocks += _validation(source)
@@ -106,16 +106,12 @@ def _worst(scores: Scores) -> str:
 
 def _validation(source: ReportSource) -> list[Block]:
     """How the criteria came out on data that the update did not use."""
-    found = source.results.validation
-    sentence = "" if found is None else outcome_sentence(found)
-    if found is None or not sentence:
+    validation = source.results.validation
+    sentence = "" if validation is None else outcome_sentence(validation)
+    if validation is None or not sentence:
         return []
-    failed = any(v.verdict == "fail" for v in found.verdicts)
+    failed = any(v.verdict == "fail" for v in validation.verdicts)
     return [Paragraph(as_sentence(sentence), "poor" if failed else "good")]
-
-
-# ----------------------------------------------------------------------------------------------------
-# The model at a glance: mass, supports, rigid-body check, its first elastic mode.
 
 
 _LOUD = ("problem", "warning")

@@ -1,1 +1,1 @@
-"""The records in results.json."""
+"""Records of what the data determine."""

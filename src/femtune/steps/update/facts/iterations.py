@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 MOST_VALUES = 4_000_000
-"""Values of the model in all iterations of one record (32 MB); of more, some of the outputs are kept."""
+"""Values of the model in all iterations of one record (32 MB); if there are more, only some of the outputs are kept."""
 
 
 def iteration_frfs(
@@ -38,7 +38,7 @@ def iteration_frfs(
     ----------
     units : of the functions; None where they are not known
     arrays : gets the lines and the values
-    identified : tests by configuration, whose identified modes are shown beside the measured functions
+    identified : tests by configuration, whose identified modes are shown with the measured functions
     """
     sets: dict[tuple, list[tuple[int, FittedFrfs]]] = {}
     for number, iteration in enumerate(history):
@@ -49,19 +49,19 @@ def iteration_frfs(
     return tuple(r if units is None else r.model_copy(update={"unit": frf_unit(r.kind, units)}) for r in whole)
 
 
-def _key(found: FittedFrfs) -> tuple:
-    measured = found.measured
+def _key(fitted: FittedFrfs) -> tuple:
+    measured = fitted.measured
     channels = tuple(measured.responses.labels()), tuple(measured.references.labels())
-    return found.configuration, measured.kind, found.phase, *channels, measured.freq_hz.tobytes()
+    return fitted.configuration, measured.kind, fitted.phase, *channels, measured.freq_hz.tobytes()
 
 
 def _record(
-    number: int, found: Sequence[tuple[int, FittedFrfs]], iterations: int, arrays: dict[str, NDArray]
+    number: int, fitted: Sequence[tuple[int, FittedFrfs]], iterations: int, arrays: dict[str, NDArray]
 ) -> IterationFrfs:
-    last = found[-1][1]
+    last = fitted[-1][1]
     measured, rows = last.measured, _kept(last.values.shape, iterations)
     values = np.full((iterations, len(rows), *last.values.shape[1:]), np.nan, np.complex64)
-    for at, one in found:
+    for at, one in fitted:
         values[at] = one.values[rows]
     compared = np.isfinite(last.values[rows])
     prefix = f"update/frf_{number}"
@@ -85,13 +85,16 @@ def _record(
 
 def _with_identified(record: IterationFrfs, test: ModalTest | None, arrays: dict[str, NDArray]) -> IterationFrfs:
     """With the FRFs of the identified modes, where the test has modes."""
-    found = None if test is None or test.frfs is None else identified_frfs(test.frfs, test.modes)
-    if test is None or test.frfs is None or found is None:
+    identified = None if test is None or test.frfs is None else identified_frfs(test.frfs, test.modes)
+    if test is None or test.frfs is None or identified is None:
         return record
     rows, columns = DofSet.parse(record.outputs), DofSet.parse(record.inputs)
     at = np.ix_(rows.align(test.frfs.responses)[0], columns.align(test.frfs.references)[0])
     prefix = record.freq_key.removesuffix("_hz")
-    arrays |= {f"{prefix}_identified_hz": found[0], f"{prefix}_identified_values": found[1][at].astype(np.complex64)}
+    arrays |= {
+        f"{prefix}_identified_hz": identified[0],
+        f"{prefix}_identified_values": identified[1][at].astype(np.complex64),
+    }
     keys = {"identified_freq_key": f"{prefix}_identified_hz", "identified_values_key": f"{prefix}_identified_values"}
     return record.model_copy(update=keys)
 

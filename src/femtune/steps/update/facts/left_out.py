@@ -1,4 +1,4 @@
-"""Modes of the model that FRFs are compared without, as records."""
+"""Model modes that are excluded from the compared FRFs, as records."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from femtune.steps.update.record.left_out import ModeLeftOutOfFrfs
 def left_out_mode_records(start: Evaluation, end: Evaluation) -> tuple[ModeLeftOutOfFrfs, ...]:
     """Those of all FRF residuals, each mode once."""
     last = {state.case.name: state for state in end.states}
-    found: dict[tuple[str, int], ModeLeftOutOfFrfs] = {}
+    records: dict[tuple[str, int], ModeLeftOutOfFrfs] = {}
     for state in start.states:
         if state.case.name in last:
             for residual in frf_residuals(state.case.residuals):
                 for one in _records(residual, last[state.case.name]):
-                    found.setdefault((one.configuration, one.before), one)
-    return tuple(found.values())
+                    records.setdefault((one.configuration, one.before), one)
+    return tuple(records.values())
 
 
 def _records(residual: FrfResidual, last: CaseState) -> Iterator[ModeLeftOutOfFrfs]:

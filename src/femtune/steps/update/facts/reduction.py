@@ -14,7 +14,7 @@ from femtune.steps.update.record.reduction import (
 )
 
 
-def reduction_results(found: ReducedUpdate, rules: ReductionRules) -> ReductionResults:
+def reduction_results(reduced: ReducedUpdate, rules: ReductionRules) -> ReductionResults:
     """How the reduced models did."""
     models = tuple(
         ReducedModelResults(
@@ -40,17 +40,20 @@ def reduction_results(found: ReducedUpdate, rules: ReductionRules) -> ReductionR
             ),
             frf_residuals=c.functions,
         )
-        for c in found.cases
+        for c in reduced.cases
     )
     return ReductionResults(
-        tolerance_percent=100.0 * rules.tolerance, certified=found.certified, models=models, rounds=found.rounds,
-        frfs=_frfs(found.functions, rules),
+        tolerance_percent=100.0 * rules.tolerance, certified=reduced.certified, models=models, rounds=reduced.rounds,
+        frfs=_frfs(reduced.functions, rules),
     )  # fmt: skip
 
 
-def _frfs(found: FrfAgreement | None, rules: ReductionRules) -> ReducedFrfResults | None:
-    if found is None:
+def _frfs(agreement: FrfAgreement | None, rules: ReductionRules) -> ReducedFrfResults | None:
+    if agreement is None:
         return None
     return ReducedFrfResults(
-        mean_difference=found.mean, largest_difference=found.largest, shift=found.shift, tolerance=rules.frf_tolerance
+        mean_difference=agreement.mean,
+        largest_difference=agreement.largest,
+        shift=agreement.shift,
+        tolerance=rules.frf_tolerance,
     )

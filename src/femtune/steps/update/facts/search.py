@@ -25,30 +25,30 @@ from femtune.steps.update.record.search import (
 
 def certificate_results(result: UpdateResult) -> CertificateResults | None:
     """The certificate; None of several updates in turn."""
-    found = result.certificate
-    if found is None:
+    certificate = result.certificate
+    if certificate is None:
         return None
     return CertificateResults(
-        projected_gradient=found.projected_gradient,
-        predicted_decrease=found.predicted_decrease,
-        multipliers=tuple(BoundMultiplier(parameter=n, value=v) for n, v in found.multipliers.items()),
+        projected_gradient=certificate.projected_gradient,
+        predicted_decrease=certificate.predicted_decrease,
+        multipliers=tuple(BoundMultiplier(parameter=n, value=v) for n, v in certificate.multipliers.items()),
     )
 
 
 def smallest_change_results(result: UpdateResult) -> SmallestChangeResults | None:
     """The smallest change; None where the result is the minimum within the bounds."""
-    found = result.smallest_change
-    if found is None:
+    change = result.smallest_change
+    if change is None:
         return None
     return SmallestChangeResults(
-        chi_square=found.chi_square,
-        allowed=found.allowed,
-        increase=found.increase,
-        weight=found.weight,
-        size=found.size,
-        optimum_size=found.optimum_size,
-        optimum=_values(result.parameters, found.optimum),
-        optimum_at_bound=found.optimum_at_bound,
+        chi_square=change.chi_square,
+        allowed=change.allowed,
+        increase=change.increase,
+        weight=change.weight,
+        size=change.size,
+        optimum_size=change.optimum_size,
+        optimum=_values(result.parameters, change.optimum),
+        optimum_at_bound=change.optimum_at_bound,
     )
 
 
@@ -80,16 +80,16 @@ def _path(choice: WeightChoice, parameters: ParameterSet, x: NDArray[np.float64]
         )
 
 
-def starts_results(found: MultiStart, seed: int) -> StartsResults:
+def starts_results(multi_start: MultiStart, seed: int) -> StartsResults:
     """All starts as a record."""
-    outcomes, parameters = found.outcomes, found.parameters
+    outcomes, parameters = multi_start.outcomes, multi_start.parameters
     return StartsResults(
         seed=seed,
-        samples=len(found.samples),
-        unsolved_samples=sum(not np.isfinite(s.objective) for s in found.samples),
-        unique=found.unique,
-        sentences=found.sentences,
-        noise=found.noise,
+        samples=len(multi_start.samples),
+        unsolved_samples=sum(not np.isfinite(s.objective) for s in multi_start.samples),
+        unique=multi_start.unique,
+        sentences=multi_start.sentences,
+        noise=multi_start.noise,
         starts=tuple(
             StartFacts(
                 number=s.number,
@@ -101,13 +101,13 @@ def starts_results(found: MultiStart, seed: int) -> StartsResults:
                 tries=s.tries,
                 iterations=s.iterations,
             )
-            for s in found.starts
+            for s in multi_start.starts
         ),
         optima=tuple(
             OptimumFacts(
                 objective=o.objective, parameters=_values(parameters, o.x), starts=o.members, as_good=o.as_good
             )
-            for o in found.optima
+            for o in multi_start.optima
         ),
     )
 

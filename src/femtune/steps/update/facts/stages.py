@@ -31,42 +31,42 @@ from femtune.steps.update.record.stages import (
 )
 
 
-def stage_results(study: Study, found: Iterable[StageResult]) -> tuple[StageResults, ...]:
+def stage_results(study: Study, stages: Iterable[StageResult]) -> tuple[StageResults, ...]:
     """One record a stage."""
-    return tuple(_stage(study, entry, result) for entry, result in zip(study.file.stage, found))
+    return tuple(_stage(study, entry, result) for entry, result in zip(study.file.stage, stages))
 
 
-def _stage(study: Study, entry: StageEntry, found: StageResult) -> StageResults:
+def _stage(study: Study, entry: StageEntry, stage: StageResult) -> StageResults:
     return StageResults(
         name=entry.name,
         configurations=tuple(case.name for case in stage_cases(study, entry)),
-        kinds=tuple(dict.fromkeys(found.best.after.kinds)),
-        ok=found.best.status.ok,
-        message=found.best.status.value,
-        comparisons=len(found.best.after.residuals),
+        kinds=tuple(dict.fromkeys(stage.best.after.kinds)),
+        ok=stage.best.status.ok,
+        message=stage.best.status.value,
+        comparisons=len(stage.best.after.residuals),
         band_hz=_band(entry),
-        by_hand=tuple(_by_hand(found)),
+        by_hand=tuple(_by_hand(stage)),
         fixed=tuple(
-            StageFixed(name=p.name, value=found.belief.values[p.name])
-            for p in found.belief.parameters.free
-            if p.name not in found.stage.parameters
+            StageFixed(name=p.name, value=stage.belief.values[p.name])
+            for p in stage.belief.parameters.free
+            if p.name not in stage.stage.parameters
         ),
-        parameters=tuple(_parameter(found, name) for name in found.stage.parameters),
-        runs=tuple(_runs(found)),
+        parameters=tuple(_parameter(stage, name) for name in stage.stage.parameters),
+        runs=tuple(_runs(stage)),
         misfit=tuple(
-            StageMisfit(kind=kind, size=m.size, larger_than_noise=m.large) for kind, m in found.misfit.items()
+            StageMisfit(kind=kind, size=m.size, larger_than_noise=m.large) for kind, m in stage.misfit.items()
         ),
         error_sums=tuple(
             StageErrorSum(configuration=s.configuration, label=s.label, kind=s.kind, before=s.before, after=s.after)
-            for s in found.error_sums
+            for s in stage.error_sums
         ),
-        left_out=tuple(_left_out(study, entry, found.start.x)),
-        reduction=_reduction(found),
+        left_out=tuple(_left_out(study, entry, stage.start.x)),
+        reduction=_reduction(stage),
     )
 
 
-def _reduction(found: StageResult) -> ReductionResults | None:
-    rules, reduced = found.stage.reduction, found.reduced
+def _reduction(stage: StageResult) -> ReductionResults | None:
+    rules, reduced = stage.stage.reduction, stage.reduced
     return None if rules is None or reduced is None else reduction_results(reduced, rules)
 
 
@@ -74,34 +74,34 @@ def _band(entry: StageEntry) -> tuple[float, float | None] | None:
     return None if entry.band_hz is None else (entry.from_hz, entry.to_hz)
 
 
-def _by_hand(found: StageResult) -> Iterable[StageByHand]:
-    for one in found.stage.by_hand:
+def _by_hand(stage: StageResult) -> Iterable[StageByHand]:
+    for one in stage.stage.by_hand:
         yield StageByHand(
             parameter=one.parameter,
-            before=found.earlier.values[one.parameter],
-            value=found.start.values[one.parameter],
-            sd=found.start.sd[one.parameter],
+            before=stage.earlier.values[one.parameter],
+            value=stage.start.values[one.parameter],
+            sd=stage.start.sd[one.parameter],
             reason=one.reason,
         )
 
 
-def _parameter(found: StageResult, name: str) -> StageParameter:
-    own = found.best.sd[name]
+def _parameter(stage: StageResult, name: str) -> StageParameter:
+    sd = stage.best.sd[name]
     return StageParameter(
         name=name,
-        before=found.start.values[name],
-        value=found.belief.values[name],
-        sd=found.belief.sd[name],
-        sd_of_data=own if np.isfinite(own) else None,
+        before=stage.start.values[name],
+        value=stage.belief.values[name],
+        sd=stage.belief.sd[name],
+        sd_of_data=sd if np.isfinite(sd) else None,
     )
 
 
-def _runs(found: StageResult) -> Iterable[StageRun]:
-    finished = iter(zip(found.runs, found.agreed))
-    names = found.stage.parameters
-    for seed in range(len(found.stage.seeds) + 1):
-        if seed in found.refused:
-            yield _refused(found, seed)
+def _runs(stage: StageResult) -> Iterable[StageRun]:
+    finished = iter(zip(stage.runs, stage.agreed))
+    names = stage.stage.parameters
+    for seed in range(len(stage.stage.seeds) + 1):
+        if seed in stage.refused:
+            yield _refused(stage, seed)
             continue
         run, agrees = next(finished)
         yield StageRun(
@@ -116,11 +116,11 @@ def _runs(found: StageResult) -> Iterable[StageRun]:
         )
 
 
-def _refused(found: StageResult, seed: int) -> StageRun:
-    values = {**found.start.values, **found.stage.seeds[seed - 1]}
-    start = tuple(values[name] for name in found.stage.parameters)
+def _refused(stage: StageResult, seed: int) -> StageRun:
+    values = {**stage.start.values, **stage.stage.seeds[seed - 1]}
+    start = tuple(values[name] for name in stage.stage.parameters)
     return StageRun(seed=seed, start=start, values=start, objective=None, iterations=0, status="",
-                    message=f"the update could not start here: {found.refused[seed]}", agrees=False)  # fmt: skip
+                    message=f"the update could not start here: {stage.refused[seed]}", agrees=False)  # fmt: skip
 
 
 def _values(names: Iterable[str], run: UpdateResult, x: NDArray[np.float64]) -> tuple[float, ...]:

@@ -18,53 +18,57 @@ def frf_truncations(
     at: Evaluation, stage: Literal["before", "after"], progress: Progress = silent
 ) -> tuple[FrfTruncation, ...]:
     """Those of all FRF residuals at an evaluated point of the update."""
-    found: list[FrfTruncation] = []
+    records: list[FrfTruncation] = []
     for state in at.states:
         for one in truncations(state):
-            progress.step(f"truncation of the FRFs, {stage}: {state.case.name}", len(found), None)
-            found.append(_record(one, stage))
-    return tuple(found)
+            progress.step(f"truncation of the FRFs, {stage}: {state.case.name}", len(records), None)
+            records.append(_record(one, stage))
+    return tuple(records)
 
 
-def _record(found: Truncation, stage: Literal["before", "after"]) -> FrfTruncation:
-    known = bool(len(found.lines_hz))
+def _record(truncation: Truncation, stage: Literal["before", "after"]) -> FrfTruncation:
+    known = bool(len(truncation.lines_hz))
     return FrfTruncation(
-        configuration=found.configuration,
+        configuration=truncation.configuration,
         stage=stage,
-        modes=found.modes,
-        modes_to_hz=found.reach_hz,
-        highest_line_hz=found.highest_hz,
-        lines_hz=tuple(float(line) for line in found.lines_hz),
-        largest_sd=found.largest if known else None,
-        rms_sd=found.mean if known else None,
-        largest_percent=100.0 * found.relative if known else None,
-        function=found.function,
-        line_hz=found.line_hz if known else None,
-        small=found.small,
-        missing="" if found.small else found.lacks,
-        limit=found.limit,
-        sentence=_sentence(found, stage),
-        reduced_order=found.order,
+        modes=truncation.modes,
+        modes_to_hz=truncation.reach_hz,
+        highest_line_hz=truncation.highest_hz,
+        lines_hz=tuple(float(line) for line in truncation.lines_hz),
+        largest_sd=truncation.largest if known else None,
+        rms_sd=truncation.mean if known else None,
+        largest_percent=100.0 * truncation.relative if known else None,
+        function=truncation.function,
+        line_hz=truncation.line_hz if known else None,
+        small=truncation.small,
+        missing="" if truncation.small else truncation.lacks,
+        limit=truncation.limit,
+        sentence=_sentence(truncation, stage),
+        reduced_order=truncation.order,
     )
 
 
-def _sentence(found: Truncation, stage: str) -> str:
-    if found.large is not None:
+def _sentence(truncation: Truncation, stage: str) -> str:
+    if truncation.large is not None:
         return (
-            f"{stage} the update, the FRFs are those of a reduced model of order {found.order}; they were not compared "
-            f"with direct solutions, which take too long for a model with {found.large} DOFs; the check of the reduced "
-            "model at the end of the update is stated with it"
+            f"{stage} the update, the FRFs are those of a reduced model of order {truncation.order}; they were not "
+            f"compared with direct solutions, which take too long for a model with {truncation.large} DOFs; the check "
+            "of the reduced model at the end of the update is stated with it"
         )
-    if not len(found.lines_hz):
+    if not len(truncation.lines_hz):
         return "the FRFs are solved for directly at each frequency line, without truncation"
-    used = "1 mode" if found.modes == 1 else f"{found.modes} modes"
-    used = f"{used} up to {found.reach_hz:.4g} Hz" if found.order is None else f"a reduced model of order {found.order}"
+    used = "1 mode" if truncation.modes == 1 else f"{truncation.modes} modes"
+    used = (
+        f"{used} up to {truncation.reach_hz:.4g} Hz"
+        if truncation.order is None
+        else f"a reduced model of order {truncation.order}"
+    )
     error = (
         f"{stage} the update, FRFs of {used} differ from direct solutions at "
-        f"{len(found.lines_hz)} lines by at most {found.largest:.2g} σ of the measured values "
-        f"({found.function} at {found.line_hz:.4g} Hz)"
+        f"{len(truncation.lines_hz)} lines by at most {truncation.largest:.2g} σ of the measured values "
+        f"({truncation.function} at {truncation.line_hz:.4g} Hz)"
     )
-    if found.small:
+    if truncation.small:
         return f"{error}, which is small (limit {SMALL:g} σ)"
-    limited = f'; "{found.limit}" of the residual limits the modes' if found.limit else ""
-    return f"{error}; missing: {found.lacks}{limited}"
+    limited = f'; "{truncation.limit}" of the residual limits the modes' if truncation.limit else ""
+    return f"{error}; missing: {truncation.lacks}{limited}"

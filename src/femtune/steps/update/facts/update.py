@@ -1,4 +1,4 @@
-"""The update, its parameters and iterations, as records."""
+"""The update, its parameters and its iterations as records."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ _NO_VALUE = "its expression is not finite at the updated parameters"
 
 
 def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResult]:
-    """The derived quantities of a study after an update; an expression without a value there says so."""
+    """The derived quantities of a study after an update; an expression without a value has a sentence instead."""
     for quantity in quantities(study):
         before, after = (_known(quantity, result.parameters, x) for x in (np.zeros(len(result.x)), result.x))
         sd = np.nan if after is None else result.spread(after.grad)
         sampled = partial(quantity.at_samples, result.parameters)
-        found = None if after is None else result.marginal(after, sampled)
+        marginal = None if after is None else result.marginal(after, sampled)
         yield DerivedResult(
             name=quantity.name,
             expression=quantity.expression.text,
@@ -87,16 +87,21 @@ def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResul
             value=None if after is None else float(after.value),
             sd=float(sd) if np.isfinite(sd) else None,
             sd_reason="" if np.isfinite(sd) else _why_no_sd(result, after),
-            **_interval(found),
+            **_interval(marginal),
         )
 
 
-def _interval(found: Marginal | None) -> dict[str, Any]:
+def _interval(marginal: Marginal | None) -> dict[str, Any]:
     """The fields of a record that hold a distribution."""
-    if found is None:
+    if marginal is None:
         return {}
-    low, high = found.interval
-    return {"interval_95": (low, high), "interval_kind": found.kind, "mean": found.mean, "median": found.median}
+    low, high = marginal.interval
+    return {
+        "interval_95": (low, high),
+        "interval_kind": marginal.kind,
+        "mean": marginal.mean,
+        "median": marginal.median,
+    }
 
 
 def _known(quantity: DerivedQuantity, parameters: ParameterSet, x: np.ndarray) -> Jet | None:
@@ -117,10 +122,12 @@ def _why_no_sd(result: UpdateResult, after: Jet | None) -> str:
 Arrays = dict[str, NDArray]
 
 
-_ALWAYS = ("allemang1982", "lieven1988", "hunt1992", "guyan1965")
+_CITED_ALWAYS = ("allemang1982", "lieven1988", "hunt1992", "guyan1965")
+"""Publications of methods that every comparison of test and model uses."""
 
 
-_OFFSETS = ("mottershead1996",)
+_CITED_FOR_OFFSETS = ("mottershead1996",)
+"""Publications of updating with offsets as parameters."""
 
 
 def what_ran(study: Study) -> tuple[CitationRecord, ...]:
@@ -137,7 +144,7 @@ def what_ran(study: Study) -> tuple[CitationRecord, ...]:
         if study.file.correlate.expand == "none"
         else tuple(key for kind in EXPANSION_METHODS.values() for key in kind.citations)
     )
-    return citations((*_ALWAYS, *expansions, *elements, *(_OFFSETS if moved else ()), *responses))
+    return citations((*_CITED_ALWAYS, *expansions, *elements, *(_CITED_FOR_OFFSETS if moved else ()), *responses))
 
 
 def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
@@ -344,20 +351,22 @@ def _parameters(
         )
 
 
-def _physical(study: Study, name: str, value: float, start: float, found: Marginal | None) -> Iterable[PhysicalValue]:
+def _physical(
+    study: Study, name: str, value: float, start: float, marginal: Marginal | None
+) -> Iterable[PhysicalValue]:
     """The fields that a factor multiplies; one of matrices has none."""
     table = study.model.structure.values
     for owner, i, relative in study.model.placed:
         ref = table.refs[i]
         if owner != study.in_study(name) or not relative or ref.card in WITHOUT_CARD:
             continue
-        own = float(table.values[i])
-        ends = None if found is None else sorted(own * end for end in found.interval)
+        factor = float(table.values[i])
+        ends = None if marginal is None else sorted(factor * end for end in marginal.interval)
         yield PhysicalValue(
             field=str(ref),
             unit=field_nature(ref).unit_in(study.file.study.unit_system),
-            nominal=own * start,
-            value=own * value,
+            nominal=factor * start,
+            value=factor * value,
             interval_95=None if ends is None else (ends[0], ends[1]),
         )
 
@@ -380,15 +389,15 @@ def _bound(result: UpdateResult, name: str) -> BoundState:
 def _counts(study: Study, result: UpdateResult) -> tuple[ResidualCount, ...]:
     counts = Counter(result.after.kinds)
     of_test = {c.entry.kind for c in study.file.comparisons if c.entry.is_of_test}
-    found = result.covariance
+    covariance = result.covariance
     return tuple(
         ResidualCount(
             kind=kind,
             sd_of_test=kind in of_test,
             count=count,
-            misfit=found.misfit[kind],
-            freedom=found.freedom[kind],
-            widened=kind in found.widened,
+            misfit=covariance.misfit[kind],
+            freedom=covariance.freedom[kind],
+            widened=kind in covariance.widened,
             rms_before=_rms(result.before, kind),
             rms_after=_rms(result.after, kind),
             error_before_percent=_error_percent(result.before, kind),

@@ -1,4 +1,4 @@
-"""How the update went."""
+"""Sections of the report: convergence of the update, and residuals before and after by kind."""
 
 from __future__ import annotations
 
@@ -20,12 +20,8 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.truncation import FrfTruncation
     from femtune.steps.update.record.update import ComparisonResults, ParameterFacts, ResidualCount, UpdateResults
 
-# ----------------------------------------------------------------------------------------------------
-# What was compared, by kind of residual, before and after the update.
-
-
-_UNFOLDED = 12
-"""Comparisons that are shown at once."""
+_MOST_UNFOLDED_ROWS = 12
+"""Rows of the largest table of residuals that is shown unfolded: less than half a screen."""
 _POLES_NOTE = (
     "Of a pole λ the frequency is |λ|/2π, and the damping ratio −Re λ/|λ|. Close modes that are paired together have "
     "one mean pole."
@@ -70,7 +66,7 @@ def _comparisons(update: UpdateResults) -> list[Block]:
     """Every comparison by itself, unfolded where they are few."""
     heads = columns("Configuration", "Compared", ">Values", ">Error % before", ">after", ">Root mean square after")
     rows = tuple(_comparison(c) for c in update.comparisons)
-    return [Table("All residuals", heads, rows, folded=len(rows) > _UNFOLDED)] if rows else []
+    return [Table("All residuals", heads, rows, folded=len(rows) > _MOST_UNFOLDED_ROWS)] if rows else []
 
 
 def _poles(update: UpdateResults) -> list[Block]:
@@ -172,12 +168,14 @@ def _optimality(update: UpdateResults) -> list[Block]:
     """Which point the result is, what it costs, and how well it meets the conditions of a minimum."""
     if not update.ok or update.certificate is None:
         return []
-    found, small = update.certificate, update.smallest_change
-    negative = [m for m in found.multipliers if m.value < 0.0]
-    bounds = f"{counted(len(found.multipliers), 'parameter')} at a bound, {len(negative)} with a negative multiplier"
+    certificate, small = update.certificate, update.smallest_change
+    negative = [m for m in certificate.multipliers if m.value < 0.0]
+    bounds = (
+        f"{counted(len(certificate.multipliers), 'parameter')} at a bound, {len(negative)} with a negative multiplier"
+    )
     conditions = (
-        f"Conditions of a minimum: projected gradient {short(found.projected_gradient)}; a further Gauss-Newton step "
-        f"would reduce the sum of squares by {short(found.predicted_decrease)} of its value; {bounds}."
+        f"Conditions of a minimum: projected gradient {short(certificate.projected_gradient)}; a further Gauss-Newton "
+        f"step would reduce the sum of squares by {short(certificate.predicted_decrease)} of its value; {bounds}."
     )
     if small is None:
         which = f"The result is the minimum within the bounds: χ² = {value(update.chi_square)}."
@@ -189,10 +187,14 @@ def which_point(update: UpdateResults) -> list[str]:
     """A short sentence on which point the result is; none without an optimum."""
     if not update.ok or update.certificate is None:
         return []
-    found, small = update.certificate, update.smallest_change
-    negative = sum(m.value < 0.0 for m in found.multipliers)
-    signs = f", {negative} of {counted(len(found.multipliers), 'multiplier')} negative" if found.multipliers else ""
-    conditions = f"projected gradient {short(found.projected_gradient)}{signs}"
+    certificate, small = update.certificate, update.smallest_change
+    negative = sum(m.value < 0.0 for m in certificate.multipliers)
+    signs = (
+        f", {negative} of {counted(len(certificate.multipliers), 'multiplier')} negative"
+        if certificate.multipliers
+        else ""
+    )
+    conditions = f"projected gradient {short(certificate.projected_gradient)}{signs}"
     if small is None:
         return [f"Result: the minimum within the bounds, χ² = {value(update.chi_square)} ({conditions})."]
     return [

@@ -1,4 +1,4 @@
-"""Parameters with their uncertainty."""
+"""Sections of the report: updated parameters with their uncertainty, and quantities derived from them."""
 
 from __future__ import annotations
 
@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from femtune.steps.report_source import ReportSource
     from femtune.steps.update.record.update import DerivedResult, ParameterFacts, ParameterResult, PhysicalValue
 
-# ----------------------------------------------------------------------------------------------------
-# Quantities that follow from the parameters, with their uncertainty.
-
 
 def derived_quantities(found: Sequence[DerivedResult]) -> list[Block]:
     """A table of them; nothing where the study defines none."""
@@ -25,11 +22,11 @@ def derived_quantities(found: Sequence[DerivedResult]) -> list[Block]:
     return [Table("Derived quantities", heads, tuple(_derived_row(d) for d in found))] if found else []
 
 
-def _derived_row(found: DerivedResult) -> tuple[Cell, ...]:
-    spread = Cell(short(found.sd)) if found.sd is not None else Cell(found.sd_reason, tone="poor")
-    nominal, updated = ("not finite" if v is None else value(v) for v in (found.nominal, found.value))
-    ends = interval_ends(found.interval_95)
-    return row(found.name, found.unit or NONE, nominal, updated, spread, ends, found.expression)
+def _derived_row(quantity: DerivedResult) -> tuple[Cell, ...]:
+    spread = Cell(short(quantity.sd)) if quantity.sd is not None else Cell(quantity.sd_reason, tone="poor")
+    nominal, updated = ("not finite" if v is None else value(v) for v in (quantity.nominal, quantity.value))
+    ends = interval_ends(quantity.interval_95)
+    return row(quantity.name, quantity.unit or NONE, nominal, updated, spread, ends, quantity.expression)
 
 
 def interval_ends(interval: tuple[float, float] | None) -> str:
@@ -37,43 +34,39 @@ def interval_ends(interval: tuple[float, float] | None) -> str:
     return NONE if interval is None else " … ".join(value(end) for end in interval)
 
 
-# ----------------------------------------------------------------------------------------------------
-# Values of the fields that factors multiply.
-
-
-def physical_values(found: Sequence[ParameterResult], most: int | None = None) -> list[Block]:
+def physical_values(parameters: Sequence[ParameterResult], most: int | None = None) -> list[Block]:
     """A table of them; fields of one parameter with the same value and unit share a row."""
-    rows = [r for p in found for r in _physical_rows(p)]
+    rows = [r for p in parameters for r in _physical_rows(p)]
     heads = columns("Parameter", "Field", "Unit", ">Initial", ">Updated", ">95 %")
     more = 0 if most is None else len(rows) - most
     note = f"and {counted(more, 'more field')} in the section on parameters of the report" if more > 0 else ""
     return [Table("Physical values of the factors", heads, tuple(rows[:most]), note)] if rows else []
 
 
-def _physical_rows(found: ParameterResult) -> Iterator[tuple[Cell, ...]]:
+def _physical_rows(parameter: ParameterResult) -> Iterator[tuple[Cell, ...]]:
     alike: dict[tuple[float, str], list[PhysicalValue]] = {}
-    for one in found.physical:
+    for one in parameter.physical:
         alike.setdefault((one.nominal, one.unit), []).append(one)
     for same in alike.values():
         first = same[0]
         yield row(
-            found.name, _named(tuple(one.field for one in same)), first.unit or NONE, value(first.nominal),
+            parameter.name, _named(tuple(one.field for one in same)), first.unit or NONE, value(first.nominal),
             value(first.value), interval_ends(first.interval_95),
         )  # fmt: skip
 
 
-def interval_remarks(found: Sequence[ParameterResult]) -> list[Block]:
+def interval_remarks(parameters: Sequence[ParameterResult]) -> list[Block]:
     """How intervals follow from the bounds, if some do."""
-    cut, left_open = ([p.name for p in found if p.interval_kind == kind] for kind in ("truncated", "bounds"))
+    cut, left_open = ([p.name for p in parameters if p.interval_kind == kind] for kind in ("truncated", "bounds"))
     said = []
     if cut or left_open:
         said.append(
             "The 95 % intervals are equal-tailed and within the bounds: the distribution of the linearised problem, "
             "truncated to the bounds."
         )
-        if any(p.at_bound for p in found):
+        if any(p.at_bound for p in parameters):
             said.append("A value on its bound is at an end of this distribution, outside its interval.")
-        if outside := [p.name for p in found if _outside(p)]:
+        if outside := [p.name for p in parameters if _outside(p)]:
             one = len(outside) == 1
             said.append(
                 f"The {'value' if one else 'values'} of {listed(outside)} {'lies' if one else 'lie'} outside "
@@ -86,10 +79,10 @@ def interval_remarks(found: Sequence[ParameterResult]) -> list[Block]:
     return [Paragraph(" ".join(said))] if said else []
 
 
-def _outside(found: ParameterResult) -> bool:
+def _outside(parameter: ParameterResult) -> bool:
     """Whether a value that is not on a bound lies outside its interval."""
-    ends = found.interval_95
-    return ends is not None and not found.at_bound and not ends[0] <= found.value <= ends[1]
+    ends = parameter.interval_95
+    return ends is not None and not parameter.at_bound and not ends[0] <= parameter.value <= ends[1]
 
 
 _CAPTION = (
@@ -99,6 +92,7 @@ _CAPTION = (
 )
 
 _MOST_FIELDS = 6
+"""Fields of a parameter that a cell lists, so that rows stay low."""
 
 
 def parameters(source: ReportSource) -> list[Block]:
@@ -193,10 +187,6 @@ def _fields(fact: ParameterFacts) -> str:
 def _named(fields: tuple[str, ...]) -> str:
     more = len(fields) - _MOST_FIELDS
     return ", ".join(fields[:_MOST_FIELDS]) + (f" and {more} more" if more > 0 else "")
-
-
-# ----------------------------------------------------------------------------------------------------
-# Where a value lies between its bounds.
 
 
 def places(names: Sequence[str], values: Sequence[float], facts: Sequence[ParameterFacts]) -> list[float]:

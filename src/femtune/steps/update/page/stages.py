@@ -1,4 +1,4 @@
-"""Stages of a bottom-up study: what each moved, from where it started, and what its misfits did."""
+"""Section of the report: stages of a bottom-up study, their initial values, changes and misfits."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.stages import StageErrorSum, StageResults, StageRun
 
 _MOST_VALUES = 60
+"""Parameters up to which their values by stage are a table: a longer one is not read."""
 _NOTE = (
     "σ includes the uncertainty of the parameters that were fixed in the stage; σ of the data excludes it. Misfit: "
     "residuals relative to what noise and these parameters explain; it is about 1 for a correct model."
@@ -22,20 +23,20 @@ _NOTE = (
 _SEEDS = "The first run starts from the results of earlier stages, the others from the seeds of the study."
 
 
-def stages(found: tuple[StageResults, ...]) -> list[Block]:
+def stages(stages: tuple[StageResults, ...]) -> list[Block]:
     """Table of all stages, then runs, error sums and left-out modes of each; nothing without stages."""
-    if not found:
+    if not stages:
         return []
-    details = (block for stage in found for block in _details(stage))
-    return [Heading("Stages"), _table(found), *_by_hand(found), *_values(found), *details]
+    details = (block for stage in stages for block in _details(stage))
+    return [Heading("Stages"), _table(stages), *_by_hand(stages), *_values(stages), *details]
 
 
-def _table(found: tuple[StageResults, ...]) -> Block:
+def _table(stages: tuple[StageResults, ...]) -> Block:
     heads = columns(
         "Stage", "Configurations", "Compared", "Parameter", ">Before", ">After", ">± σ", ">σ of the data", ">Misfit",
         "End",
     )  # fmt: skip
-    rows = [cells for stage in found for cells in _rows(stage)]
+    rows = [cells for stage in stages for cells in _rows(stage)]
     return Table("Stages", heads, tuple(rows), _NOTE)
 
 
@@ -70,25 +71,25 @@ def _band(stage: StageResults) -> str:
     return f", {short(low)} to {short(high)} Hz" if high is not None else f", from {short(low)} Hz"
 
 
-def _by_hand(found: tuple[StageResults, ...]) -> list[Block]:
+def _by_hand(stages: tuple[StageResults, ...]) -> list[Block]:
     """Values that the study set between stages."""
     rows = tuple(
         row(stage.name, v.parameter, value(v.before), value(v.value), short(v.sd), v.reason)
-        for stage in found
+        for stage in stages
         for v in stage.by_hand
     )
     heads = columns("Stage", "Parameter", ">Before", ">Set to", ">± σ", "Reason")
     return [Table("Values set by hand", heads, rows, "Set before the stage begins.")] if rows else []
 
 
-def _values(found: tuple[StageResults, ...]) -> list[Block]:
+def _values(stages: tuple[StageResults, ...]) -> list[Block]:
     """All free parameters through the stages."""
-    updated = [p.name for stage in found for p in stage.parameters]
-    names = list(dict.fromkeys([*updated, *(p.name for stage in found for p in stage.fixed)]))
-    if len(found) == 1 or not 0 < len(names) <= _MOST_VALUES:
+    updated = [p.name for stage in stages for p in stage.parameters]
+    names = list(dict.fromkeys([*updated, *(p.name for stage in stages for p in stage.fixed)]))
+    if len(stages) == 1 or not 0 < len(names) <= _MOST_VALUES:
         return []
-    heads = columns("Parameter", *(f">{stage.name}" for stage in found))
-    rows = tuple((Cell(name), *(_value_in(stage, name) for stage in found)) for name in names)
+    heads = columns("Parameter", *(f">{stage.name}" for stage in stages))
+    rows = tuple((Cell(name), *(_value_in(stage, name) for stage in stages)) for name in names)
     note = "Values at the end of each stage, with ± σ for those that it updated; grey: fixed in the stage."
     return [Table("Parameters in the stages", heads, rows, note)]
 

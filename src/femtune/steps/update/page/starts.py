@@ -1,4 +1,4 @@
-"""Many starts: what became of them, and the optima that they found."""
+"""Sections of the report: the starts and the optima they found, the L-curve, reduced models of the update."""
 
 from __future__ import annotations
 
@@ -19,24 +19,25 @@ if TYPE_CHECKING:
     from femtune.steps.update.record.search import StartsResults
     from femtune.steps.update.record.update import ParameterFacts, UpdateResults
 
-_SHOWN = 12
+_MOST_OPTIMA = 12
+"""Optima in the table, the best ones first; worse ones rarely matter."""
 
 
 def starts(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block]:
     """Sentences, picture and table of optima; nothing where the update had one start."""
-    found = update.starts
-    if found is None:
+    record = update.starts
+    if record is None:
         return []
-    chosen = f", the initial values and the best of {found.samples} samples" if found.samples else ""
-    words = Paragraph(f"{len(found.starts)} starts{chosen}, seed {found.seed}: {' '.join(found.sentences)}")
-    return [words, *_picture(update, found, facts), _table(update, found)] if found.optima else [words]
+    chosen = f", the initial values and the best of {record.samples} samples" if record.samples else ""
+    words = Paragraph(f"{len(record.starts)} starts{chosen}, seed {record.seed}: {' '.join(record.sentences)}")
+    return [words, *_picture(update, record, facts), _table(update, record)] if record.optima else [words]
 
 
-def _picture(update: UpdateResults, found: StartsResults, facts: Sequence[ParameterFacts]) -> list[Block]:
+def _picture(update: UpdateResults, record: StartsResults, facts: Sequence[ParameterFacts]) -> list[Block]:
     names = update.history_parameters
-    shown = found.optima[:_SHOWN]
+    shown = record.optima[:_MOST_OPTIMA]
     spots = [places(names, o.parameters, facts) for o in shown]
-    heights = [places(names, s.start, facts) for s in found.starts]
+    heights = [places(names, s.start, facts) for s in record.starts]
     counts, good = [len(o.starts) for o in shown], [o.as_good for o in shown]
     draw = partial(optima_svg, names, spots, counts, good, heights)
     caption = (
@@ -44,12 +45,12 @@ def _picture(update: UpdateResults, found: StartsResults, facts: Sequence[Parame
         "points led to it. Dark: the best optimum, and optima that are equally good within the noise. Grey: worse "
         "optima. Dots: initial points."
     )
-    ends, starts = counted(len(found.optima), "optimum", "optima"), counted(len(found.starts), "initial point")
+    ends, starts = counted(len(record.optima), "optimum", "optima"), counted(len(record.starts), "initial point")
     alt = f"{ends} from {starts}, by parameter between the bounds"
     return [Figure(draw, caption, alt, wide=True)]
 
 
-def _table(update: UpdateResults, found: StartsResults) -> Block:
+def _table(update: UpdateResults, starts: StartsResults) -> Block:
     names = update.history_parameters[:6]
     heads = columns(">Optimum", ">Initial points", ">Objective", "Equally good", *(f">{name}" for name in names))
     rows = [
@@ -60,13 +61,9 @@ def _table(update: UpdateResults, found: StartsResults) -> Block:
             "the best" if i == 1 else "yes" if o.as_good else "no",
             *(short(v) for v in o.parameters[: len(names)]),
         )
-        for i, o in enumerate(found.optima[:_SHOWN], start=1)
+        for i, o in enumerate(starts.optima[:_MOST_OPTIMA], start=1)
     ]
     return Table("Distinct optima", heads, tuple(rows))
-
-
-# ----------------------------------------------------------------------------------------------------
-# How the weight of the side constraint was found: the L-curve, and the parameters over the weight.
 
 
 def weight_choice(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block]:
@@ -96,10 +93,6 @@ def _relative(
     nominal = {f.name: f.nominal for f in facts}
     base = np.array([nominal.get(name) or 1.0 for name in update.history_parameters])
     return [[float(v) for v in 100.0 * (np.array(p) - base) / np.abs(base)] for p in paths]
-
-
-# ----------------------------------------------------------------------------------------------------
-# Reduced models that an update searched on: their order, what they cost and how right they are.
 
 
 _COST = (

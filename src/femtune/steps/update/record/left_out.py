@@ -1,4 +1,4 @@
-"""Modes of the model that are left out of the compared FRFs, before and after the update, as records."""
+"""Record of the model modes that are excluded from the compared FRFs, before and after the update."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     pass
 
 
-RESEMBLES = 0.5
-"""Correlation from which a mode after the update is that of before."""
+LEAST_CORRELATION = 0.5
+"""Correlation from which a mode after the update is the same one as before."""
 
 
 class ModeLeftOutOfFrfs(Record):
@@ -33,4 +33,4 @@ class ModeLeftOutOfFrfs(Record):
     @property
     def resembles(self) -> bool:
         """False if the mode after the update has another shape than the one that was named."""
-        return self.correlation >= RESEMBLES
+        return self.correlation >= LEAST_CORRELATION

@@ -1,4 +1,4 @@
-"""FRFs that the update did not use, beside those of the updated model, as records with verdicts."""
+"""FRFs that the update did not use, compared with those of the updated model, as records with verdicts."""
 
 from __future__ import annotations
 
