@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
@@ -29,6 +30,16 @@ if TYPE_CHECKING:
 
 
 Built = TypeVar("Built", bound="BuiltModel")
+
+
+def _loaded(name: str) -> Callable[..., Any]:
+    """The function ``module:function`` of this package that builds a model.
+
+    It is loaded only if the study needs it, and by its name, because it asks for its source in turn.
+    """
+    module, _, function = name.partition(":")
+    build: Callable[..., Any] = getattr(import_module(f"femtune.study.{module}"), function)
+    return build
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +101,7 @@ class ModelSource(ABC, Generic[Built]):
 
     def mesh(self, nodes: NodeTable) -> DrawnMesh | None:
         """The mesh to be drawn for a model without elements; None if there is none."""
-        from femtune.study.imported_model import mesh_of_grid  # noqa: PLC0415  of models without elements
-
-        return mesh_of_grid(self.file, nodes)
+        return _loaded("imported_model:mesh_of_grid")(self.file, nodes)
 
 
 def model_source(file: StudyFile) -> ModelSource[Any]:
@@ -117,14 +126,12 @@ class FromDeck(ModelSource[BuiltDeck]):
         return self.file.study.deck
 
     def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltDeck:
-        from femtune.study.named_fields import with_named_fields  # noqa: PLC0415  of elements
-
         progress.step("reading the deck", 0, None)
         allowed = self.file.study.allow_ignored
         built = self.file.given.model or build_allowing(read_deck(self.file.path_of(self.name)), allowed)
         assert isinstance(built, BuiltDeck)
         self._check_allowed(built)
-        return with_named_fields(self.file, built)
+        return _loaded("named_fields:with_named_fields")(self.file, built)
 
     def _check_allowed(self, built: BuiltDeck) -> None:
         """Cards that the model lacks must be among those that the study allows to be ignored."""
@@ -191,13 +198,12 @@ class FromMatrices(ModelSource[BuiltModel]):
 
     def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
         """The model, whose modes are compared with those that the solver listed."""
-        # readers of the matrices of other solvers, which few studies have
-        from femtune.study.imported_model import build_imported, compare_listed  # noqa: PLC0415
-
         progress.step("reading the matrices", 0, None)
-        built = self.file.given.model or build_imported(self.file)
+        built = self.file.given.model or _loaded("imported_model:build_imported")(self.file)
         progress.step("comparing their modes with the listed ones", 0, None)
-        return replace(built, notices=(*built.notices, compare_listed(self.file, built.structure)))
+        return replace(
+            built, notices=(*built.notices, _loaded("imported_model:compare_listed")(self.file, built.structure))
+        )
 
 
 class FromRuns(ModelSource[BuiltModel]):
@@ -231,16 +237,12 @@ class FromRuns(ModelSource[BuiltModel]):
         return entry.runs or self.table.file
 
     def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
-        from femtune.study.runs_model import build_of_runs  # noqa: PLC0415  few studies have runs
-
         progress.step("fitting the runs", 0, None)
-        return self.file.given.model or build_of_runs(self.file)
+        return self.file.given.model or _loaded("runs_model:build_of_runs")(self.file)
 
     def completed(self, built: BuiltModel) -> StudyFile:
         """With the modes that the runs have, and measured frequencies as a test."""
-        from femtune.study.runs_model import with_modes_of_runs  # noqa: PLC0415  few studies have runs
-
-        return with_modes_of_runs(self.file, built)
+        return _loaded("runs_model:with_modes_of_runs")(self.file, built)
 
 
 class FromSolver(FromRuns):
@@ -270,14 +272,10 @@ class FromSolver(FromRuns):
 
     def prepared(self) -> StudyFile:
         """With initial values for all parameters, and the polynomials that are fitted to the runs."""
-        from femtune.study.external import of_solver  # noqa: PLC0415  few studies have a solver
-
-        return of_solver(self.file)
+        return _loaded("external:of_solver")(self.file)
 
     def built(self, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
-        from femtune.study.external import build_of_solver  # noqa: PLC0415  few studies have a solver
-
-        return self.file.given.model or build_of_solver(self.file, progress, fresh, around)
+        return self.file.given.model or _loaded("external:build_of_solver")(self.file, progress, fresh, around)
 
 
 SOURCES: dict[type[Any], type[ModelSource[Any]]] = {
