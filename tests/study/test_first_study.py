@@ -326,6 +326,30 @@ def test_nothing_is_overwritten(small: tuple[Path, Path]) -> None:
     assert ft.init(*small, folder, force=True).path.read_text() != "edited"
 
 
+@pytest.mark.parametrize("name", ["study.toml", "identify.toml", "identified/modes.csv"])
+def test_an_input_is_never_overwritten(tmp_path: Path, name: str) -> None:
+    """A file that the deck includes has the name of one that init writes; force does not change that."""
+    deck = example_deck(tmp_path)
+    test = _functions(tmp_path, 0.0) if name.startswith("identif") else example_test(tmp_path)
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("$ included\n")
+    deck.write_text(deck.read_text().replace("BEGIN BULK", f"BEGIN BULK\nINCLUDE '{name}'"))
+    with pytest.raises(FemtuneError) as caught:
+        ft.init(deck, test, tmp_path, force=True)
+    assert caught.value.code == "write.overwrites-input"
+    assert (tmp_path / name).read_text() == "$ included\n"
+
+
+def test_identified_modes_of_others_are_not_overwritten(tmp_path: Path) -> None:
+    deck, test = example_deck(tmp_path), _functions(tmp_path, 0.0)
+    (tmp_path / "identified").mkdir()
+    (tmp_path / "identified" / "modes.uff").write_text("measured")
+    with pytest.raises(FemtuneError) as caught:
+        ft.init(deck, test, tmp_path)
+    assert caught.value.code == "init.exists"
+    assert (tmp_path / "identified" / "modes.uff").read_text() == "measured"
+
+
 def test_the_message_without_identified_modes() -> None:
     error = FemtuneError("init.no-modes", where=Where("ambient.csv"), identification="identify.toml")
     check_shown("init.no-modes", error)

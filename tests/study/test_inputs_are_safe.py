@@ -239,6 +239,9 @@ def test_a_folder_belongs_to_one_study(folder: Path) -> None:
         message = refused(words[0], "second.toml", *words[1:])
         assert 'another study, first.toml ("first study")' in message
         assert '[output] folder = "run_second"' in message
+    with pytest.raises(FemtuneError) as caught:
+        ft.report("second.toml")
+    assert caught.value.code == "run.other-study"
     assert {p: p.read_bytes() for p in (folder / "run").rglob("*") if p.is_file()} == kept
     assert ft.update("second.toml", output="other").folder == Path("other")
     assert ft.read_results(first.folder).results.study.title == "first study"

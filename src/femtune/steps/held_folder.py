@@ -88,7 +88,7 @@ class RunFolder:
         begun = {name for name, known_digest in known.items() if not known_digest} - {REPORT_FILE}
         earlier = {n: d for n, d in known.items() if n not in begun and os.path.lexists(self.path / n)}
         try:
-            sign(self.path, *_identity(self.file), {**earlier, **digests(self.path, names)})
+            sign(self.path, *identity(self.file), {**earlier, **digests(self.path, names)})
         except OSError as error:
             raise unwritable(self.path, error) from error
 
@@ -102,7 +102,7 @@ def held(file: StudyFile, folder: Path, step: str) -> Iterator[RunFolder]:
     FemtuneError : ``write.overwrites-input``, ``run.other-study``, ``run.other-file``, ``run.locked``,
         ``run.unwritable``
     """
-    where, title_and_path = file.where("output", "folder"), _identity(file)
+    where, title_and_path = file.where("output", "folder"), identity(file)
     _check_inputs(named_inputs(file), file, folder, step)
     check_owner(folder, *title_and_path, where)
     is_new = not os.path.lexists(folder)
@@ -136,7 +136,7 @@ def _signed(folder: Path, of: tuple[str, Path | None], owner: Owner | None, plan
         raise unwritable(folder, error) from error
 
 
-def _identity(file: StudyFile) -> tuple[str, Path | None]:
+def identity(file: StudyFile) -> tuple[str, Path | None]:
     """Title and file of a study; None for one of Python objects."""
     return file.study.title, file.path if is_file(file.path) else None
 

@@ -31,6 +31,7 @@ from femtune.steps.init.written import StudyText
 from femtune.steps.result import StepResult
 from femtune.steps.run_folder import check_writable, unwritable
 from femtune.study.described import model_of_deck
+from femtune.study.inputs import Input, check_outputs
 from femtune.study.measured import BEYOND_TEST
 from femtune.study.progress import silent
 from femtune.study.record import Record
@@ -172,14 +173,17 @@ def init_study(
 
     Raises
     ------
-    FemtuneError : ``init.exists``, ``init.no-modes``, ``run.unwritable``, and errors in the deck and in the test
+    FemtuneError : ``init.exists``, ``init.no-modes``, ``run.unwritable``, ``write.overwrites-input``, and errors in
+        the deck and in the test
     """
     _check_absent(folder, force)
     progress.step("reading the deck", 0, None)
     model = model_of_deck(deck, units, ())
+    inputs = [*(Input(Path(name), Where(name), "deck") for name in model.built.files), _test_input(test)]
+    check_outputs(inputs, [folder / STUDY_FILE])
     check_writable(folder)
     progress.step("reading the test", 0, None)
-    measured = _measured(test, folder, force, units, progress)
+    measured = _measured(test, folder, force, units, inputs, progress)
     draft = _Draft(model, deck, measured, folder, units)
     draft.guess()
     draft.compare(progress)
@@ -190,6 +194,10 @@ def init_study(
     except OSError as error:
         raise unwritable(folder, error) from error
     return InitResult(path, draft.record(path))
+
+
+def _test_input(path: Path) -> Input:
+    return Input(path, Where(str(path)), "test file")
 
 
 def _check_absent(folder: Path, force: bool) -> None:
@@ -218,7 +226,9 @@ class _Measured:
     source: Path | None = None
 
 
-def _measured(path: Path, folder: Path, force: bool, units: str | None, progress: Progress) -> _Measured:
+def _measured(
+    path: Path, folder: Path, force: bool, units: str | None, inputs: Sequence[Input], progress: Progress
+) -> _Measured:
     if path.suffix.lower() in _UFF_SUFFIXES:
         test, stated = _read(path)
         if test.modes is not None:
@@ -228,7 +238,7 @@ def _measured(path: Path, folder: Path, force: bool, units: str | None, progress
             stated = unit_system(units) if units else SI
     else:
         stated = unit_system(units) if units else None
-    return _identified(path, folder, force, stated, progress)
+    return _identified(path, folder, force, stated, inputs, progress)
 
 
 def _read(path: Path) -> tuple[ModalTest, UnitSystem | None]:
@@ -241,15 +251,19 @@ def _read(path: Path) -> tuple[ModalTest, UnitSystem | None]:
     return read_uff(path, units=None, file_units=SI).test, None
 
 
-def _identified(path: Path, folder: Path, force: bool, units: UnitSystem | None, progress: Progress) -> _Measured:
+def _identified(
+    path: Path, folder: Path, force: bool, units: UnitSystem | None, inputs: Sequence[Input], progress: Progress
+) -> _Measured:
     """Modes identified from functions or a record, with the identification file that repeats it."""
     from femtune.steps.identify.request import asked_of  # noqa: PLC0415
     from femtune.steps.identify.run import identify  # noqa: PLC0415
     from femtune.steps.identify.write import MODES_FILE  # noqa: PLC0415
 
-    target = folder / IDENTIFY_FILE
-    if not force and os.path.lexists(target):
-        raise FemtuneError("init.exists", where=Where(str(target)))
+    target, results = folder / IDENTIFY_FILE, folder / IDENTIFIED_FOLDER
+    for written in (target, results / MODES_FILE):
+        if not force and os.path.lexists(written):
+            raise FemtuneError("init.exists", where=Where(str(written)))
+    check_outputs(inputs, [target], [results])
     kind = "frfs" if asked_of(path, {}).identify.frfs else "record"
     text = StudyText()
     text.say(f"Identification of modes from {path.name}: femtune identify {IDENTIFY_FILE}")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from femtune.arguments import checked
 from femtune.errors import FemtuneError
 from femtune.files.study_file import read_study_file
+from femtune.journal.owner import check_owner
 from femtune.journal.run_files import REPORT_FILE
 from femtune.steps.result import ResultWithPage
 from femtune.steps.run.result import RunResult
@@ -61,7 +62,7 @@ def report(
 
     Raises
     ------
-    FemtuneError : ``run.missing``, ``run.damaged``, ``run.version``, ``run.unwritable``
+    FemtuneError : ``run.missing``, ``run.damaged``, ``run.version``, ``run.unwritable``, ``run.other-study``
 
     Examples
     --------
@@ -85,15 +86,15 @@ def report(
 
 
 def _read(source: Path | str | Study) -> RunResult:
-    # imported here, because it imports the records of all steps
+    # imported here, because they import the records of all steps
+    from femtune.steps.held_folder import identity  # noqa: PLC0415
     from femtune.steps.run_folder import read_results  # noqa: PLC0415
 
-    if isinstance(source, Study):
-        folder = source.file.output_folder
-    else:
-        folder = Path(source)
-        folder = read_study_file(folder).output_folder if folder.is_file() else folder
-    return RunResult(folder, *read_results(folder))
+    if not isinstance(source, Study) and not Path(source).is_file():
+        return RunResult(Path(source), *read_results(source))
+    file = source.file if isinstance(source, Study) else read_study_file(source)
+    check_owner(file.output_folder, *identity(file), file.where("output", "folder"))
+    return RunResult(file.output_folder, *read_results(file.output_folder))
 
 
 def document_of(result: RunResult | ResultWithPage | IdentifyResult) -> Document:
