@@ -68,14 +68,14 @@ class Updated:
 
 
 @dataclass(frozen=True, eq=False)
-class Truncated:
+class TruncationErrors:
     """Errors of the FRFs by truncation of the modes, at start and end of the update."""
 
     records: tuple[FrfTruncation, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
+class ModesLeftOut:
     """Modes of the model that FRFs are compared without."""
 
     records: tuple[ModeLeftOutOfFrfs, ...]

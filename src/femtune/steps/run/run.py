@@ -36,11 +36,11 @@ from femtune.steps.run.outcomes import (
     Damped,
     Final,
     Initial,
-    LeftOut,
     Made,
+    ModesLeftOut,
     Outcomes,
     Prepared,
-    Truncated,
+    TruncationErrors,
     Unused,
     Updated,
     Vibrated,
@@ -170,7 +170,7 @@ class Run:
         updated, final, unused = outcomes.of(Updated), outcomes.of(Final), outcomes.of(Unused)
         parameters, result = updated.parameters, updated.parameters.result
         written, as_written = outcomes.find(Written), outcomes.find(AsWritten)
-        truncated = outcomes.find(Truncated)
+        truncated = outcomes.find(TruncationErrors)
         versions = [outcomes.of(Initial).records, final.records, *([] if as_written is None else [as_written.records])]
         values = {} if written is None else written.deck.written
         error = None if as_written is None else as_written.error
@@ -181,7 +181,7 @@ class Run:
                 "stages": stage_results(self.study, parameters.stages),
                 "frf_truncation": () if truncated is None else truncated.records,
                 "fisher": updated.fisher,
-                "left_out_modes": outcomes.of(LeftOut).records,
+                "left_out_modes": outcomes.of(ModesLeftOut).records,
                 "frfs": updated.iteration_frfs,
             }
         )  # fmt: skip
@@ -262,14 +262,14 @@ def _update(run: Run, outcomes: Outcomes, made: Made) -> Updated:
     return Updated(parameters, fisher, iteration_frfs(result.history, units, made.arrays, identified))
 
 
-def _truncation(run: Run, outcomes: Outcomes, made: Made) -> Truncated:
+def _truncation(run: Run, outcomes: Outcomes, made: Made) -> TruncationErrors:
     """At the start as the update saw it; the end may be that of other cases, if it was reached in stages."""
     before = frf_truncations(outcomes.of(Initial).at, "before", run.progress)
-    return Truncated((*before, *frf_truncations(outcomes.of(Updated).at, "after", run.progress)))
+    return TruncationErrors((*before, *frf_truncations(outcomes.of(Updated).at, "after", run.progress)))
 
 
-def _left_out_modes(run: Run, outcomes: Outcomes, made: Made) -> LeftOut:
-    return LeftOut(left_out_mode_records(outcomes.of(Initial).at, outcomes.of(Updated).at))
+def _left_out_modes(run: Run, outcomes: Outcomes, made: Made) -> ModesLeftOut:
+    return ModesLeftOut(left_out_mode_records(outcomes.of(Initial).at, outcomes.of(Updated).at))
 
 
 def _mapped_damping(run: Run, outcomes: Outcomes, made: Made) -> Damped:
