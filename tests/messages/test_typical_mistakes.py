@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from unittest import mock
 
 import click
 import numpy as np
@@ -131,7 +132,9 @@ def said(folder: Path, case: Case) -> str:
         file.write_text(text.replace(case.old, case.new, 1))
     if case.change is not None:
         case.change(folder)
-    result = CliRunner().invoke(main, [case.command, str(folder / "study.toml")])
+    # progress is shown after two seconds, which a busy machine may need
+    with mock.patch("femtune.cli.display.QUIET_S", 600.0):
+        result = CliRunner().invoke(main, [case.command, str(folder / "study.toml")])
     assert "Traceback" not in result.output
     assert result.exit_code == case.code, result.output
     return click.unstyle(result.stderr).replace(f"{folder}{os.sep}", "").strip("\n")

@@ -21,7 +21,7 @@ from femtune.steps.run_folder import read_results
 from .cantilever import Bench
 from .damped_cantilever import DAMPED, PARAMETERS, TRULY, functions, study_of
 
-_RUN = "import sys; from femtune import steps; ft.run(sys.argv[1])"
+_RUN = "import sys; import femtune as ft; ft.run(sys.argv[1])"
 _LIMITED = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

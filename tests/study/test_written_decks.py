@@ -268,15 +268,23 @@ def test_links_to_inputs_are_refused(beam: Bench, link: str) -> None:
 
 
 @pytest.mark.slow
-def test_hard_links_and_links_to_other_files_are_replaced(beam: Bench) -> None:
+def test_links_to_inputs_are_refused_and_links_to_other_files_replaced(beam: Bench) -> None:
     folder, other = beam.folder / "run", beam.write("notes.txt", "mine")
-    folder.mkdir()
+    study = beam.study()
+    ft.update(study)
+    (folder / "updated.bdf").unlink()
     (folder / "updated.bdf").hardlink_to(beam.folder / "beam.bdf")
-    (folder / "history.jsonl").symlink_to(other)
-    ft.update(beam.study())
-    assert other.read_text() == "mine"
+    with pytest.raises(FemtuneError) as caught:
+        ft.update(study)
+    assert caught.value.code == "write.overwrites-input"
     assert (beam.folder / "beam.bdf").read_text() == beam.text
-    assert (folder / "updated.bdf").read_text() != beam.text
+    for name in ("updated.bdf", "history.jsonl"):
+        (folder / name).unlink()
+        (folder / name).symlink_to(other)
+    ft.update(study)
+    assert other.read_text() == "mine"
+    assert (folder / "updated.bdf").read_text().startswith("SOL")
+    assert not (folder / "updated.bdf").is_symlink()
 
 
 @pytest.mark.slow

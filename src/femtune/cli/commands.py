@@ -92,8 +92,9 @@ def _run(step: Step, command: Command, *, quiet: bool, as_json: bool = False, **
     if "page" in options:
         options["report"] = options.pop("page")
     result = run_step(step, path, quiet, read=command.reads, **command.asked(options, path))
-    tell: Callable[[Any, bool], None] = out.say if command.all_remarks else out.warn
-    tell(result, quiet)
+    if command.tell is None:
+        remark: Callable[[Any, bool], None] = out.say if command.all_remarks else out.warn
+        remark(result, quiet)
     _show(command, path, result, as_json=as_json, quiet=quiet)
     end = command.ends(result)
     if end.told:

@@ -22,6 +22,7 @@ import click
 from femtune import __version__
 from femtune.cli.log import RESULTS
 from femtune.errors import FemtuneError, printable
+from femtune.journal.run_files import OWNER_FILE
 from femtune.steps.step import BAD_INPUT, coloured
 
 FAULT = 70
@@ -47,9 +48,10 @@ class Running:
         return self.place if os.path.isdir(self.place) else None
 
     def written(self) -> list[Path]:
-        """Files in the run folder that are not older than the command."""
+        """Files in the run folder that are not older than the command, except the record of whose folder it is."""
         folder = self.folder()
-        return sorted(f for f in folder.iterdir() if f.is_file() and self._is_new(f)) if folder else []
+        files = folder.iterdir() if folder else ()
+        return sorted(f for f in files if f.name != OWNER_FILE and f.is_file() and self._is_new(f))
 
     def journaled(self) -> list[str]:
         """Contents of the journal in words, if the command has written into the run folder."""

@@ -60,6 +60,12 @@ class RunFolder:
                 (self.path / OWNER_FILE).unlink(missing_ok=True)
                 (self.path / JOURNAL_FOLDER).rmdir()
 
+    def end_failed(self) -> None:
+        """Leave in the record only files that are there, after a run that did not come to its end."""
+        there = {n: d for n, d in (self.owner.files or {}).items() if os.path.lexists(self.path / n)}
+        with contextlib.suppress(OSError):
+            sign(self.path, *identity(self.file), there)
+
     def forget(self) -> None:
         """Remove what an interrupted run would go on from (error ``run.unwritable``)."""
         try:
@@ -116,6 +122,10 @@ def held(file: StudyFile, folder: Path, step: str) -> Iterator[RunFolder]:
             place = RunFolder(folder, file, step, _signed(folder, title_and_path, owner, planned))
             try:
                 yield place
+            except BaseException:
+                if owner is not None:
+                    place.end_failed()
+                raise
             finally:
                 if owner is None:
                     place.give_back()

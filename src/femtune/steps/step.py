@@ -107,7 +107,7 @@ class Command:
     data : what ``--json`` prints: a record, several records, or text
     document : makes the tables for the terminal, from the subject and what `shown` gives; "" without tables
     shown : arguments of `document` after the subject; None: the result alone, without a subject
-    tell : prints the result in place of tables
+    tell : prints the result in place of tables, with its remarks
     whole_run : the short form of the report is shown
     page_of : the page that was written, if the step always writes one
     last : the last line on standard output
