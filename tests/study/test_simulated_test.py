@@ -74,7 +74,9 @@ def test_the_errors_do_not_depend_on_the_signs_that_the_eigen_solution_gives(ben
     wanted = SimulatedTest(None, ("2 THRU 5:23",), "m-kg-s", frequency_scatter=0.01, shape_scatter=0.02)
 
     def shapes(signs: list[float]) -> np.ndarray:
-        (test,) = simulated(study, wanted, [(case, replace(solution, shapes=solution.shapes * np.resize(signs, solved)))])
+        (test,) = simulated(
+            study, wanted, [(case, replace(solution, shapes=solution.shapes * np.resize(signs, solved)))]
+        )
         assert test.modes is not None
         return test.modes.shapes
 

@@ -52,10 +52,10 @@ _ROUNDING_OF_ONE = 1e-5
 """The same as a part of its change by a whole length of step. A single residual scatters more than their norm, see
 `_RELATIVE_ROUNDING`."""
 _ORTHOGONAL = 1e-6
-"""Cosine of the angle between the residuals and their change by a parameter, below which it is zero. Where the objective
-is stationary to all digits of a double it is 1.5e-8, their square root, times the root of the ratio of true and linear
-curvature, which may be some thousands. Along a combination with a thousandth of the largest effect, the least that
-counts as determined, such a cosine stands for a decrease of the objective by 1e-6, see `_NEARLY_SAME`."""
+"""Cosine of the angle between the residuals and their change by a parameter, below which it is zero. Where the
+objective is stationary to all digits of a double it is 1.5e-8, their square root, times the root of the ratio of true
+and linear curvature, which may be some thousands. Along a combination with a thousandth of the largest effect, the
+least that counts as determined, such a cosine stands for a decrease of the objective by 1e-6, see `_NEARLY_SAME`."""
 
 
 @dataclass(frozen=True)
