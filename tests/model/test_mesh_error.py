@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from femtune.fem import FieldRef
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
-from femtune.fem import FieldRef
 from femtune.model import Configuration, EigenSolution, configure, parametric_model, solve_modes
 from femtune.model.mesh_error import MeshChange, mass_change, mesh_change
 from femtune.model.parametric import Assignment
