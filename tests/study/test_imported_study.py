@@ -207,7 +207,9 @@ def test_the_factor_of_a_matrix_of_a_deck_is_updated_without_a_deck(tmp_path: Pa
     write_uff_modes(tmp_path / "chain.uff", ModalTest("chain", SI, modes=modes))
     (tmp_path / "study.toml").write_text(
         '[study]\ntitle = "x"\nunits = "m-kg-s"\ndeck = "deck.bdf"\n[modes]\ncount = 3\n'
-        '[[parameter]]\nname = "k"\nfields = ["MATRIX STIFF"]\nlower = 0.5\nupper = 2.0\n' + TESTED + "[write]\ndeck = false\n"
+        '[[parameter]]\nname = "k"\nfields = ["MATRIX STIFF"]\nlower = 0.5\nupper = 2.0\n'
+        + TESTED
+        + "[write]\ndeck = false\n"
     )
     run = ft.run(tmp_path / "study.toml")
     assert run.results.update is not None
