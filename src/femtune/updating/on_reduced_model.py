@@ -667,8 +667,8 @@ def round_sentence(number: int, search: ReducedSearch, there: Agreement) -> str:
         return sentence
     if not frfs.compared:
         return (
-            f"{sentence}; the full model's modes and static responses there lie within the bases up to the threshold of an "
-            "enrichment, so that the FRFs could not be compared with better ones"
+            f"{sentence}; the full model's modes and static responses there lie within the bases, up to the threshold "
+            "of an enrichment, so that the FRFs could not be compared with better ones"
         )
     verdict = _verdict(frfs.shift <= search.rules.frf_tolerance)
     return (
