@@ -153,8 +153,8 @@ def criteria(rows: Sequence[Row], started: Sequence[Row]) -> list[Criterion]:
 def page(rows: Sequence[Row], started: Sequence[Row], planned: int) -> str:
     """The whole text; `started` are the rows of the updates from many starts."""
     return "\n".join([
-        *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_culprits(rows), *_coverage(rows),
-        *_by_structure(rows, started), *_reasons(rows), *_failures(rows),
+        *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_culprits(rows),
+        *_coverage(rows), *_by_structure(rows, started), *_reasons(rows), *_failures(rows),
     ])  # fmt: skip
 
 

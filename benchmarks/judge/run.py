@@ -72,7 +72,7 @@ def keep(path: Path, row: Row) -> None:
 def finished(
     work: Callable[..., Row], jobs: Sequence[Job], more: tuple[object, ...], processes: int, until: float
 ) -> Iterator[Row]:
-    """Rows of `work(kind, number, *more)` as they end; nothing is begun after `until`, a time of the monotonic clock."""
+    """Rows of `work(kind, number, *more)` as they end; nothing is begun after `until` (monotonic clock)."""
     if processes == 1:
         yield from (work(*job, *more) for job in jobs if time.monotonic() < until)
         return
@@ -91,19 +91,20 @@ class Series:
     Parameters
     ----------
     path : of the journal, a line a model
-    work : kind, number, more -> row
-    more : further arguments of `work`, the seed first
+    work : kind, number, seed, more -> row
+    more : further arguments of `work`
     """
 
     path: Path
     work: Callable[..., Row]
-    more: tuple[object, ...]
+    seed: int
+    more: tuple[object, ...] = ()
 
     def rows(self, jobs: Sequence[Job], processes: int, until: float) -> list[Row]:
         """What is known of some models, and what is missing measured, until a time of the monotonic clock."""
-        done, of_program, begun = known(self.path, int(str(self.more[0]))), revision(), time.monotonic()
+        done, of_program, begun = known(self.path, self.seed), revision(), time.monotonic()
         missing = [job for job in jobs if job not in done]
-        for count, row in enumerate(finished(self.work, missing, self.more, processes, until), start=1):
+        for count, row in enumerate(finished(self.work, missing, (self.seed, *self.more), processes, until), start=1):
             row["revision"] = of_program
             keep(self.path, row)
             done[row["kind"], row["number"]] = row
@@ -119,9 +120,7 @@ def main() -> None:
     """Run what is missing, then write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--each", type=int, default=500, help="number of right models, and of wrong ones")
-    parser.add_argument(
-        "--starts", type=int, default=100, help=f"number of models that are updated from {STARTS} starts"
-    )
+    parser.add_argument("--starts", type=int, default=100, help=f"number of models with {STARTS} starts")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--stated", nargs="+", choices=list(STATED), default=list(STATED),
@@ -133,8 +132,8 @@ def main() -> None:
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
     until, jobs = time.monotonic() + 60.0 * options.minutes, jobs_of(options.each)
-    models = Series(options.work / "models.jsonl", measured, (options.seed, tuple(options.stated)))
-    starts = Series(options.work / "starts.jsonl", from_starts, (options.seed,))
+    models = Series(options.work / "models.jsonl", measured, options.seed, (tuple(options.stated),))
+    starts = Series(options.work / "starts.jsonl", from_starts, options.seed)
     rows = models.rows(jobs, options.jobs, until)
     started = starts.rows(jobs[: options.starts], options.jobs, until)
     text = page(rows, started, len(jobs))
