@@ -20,6 +20,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     "missing parameter": ("judge.missing",),
 }
 """Beginnings of the codes of the reasons that say that noise does not explain the fit, by test."""
+NEAR = 1.5
+"""Factor within which a standard deviation that is named is the right one; frequencies alone have few values."""
+_OF_DEVIATIONS = ("judge.misfit", "judge.overstated", "judge.larger-than-assumed")
 _HALF_WIDTH = float(norm.ppf(0.975))
 
 
@@ -101,6 +104,25 @@ def sign_right(run: Row, field: str, factor: float) -> bool | None:
         if suspect["field"] == field:
             return suspect["increase"] == (factor > 1.0)
     return None
+
+
+def fits(run: Row, kind: str) -> float | None:
+    """The standard deviation that fits the residuals of a kind, by the judge; None if it gives none."""
+    parts = run["judgement"].get("parts") if judged(run) else None
+    return next((k["stated"] * k["factor"] for k in parts["kinds"] if k["kind"] == kind and k["stated"] and k["factor"]),
+                None) if parts else None  # fmt: skip
+
+
+def names_deviations(run: Row, true: dict[str, float]) -> bool:
+    """Whether a reason is given, and the judge's standard deviations of all kinds are those of the noise, nearly.
+
+    Parameters
+    ----------
+    true : standard deviation of the noise by kind of residual
+    """
+    given = {kind: fits(run, kind) for kind in true}
+    near = [value is not None and 1.0 / NEAR < value / true[kind] < NEAR for kind, value in given.items()]
+    return all(near) and any(reason["code"].startswith(_OF_DEVIATIONS) for reason in reasons(run))
 
 
 def beaten(row: Row) -> bool | None:

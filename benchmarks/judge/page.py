@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from decks import STRUCTURES
+from decks import STRUCTURES, SUBFRAME
 from measure import STARTS
 from opinion import (
     BETTER,
     HARM,
+    NEAR,
     TESTS,
     beaten,
     covered,
@@ -27,6 +28,7 @@ from opinion import (
     half_widths,
     harmful,
     judged,
+    names_deviations,
     rank_of,
     reasons,
     refused,
@@ -41,6 +43,7 @@ import femtune
 Row = dict[str, Any]
 Test = Callable[[Row], bool]
 NAME = "benchmark_judge"
+FRF = SUBFRAME.name
 WORDS = {
     "true": "true", "default": "default", "small": "3 times too small", "large": "3 times too large",
 }  # fmt: skip
@@ -87,6 +90,13 @@ def signs(rows: Sequence[Row], stated: str) -> Rate:
     pairs = [p for p in judged_runs(rows, stated, "candidate") if harmful(p[1])]
     answers = [sign_right(run, *row["fault"]) for row, run in pairs]
     return rate(answer for answer in answers if answer is not None)
+
+
+def named_deviations(rows: Sequence[Row], stated: str) -> Rate:
+    """How often the judge of a right model names the standard deviations of the noise."""
+    modal = {"frequency": NOISE.frequency, "shape": NOISE.shape}
+    pairs = judged_runs(rows, stated, "right")
+    return rate(names_deviations(run, {"frf": NOISE.frf} if row["structure"] == FRF else modal) for row, run in pairs)
 
 
 def better_minima(started: Sequence[Row]) -> Rate:
@@ -153,7 +163,8 @@ def criteria(rows: Sequence[Row], started: Sequence[Row]) -> list[Criterion]:
 def page(rows: Sequence[Row], started: Sequence[Row], planned: int) -> str:
     """The whole text; `started` are the rows of the updates from many starts."""
     return "\n".join([
-        *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_culprits(rows),
+        *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_named(rows),
+        *_culprits(rows),
         *_coverage(rows), *_by_structure(rows, started), *_reasons(rows), *_failures(rows),
     ])  # fmt: skip
 
@@ -236,6 +247,13 @@ def _power(rows: Sequence[Row]) -> Iterator[str]:
         for kind, words in (("candidate", "a field of the deck"), ("hidden", "no field of the deck")):
             body.append([WORDS[s], words, *(power(rows, s, kind, test) for test in COLUMNS.values())])
     yield from _table(["stated σ", "culprit", *COLUMNS], body)
+
+
+def _named(rows: Sequence[Row]) -> Iterator[str]:
+    yield from ("## Standard deviations that are named", "",
+                "Right models with a reason about the size of the residuals, and with a standard deviation of each kind "
+                f"that is within a factor of {NEAR:g} of that of the noise.", "")  # fmt: skip
+    yield from _table(["stated σ", "named"], [[WORDS[s], named_deviations(rows, s)] for s in ("small", "large")])
 
 
 def _culprits(rows: Sequence[Row]) -> Iterator[str]:
