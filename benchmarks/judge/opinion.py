@@ -109,8 +109,10 @@ def sign_right(run: Row, field: str, factor: float) -> bool | None:
 def fits(run: Row, kind: str) -> float | None:
     """The standard deviation that fits the residuals of a kind, by the judge; None if it gives none."""
     parts = run["judgement"].get("parts") if judged(run) else None
-    return next((k["stated"] * k["factor"] for k in parts["kinds"] if k["kind"] == kind and k["stated"] and k["factor"]),
-                None) if parts else None  # fmt: skip
+    for size in parts["kinds"] if parts else ():
+        if size["kind"] == kind and size["stated"] and size["factor"]:
+            return float(size["stated"] * size["factor"])
+    return None
 
 
 def names_deviations(run: Row, true: dict[str, float]) -> bool:

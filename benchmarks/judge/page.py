@@ -251,8 +251,8 @@ def _power(rows: Sequence[Row]) -> Iterator[str]:
 
 def _named(rows: Sequence[Row]) -> Iterator[str]:
     yield from ("## Standard deviations that are named", "",
-                "Right models with a reason about the size of the residuals, and with a standard deviation of each kind "
-                f"that is within a factor of {NEAR:g} of that of the noise.", "")  # fmt: skip
+                "Right models with a reason about the size of the residuals, and with a standard deviation of each "
+                f"kind that is within a factor of {NEAR:g} of that of the noise.", "")  # fmt: skip
     yield from _table(["stated σ", "named"], [[WORDS[s], named_deviations(rows, s)] for s in ("small", "large")])
 
 
