@@ -259,7 +259,7 @@ def _named(rows: Sequence[Row]) -> Iterator[str]:
 def _culprits(rows: Sequence[Row]) -> Iterator[str]:
     yield from ("## The culprit", "",
                 "Of the harmful models whose wrong value is a field of the deck. A field that cannot be told from the "
-                "culprit stands for it.", "")  # fmt: skip
+                "culprit, and a part of its elements, stand for it.", "")  # fmt: skip
     body = [[WORDS[s], ranks(rows, s, 1), ranks(rows, s, 3), signs(rows, s)] for s in STATED]
     yield from _table(["stated σ", "first", "in the first three", "right sign"], body)
 

@@ -125,6 +125,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--stated", nargs="+", choices=list(STATED), default=list(STATED),
                         help="standard deviations that the studies state")  # fmt: skip
+    parser.add_argument("--wrong-every", type=int, default=1,
+                        help="of how many models one has standard deviations that are 3 times wrong")  # fmt: skip
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no model after this time")
     parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
     parser.add_argument("--work", type=Path, default=Path(__file__).resolve().parent / "partial",
@@ -132,7 +134,7 @@ def main() -> None:
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
     until, jobs = time.monotonic() + 60.0 * options.minutes, jobs_of(options.each)
-    models = Series(options.work / "models.jsonl", measured, options.seed, (tuple(options.stated),))
+    models = Series(options.work / "models.jsonl", measured, options.seed, (tuple(options.stated), options.wrong_every))
     starts = Series(options.work / "starts.jsonl", from_starts, options.seed)
     rows = models.rows(jobs, options.jobs, until)
     started = starts.rows(jobs[: options.starts], options.jobs, until)

@@ -83,6 +83,24 @@ def test_an_interrupted_run_goes_on_where_it_ended(modules: dict[str, ModuleType
     assert sum(kind == "right" for kind, _ in jobs) == 4
 
 
+@pytest.mark.slow
+def test_the_judge_on_a_sample_of_models(modules: dict[str, ModuleType]):
+    measure, opinion = modules["measure"], modules["opinion"]
+    right = [measure.measured("right", number, 1, ["true"])["runs"]["true"] for number in (6, 7, 8, 9, 10, 5)]
+    wrong = [
+        measure.measured(kind, number, 1, ["default"])["runs"]["default"]
+        for kind, number in (("candidate", 6), ("candidate", 1), ("candidate", 2), ("candidate", 3), ("hidden", 2))
+    ]
+    # refused with a probability of less than 1 in 1000 if each of the three tests has its level of 1 %
+    assert sum(opinion.refused(run) for run in right) <= 1
+    # six parameters or fewer each, 95 % intervals
+    hits = [hit for run in right for hit in opinion.covered(run)]
+    assert sum(hits) >= 0.8 * len(hits)
+    # the test of all residuals together finds none of them with the standard deviations that a first study states
+    assert not any(opinion.found_today(run) for run in wrong)
+    assert sum(opinion.found_by(run, "missing parameter") for run in wrong) >= len(wrong) - 1
+
+
 def row(kind: str, misses: list[float], p: float, reasons: list[dict[str, str]], **more: object) -> dict[str, object]:
     """Of a model whose parameters miss by so many standard deviations."""
     parameters = [{"true": 1.0, "value": 1.0 + 0.1 * z, "sd": 0.1, "interval": [1.0 + 0.1 * z - 0.196, 1.0 + 0.1 * z
