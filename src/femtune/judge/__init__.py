@@ -1,0 +1,1 @@
+"""Judgement of a fit: what residuals and models show that a small misfit hides."""
