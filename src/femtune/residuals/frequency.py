@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -123,7 +123,8 @@ class FrequencyCovariance(OfPairs):
         values = relative.whiten(errors, slopes)
         label = ", ".join(p.label for p in pairs)
         common, _ = relative.whiten(np.full(len(pairs), times), np.zeros((len(pairs), 0)))
-        return [self.block(pairs[0].case.name, label, *values, relative.scale, common=common)]
+        block = self.block(pairs[0].case.name, label, *values, relative.scale, common=common)
+        return [replace(block, modes=tuple(p.label for p in pairs))]
 
     def _covariance(self, pairs: Sequence[PairedMode]) -> Reals:
         test, at = pairs[0].case.test, [p.position for p in pairs]

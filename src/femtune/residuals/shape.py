@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -215,7 +215,16 @@ class ShapeResidual(PairResidual):
         block = self.block(
             pair.case.name, pair.label, values, slopes, weights_of_pair.scale, lost=lost, covariance=covariance
         )
+        labels = tuple(str(known[int(i)]) for i in at[kept])
+        block = replace(block, sensors=labels, scaled=self._scaled(test, covariance))
         return block.whitened() if self.weights == "test" else block
+
+    def _scaled(self, test: Reals, covariance: Reals | None) -> Reals | None:
+        """(n,) the combination of equally weighted values that is lost to a scale that follows from the shape."""
+        if covariance is not None or self.scaling not in _FROM_THE_SHAPE:
+            return None
+        measured = test[~np.isnan(test)]
+        return np.asarray(measured / np.linalg.norm(measured))
 
     def _given(self, test: Reals) -> Weights:
         """The weights, in the scale in which a test shape is compared."""

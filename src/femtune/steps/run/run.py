@@ -25,6 +25,9 @@ from femtune.steps.correlate.expanded_files import write_expanded_files
 from femtune.steps.correlate.versions import as_written, model_records, start
 from femtune.steps.equalise.run import mapped_damping
 from femtune.steps.info.facts import alert_of, model_facts, sensor_results
+from femtune.steps.judge.finished_update import FinishedUpdate
+from femtune.steps.judge.run import JudgedTopics, judged_topics
+from femtune.steps.judge.verdict import judgement
 from femtune.steps.modes.vtu_files import write_vtu_files
 from femtune.steps.quantify.record import QuantifyResults
 from femtune.steps.quantify.run import check_quantify, quantify_at, repeats_of
@@ -125,7 +128,8 @@ class Run:
         outcomes = self._done(UNTIL_UPDATED, Outcomes())
         self._keep(outcomes, *(ends or (alert("problem", "run.unfinished"),)))
         try:
-            outcomes = self._done((*ONCE_UPDATED, *(ON_WRITTEN_DECK if source.writes_back else WITHOUT_DECK)), outcomes)
+            last = ON_WRITTEN_DECK if source.writes_back else WITHOUT_DECK
+            outcomes = self._done((*ONCE_UPDATED, *last, JUDGE), outcomes)
         except FemtuneError as problem:
             problem.values["results so far"] = str(self.folder / RESULTS_FILE)
             raise
@@ -153,11 +157,15 @@ class Run:
 
     def _keep(self, outcomes: Outcomes, *alerts: Alert) -> tuple[Results, tuple[str, ...]]:
         """Write the outcomes, with their alerts; also the name of the catalogue of damping, if there is one."""
-        results = self._results(outcomes)
+        results = self.results(outcomes)
         of_journal = self.journal.notices if self.journal is not None else ()
         of_update = outcomes.of(Updated).parameters.alerts
         of_results = alerts_of(self.study, results, map(alert_of, of_journal))
         results = results.model_copy(update={"alerts": (*alerts, *of_update, *outcomes.alerts, *of_results)})
+        topics = outcomes.find(JudgedTopics)
+        if topics is not None:
+            found = judgement(results, topics.records, topics.not_computed)
+            results = results.model_copy(update={"judgement": found})
         write_results(self.folder, results, outcomes.arrays)
         assert results.update is not None
         if write_damping(self.study, results.update, self.folder) is not None:
@@ -165,8 +173,8 @@ class Run:
         self.place.drop(self.study, CATALOGUE_FILE)
         return results, ()
 
-    def _results(self, outcomes: Outcomes) -> Results:
-        """All outcomes as one record."""
+    def results(self, outcomes: Outcomes) -> Results:
+        """All outcomes as one record, without alerts and verdict."""
         updated, final, unused = outcomes.of(Updated), outcomes.of(Final), outcomes.of(Unused)
         parameters, result = updated.parameters, updated.parameters.result
         written, as_written = outcomes.find(Written), outcomes.find(AsWritten)
@@ -377,6 +385,14 @@ def _write_vtu(run: Run, outcomes: Outcomes, made: Made) -> None:
     _add(made, write_vtu_files(study, x, solved, run.folder / VTU_FILE))
 
 
+def _judge(run: Run, outcomes: Outcomes, made: Made) -> JudgedTopics:
+    updated = outcomes.of(Updated)
+    study, result, results = updated.study(run.study), updated.parameters.result, run.results(outcomes)
+    made.arrays.update(outcomes.arrays)
+    return judged_topics(FinishedUpdate(study, outcomes.of(Initial).at, result, results, made.arrays, run.progress))
+
+
+JUDGE = RunStep("judge", _judge)
 WRITE_EXPANDED = RunStep("expanded shapes", _write_expanded, optional="file of the expanded test shapes")
 UNTIL_UPDATED = (
     RunStep("model", _model),
