@@ -18,16 +18,19 @@ Biometrics Bulletin 2, 1946; P. H. Westfall, S. S. Young, Resampling-Based Multi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc
 
 from femtune.arrays import Flags, Integers, Reals
+from femtune.judge.scales import FEWEST_DEGREES, scales
+from femtune.judge.whitened import PRIOR, Whitened
 
-PRIOR = "prior"
-"""Kind of the rows of a prior, whose standard deviations are what they are: they are not estimated."""
+SUSPECTED = 0.05
+"""Adjusted p value below which something is suspected to be missing."""
+MISSING = 0.01
+"""Adjusted p value below which something is missing, if an update with the field as a parameter confirms it."""
 INVISIBLE = 1e-4
 """|Pc|² relative to |c|² below which the parameters represent a field: the data cannot tell them apart."""
 LOOKS_ALIKE = 0.95
@@ -36,12 +39,10 @@ DRAWS = 1_000
 """Draws of noise for the adjusted p values: the level of 1 % is then known to 0.3 %, that of 5 % to 0.7 %."""
 SEED = 2026
 """Of these draws, so that a result can be repeated."""
-_FEWEST_DEGREES = 3.0 - 1e-6
-"""Degrees of freedom of a kind of residual below which its scale is not estimated: three, but for rounding."""
+_ROUNDING = 1e-6
+"""Of degrees of freedom."""
 _NO_EFFECT = 1e-9
 """|c| relative to the largest below which a field has no effect but rounding."""
-_DEPENDENT = 1e-10
-"""Singular value of scaled columns relative to the largest, at or below which they are dependent."""
 _ITERATIONS = 5
 """Of the scales of the kinds and of δ: enough for three digits of the p value."""
 _AT_ONCE = 50_000
@@ -65,7 +66,6 @@ class ScoreTest:
     group : (m,) number of the group of fields that the data hardly tell apart, numbered from 0 in the order of `order`;
         −1 for invisible ones
     order : (v,) visible fields, that with the largest `within` first
-    scales : by kind of residual, the standard deviation in units of the stated one
     """
 
     change: Reals
@@ -78,66 +78,58 @@ class ScoreTest:
     invisible: Flags
     group: Integers
     order: Integers
-    scales: dict[str, float]
 
 
 def score_test(
-    r: Reals,
-    J: Reals,
-    kinds: Sequence[str],
-    columns: Reals,
-    plausible: Reals,
-    *,
-    draws: int = DRAWS,
-    seed: int = SEED,
+    record: Whitened, columns: Reals, plausible: Reals, *, draws: int = DRAWS, seed: int = SEED
 ) -> ScoreTest | None:
     """Test m fields at the end of an update.
 
     Parameters
     ----------
-    r : (n,) residuals of independent values, each in units of its stated standard deviation, at the end of the update;
-        rows of priors among them
-    J : (n, k) their Jacobian by the parameters that are not at a bound; further columns span the directions in which r
-        is zero whatever the noise, see `lost_directions`
-    kinds : (n,) kind of each residual; `PRIOR` for rows whose scale is known
-    columns : (n, m) ∂r/∂q of the fields, q the relative change of each
-    plausible : (m,) largest relative change of each field that is plausible
+    record : the residuals at the end of the update, and their Jacobian by the parameters that are not at a bound
+    columns : (n, m) ∂r/∂q of the fields, in the rows of the record, q the relative change of each
+    plausible : (m, 2) usual range of each field: largest relative decrease and increase
     draws, seed : of the noise for the adjusted p values
 
     Returns
     -------
-    None where no degrees of freedom are left for a test, or the parameters represent all fields
+    None where too few degrees of freedom are left for a test, or the parameters represent all fields
 
     Examples
     --------
     The second of two fields is missing, with a change of 0.1:
 
-    >>> random = np.random.default_rng(0)
-    >>> J, columns = random.normal(size=(40, 2)), 50.0 * random.normal(size=(40, 2))
-    >>> r = random.normal(size=40) - 0.1 * columns[:, 1]
-    >>> found = score_test(r, J, ["frequency"] * 40, columns, np.array([0.2, 0.2]))
+    >>> random, n = np.random.default_rng(0), 40
+    >>> J, columns = random.normal(size=(n, 2)), 50.0 * random.normal(size=(n, 2))
+    >>> r = random.normal(size=n) - 0.1 * columns[:, 1]
+    >>> labels = [("frequency",) * n, *[("",) * n] * 3]
+    >>> rows = Whitened(r, J, ("k", "m"), np.zeros((n, 0)), *labels, ("data",) * n, np.ones(n), np.zeros((n, 0)))
+    >>> found = score_test(rows, columns, np.full((2, 2), 0.2))
     >>> int(found.order[0]), round(float(found.change[1]), 2), bool(found.p[1] < 0.01 < found.p[0])
     (1, 0.1, True)
     """
-    names = tuple(dict.fromkeys(kinds))
-    rows = np.array([[kind == name for kind in kinds] for name in names]).reshape(len(names), len(r))
-    known = np.array([name == PRIOR for name in names])
-    scales, P = _scales(r, J, rows, known)
-    weighted = columns / (scales @ rows)[:, None]
-    C = P @ weighted
-    size, freedom = np.linalg.norm(weighted, axis=0), _degrees(P, rows)
-    seen = np.linalg.norm(C, axis=0) ** 2 >= INVISIBLE * size**2
-    seen &= size > _NO_EFFECT * size.max(initial=0.0)
-    if freedom.sum() < _FEWEST_DEGREES or not seen.any():
+    names = tuple(dict.fromkeys(record.kinds))
+    size = _sizes(record)
+    weighted = _divided(record, size)
+    places = [weighted.of_kind(name) for name in names]
+    freedom = np.array([weighted.degrees(at)[0] for at in places])
+    own = columns / size[:, None]
+    C = weighted.across(own)
+    length = np.linalg.norm(own, axis=0)
+    seen = np.linalg.norm(C, axis=0) ** 2 >= INVISIBLE * length**2
+    seen &= length > _NO_EFFECT * length.max(initial=0.0)
+    if freedom.sum() < FEWEST_DEGREES - _ROUNDING or not seen.any():
         return None
     which = np.flatnonzero(seen)
-    parts = _Parts(C[:, which], rows, freedom, known | (freedom < _FEWEST_DEGREES))
-    change, sd, f, degrees = (values[0] for values in parts.statistics((P @ (r / (scales @ rows)))[:, None]))
-    alone = fdtrc(1.0, degrees, f)
-    largest = np.sort(_largest_of_noise(parts, P, draws, seed))
+    fixed = np.array([name == PRIOR for name in names]) | (freedom < FEWEST_DEGREES - _ROUNDING)
+    parts = _Parts(C[:, which], tuple(places), freedom, fixed)
+    change, sd, f, degrees = (values[0] for values in parts.statistics(weighted.across(weighted.r)[:, None]))
+    largest = np.sort(_largest_of_noise(parts, weighted, draws, seed))
     adjusted = (1 + draws - np.searchsorted(largest, _normal_square(f, degrees))) / (draws + 1)
-    bound = np.minimum(1.0, plausible[which] / np.maximum(np.abs(change), 1e-300))
-    within = f * (2.0 * bound - bound**2)
+    room = np.where(change < 0.0, plausible[which, 0], plausible[which, 1])
+    part = np.minimum(1.0, room / np.maximum(np.abs(change), _NO_EFFECT))
+    within = f * (2.0 * part - part**2)
     order = np.argsort(-within, kind="stable")
 
     def spread(values: Reals, other: float) -> Reals:
@@ -146,63 +138,44 @@ def score_test(
         return out
 
     return ScoreTest(
-        spread(change, 0.0), spread(sd, np.inf), spread(f, 0.0), spread(degrees, np.nan), spread(alone, 1.0),
-        spread(adjusted, 1.0), spread(within, 0.0), ~seen,
+        spread(change, 0.0), spread(sd, np.inf), spread(f, 0.0), spread(degrees, np.nan),
+        spread(fdtrc(1.0, degrees, f), 1.0), spread(adjusted, 1.0), spread(within, 0.0), ~seen,
         spread(_groups(C[:, which], order), -1).astype(np.int64), which[order],
-        {name: float(s) for name, s in zip(names, scales) if name != PRIOR},
     )  # fmt: skip
 
 
-def lost_directions(jacobian: Reals, count: int) -> Reals:
-    """(n, count) orthonormal directions in which a block of residuals is zero whatever the noise.
+def p_of_refit(before: Whitened, after: Whitened) -> float | None:
+    """Probability that noise lowers the misfit as much as an update with one further parameter did.
 
-    Its Jacobian by all parameters and fields has no part in them. Where more directions have none, any of them serve:
-    only the number of degrees of freedom depends on it.
-
-    Parameters
-    ----------
-    jacobian : (n, k) of the block, by all parameters and fields
-    count : how many combinations of its values are lost
+    Both are weighted by the scales of the kinds after it, and the F test is that of one parameter. None if other values
+    are compared, or no degrees of freedom are left.
     """
-    size = np.linalg.norm(jacobian, axis=0)
-    U, _, _ = np.linalg.svd(jacobian[:, size > 0.0] / size[size > 0.0])
-    return np.asarray(U[:, len(jacobian) - count :])
+    labels = (before.kinds, before.configurations, before.modes), (after.kinds, after.configurations, after.modes)
+    size = _sizes(after)
+    weighted = _divided(after, size)
+    degrees = weighted.degrees(np.arange(len(size)))[0]
+    if labels[0] != labels[1] or degrees < FEWEST_DEGREES - _ROUNDING:
+        return None
+    least, first = (float(np.sum(record.across(record.r) ** 2)) for record in (weighted, _divided(before, size)))
+    return float(fdtrc(1.0, degrees, max(first - least, 0.0) / (least / degrees)))
 
 
-def _scales(r: Reals, J: Reals, rows: Flags, known: Flags) -> tuple[Reals, Reals]:
-    """(kinds,) scale of each kind by restricted maximum likelihood, and P of the residuals in these scales.
+def _sizes(record: Whitened) -> Reals:
+    """(n,) size of the errors of each row in units of the stated standard deviations.
 
-    s² = r⊥ᵀr⊥/tr P over the rows of a kind, until it settles. A kind with few degrees of freedom keeps its stated scale,
-    or takes its root mean square if that is larger.
+    A kind with too few degrees of freedom to tell has the stated size, or that of its residuals if they are larger.
     """
-    scales = np.ones(len(rows))
-    P = _projector(J)
-    for _ in range(_ITERATIONS):
-        left, freedom = P @ (r / (scales @ rows)), _degrees(P, rows)
-        square = np.array([float(left[mine] @ left[mine]) for mine in rows])
-        enough = freedom >= _FEWEST_DEGREES
-        own = scales * np.sqrt(square / np.where(enough, freedom, rows.sum(axis=1)))
-        scales = np.where(known, 1.0, np.where(enough, own, np.maximum(1.0, own)))
-        # residuals that are zero have no scale
-        scales = np.where(scales > 0.0, scales, 1.0)
-        P = _projector(J / (scales @ rows)[:, None])
-    return scales, P
+    found = scales(record)
+    size, left = found.rows.copy(), found.weighted.across(found.weighted.r)
+    for kind in found.kinds:
+        at = record.of_kind(kind.kind)
+        if not kind.estimated:
+            size[at] *= max(1.0, float(np.sqrt(np.mean(left[at] ** 2))))
+    return size
 
 
-def _projector(J: Reals) -> Reals:
-    """(n, n) P = I − UUᵀ with U spanning the columns."""
-    size = np.linalg.norm(J, axis=0)
-    scaled = J[:, size > 0.0] / size[size > 0.0]
-    if not scaled.size:
-        return np.eye(len(J))
-    U, s, _ = np.linalg.svd(scaled, full_matrices=False)
-    U = U[:, s > _DEPENDENT * s[0]]
-    return np.asarray(np.eye(len(J)) - U @ U.T)
-
-
-def _degrees(P: Reals, rows: Flags) -> Reals:
-    """(kinds,) degrees of freedom of each kind: the trace of P over its rows."""
-    return np.asarray(rows @ np.diag(P))
+def _divided(record: Whitened, size: Reals) -> Whitened:
+    return replace(record, r=record.r / size, J=record.J / size[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,13 +185,13 @@ class _Parts:
     Parameters
     ----------
     C : (n, m) columns Pc
-    rows : (kinds, n)
+    places : (kinds,) rows of each kind
     freedom : (kinds,) degrees of freedom
     fixed : (kinds,) kinds whose scale is not estimated
     """
 
     C: Reals
-    rows: Flags
+    places: tuple[Integers, ...]
     freedom: Reals
     fixed: Flags
 
@@ -229,9 +202,9 @@ class _Parts:
         ----------
         left : (n, d) d vectors Pr
         """
-        a = np.array([left[mine].T @ self.C[mine] for mine in self.rows])
-        b = np.array([np.sum(self.C[mine] ** 2, axis=0) for mine in self.rows])[:, None, :]
-        q = np.array([np.sum(left[mine] ** 2, axis=0) for mine in self.rows])[:, :, None]
+        a = np.array([left[mine].T @ self.C[mine] for mine in self.places])
+        b = np.array([np.sum(self.C[mine] ** 2, axis=0) for mine in self.places])[:, None, :]
+        q = np.array([np.sum(left[mine] ** 2, axis=0) for mine in self.places])[:, :, None]
         freedom, fixed = self.freedom[:, None, None], self.fixed[:, None, None]
         share, change = np.zeros_like(a), np.zeros(a.shape[1:])
         for _ in range(_ITERATIONS):
@@ -256,13 +229,14 @@ def _normal_square(f: Reals, degrees: Reals) -> Reals:
     return np.asarray(((8.0 * degrees + 1.0) / (8.0 * degrees + 3.0)) ** 2 * degrees * np.log1p(f / degrees))
 
 
-def _largest_of_noise(parts: _Parts, P: Reals, draws: int, seed: int) -> Reals:
+def _largest_of_noise(parts: _Parts, record: Whitened, draws: int, seed: int) -> Reals:
     """(draws,) the largest statistic of all fields in noise of unit variance, as `_normal_square`."""
     random = np.random.default_rng(seed)
-    at_once = max(1, min(draws, _AT_ONCE // max(parts.C.shape[1] * len(parts.rows), len(P))))
+    n, root = len(record.r), np.sqrt(record.shares)[:, None]
+    at_once = max(1, min(draws, _AT_ONCE // max(parts.C.shape[1] * len(parts.places), n)))
     out = []
     for first in range(0, draws, at_once):
-        left = P @ random.normal(size=(len(P), min(at_once, draws - first)))
+        left = record.across(root * random.normal(size=(n, min(at_once, draws - first))))
         _, _, f, degrees = parts.statistics(left)
         out.append(_normal_square(f, degrees).max(axis=1))
     return np.concatenate(out)
