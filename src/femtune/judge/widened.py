@@ -10,13 +10,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
-from femtune.arrays import Reals
 from femtune.fem.fields import FieldRef
-from femtune.model import Assignment, ParametricModel, configure, parametric_model
+from femtune.model import Assignment, EigenSolution, ParametricModel, SubspaceDerivative, configure, parametric_model
+from femtune.model.derivatives.sensors import sensor_derivatives
+from femtune.model.full_model import ModelSolver, direct
 from femtune.parameters import Parameter, ParameterSet, parse_expression
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
 from femtune.updating import NoRegularisation, SensitivityMethod, UpdateResult
+
+_TOLERANCE = 1e-4
+"""Error of the derivatives of a shape at the sensors: far below what noise leaves of a column, and above what many
+solutions would be needed for."""
 
 
 @dataclass(frozen=True)
@@ -44,31 +50,25 @@ def widened(model: ParametricModel, factors: Sequence[Factor]) -> ParametricMode
     FemtuneError : as `parametric_model`
     """
     given = model.structure if model.given is None else model.given
-    by_field: dict[FieldRef, list[Factor]] = {}
-    for factor in factors:
-        by_field.setdefault(factor.ref, []).append(factor)
-    assignments: list[Assignment] = []
-    products: dict[tuple[str, str], Parameter] = {}
+    taken: dict[FieldRef, frozenset[int]] = {factor.ref: frozenset() for factor in factors}
+    assignments, products = list[Assignment](), dict[str, Parameter]()
     for a in model.assignments:
+        if a.ref not in taken:
+            assignments.append(a)
+            continue
         users = _users(model, a)
-        for factor in by_field.get(a.ref, ()):
-            shared = users & factor.elements
+        taken[a.ref] |= users
+        for factor in factors:
+            shared = users & factor.elements if factor.ref == a.ref else frozenset()
             if shared:
-                tied = products.setdefault((a.parameter, factor.name), _product(a.parameter, factor.name))
+                tied = _product(a.parameter, factor.name)
+                products[tied.name] = tied
                 assignments.append(replace(a, parameter=tied.name, elements=shared))
                 users -= shared
-        if a.ref not in by_field:
-            assignments.append(a)
-        elif users:
+        if users:
             assignments.append(replace(a, elements=users))
-    set_by_parameters = {ref: frozenset[int]() for ref in by_field}
-    for a in model.assignments:
-        if a.ref in by_field:
-            set_by_parameters[a.ref] |= _users(model, a)
-    for factor in factors:
-        left = factor.elements - set_by_parameters[factor.ref]
-        if left:
-            assignments.append(Assignment(factor.name, factor.ref, True, left))
+    own = ((f, f.elements - taken[f.ref]) for f in factors)
+    assignments += [Assignment(f.name, f.ref, True, elements) for f, elements in own if elements]
     free = tuple(Parameter(f.name, 1.0, f.lower, f.upper) for f in factors)
     parameters = ParameterSet((*model.parameters.parameters, *free, *products.values()))
     return parametric_model(given, parameters, assignments, model.tables)
@@ -98,11 +98,25 @@ def widened_problem(result: UpdateResult, model: ParametricModel, factors: Seque
     """
     wide = widened(model, factors)
     after = result.after
+    solver: ModelSolver = _BySensors()
     cases = tuple(
-        replace(case, configured=configure(wide, case.configured.configuration), full=None)
+        replace(case, configured=configure(wide, case.configured.configuration), full=None, solver=solver)
         for case in (state.case.on_full_model for state in after.states)
     )
     return UpdateProblem(cases, wide.parameters, common_sd=after.common_sd)
+
+
+class _BySensors(type(direct)):  # type: ignore[misc]
+    """As `direct`, but the derivatives by many factors follow from solutions for the sensors, which are fewer."""
+
+    def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
+        """As `subspace_derivative`."""
+        few = rows.shape[0] <= solution.point.n_parameters and max(members, default=0) < solution.wanted
+        if few and not solution.point.depends_on_frequency:
+            found = sensor_derivatives(solution, rows, _TOLERANCE).subspace(members)
+            if found.error is not None and found.error <= _TOLERANCE:
+                return found
+        return direct.derivative(solution, members, rows)
 
 
 def widened_end(result: UpdateResult, problem: UpdateProblem) -> Evaluation:

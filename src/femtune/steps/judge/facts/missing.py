@@ -14,9 +14,9 @@ from femtune.judge.missing import SUSPECTED, ScoreTest, p_of_refit, score_test
 from femtune.judge.regions import mesh_of
 from femtune.judge.whitened import Whitened, prior_blocks, whitened, whitened_blocks
 from femtune.judge.widened import Factor, freed, widened_end, widened_problem
+from femtune.status import Status
 from femtune.steps.init.proposed_parameters import FieldCandidate, ProposalKind, candidates
 from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
-from femtune.status import Status
 from femtune.study.stages import reduction_rules
 from femtune.study.update_method import method_of
 from femtune.updating import update, update_reduced
