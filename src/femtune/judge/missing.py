@@ -61,7 +61,9 @@ class ScoreTest:
     degrees : (m,) degrees of freedom of the denominator
     p_alone : (m,) p value of a field by itself
     p : (m,) p value adjusted for all fields
-    within : (m,) part of `f` that is left if the change is limited to what is plausible of the field
+    gain : (m,) twice the gain of log likelihood by the change: the sum over the kinds of ν ln(q/q'), q and q' their
+        sums of squares without and with it
+    within : (m,) the same, the change limited to the usual range of the field
     invisible : (m,) fields that the parameters represent, or without effect
     group : (m,) number of the group of fields that the data hardly tell apart, numbered from 0 in the order of `order`;
         −1 for invisible ones
@@ -74,6 +76,7 @@ class ScoreTest:
     degrees: Reals
     p_alone: Reals
     p: Reals
+    gain: Reals
     within: Reals
     invisible: Flags
     group: Integers
@@ -124,12 +127,12 @@ def score_test(
     which = np.flatnonzero(seen)
     fixed = np.array([name == PRIOR for name in names]) | (freedom < FEWEST_DEGREES - _ROUNDING)
     parts = _Parts(C[:, which], tuple(places), freedom, fixed)
-    change, sd, f, degrees = (values[0] for values in parts.statistics(weighted.across(weighted.r)[:, None]))
+    left = weighted.across(weighted.r)
+    change, sd, f, degrees = (values[0] for values in parts.statistics(left[:, None]))
     largest = np.sort(_largest_of_noise(parts, weighted, draws, seed))
     adjusted = (1 + draws - np.searchsorted(largest, _normal_square(f, degrees))) / (draws + 1)
-    room = np.where(change < 0.0, plausible[which, 0], plausible[which, 1])
-    part = np.minimum(1.0, room / np.maximum(np.abs(change), _NO_EFFECT))
-    within = f * (2.0 * part - part**2)
+    usual = np.clip(change, -plausible[which, 0], plausible[which, 1])
+    gain, within = (parts.gain(left, some) for some in (change, usual))
     order = np.argsort(-within, kind="stable")
 
     def spread(values: Reals, other: float) -> Reals:
@@ -139,7 +142,7 @@ def score_test(
 
     return ScoreTest(
         spread(change, 0.0), spread(sd, np.inf), spread(f, 0.0), spread(degrees, np.nan),
-        spread(fdtrc(1.0, degrees, f), 1.0), spread(adjusted, 1.0), spread(within, 0.0), ~seen,
+        spread(fdtrc(1.0, degrees, f), 1.0), spread(adjusted, 1.0), spread(gain, 0.0), spread(within, 0.0), ~seen,
         spread(_groups(C[:, which], order), -1).astype(np.int64), which[order],
     )  # fmt: skip
 
@@ -219,6 +222,15 @@ class _Parts:
         degrees = 1.0 / np.maximum(inverse, 1e-9)
         # r + cδ is least at δ = −cᵀr/cᵀc
         return -change, 1.0 / np.sqrt(information), f, degrees
+
+    def gain(self, left: Reals, change: Reals) -> Reals:
+        """(m,) twice the gain of log likelihood by a change (m,) of each field by itself; `left` (n,) is Pr."""
+        out = np.zeros(len(change))
+        for at, freedom, fixed in zip(self.places, self.freedom, self.fixed):
+            before = float(left[at] @ left[at])
+            after = np.sum((left[at, None] + change * self.C[at]) ** 2, axis=0)
+            out += before - after if fixed else freedom * np.log(before / np.maximum(after, _NO_EFFECT * before))
+        return out
 
 
 def _normal_square(f: Reals, degrees: Reals) -> Reals:

@@ -279,6 +279,8 @@ class _Found:
         """The record, with the first groups refitted if something is suspected to be missing."""
         test, groups = self.test, self._groups()
         refits = self._refitted([g[0] for g in groups]) if test.p.min() < SUSPECTED else {}
+        # the lowest misfit decides between those that were refitted
+        groups.sort(key=lambda g: refits[g[0]].chi_square if g[0] in refits else np.inf)
         numbers, values = self._by_element()
         self.fit.arrays[_ELEMENTS], self.fit.arrays[_STATISTIC] = numbers, values
         return MissingResults(
@@ -303,7 +305,7 @@ class _Found:
         test, i = self.test, group[0]
         field = self.fields[i]
         change, f = float(test.change[i]), float(test.f[i])
-        share = float(test.within[i]) / f if f else 1.0
+        share = float(np.clip(test.within[i] / max(test.gain[i], 1e-12), 0.0, 1.0))
         if isinstance(field, TestedField):
             kind = field.candidate.kind
             name, place, what, lower, upper = (

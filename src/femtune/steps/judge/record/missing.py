@@ -46,7 +46,7 @@ class MissingField(Record):
     f: float
     """Statistic: the square of the change over its standard deviation."""
     share: float
-    """Part of the statistic that a change inside the usual range reaches, 0 to 1."""
+    """Part of the gain of log likelihood that a change inside the usual range reaches, 0 to 1."""
     degrees_of_freedom: float
     """Degrees of freedom of its denominator."""
     p_value: float
@@ -84,4 +84,4 @@ class MissingResults(Record):
     elements_key: str = ""
     """Key of the numbers of the elements in the arrays; "" if no field has elements."""
     statistic_key: str = ""
-    """Key of the largest statistic of the fields of each element."""
+    """Key of the largest gain of log likelihood by a usual change of the fields of each element."""
