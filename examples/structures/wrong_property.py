@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import femtune as ft
@@ -81,7 +82,7 @@ def _frame() -> str:
         inner = [21 + 5 * storey + i for i in range(4)]
         grids += [f"GRID,{n},,{0.32 * (i + 1):.2f},0.,{z}" for i, n in enumerate(inner)]
         chain = [left, *inner, right]
-        bars += [(101 + 10 * storey + i, 3 + storey, a, b) for i, (a, b) in enumerate(zip(chain, chain[1:]))]
+        bars += [(101 + 10 * storey + i, 3 + storey, a, b) for i, (a, b) in enumerate(pairwise(chain))]
     cards = ["SOL 103", "CEND", "METHOD = 1", "SPC = 1", "BEGIN BULK", "EIGRL,1,,,12", *grids]
     cards += [f"CBAR,{n},{pid},{a},{b},0.,1.,0." for n, pid, a, b in bars]
     cards += [f"PBAR,{pid},1,4.-4,3.-8,1.333-8,4.-8" for pid in (1, 2)]

@@ -1,4 +1,4 @@
-"""A wrong property that is no parameter is named, with the right sign, and heals the update; right models lack nothing."""
+"""A wrong property that is no parameter is named and heals the update; a right model lacks nothing."""
 
 from __future__ import annotations
 
