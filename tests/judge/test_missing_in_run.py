@@ -40,7 +40,7 @@ def test_reason_of_a_confirmed_field() -> None:
     ((weight, said),) = _reasons(0.001, _field(refit=_refit(1e-6), alike=("MAT1 1 E", "PSHELL 4 T", "PSHELL 5 T")))
     assert weight == "not accepted"
     assert "PSHELL 2 T (or what looks like it: MAT1 1 E, PSHELL 4 T and 1 more)" in said
-    assert "by +10 % it lowers χ² from 300 to 90" in said
+    assert "an increase by 10 % lowers χ² from 300 to 90" in said
 
 
 def test_what_is_not_confirmed_is_a_reservation() -> None:

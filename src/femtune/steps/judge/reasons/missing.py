@@ -30,10 +30,11 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
     first = found.fields[0]
     if confirmed(found, first):
         assert first.refit is not None
-        change = f"{100.0 * (first.refit.factor - 1.0):+.3g}"
+        change = 100.0 * (first.refit.factor - 1.0)
         yield reason(
             "not accepted", "judge.missing/at-limit" if first.refit.at_bound else "judge.missing", first.name,
-            field=_named(first), change=change, before=short(found.chi_square), after=short(first.refit.chi_square),
+            field=_named(first), change=f"{'an increase' if change > 0.0 else 'a decrease'} by {abs(change):.3g} %",
+            before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
         )  # fmt: skip
     elif first.share < _PLAUSIBLE_SHARE:
         yield reason("reservation", "judge.missing/implausible", chance=chance(found), tested=_tested(found))
