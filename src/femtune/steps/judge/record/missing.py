@@ -81,7 +81,8 @@ class MissingResults(Record):
     """The least adjusted p value of all; None if nothing was tested."""
     fields: tuple[MissingField, ...] = ()
     """The first groups of fields, those that explain most by a change inside their usual range first."""
-    elements_key: str = ""
-    """Key of the numbers of the elements in the arrays; "" if no field has elements."""
-    statistic_key: str = ""
-    """Key of the largest gain of log likelihood by a usual change of the fields of each element."""
+    elements_key: str | None = None
+    """Key of the numbers of the elements in the arrays; None if nothing was tested."""
+    statistic_key: str | None = None
+    """Key of the largest gain of log likelihood by a usual change of the fields of each element; None if nothing was
+    tested."""
