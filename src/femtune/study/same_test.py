@@ -22,8 +22,10 @@ def is_same_test(case: StudyCase, others: Iterable[StudyCase]) -> bool:
 
 
 def same_file(a: StudyCase, b: StudyCase) -> bool:
-    """True if the tests of both are read from the same files."""
-    return a.entry.test is not None and b.entry.test is not None and test_files(a.entry) == test_files(b.entry)
+    """True if the tests of both are the same records of the same files."""
+    if a.entry.test is None or b.entry.test is None:
+        return False
+    return (test_files(a.entry), a.entry.records) == (test_files(b.entry), b.entry.records)
 
 
 def enough(same: int, of: int) -> bool:

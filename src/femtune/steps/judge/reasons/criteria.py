@@ -99,7 +99,8 @@ def reasons_of_criteria(
         for c in correlations
         for one in c.criteria
     ]  # fmt: skip
-    yield from _failed([one for one in judged if one.beyond], acceptance, "judge.criterion-fails")
+    of_values = [one for one in judged if one.verdict != "fail" or one.beyond]
+    yield from _failed(of_values, acceptance, "judge.criterion-fails")
     if not acceptance.chosen:
         yield reason("reservation", "judge.no-standard")
         judged = [j for j in judged if j.standard == OWN]
