@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from femtune.steps.judge.reasons.accuracy import accuracy_reasons
 from femtune.steps.judge.reasons.alerts import alert_reasons
 from femtune.steps.judge.reasons.compared import compared_reasons
+from femtune.steps.judge.reasons.computed import computed_reasons
 from femtune.steps.judge.reasons.criteria import criteria_reasons
 from femtune.steps.judge.reasons.parameters import parameter_reasons
 from femtune.steps.judge.reasons.update import update_reasons
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 TOPICS: tuple[Callable[[Results], Iterable[ReasonRecord]], ...] = (
     update_reasons,
+    computed_reasons,
     compared_reasons,
     criteria_reasons,
     alert_reasons,
