@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from femtune.steps.judge.reasons import TOPICS
 from femtune.steps.judge.reasons.compared import reasons_of_comparisons
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from femtune.steps.judge.record.judgement import VerdictOfRun
     from femtune.steps.judge.record.reason import ReasonRecord
     from femtune.steps.results import Results
-    from femtune.study.record import Record
 
 _MOST_REASONS = 3
 """Reasons in the line of the verdict, which must fit a few lines of a terminal; the others are counted."""
@@ -25,7 +24,7 @@ _MOST_REASONS = 3
 _NOTHING_FOUND = "no check failed, and nothing was left out"
 
 
-def judgement(results: Results, facts: Mapping[str, Record], not_computed: Sequence[str] = ()) -> JudgementResults:
+def judgement(results: Results, facts: Mapping[str, Any], not_computed: Sequence[str] = ()) -> JudgementResults:
     """The verdict on a run.
 
     Parameters

@@ -10,6 +10,7 @@ from femtune.steps.judge.reasons.alerts import alert_reasons
 from femtune.steps.judge.reasons.compared import compared_reasons
 from femtune.steps.judge.reasons.computed import computed_reasons
 from femtune.steps.judge.reasons.criteria import criteria_reasons
+from femtune.steps.judge.reasons.missing import missing_reasons
 from femtune.steps.judge.reasons.parameters import parameter_reasons
 from femtune.steps.judge.reasons.update import update_reasons
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 TOPICS: tuple[Callable[[Results], Iterable[ReasonRecord]], ...] = (
     update_reasons,
+    missing_reasons,
     computed_reasons,
     compared_reasons,
     criteria_reasons,

@@ -10,9 +10,10 @@ from femtune.document.numbers import freq, listed, short
 from femtune.steps.judge.record.reason import ReasonRecord, reason
 
 if TYPE_CHECKING:
-    from femtune.steps.correlate.record.correlation import CorrelationResults
+    from femtune.steps.correlate.record.correlation import CorrelationResults, LeftOutMode, UnpairedTestMode
     from femtune.steps.info.record.model import ModelModes
     from femtune.steps.judge.record.acceptance import AcceptanceResults
+    from femtune.steps.judge.record.reason import Weight
     from femtune.steps.results import Results
 
 _TRANSLATIONS = 3
@@ -40,10 +41,11 @@ def reasons_of_comparisons(
     solved = {m.configuration: m for m in modes}
     heavy = [h for c in correlations if c.configuration in solved for h in _heavy(c, solved[c.configuration])]
     several = len(correlations) > 1
-    for weight, found in (
-        ("not accepted", [h for h in heavy if h.percent > acceptance.target_mass_percent]),
-        ("reservation", [h for h in heavy if h.percent <= acceptance.target_mass_percent]),
-    ):
+    by_weight: dict[Weight, list[_HeavyMode]] = {
+        "not accepted": [h for h in heavy if h.percent > acceptance.target_mass_percent],
+        "reservation": [h for h in heavy if h.percent <= acceptance.target_mass_percent],
+    }
+    for weight, found in by_weight.items():
         if found:
             names = [h.words(several) for h in found]
             code = "judge.model-mode-unpaired" if len(found) > 1 else "judge.model-mode-unpaired/one"
@@ -52,7 +54,9 @@ def reasons_of_comparisons(
 
 def _of_test_modes(correlations: Sequence[CorrelationResults], acceptance: AcceptanceResults) -> Iterable[ReasonRecord]:
     paired = sum(len(c.pairs) for c in correlations)
-    missing = [(c.configuration, m) for c in correlations for m in (*c.unpaired_test, *c.left_out)]
+    missing: list[tuple[str, UnpairedTestMode | LeftOutMode]] = [
+        (c.configuration, m) for c in correlations for m in (*c.unpaired_test, *c.left_out)
+    ]
     if not missing:
         return
     missing.sort(key=lambda entry: (entry[0], entry[1].test_freq_hz))
