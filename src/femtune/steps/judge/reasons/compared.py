@@ -54,9 +54,10 @@ def reasons_of_comparisons(
 
 def _of_test_modes(correlations: Sequence[CorrelationResults], acceptance: AcceptanceResults) -> Iterable[ReasonRecord]:
     paired = sum(len(c.pairs) for c in correlations)
-    missing: list[tuple[str, UnpairedTestMode | LeftOutMode]] = [
-        (c.configuration, m) for c in correlations for m in (*c.unpaired_test, *c.left_out)
-    ]
+    missing: list[tuple[str, UnpairedTestMode | LeftOutMode]] = []
+    for c in correlations:
+        missing += [(c.configuration, m) for m in c.unpaired_test]
+        missing += [(c.configuration, m) for m in c.left_out]
     if not missing:
         return
     missing.sort(key=lambda entry: (entry[0], entry[1].test_freq_hz))
