@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.residuals.asked import Asked, asked_covariance
 from femtune.residuals.case import PairedMode
-from femtune.residuals.kinds import RELATIVE_TO_FREQUENCY, RESIDUALS, FrequencyForm
+from femtune.residuals.kinds import RELATIVE_TO_FREQUENCY, FrequencyForm
 from femtune.residuals.pair import OfPairs, PairResidual, unknown_modes
 from femtune.residuals.weights import ResidualBlock, Weights
 
@@ -51,7 +51,7 @@ class FrequencyResidual(PairResidual):
     sd: float | Literal["test"]
     form: FrequencyForm = "frequency"
     key = "frequency"
-    label = RESIDUALS[key].label
+    label = "frequency"
 
     @property
     def of_ratio(self) -> bool:
@@ -123,7 +123,8 @@ class FrequencyCovariance(OfPairs):
         values = relative.whiten(errors, slopes)
         label = ", ".join(p.label for p in pairs)
         common, _ = relative.whiten(np.full(len(pairs), times), np.zeros((len(pairs), 0)))
-        return [self.block(pairs[0].case.name, label, *values, relative.scale, common=common)]
+        block = self.block(pairs[0].case.name, label, *values, relative.scale, common=common)
+        return [replace(block, modes=tuple(p.label for p in pairs))]
 
     def _covariance(self, pairs: Sequence[PairedMode]) -> Reals:
         test, at = pairs[0].case.test, [p.position for p in pairs]

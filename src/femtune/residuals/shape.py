@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -17,7 +17,7 @@ from femtune.modal import ModeSet
 from femtune.model import EigenSolution
 from femtune.residuals.asked import Asked, asked_weights, check_asked_mass_scaled
 from femtune.residuals.case import ComparedCase, PairedMode
-from femtune.residuals.kinds import RESIDUALS, ShapeScaling
+from femtune.residuals.kinds import ShapeScaling
 from femtune.residuals.pair import PairResidual
 from femtune.residuals.weights import ResidualBlock, Weights, as_weights
 
@@ -154,7 +154,7 @@ class ShapeResidual(PairResidual):
     of_largest: bool = False
     _placed: dict[str, Reals] = field(default_factory=dict, repr=False)
     key = "shape"
-    label = RESIDUALS[key].label
+    label = "shape"
 
     @property
     def of_ratio(self) -> bool:
@@ -215,7 +215,16 @@ class ShapeResidual(PairResidual):
         block = self.block(
             pair.case.name, pair.label, values, slopes, weights_of_pair.scale, lost=lost, covariance=covariance
         )
+        labels = tuple(str(known[int(i)]) for i in at[kept])
+        block = replace(block, sensors=labels, scaled=self._scaled(test, covariance))
         return block.whitened() if self.weights == "test" else block
+
+    def _scaled(self, test: Reals, covariance: Reals | None) -> Reals | None:
+        """(n,) the combination of equally weighted values that is lost to a scale that follows from the shape."""
+        if covariance is not None or self.scaling not in _FROM_THE_SHAPE:
+            return None
+        measured = test[~np.isnan(test)]
+        return np.asarray(measured / np.linalg.norm(measured))
 
     def _given(self, test: Reals) -> Weights:
         """The weights, in the scale in which a test shape is compared."""
@@ -286,7 +295,7 @@ class StrainResidual(ShapeResidual):
     """The same for strain shapes, at the sensors of the test that are strain gauges."""
 
     key = "strain"
-    label = RESIDUALS[key].label
+    label = "strain"
 
 
 def _asked_sensors(asked: Asked, labels: Iterable[str]) -> Iterator[Dof]:

@@ -100,6 +100,9 @@ class ResidualBlock:
     common : (n,) change of the values by a relative error of 1 that all values of the kind share; None if such an
         error has no meaning
     poles : measured and computed poles that the values compare; none for other kinds
+    sensors, modes : (n,) sensor and test mode of each value, where they differ within the block; empty otherwise
+    scaled : (n,) unit vector of the combination of the values that is lost to the scale of a shape; None if there is
+        none, or if `covariance` tells
     """
 
     kind: str
@@ -115,6 +118,14 @@ class ResidualBlock:
     common: Reals | None = field(default=None, repr=False)
     samples: LineSamples | None = field(default=None, repr=False)
     poles: tuple[PolePair, ...] = ()
+    sensors: tuple[str, ...] = ()
+    modes: tuple[str, ...] = ()
+    scaled: Reals | None = field(default=None, repr=False)
+
+    @property
+    def directions(self) -> Reals:
+        """(n, m) combinations of the values that are lost, as far as it is known which they are."""
+        return np.zeros((len(self.values), 0)) if self.scaled is None else self.scaled[:, None]
 
     @property
     def error(self) -> float:
@@ -124,6 +135,8 @@ class ResidualBlock:
     @property
     def label(self) -> str:
         """Text for tables."""
+        if not self.configuration:
+            return f"{self.kind} of {self.mode}"
         word = "mode " if self.of_mode else ""
         return f"{self.configuration} {word}{self.mode} {self.kind}"
 
@@ -136,7 +149,9 @@ class ResidualBlock:
         # a combination that is lost is zero; it keeps its scale
         scale = np.where(found, np.sqrt(np.where(found, variances, 1.0)), 1.0)
         root = (V / scale) @ V.T
-        return replace(self, values=root @ self.values, jacobian=root @ self.jacobian, covariance=None)
+        # the scale of a shape takes one combination; another kind of covariance is not singular
+        scaled = V[:, int(np.argmin(found))] if not found.all() else None
+        return replace(self, values=root @ self.values, jacobian=root @ self.jacobian, covariance=None, scaled=scaled)
 
 
 def without_common_error(blocks: Sequence[ResidualBlock], sd: float) -> tuple[ResidualBlock, ...]:

@@ -15,6 +15,7 @@ from femtune.steps.candidates.record import CandidatesResults
 from femtune.steps.correlate.record.correlation import CorrelationResults
 from femtune.steps.equalise.record import MappedDamping
 from femtune.steps.info.record.model import ModelFacts, ModelModes, SensorResults
+from femtune.steps.judge.record.judgement import JudgementResults
 from femtune.steps.modes.record import ModeShapes
 from femtune.steps.plan.record import PlanResults
 from femtune.steps.quantify.record import QuantifyResults
@@ -82,6 +83,8 @@ class Results(Record):
     """The updated deck; None if none was written."""
     validation: ValidationResults | None = None
     """Validation on data that were not used; None if not run."""
+    judgement: JudgementResults | None = None
+    """The verdict on the run; None if the run did not end, and in older results."""
     journal: JournalResults | None = None
     """Solutions of the full model, solved and recalled; None without a journal."""
     citations: tuple[CitationRecord, ...] = ()

@@ -61,7 +61,7 @@ class Finding(Enum):
 
 _FEWEST_SIGNS = 10
 """Residuals for a test of the sequence of their signs; fewer hardly ever reject."""
-_RANK = 1e-10
+RANK = 1e-10
 """Singular value of scaled columns relative to the largest, at or below which they are dependent."""
 
 
@@ -243,7 +243,7 @@ def _range(blocks: Sequence[ResidualBlock]) -> tuple[Reals, Reals]:
     J = np.vstack([b.jacobian for b in blocks])
     size = np.linalg.norm(J, axis=0)
     U, s, _ = np.linalg.svd(J[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    return r, U[:, s > _RANK * s.max(initial=0.0)]
+    return r, U[:, s > RANK * s.max(initial=0.0)]
 
 
 def _left_over(blocks: Sequence[ResidualBlock], optimum: bool) -> tuple[Reals, Reals]:

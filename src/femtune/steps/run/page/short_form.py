@@ -16,6 +16,7 @@ from femtune.document.numbers import (
     unit_fraction,
     value,
 )
+from femtune.steps.judge.page import LEVELS
 from femtune.steps.report_source import versions
 from femtune.steps.run.page.summary import summary
 from femtune.steps.specimens.page import specimen_blocks
@@ -196,7 +197,10 @@ def _some(lines: list[str], noun: str) -> list[str]:
 
 
 def verdict(source: ReportSource) -> tuple[str, Level]:
-    """One sentence and how serious it is."""
+    """One sentence and how serious it is: the verdict on the run; of results without a verdict how well they agree."""
+    judged = source.results.judgement
+    if judged is not None:
+        return judged.line, LEVELS[judged.verdict]
     update, before, after = source.results.update, source.scores("before"), source.scores(source.final_version)
     if before is None:
         return _without_modes(source, update)

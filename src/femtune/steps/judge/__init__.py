@@ -1,0 +1,26 @@
+"""The verdict on a run: accepted, accepted with reservations, or not accepted; a part of a run.
+
+Each topic has a module of the same name in `facts` (numerical results -> record), `reasons` (results -> reasons) and
+`page` (record -> blocks), where it needs them. `verdict` puts the reasons together.
+"""
+
+from __future__ import annotations
+
+from femtune.steps.step import ReportSection, Step
+
+STEP = Step(
+    "judge",
+    sections=(
+        ReportSection(
+            "judgement",
+            "Reasons for the verdict",
+            "judge.page:judgement",
+            intro=(
+                "A run is not accepted if one reason weighs that much; every other reason is a reservation. "
+                "It is accepted without reservations only if nothing was left out or failed."
+            ),
+            optional=True,
+            place=15,
+        ),
+    ),
+)

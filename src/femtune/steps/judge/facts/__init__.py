@@ -1,0 +1,13 @@
+"""Topics of the verdict that need a computation of their own: from the fit to a record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from femtune.steps.judge.finished_update import FinishedUpdate
+    from femtune.study.record import Record
+
+FACTS: Mapping[str, Callable[[FinishedUpdate], Record | None]] = {}
+"""By the field of `JudgementResults` that receives the record; None where the topic does not apply."""

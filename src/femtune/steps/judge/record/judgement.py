@@ -1,0 +1,23 @@
+"""The verdict on a run."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from femtune.steps.judge.record.reason import ReasonRecord
+from femtune.study.record import Record
+
+VerdictOfRun = Literal["accepted", "accepted with reservations", "not accepted"]
+
+
+class JudgementResults(Record):
+    """The verdict on a run, with its reasons; the records of its topics, each None if it does not apply."""
+
+    verdict: VerdictOfRun
+    """"accepted", "accepted with reservations" or "not accepted"."""
+    line: str
+    """The verdict with its most important reasons, in one sentence."""
+    reasons: tuple[ReasonRecord, ...] = ()
+    """All reasons, those not to accept the run first."""
+    not_computed: tuple[str, ...] = ()
+    """Topics that could not be judged because their computation failed, with the reason."""

@@ -1,0 +1,29 @@
+"""A reason for the verdict."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from femtune.errors import Notice
+from femtune.study.record import Record
+
+Weight = Literal["not accepted", "reservation"]
+
+
+class ReasonRecord(Record):
+    """A reason not to accept a run, or not without a reservation."""
+
+    code: str
+    """Stable code ``area.problem``; docs/errors has a page for each."""
+    weight: Weight
+    """"not accepted" or "reservation"."""
+    sentence: str
+    """The reason, without a full stop."""
+    place: str = ""
+    """What it is about: a configuration, mode, parameter or kind of residual; "" for the whole run."""
+
+
+def reason(weight: Weight, code: str, place: str = "", **facts: Any) -> ReasonRecord:
+    """A reason in the wording of the registry."""
+    said = Notice(code, **facts)
+    return ReasonRecord(code=said.code, weight=weight, sentence=said.what, place=place)

@@ -1,0 +1,58 @@
+"""The verdict on a run from its reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from femtune.steps.judge.reasons import TOPICS
+from femtune.steps.judge.record.judgement import JudgementResults
+
+if TYPE_CHECKING:
+    from femtune.steps.judge.record.judgement import VerdictOfRun
+    from femtune.steps.judge.record.reason import ReasonRecord
+    from femtune.steps.results import Results
+    from femtune.study.record import Record
+
+_MOST_REASONS = 3
+"""Reasons in the line of the verdict, which must fit a few lines of a terminal; the others are counted."""
+
+
+def judgement(results: Results, facts: Mapping[str, Record], not_computed: Sequence[str] = ()) -> JudgementResults:
+    """The verdict on a run.
+
+    Parameters
+    ----------
+    results : all records of the run
+    facts : records of the topics, by field of the judgement
+    not_computed : topics that could not be judged, with the reason
+    """
+    so_far = JudgementResults(verdict="accepted", line="", not_computed=tuple(not_computed), **facts)
+    results = results.model_copy(update={"judgement": so_far})
+    reasons = tuple(dict.fromkeys(r for topic in TOPICS for r in topic(results)))
+    reasons = tuple(sorted(reasons, key=lambda r: r.weight != "not accepted"))
+    verdict = verdict_of(reasons)
+    return so_far.model_copy(update={"verdict": verdict, "line": line_of(verdict, reasons), "reasons": reasons})
+
+
+def verdict_of(reasons: Sequence[ReasonRecord]) -> VerdictOfRun:
+    """Not accepted for one reason of that weight, accepted with reservations for any other.
+
+    Examples
+    --------
+    >>> from femtune.steps.judge.verdict import verdict_of
+    >>> verdict_of([])
+    'accepted'
+    """
+    if any(r.weight == "not accepted" for r in reasons):
+        return "not accepted"
+    return "accepted with reservations" if reasons else "accepted"
+
+
+def line_of(verdict: VerdictOfRun, reasons: Sequence[ReasonRecord]) -> str:
+    """The verdict in a sentence, with the first reasons of its weight."""
+    named = [r for r in reasons if verdict != "not accepted" or r.weight == "not accepted"]
+    more = len(named) - _MOST_REASONS
+    tail = [f"{more} more {'reason' if more == 1 else 'reasons'}"] if more > 0 else []
+    said = "; ".join([*(r.sentence for r in named[:_MOST_REASONS]), *tail])
+    return f"{verdict[0].upper()}{verdict[1:]}{said and ': '}{said}."
