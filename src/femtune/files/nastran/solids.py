@@ -155,7 +155,7 @@ def right_handed(card: str, nodes: NDArray[np.int64], xyz: Reals) -> tuple[NDArr
     shape = _SHAPES[card]
     corners = xyz[nodes[:, : shape.corners]]
     volume = np.stack([np.linalg.det(corners[:, others] - corners[:, [at]]) for at, *others in shape.sides], axis=1)
-    turned = (volume < 0.0).all(axis=1)
+    turned = np.asarray((volume < 0.0).all(axis=1))
     out = nodes.copy()
     out[turned] = nodes[turned][:, list(shape.turned[: nodes.shape[1]])]
     return out, turned
