@@ -96,8 +96,8 @@ class VibrationResults(Record):
     """Natural frequency of the highest of them, Hz."""
     highest_hz: float | None = None
     """Highest frequency that is excited, Hz; of a transient the one below which nearly all its energy lies."""
-    all_modes: bool = True
-    """True if all modes up to twice that frequency were computed; a solver computes what its input requests."""
+    chosen_modes: bool = True
+    """True if all modes that the excitation needs were computed; a solver computes what its input requests."""
     truncation_percent: float | None = None
     """Largest change of a level, in %, by the upper quarter of the modes' range: an estimate of what is left out."""
 

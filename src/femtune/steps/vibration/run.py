@@ -15,6 +15,7 @@ from femtune.dofs import DofSet
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.files.vibration_table import read_signal, read_vibration_table
 from femtune.model.damping import constant_damping, damping_table
+from femtune.model.eigen.default_count import MOST_MODES
 from femtune.model.response import make_ports
 from femtune.model.vibration import (
     ModalTransfer,
@@ -58,9 +59,9 @@ They show the resonances; all lines would multiply the size of the results.
 """
 
 
-MODES_TO = 2.0
-"""Modes are computed up to this many times the highest excited frequency: above the band they are nearly static, and
-their response falls with the square of their frequency."""
+MODES_TO = 3.0
+"""Modes are computed up to this many times the highest excited frequency, and at least as many as [modes] has. A mode
+beyond follows the base, or a force, within 1/9 of its own static response; of large models 200 are computed at most."""
 _CHECKED_FROM = 0.75
 """Part of the computed range above which modes are left out to estimate what the modes beyond the range contribute."""
 _ENERGY_OF_TRANSIENT = 0.999
@@ -125,7 +126,7 @@ def _modes(study: Study, test: VibrationTest, x: Reals, known: EigenSolution | N
     case = test.case(study)
     solver = study.solver if case.compared is None else case.compared.solver
     with errors_at_grid(study.built):
-        modes = solver.modes(case.configured.at(x), None, wanted_hz)
+        modes = solver.modes(case.configured.at(x), study.file.modes.count or 1, wanted_hz)
     return modes if known is None or modes.wanted > known.wanted else known
 
 
@@ -238,7 +239,7 @@ def _beside(
         modes_to_hz=after.highest_hz,
         highest_hz=test.highest_hz,
         truncation_percent=100.0 * _largest_change(fewer.levels, responses[1].levels),
-        all_modes=not study.source.needs_runs,
+        chosen_modes=not study.source.needs_runs and len(after.poles) < MOST_MODES,
         compared_hz=None if entry.kind == "transient" else test.band,
         compared_s=test.band if entry.kind == "transient" else None,
         curves=_kept((keep[0], entry.kind), keep[1], responses[0].curve, responses[1].curve, test.measured),

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 _LARGEST_TRUNCATION_PERCENT = 1.0
 """Change of a level of a vibration test by its upper modes, in %, from which the test is a reservation: damping is
 known to a few per cent at best, which changes levels by half of that."""
-_REPEATABILITY_PERCENT = 0.1
-"""Scatter of the frequencies of repeated modal tests, in %: a smaller error of the mesh does not matter."""
 
 
 def computed_reasons(results: Results) -> Iterable[ReasonRecord]:
@@ -22,9 +20,7 @@ def computed_reasons(results: Results) -> Iterable[ReasonRecord]:
     yield from _deck_as_written(results)
     yield from _coverage(results)
     yield from _vibration(results)
-    yield from _mesh(results)
     yield from _reduced_model(results)
-    yield from _truncated_frfs(results)
 
 
 def _deck_as_written(results: Results) -> Iterable[ReasonRecord]:
@@ -51,42 +47,15 @@ def _vibration(results: Results) -> Iterable[ReasonRecord]:
         if test.modes_to_hz is None or test.highest_hz is None or test.truncation_percent is None:
             continue
         facts = {"test": test.name, "last_hz": test.modes_to_hz, "highest_hz": test.highest_hz}
-        if not test.all_modes and test.modes_to_hz < test.highest_hz:
+        if not test.chosen_modes and test.modes_to_hz < test.highest_hz:
             yield reason("reservation", "judge.too-few-modes", test.configuration, **facts)
         elif test.truncation_percent > _LARGEST_TRUNCATION_PERCENT:
             change = test.truncation_percent
             yield reason("reservation", "judge.truncated", test.configuration, percent=change, **facts)
 
 
-def _mesh(results: Results) -> Iterable[ReasonRecord]:
-    """The error due to the mesh is beyond its limit, or beyond the scatter of the frequencies."""
-    scatter = _frequency_scatter(results)
-    for check in results.model_checks:
-        if check.check != "mesh" or check.measured is None:
-            continue
-        size, facts = abs(check.measured), {"error": check.measured, "configuration": check.configuration}
-        if size > check.limit:
-            yield reason("not accepted", "judge.mesh", check.configuration, limit=check.limit, **facts)
-        elif scatter is not None and size > max(scatter, _REPEATABILITY_PERCENT):
-            yield reason("reservation", "judge.mesh/above-scatter", check.configuration, scatter=scatter, **facts)
-
-
-def _frequency_scatter(results: Results) -> float | None:
-    """Root mean square error of the frequencies of the paired modes at the end, in %."""
-    last = [c for c in results.correlations if c.stage == results.correlations[-1].stage]
-    errors = [p.freq_error_percent for c in last for p in c.pairs]
-    return (sum(e * e for e in errors) / len(errors)) ** 0.5 if errors else None
-
-
 def _reduced_model(results: Results) -> Iterable[ReasonRecord]:
+    """A certificate that had nothing to compare; one that failed is an alert."""
     reduction = None if results.update is None else results.update.reduction
-    if reduction is not None and not reduction.certified:
-        yield reason("not accepted", "judge.not-certified", last_round=reduction.rounds[-1])
     if reduction is not None and reduction.frfs is not None and not reduction.frfs.compared:
-        yield reason("reservation", "judge.not-certified/nothing-compared")
-
-
-def _truncated_frfs(results: Results) -> Iterable[ReasonRecord]:
-    for found in () if results.update is None else results.update.frf_truncation:
-        if not found.small and found.stage == "after":
-            yield reason("reservation", "judge.frfs-truncated", found.configuration, outcome=found.sentence)
+        yield reason("reservation", "judge.reduced-not-compared")
