@@ -1,6 +1,6 @@
 """Is a wrong property found that is no parameter? Wrong and right models of a frame and a plate, updated and tested.
 
-    python benchmarks/missing/run.py [--models 100] [--stated true|default|small|large] [--out missing.json]
+    python benchmarks/missing/run.py [--models 100] [--structure frame|plate|both] [--stated …] [--out …]
 
 In a wrong model one field that is no parameter has another value in the structure than in the deck, by a random factor
 inside its usual errors; in a right one only the parameters have. All of it is seeded.
@@ -22,8 +22,6 @@ from scipy.stats import beta
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 
-from structures.wrong_property import FRAME, PLATE, WrongProperty
-
 from femtune.steps.judge.facts.missing import missing_fields
 from femtune.steps.judge.finished_update import FinishedUpdate
 from femtune.steps.results import Results
@@ -32,6 +30,7 @@ from femtune.study.progress import silent
 from femtune.study.study import load_study
 from femtune.study.update_method import method_of
 from femtune.updating import update
+from structures.wrong_property import FRAME, PLATE, WrongProperty
 
 NOISE = (0.003, 0.02)
 """Standard deviations of the frequencies, relative, and of the shapes."""
@@ -143,13 +142,14 @@ def main() -> None:
     """Run all models of both structures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--models", type=int, default=100, help="wrong models, and as many right ones")
+    parser.add_argument("--structure", choices=("frame", "plate", "both"), default="both")
     parser.add_argument("--stated", choices=STATED, default="true", help="standard deviations that the studies state")
     parser.add_argument("--out", type=Path, default=None, help="file for all trials and rates")
     asked = parser.parse_args()
-    trials = []
+    trials, chosen = [], {"frame": (FRAME,), "plate": (PLATE,), "both": (FRAME, PLATE)}[asked.structure]
     with tempfile.TemporaryDirectory() as folder:
         for i in range(2 * asked.models):
-            structure = (FRAME, PLATE)[i // 2 % 2]
+            structure = chosen[i // 2 % len(chosen)]
             trials.append(trial(structure, i % 2 == 0, STATED[asked.stated], 1000 + i, Path(folder) / "model"))
             print(trials[-1], flush=True)
     rates = summary(trials)
