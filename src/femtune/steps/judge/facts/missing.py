@@ -36,6 +36,8 @@ MOST_SHOWN = 8
 """Groups of fields in the record: beyond the first few, the order says little."""
 MOST_REFITTED = 3
 """Groups that are refitted: the culprit is among the first three in 95 % of wrong models."""
+MOST_DOFS = 250_000
+"""Free DOFs of a model whose fields are tested: the test needs as much memory as an iteration with derivatives."""
 MOST_DRAWN = 40_000
 """Elements of a mesh that is drawn: more are smaller than the dots of a printed page."""
 REFITTED_FROM_DOFS = 10_000
@@ -90,7 +92,7 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
         return MissingResults(reason=f"the model could not be extended by fields as parameters: {problem.what}")
     record = _record(result, end)
     if record is None:
-        return MissingResults(reason="no residual has a known distribution")
+        return MissingResults(reason="no residual has a known distribution, or only FRFs are compared")
     rows, columns, bounded = record
     of_fields = np.array([columns[:, list(f.factors)].sum(axis=1) for f in fields]).reshape(len(fields), len(rows.r)).T
     at_bound = _bounded_fields(result)
@@ -111,6 +113,9 @@ def _not_tested(study: Study, result: UpdateResult) -> str:
         return "the update did not end at an optimum"
     if result.status is Status.EXACT:
         return "all residuals are zero"
+    sizes = [state.case.on_full_model.configured.n_free for state in result.after.states]
+    if max(sizes, default=0) > MOST_DOFS:
+        return f"the model has more than {MOST_DOFS} free DOFs"
     if not result.after.has_derivatives or not result.active:
         return "nothing was updated"
     if result.parameters is not study.model.parameters and result.parameters != study.model.parameters:
@@ -249,10 +254,12 @@ def _record(result: UpdateResult, end: Evaluation) -> tuple[Whitened, Reals, Rea
     own = np.arange(len(names)) < k
     moving, bound = np.isin(names, result.active) & own, np.isin(names, result.at_bound) & own
     blocks = (*end.weighted, *(_padded(b, len(names) - k) for b in prior_blocks(result)))
-    rows = whitened_blocks(blocks, parameters, moving & ~bound, moving & bound)
-    everything = whitened_blocks(blocks, parameters, ~own, moving & bound)
-    if not len(rows.r):
+    if not blocks:
         return None
+    rows = whitened_blocks(blocks, parameters, moving & ~bound, moving & bound)
+    if "data" not in rows.roles:
+        return None
+    everything = whitened_blocks(blocks, parameters, ~own, moving & bound)
     spread = parameters.prior[1]
     return rows, everything.J / spread[~own], everything.bounded / spread[moving & bound]
 
