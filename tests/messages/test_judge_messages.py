@@ -8,6 +8,9 @@ from tests.messages.shown import check_shown
 from femtune.errors import Notice
 
 _CASES: dict[str, Notice] = {
+    "judge.deck-differs": Notice(
+        "judge.deck-differs", difference="MAT1 1 E is 2.1e+11 instead of 1.7e+11 for 4 elements"
+    ),
     "judge.no-optimum": Notice("judge.no-optimum", ending="the largest number of iterations was reached"),
 }
 
