@@ -7,22 +7,22 @@ test's, it may end at a minimum at which some modes are paired with the wrong pa
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import chdtrc
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.residuals import Evaluation, UpdateProblem
+from femtune.modal.shape_criteria import mac_where_defined
+from femtune.residuals import CaseState, Evaluation, PairedMode, UpdateProblem
 from femtune.residuals.pairing import LOW_MAC, OtherPairing, other_pairings
 from femtune.status import Status
-from femtune.updating.result import Iteration, UpdateResult
+from femtune.updating.kinds import TrialKind
+from femtune.updating.result import Iteration, MinimumSearch, Trial, UpdateResult
+from femtune.updating.search import GaussNewton
 from femtune.updating.sensitivity_method import SensitivityMethod, Walk, moving_parameters, update
 from femtune.updating.starts import StartRules, objective_over, starting_points, united
-
-TrialKind = Literal["pairing", "start"]
 
 BETTER = 1e-3
 """Part of χ² by which another minimum has to be lower: less is the tolerance of the iterations."""
@@ -30,6 +30,11 @@ _SUSPECT = 0.05
 """Probability of χ² by chance below which the residuals are reason enough to look for another minimum."""
 _LEAST_EFFORT = 10
 """Iterations that trials may take at least, where the update itself took few."""
+
+_MOST_RANKED = 40
+"""Other pairings that are assessed by the linear model: each costs the derivatives of one or two pairs."""
+_WORSE = 0.01
+"""Frequency error from which it matters that it has grown."""
 
 
 @dataclass(frozen=True)
@@ -41,68 +46,16 @@ class MinimumRules:
     swaps : other pairings at most
     starts : other initial values at most, where a model is cheap
     effort : iterations of all trials, as a multiple of those of the update
-    cheap_dofs : free DOFs of all full models together up to which a model is cheap; reduced models always are
-    large_dofs : the same above which a single pairing is tried, and the others are named
+    small_effort : the same where the model is small
+    small_dofs : free DOFs of all full models together up to which a model is small. There and on reduced models starts
+        are tried, and on larger ones a single pairing; the others are named
     """
 
     swaps: int = 4
     starts: int = 6
-    effort: float = 4.0
-    cheap_dofs: int = 1_000
-    large_dofs: int = 20_000
-
-
-@dataclass(frozen=True)
-class Trial:
-    """Another pairing or start, and where it ended.
-
-    Parameters
-    ----------
-    sentence : what was tried
-    chi_square : at its end, over the comparisons of both ends; infinite where it was not solved
-    before : χ² over the same comparisons of the best end until then
-    iterations : that it took
-    better : whether it became the result
-    """
-
-    kind: TrialKind
-    sentence: str
-    chi_square: float
-    before: float
-    iterations: int
-    better: bool
-
-
-@dataclass(frozen=True)
-class MinimumSearch:
-    """What was tried beyond an update.
-
-    Parameters
-    ----------
-    reasons : why; none where nothing suggests another minimum, and nothing was tried
-    first_chi_square : of the update as it had ended
-    chi_square : over the same comparisons, of the result
-    trials : in their order
-    left : other pairings that were not tried, in words
-    update_iterations : of the update itself
-    """
-
-    reasons: tuple[str, ...]
-    first_chi_square: float
-    chi_square: float
-    trials: tuple[Trial, ...] = ()
-    left: tuple[str, ...] = ()
-    update_iterations: int = 0
-
-    @property
-    def improved(self) -> bool:
-        """True if the result is a better minimum than that where the update had ended."""
-        return any(trial.better for trial in self.trials)
-
-    @property
-    def iterations(self) -> int:
-        """Of all trials."""
-        return sum(trial.iterations for trial in self.trials)
+    effort: float = 1.0
+    small_effort: float = 4.0
+    small_dofs: int = 1_000
 
 
 def look_further(
@@ -111,8 +64,8 @@ def look_further(
     found: UpdateResult,
     rules: MinimumRules = MinimumRules(),
     report: Callable[[Iteration], None] = lambda i: None,
-) -> tuple[UpdateResult, MinimumSearch]:
-    """The better minimum of an update, and what was tried for it.
+) -> UpdateResult:
+    """The better minimum of an update, with what was tried for it in `UpdateResult.minimum`.
 
     With another pairing the update goes on from its end, the pairs held; from where this ends it goes on with pairs by
     their MACs again. A trial becomes the result if it ends at an optimum whose χ² is lower over the same comparisons:
@@ -134,20 +87,37 @@ class _Search:
     rules: MinimumRules
     best: UpdateResult
     report: Callable[[Iteration], None]
+    trials: list[Trial] = field(default_factory=list)
 
-    def go(self) -> tuple[UpdateResult, MinimumSearch]:
-        first, reasons = self.best, self._reasons()
-        self.trials: list[Trial] = []
-        self.used = len(first.history) - 1
+    def __post_init__(self) -> None:
+        self.used = len(self.best.history) - 1
+        dofs = [case.configured.n_free for case in self.problem.cases if case.full is None]
+        self._small = bool(dofs) and sum(dofs) <= self.rules.small_dofs
+        self._reduced = not dofs
+
+    def go(self) -> UpdateResult:
+        """The better minimum."""
+        first, reasons = self.best, self._reasons() if self._applies else []
         left: list[str] = []
-        if reasons and self.method.max_iterations:
-            left = self._pairings()
-            if self._dofs() <= self.rules.cheap_dofs:
+        if reasons:
+            left = self._pairings() if self._compares_modes else []
+            if self._small or self._reduced:
                 self._starts()
         tests = united([first.after.tests, self.best.after.tests])
         before, now = (2.0 * objective_over(self.problem, r, tests) for r in (first, self.best))
         made = MinimumSearch(tuple(reasons), before, now, tuple(self.trials), tuple(left), self.used)
-        return self.best, made
+        return replace(self.best, minimum=made)
+
+    @property
+    def _compares_modes(self) -> bool:
+        return any(block.of_modes for block in self.best.after.blocks)
+
+    @property
+    def _applies(self) -> bool:
+        """False where the way to the end belongs to the answer: full steps of a textbook, constraints of single steps."""
+        method, side = self.method, self.best.side
+        own_way = isinstance(method.search, GaussNewton) or method.adapt or side.renewed is not None
+        return method.max_iterations > 0 and not own_way
 
     def _reasons(self) -> list[str]:
         """What suggests another minimum; an exact fit and a good one with clear pairs need none."""
@@ -156,31 +126,27 @@ class _Search:
             return []
         if not self.best.status.ok:
             out.append("the update did not end at an optimum")
-        low = [p for p in _pairs(at) if p[1] < LOW_MAC]
-        if low:
-            out.append(f"the lowest MAC of a pair is {min(mac for _, mac in low):.2f}")
-        if self.best.events:
-            out.append("the pairing of modes changed during the update")
+        if self._compares_modes:
+            lowest = min(_macs(at), default=1.0)
+            out += [f"the lowest MAC of a pair is {lowest:.2f}"] if lowest < LOW_MAC else []
+            out += ["the pairing of modes changed during the update"] if self.best.events else []
         free = at.independent - len(self.best.x)
         if self.problem.scatter == "stated" and free > 0 and chdtrc(free, 2.0 * at.objective) < _SUSPECT:
             out.append("the residuals are larger than noise of the stated size")
-        if any(abs(after) > abs(before) and abs(after) > _WORSE for before, after in _frequency_errors(self.best)):
+        if self._compares_modes and _grown_error(self.best):
             out.append("a frequency is worse than at the start")
         return out
-
-    def _dofs(self) -> int:
-        """Free DOFs of the models on which it searches, those of reduced models aside."""
-        return sum(case.configured.n_free for case in self.problem.cases if case.full is None)
 
     @property
     def _spare(self) -> int:
         """Iterations that are left for trials."""
-        allowed = max(int(self.rules.effort * self.used), _LEAST_EFFORT)
+        effort = self.rules.small_effort if self._small else self.rules.effort
+        allowed = max(int(effort * self.used), _LEAST_EFFORT)
         return allowed - sum(trial.iterations for trial in self.trials)
 
     def _pairings(self) -> list[str]:
         """Other pairings from the best end, again from every better one; those that are left, in words."""
-        most = self.rules.swaps if self._dofs() <= self.rules.large_dofs else 1
+        most = self.rules.swaps if self._small or self._reduced else 1
         tried: set[str] = set()
         while True:
             open_ = [one for one in self._ranked() if one.sentence not in tried]
@@ -198,7 +164,7 @@ class _Search:
             if state.groups
             for one in other_pairings(i, state.case, state.groups, state.solution)
         ]
-        if len(found) < 2 or self._dofs() > self.rules.large_dofs:
+        if len(found) < 2 or not (self._small or self._reduced):
             return found
         walk = self._walk()
         worth = {}
@@ -210,21 +176,21 @@ class _Search:
     def _walk(self) -> Walk:
         return Walk(self.problem, moving_parameters(self.problem, self.best.active), self.best.side)
 
-    def _states(self, one: OtherPairing):  # type: ignore[no-untyped-def]
+    def _states(self, one: OtherPairing) -> list[CaseState]:
         states = list(self.best.after.states)
         states[one.case] = states[one.case].with_groups(one.groups)
         return states
 
-    def _swapped(self, one: OtherPairing) -> tuple[UpdateResult | None, list[Iteration]]:
+    def _swapped(self, one: OtherPairing) -> _Way:
         """The update with other pairs that are held, and from its end with pairs by their MACs."""
         held = replace(self.problem, pairing_held=True)
-        start = held.assess(self.best.x, self._states(one))
-        way = self._update(held, start, smallest=False)
+        way = self._update(held, held.assess(self.best.x, self._states(one)), smallest=False)
         tests = united([self.best.after.tests, way.after.tests])
-        if not self._lower(2.0 * objective_over(held, way, tests), 2.0 * objective_over(self.problem, self.best, tests)):
-            return None, list(way.history)
+        reached, before = (2.0 * objective_over(self.problem, r, tests) for r in (way, self.best))
+        if not _lower(reached, before):
+            return _Way(way, way.history, ends_held=True)
         found = self._update(self.problem, self.problem.start(way.x))
-        return found, [*way.history, *found.history[1:]]
+        return _Way(found, (*way.history, *found.history[1:]), held=reached)
 
     def _update(self, problem: UpdateProblem, start: Evaluation, smallest: bool = True) -> UpdateResult:
         most = min(self.method.max_iterations, max(self._spare, _LEAST_EFFORT))
@@ -243,70 +209,70 @@ class _Search:
             x = np.where(moving, point, nominal)
             self._judge("start", f"start {i} of {len(points)}", lambda x=x: self._from(x))  # type: ignore[misc]
 
-    def _from(self, x: Reals) -> tuple[UpdateResult | None, list[Iteration]]:
+    def _from(self, x: Reals) -> _Way:
         found = self._update(self.problem, self.problem.start(x))
-        return found, list(found.history)
+        return _Way(found, found.history)
 
-    def _judge(
-        self, kind: TrialKind, sentence: str, trial: Callable[[], tuple[UpdateResult | None, list[Iteration]]]
-    ) -> None:
+    def _judge(self, kind: TrialKind, sentence: str, trial: Callable[[], _Way]) -> None:
         """Make a trial, and keep the better end."""
         try:
-            found, way = trial()
+            way = trial()
         except FemtuneError:
             self.trials.append(Trial(kind, sentence, np.inf, 2.0 * self.best.objective, 1, False))
             return
-        if found is None:
-            self.trials.append(Trial(kind, sentence, 2.0 * way[-1].objective, 2.0 * self.best.objective, len(way) - 1, False))
-            return
-        tests = united([self.best.after.tests, found.after.tests])
-        old, new = (2.0 * objective_over(self.problem, r, tests) for r in (self.best, found))
-        better = self._lower(new, old) and (found.status.ok or not self.best.status.ok)
-        self.trials.append(Trial(kind, sentence, new, old, max(len(way) - 1, 1), better))
+        tests = united([self.best.after.tests, way.end.after.tests])
+        old, new = (2.0 * objective_over(self.problem, r, tests) for r in (self.best, way.end))
+        fit = way.end.status.ok or not self.best.status.ok
+        better = not way.ends_held and fit and _lower(new, old)
+        self.trials.append(Trial(kind, sentence, new, old, max(len(way.history) - 1, 1), better, way.held))
         if better:
-            self._take(found, way, sentence, old, new)
+            self._take(way, sentence, old, new)
 
-    def _take(self, found: UpdateResult, way: list[Iteration], sentence: str, old: float, new: float) -> None:
+    def _take(self, way: _Way, sentence: str, old: float, new: float) -> None:
         """The result with the way to it behind the history so far."""
-        history = list(self.best.history)
-        event = f"a better minimum was found ({sentence}): χ² {old:.5g} before, {new:.5g} now"
-        offset = len(history)
-        for i, iteration in enumerate(way):
-            events = (event, *iteration.events) if i == len(way) - 1 else iteration.events
-            history.append(replace(iteration, number=offset + i, events=events, long_step=False))
+        history, offset = list(self.best.history), len(self.best.history)
+        told = f"a better minimum was found ({sentence}): χ² {old:.5g} before, {new:.5g} now"
+        for i, iteration in enumerate(way.history, start=1):
+            last = told if i == len(way.history) else ""
+            history.append(replace(iteration, number=offset + i - 1, better_minimum=last))
             self.report(history[-1])
-        number = offset + len(way) - len(found.history) + found.number
-        self.best = replace(found, before=self.best.before, history=tuple(history), number=number)
-
-    @staticmethod
-    def _lower(new: float, old: float) -> bool:
-        return new < (1.0 - BETTER) * old
+        number = len(history) - len(way.end.history) + way.end.number
+        self.best = replace(way.end, before=self.best.before, history=tuple(history), number=number)
 
 
-_MOST_RANKED = 40
-"""Other pairings that are assessed by the linear model: each costs the derivatives of one or two pairs."""
-_WORSE = 0.01
-"""Frequency error from which it matters that it has grown."""
+def _lower(new: float, old: float) -> bool:
+    return new < (1.0 - BETTER) * old
 
 
-def _pairs(at: Evaluation) -> list[tuple[str, float]]:
-    from femtune.modal.shape_criteria import mac_where_defined
+@dataclass(frozen=True)
+class _Way:
+    """Where a trial ended, all points on its way, and χ² where its pairs were held; `ends_held`: it ended there."""
 
-    out = []
-    for state in at.states:
-        for pair in state.pairs(derivatives=False) if state.groups else ():
-            mac = float(mac_where_defined(pair.test_shape[:, None], pair.shape[:, None])[0, 0])
-            if np.isfinite(mac):
-                out.append((pair.label, mac))
-    return out
+    end: UpdateResult
+    history: tuple[Iteration, ...]
+    held: float | None = None
+    ends_held: bool = False
 
 
-def _frequency_errors(result: UpdateResult) -> list[tuple[float, float]]:
-    """Relative errors of the test modes that are paired before and after."""
-    before, after = ({(s.case.name, p.position): p for s in at.states if s.groups for p in s.pairs(derivatives=False)}
-                     for at in (result.before, result.after))
-    return [(_error(before[key]), _error(after[key])) for key in before.keys() & after.keys() if after[key].test_hz]
+def _pairs(at: Evaluation) -> dict[tuple[str, int], PairedMode]:
+    """Paired modes by configuration and position of the test mode."""
+    pairs = (p for state in at.states if state.groups for p in state.pairs(derivatives=False))
+    return {(p.case.name, p.position): p for p in pairs}
 
 
-def _error(pair) -> float:  # type: ignore[no-untyped-def]
-    return float(np.sqrt(max(pair.eigenvalue, 0.0)) / (2.0 * np.pi)) / pair.test_hz - 1.0
+def _macs(at: Evaluation) -> list[float]:
+    """MAC of each pair that has one."""
+    every = (mac_where_defined(p.test_shape[:, None], p.shape[:, None])[0, 0] for p in _pairs(at).values())
+    return [float(mac) for mac in every if np.isfinite(mac)]
+
+
+def _grown_error(result: UpdateResult) -> bool:
+    """True if a frequency that is paired before and after has a larger error after, and one that matters."""
+    before, after = _pairs(result.before), _pairs(result.after)
+    errors = [(_error(before[key]), _error(after[key])) for key in before.keys() & after.keys()]
+    return any(now > max(then, _WORSE) for then, now in errors)
+
+
+def _error(pair: PairedMode) -> float:
+    freq_hz = float(np.sqrt(max(pair.eigenvalue, 0.0)) / (2.0 * np.pi))
+    return abs(freq_hz / pair.test_hz - 1.0) if pair.test_hz > 0.0 else 0.0

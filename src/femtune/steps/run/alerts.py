@@ -128,6 +128,9 @@ def _of_update(results: Results) -> Iterable[Alert]:
         iterations = len({event.iteration for event in update.pairing_events})
         code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
         yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
+    merged = [f"{event.configuration}: {event.sentence}" for event in update.pairing_events if event.merged]
+    if merged:
+        yield alert("warning", "update.pairs-merged", pairs="; ".join(merged))
     yield from _of_intervals(update)
     yield from _of_stages(update.stages)
     if update.goodness is not None:

@@ -196,7 +196,7 @@ class History:
             "objective": iteration.objective,
             "parameters": self.parameters.values(iteration.x),
             "at_bound": iteration.at_bound,
-            "events": iteration.events,
+            "events": [*iteration.events, *filter(None, [iteration.better_minimum])],
         }
         try:
             with self.path.open("a", encoding="utf-8") as stream:
