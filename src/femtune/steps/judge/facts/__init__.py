@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from femtune.steps.judge.facts.missing import missing_fields
+
 if TYPE_CHECKING:
     from femtune.steps.judge.finished_update import FinishedUpdate
     from femtune.study.record import Record
 
-FACTS: Mapping[str, Callable[[FinishedUpdate], Record | None]] = {}
+FACTS: Mapping[str, Callable[[FinishedUpdate], Record | None]] = {
+    "missing": missing_fields,
+}
 """By the field of `JudgementResults` that receives the record; None where the topic does not apply."""

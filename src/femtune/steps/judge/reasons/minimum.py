@@ -11,6 +11,7 @@ from femtune.document.numbers import counted
 from femtune.steps.judge.record.reason import ReasonRecord, reason
 
 if TYPE_CHECKING:
+    from femtune.steps.correlate.record.correlation import ModelVersion
     from femtune.steps.results import Results
     from femtune.steps.update.record.search import MinimumResults, TrialFacts
 
@@ -28,7 +29,8 @@ def minimum_reasons(results: Results) -> Iterable[ReasonRecord]:
     update = results.update
     if update is not None and update.minimum is not None:
         yield from _of_search(update.minimum)
-    yield from _of_frequencies(results)
+    written = any(comparison.stage == "after as written" for comparison in results.correlations)
+    yield from _of_frequencies(results, "after as written" if written else "after")
 
 
 def _of_search(found: MinimumResults) -> Iterator[ReasonRecord]:
@@ -54,9 +56,9 @@ def _open(trial: TrialFacts, found: MinimumResults) -> bool:
     return trial.held is not None and trial.held < found.chi_square - 1.0
 
 
-def _of_frequencies(results: Results) -> Iterator[ReasonRecord]:
+def _of_frequencies(results: Results, final: ModelVersion) -> Iterator[ReasonRecord]:
     """Of the test modes that are paired before and after: the root mean square, and single ones."""
-    before, after = _errors(results, "before"), _errors(results, "after")
+    before, after = _errors(results, "before"), _errors(results, final)
     both = [key for key in before if key in after]
     if not both:
         return
@@ -76,11 +78,11 @@ def _of_frequencies(results: Results) -> Iterator[ReasonRecord]:
             yield reason("reservation", "judge.frequency-worse", modes=told)
 
 
-def _errors(results: Results, version: str) -> dict[tuple[str, str], float]:
+def _errors(results: Results, version: ModelVersion) -> dict[tuple[str, str], float]:
     """Frequency errors in per cent by configuration and test mode."""
     return {
         (comparison.configuration, pair.test_label): pair.freq_error_percent
         for comparison in results.correlations
-        if comparison.model_version == version
+        if comparison.stage == version
         for pair in comparison.pairs
     }
