@@ -8,6 +8,21 @@ from tests.messages.shown import check_shown
 from femtune.errors import Notice
 
 _CASES: dict[str, Notice] = {
+    "judge.better-minimum": Notice(
+        "judge.better-minimum", tried="as built: test mode 8 with model mode 8", first=344.21, now=30.512
+    ),
+    "judge.pairing-open": Notice(
+        "judge.pairing-open",
+        pairs="as built: test mode 4 with model mode 5 and test mode 5 with model mode 4",
+        before=161.2,
+        held=129.4,
+    ),
+    "judge.pairing-not-tried": Notice(
+        "judge.pairing-not-tried",
+        pairs="as built: test mode 8 with model mode 8; as built: test mode 9 with model mode 8",
+    ),
+    "judge.frequencies-worse": Notice("judge.frequencies-worse", before=1.42, after=2.63),
+    "judge.frequency-worse": Notice("judge.frequency-worse", modes="as built: mode 5 (+0.40 % before, −2.10 % after)"),
     "judge.missing": Notice(
         "judge.missing",
         field="PSHELL 2 T (or what looks like it: MAT1 1 E)",

@@ -132,7 +132,9 @@ class OtherPairing:
     sentence: str
 
 
-def other_pairings(position: int, case: ComparedCase, groups: Sequence[Group], solution: EigenSolution) -> list[OtherPairing]:
+def other_pairings(
+    position: int, case: ComparedCase, groups: Sequence[Group], solution: EigenSolution
+) -> list[OtherPairing]:
     """Exchanges of partners that the MACs leave open, the most likely first; of pairs that are fixed by hand none.
 
     Two test modes exchange their partners, or one takes a model mode that has none. It is open where the sum of MACs

@@ -1,13 +1,14 @@
 """Is there a better minimum? After an update, other pairings that the MACs leave open are tried, and a few starts.
 
-An update descends from its start, with pairs that follow from the MACs on its way. Where modes are close, or far from the
-test's, it may end at a minimum at which some modes are paired with the wrong partners, or simply in another valley.
+An update descends from its start, with pairs that follow from the MACs on its way. Where modes are close, or far from
+the test's, it may end at a minimum at which some modes have the wrong partners, or in another valley.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import chdtrc
@@ -110,11 +111,11 @@ class _Search:
 
     @property
     def _compares_modes(self) -> bool:
-        return any(block.of_modes for block in self.best.after.blocks)
+        return any(block.of_mode for block in self.best.after.blocks)
 
     @property
     def _applies(self) -> bool:
-        """False where the way to the end belongs to the answer: full steps of a textbook, constraints of single steps."""
+        """False where the way belongs to the answer: full steps of a textbook, constraints of single steps."""
         method, side = self.method, self.best.side
         own_way = isinstance(method.search, GaussNewton) or method.adapt or side.renewed is not None
         return method.max_iterations > 0 and not own_way
@@ -153,7 +154,7 @@ class _Search:
             if not open_ or len(tried) == most or self._spare <= 0:
                 return [one.sentence for one in open_]
             tried.add(open_[0].sentence)
-            self._judge("pairing", open_[0].sentence, lambda: self._swapped(open_[0]))
+            self._judge("pairing", open_[0].sentence, partial(self._swapped, open_[0]))
 
     def _ranked(self) -> list[OtherPairing]:
         """Other pairings by the objective that the linear model expects after a step with them."""
@@ -207,7 +208,7 @@ class _Search:
             if self._spare <= 0:
                 return
             x = np.where(moving, point, nominal)
-            self._judge("start", f"start {i} of {len(points)}", lambda x=x: self._from(x))  # type: ignore[misc]
+            self._judge("start", f"start {i} of {len(points)}", partial(self._from, x))
 
     def _from(self, x: Reals) -> _Way:
         found = self._update(self.problem, self.problem.start(x))

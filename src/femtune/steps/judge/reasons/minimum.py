@@ -25,7 +25,7 @@ _MOST_NAMED = 3
 
 
 def minimum_reasons(results: Results) -> Iterable[ReasonRecord]:
-    """A better minimum than that where the update ended, pairings that are open, frequencies worse than at the start."""
+    """Minima better than that where the update ended, pairings that are open, frequencies worse than at the start."""
     update = results.update
     if update is not None and update.minimum is not None:
         yield from _of_search(update.minimum)

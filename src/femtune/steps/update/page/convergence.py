@@ -26,11 +26,11 @@ _MOST_LEFT = 3
 """Other pairings that a sentence names."""
 _ENOUGH_STARTS = 2
 """Starts that have to reach a minimum for it to be called the best one."""
-_POLES_TRIALS_NOTE = (
+_TRIALS_NOTE = (
     "With another pairing the update goes on from its end with these pairs held, then with pairs by their MACs. χ² of "
     "both ends is over the same comparisons: a test mode without a partner is compared with the nearest model mode."
 )
-_NOTE = (
+_POLES_NOTE = (
     "Of a pole λ the frequency is |λ|/2π, and the damping ratio −Re λ/|λ|. Close modes that are paired together have "
     "one mean pole."
 )
@@ -206,9 +206,8 @@ def minimum_sentences(update: UpdateResults) -> list[str]:
     if not found.trials:
         return [f"{why}: nothing was tried; the MACs leave no other pairing open. {_left(found)}".rstrip()]
     kinds = [t.kind for t in found.trials]
-    tried = listed(
-        counted(n, word) for n, word in ((kinds.count("pairing"), "other pairing"), (kinds.count("start"), "start")) if n
-    )
+    counts = ((kinds.count("pairing"), "other pairing"), (kinds.count("start"), "start"))
+    tried = listed(counted(n, word) for n, word in counts if n)
     cost = f"{tried}, {counted(found.iterations, 'iteration')} beside {found.update_iterations} of the update"
     if not found.improved:
         return [f"{why}: {cost}; none ended at a lower χ². {_left(found)}".rstrip()]
@@ -318,8 +317,8 @@ def _trials(update: UpdateResults) -> list[Block]:
         )
         for t in found.trials
     )  # fmt: skip
-    words = [Paragraph(text) for text in minimum_sentences(update)]
-    return [*words, Table("Other pairings and starts that were tried", heads, rows, _TRIALS_NOTE)] if rows else [*words]
+    words: list[Block] = [Paragraph(text) for text in minimum_sentences(update)]
+    return [*words, Table("Other pairings and starts that were tried", heads, rows, _TRIALS_NOTE)] if rows else words
 
 
 def _table(update: UpdateResults) -> Block:
