@@ -104,8 +104,10 @@ class _Search:
             left = self._pairings() if self._compares_modes else []
             if self._small or self._reduced:
                 self._starts()
-        tests = united([first.after.tests, self.best.after.tests])
-        before, now = (2.0 * objective_over(self.problem, r, tests) for r in (first, self.best))
+        before = now = 2.0 * first.objective
+        if self.best is not first:
+            tests = united([first.after.tests, self.best.after.tests])
+            before, now = (2.0 * objective_over(self.problem, r, tests) for r in (first, self.best))
         made = MinimumSearch(tuple(reasons), before, now, tuple(self.trials), tuple(left), self.used)
         return replace(self.best, minimum=made)
 

@@ -449,7 +449,7 @@ def update_reduced(
     report, start, active : as for `update`
     told : receives the progress of training and searches
     search : reduced models of an earlier update of the same problem, which are not trained again
-    further : with it, a better minimum is looked for on the reduced models where the search has ended, see `look_further`
+    further : with it, a better minimum is looked for on the reduced models after the first search, see `look_further`
 
     Raises
     ------
