@@ -127,7 +127,7 @@ def test_only_pairings_that_the_macs_leave_open_are_tried() -> None:
     turned = state.case.test.shapes @ np.array([[1.0, 1.0], [1.0, -1.0]])
     test = ModeSet(state.case.test.freq_hz, turned, state.case.test.dofs)
     (other,) = other_pairings(0, replace(state.case, test=test), state.groups, state.solution)
-    assert {group for group in other.groups} != set(state.groups)
+    assert set(other.groups) != set(state.groups)
     assert "test mode 1 with model mode 2 and test mode 2 with model mode 1" in other.sentence
     fixed = replace(state.case, test=test, fixed=((0, 0),))
     assert not other_pairings(0, fixed, state.groups, state.solution)

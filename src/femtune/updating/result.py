@@ -100,7 +100,7 @@ class Trial:
     before : χ² over the same comparisons of the best end until then
     iterations : that it took
     better : whether it became the result
-    held : χ² where the update with another pairing ended while its pairs were held; None of a start, or without any gain
+    held : χ² where the update with another pairing ended while its pairs were held; None of a start, or without gain
     """
 
     kind: TrialKind
@@ -151,8 +151,8 @@ class UpdateResult:
     `x` are normalised free parameters; `covariance` is of x; `active` are the names of the parameters that were moved;
     `side` is the side constraint as it was settled. `number` is that of the result in the history: the last one where
     the iteration ended at an optimum, otherwise the best one. `certificate` is None of several updates in turn.
-    `smallest_change` is None if the result is a minimum inside the bounds. `minimum` is what was tried beyond the update,
-    None where nothing was to be tried.
+    `smallest_change` is None if the result is a minimum inside the bounds. `minimum` is what was tried beyond the
+    update; None where nothing was to be tried.
     """
 
     parameters: ParameterSet
