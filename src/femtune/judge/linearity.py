@@ -21,7 +21,7 @@ STEP = 1.5
 """Distance in standard deviations at which the true χ² is evaluated: inside the 95 % interval, and far enough for its
 curvature to show."""
 CURVED = 3.84
-"""Excess of the true over the linear χ² from which the data refute a point that is likely by the linear distribution: the
+"""Excess of the true over the linear χ² from which the data refute a point that the linear distribution allows: the
 95 % quantile of χ² with one degree of freedom."""
 FLAT = 0.25
 """True over linear increase of χ², below which the true distribution is at least twice as wide."""
