@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from femtune.steps.report_source import ReportSource
 
 _NOTE = (
-    "Increase of χ² over that of the result, at a distance along the principal axes of the covariance. An axis is named "
-    "by its largest parts. Where the increase of the model is much larger than that of the linearised residuals, the "
+    "Increase of χ² over that of the result, along the principal axes of the covariance. An axis is named by its "
+    "largest parts. Where the increase of the model is much larger than that of the linearised residuals, the "
     "valley of χ² is curved, and standard deviations and intervals do not apply."
 )
 
@@ -29,8 +29,10 @@ def linearity_blocks(source: ReportSource) -> list[Block]:
         return [Paragraph(f"Whether χ² is a parabola near the result was not tested: {why}.", tone="muted")]
     heads = columns("Principal axis", ">Standard deviations", ">Linear increase of χ²", ">of the model", "Linear")
     rows = tuple(
-        row(p.axis, f"{p.step:+.2f}".replace("-", "−"), short(p.linear), "not solved" if p.true is None else short(p.true),
-            "no" if p.curved else "yes")
+        row(
+            p.axis, f"{p.step:+.2f}".replace("-", "−"), short(p.linear),
+            "not solved" if p.true is None else short(p.true), "no" if p.curved else "yes",
+        )
         for p in found.points
     )  # fmt: skip
     more = f" {counted(found.axes_left, 'further axis', 'further axes')} not evaluated." if found.axes_left else ""
