@@ -141,6 +141,7 @@ def _base(folder: Path) -> StudyFile:
     return study_from_text((HEAD.format(title="beam") + REST), folder / "s.toml")
 
 
+@pytest.mark.quick(16)
 @pytest.mark.parametrize("name", ["results.json", "damping.toml", "journal/modes-1.npz", "external/updated/in.txt"])
 @pytest.mark.parametrize("key", keys_of_all(), ids=lambda key: f"{'.'.join(map(str, key.place))} {key.name}")
 def test_an_input_with_the_name_of_a_file_of_the_run_is_refused_before_the_folder_is_touched(
@@ -210,6 +211,7 @@ def test_a_catalogue_that_a_study_names_stays(folder: Path) -> None:
     assert (folder / "run" / "damping.toml").read_text() == text
 
 
+@pytest.mark.slow
 def test_a_catalogue_that_no_run_made_stays_and_that_of_an_earlier_run_goes(folder: Path) -> None:
     ft.update(study(folder))
     catalogue = folder / "run" / "damping.toml"
@@ -250,6 +252,7 @@ def test_a_folder_belongs_to_one_study(folder: Path) -> None:
     ft.update("first.toml")
 
 
+@pytest.mark.slow
 def test_a_folder_without_a_record_is_that_of_its_results(folder: Path) -> None:
     ft.update(study(folder, "first.toml", "first study"))
     (folder / "run" / OWNER_FILE).unlink()
@@ -262,6 +265,7 @@ def test_a_folder_without_a_record_is_that_of_its_results(folder: Path) -> None:
     assert owner.path.samefile("first.toml")
 
 
+@pytest.mark.slow
 def test_renamed_and_moved_studies_keep_their_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ft.update(study(folder))
     (folder / "s.toml").rename(folder / "renamed.toml")
@@ -279,6 +283,7 @@ def test_checksums_are_those_of_all_inputs(folder: Path) -> None:
     assert {one.path: one.sha256 for one in found} == expected
 
 
+@pytest.mark.slow
 def test_all_files_that_were_written_are_named(folder: Path) -> None:
     study(folder, more='[correlate]\nexpand = "serep"\n')
     output = CliRunner().invoke(main, ["update", "s.toml"]).output

@@ -84,6 +84,7 @@ def test_a_table_does_not_overwrite_the_table_of_runs(table_study: Path) -> None
     assert table.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_runs_of_a_screening_that_fail_are_named(study: Path) -> None:
     write_study(study.parent, FAKE_ABOVE="1400")
     found = ft.screen(study)

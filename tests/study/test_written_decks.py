@@ -357,6 +357,7 @@ def test_start_value_other_than_the_decks(beam: Bench) -> None:
     assert role(run.folder / "updated.bdf", 1, "I1") == pytest.approx(2.6e-7, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_modulus_takes_the_derived_shear_modulus_along(beam: Bench) -> None:
     run = ft.update(beam.study(bounded("E", "MAT1 1 E")))
     deck = run.folder / "updated.bdf"
