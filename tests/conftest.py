@@ -70,18 +70,23 @@ class _Skipped:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of a family marked ``quick(count)``, mark all cases slow, or `rest`, except `count`; long tests are slow ones."""
-    families: dict[tuple[str, int, str], list[Any]] = defaultdict(list)
+    """Of a family marked ``quick(count)``, mark all cases slow, or `rest`, except `count`; long tests are slow ones.
+
+    With ``gate=number`` all but so many are long.
+    """
+    families: dict[tuple[str, int, str, int | None], list[Any]] = defaultdict(list)
     for item in items:
         mark = item.get_closest_marker("quick")
         rest = mark.kwargs.get("rest", "slow") if mark is not None else ""
         if mark is not None and (rest == "long" or item.get_closest_marker("slow") is None):
-            families[item.nodeid.partition("[")[0], mark.args[0], rest].append(item)
-    for (_, count, rest), cases in families.items():
-        chosen = spread([case.callspec.indices for case in cases], count)
+            families[item.nodeid.partition("[")[0], mark.args[0], rest, mark.kwargs.get("gate")].append(item)
+    for (_, count, rest, gate), cases in families.items():
+        indices = [case.callspec.indices for case in cases]
+        chosen = spread(indices, count)
+        of_gate = range(len(cases)) if gate is None else spread(indices, gate)
         for number, case in enumerate(cases):
             if number not in chosen:
-                case.add_marker(rest)
+                case.add_marker(rest if number in of_gate else "long")
     for item in items:
         if item.get_closest_marker("long") is not None:
             item.add_marker("slow")
