@@ -246,7 +246,7 @@ def test_a_failure_leaves_no_empty_page(plate: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_only_a_page_is_replaced_by_a_page(plate: Path, tmp_path: Path) -> None:
     deck, page = plate.read_bytes(), tmp_path / "page.html"
-    with pytest.raises(FemtuneError, match="is not an HTML page") as caught:
+    with pytest.raises(FemtuneError, match="is not a page that femtune wrote") as caught:
         ft.modes(plate, report=plate)
     assert caught.value.code == "run.unwritable"
     assert plate.read_bytes() == deck

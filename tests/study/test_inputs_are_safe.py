@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from pydantic import BaseModel
+from tests.messages.shown import check_shown
 
 import femtune as ft
 from femtune.cli import main
@@ -303,6 +304,52 @@ def test_a_pipe_in_place_of_a_table_is_refused_with_its_key(folder: Path) -> Non
     with pytest.raises((FemtuneError, FemtuneErrors)) as caught:
         ft.update("s.toml")
     assert "s.toml:7 (test.deviations)" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("step", "name", "text"),
+    [
+        ("update", "starts.jsonl", "notes of mine\n"),
+        ("update", "bootstrap.jsonl", '{"runs": 3}\n'),
+        ("candidates", "candidates.jsonl", ""),
+        ("run", "report.html", "<!doctype html><title>Written by hand</title>\n"),
+    ],
+)
+def test_a_file_of_others_with_the_name_of_one_of_a_run_stays(folder: Path, step: str, name: str, text: str) -> None:
+    mine = folder / "run" / name
+    mine.parent.mkdir()
+    mine.write_text(text)
+    code = "run.unwritable" if step == "run" else "run.other-file"
+    for words in ([], ["--fresh"]):
+        assert f"[{code}]" in refused(step, str(study(folder)), *words)
+        assert mine.read_text() == text
+    assert os.listdir(folder / "run") == [name]
+
+
+def test_a_refused_run_does_not_take_a_folder_whose_journal_is_not_its_own(folder: Path) -> None:
+    (folder / "run" / "journal").mkdir(parents=True)
+    (folder / "run" / "journal" / "notes.txt").touch()
+    with pytest.raises(RuntimeError, match="refused"), held(_base(folder), folder / "run", "update"):
+        raise RuntimeError("refused")
+    assert os.listdir(folder / "run") == ["journal"]
+    assert os.listdir(folder / "run" / "journal") == ["notes.txt"]
+
+
+def test_an_identification_replaces_nothing_of_a_study_or_a_user(folder: Path) -> None:
+    with held(_base(folder), folder / "run", "update") as place:
+        (place.path / "results.json").touch()
+    before = sorted(os.listdir(folder / "run"))
+    with pytest.raises(FemtuneError) as caught:
+        ft.identify("t.uff", output="run")
+    check_shown("run.other-study, identify", str(caught.value).replace(str(folder), "FOLDER"))
+    assert sorted(os.listdir(folder / "run")) == before
+    (folder / "mine").mkdir()
+    (folder / "mine" / "modes.csv").write_text("my table\n")
+    with pytest.raises(FemtuneError) as caught:
+        ft.identify("t.uff", output="mine")
+    check_shown("run.other-file, identify", str(caught.value).replace(str(folder), "FOLDER"))
+    assert os.listdir(folder / "mine") == ["modes.csv"]
+    assert (folder / "mine" / "modes.csv").read_text() == "my table\n"
 
 
 def test_a_refused_run_leaves_no_folder(folder: Path) -> None:
