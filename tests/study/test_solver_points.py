@@ -9,6 +9,7 @@ import pytest
 
 import femtune as ft
 from femtune.errors import FemtuneError
+from femtune.steps.run_lock import locked
 
 from .runs_of_chain import prepared as prepared_table
 from .two_masses import TRUTH, exact, prepared, started, write_study
@@ -104,6 +105,14 @@ def test_a_search_on_the_solver_finds_the_truth_and_a_second_one_costs_nothing(s
     # the points of the search are those that an update of the same study may use
     ft.run(study)
     assert started(study) > before
+
+
+@pytest.mark.parametrize("step", ["screen", "search"])
+def test_runs_of_a_solver_hold_the_run_folder(study: Path, step: str) -> None:
+    (study.parent / "run").mkdir()
+    with locked(study.parent / "run"), pytest.raises(FemtuneError) as caught:
+        getattr(ft, step)(study)
+    assert caught.value.code == "run.locked"
 
 
 @pytest.mark.slow

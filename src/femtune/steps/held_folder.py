@@ -145,6 +145,18 @@ def held(file: StudyFile, folder: Path, step: str) -> Iterator[RunFolder]:
                 folder.rmdir()
 
 
+@contextmanager
+def held_for_solver(file: StudyFile, step: str) -> Iterator[None]:
+    """Hold the run folder for a step that writes nothing there but the runs of an external solver, if there is one.
+
+    Raises
+    ------
+    FemtuneError : as `held`
+    """
+    with contextlib.nullcontext() if file.solver is None else held(file, file.output_folder, step):
+        yield
+
+
 def _there(folder: Path, file: StudyFile, step: str) -> frozenset[str]:
     """What is there of the files that a step makes, and inside of its folders."""
     names = [name for _, name in made_by(step, file, Role.RESULT, Role.RESUME)]
