@@ -71,7 +71,7 @@ class MeshChange:
 
 
 def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChange | str:
-    """Modes of a mesh of half the size at the deck's values; a reason in words if they cannot be computed.
+    """Modes of a mesh of half the size with the values of the solution; a reason in words if they cannot be computed.
 
     The shapes are interpolated to the refined mesh. One step of inverse iteration with all of them, including those
     beyond the wanted ones, takes what the coarse mesh could not represent into account; the Ritz values in their span
@@ -85,7 +85,7 @@ def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChan
     Source: Richardson (1911) extrapolation; inverse iteration as in subspace iteration, Bathe and Wilson (1972).
     """
     configured = solution.point.configured
-    structure, configuration = configured.model.structure, configured.configuration
+    structure, configuration = solution.point.structure, configured.configuration
     most_dofs = min(most_dofs, MOST_DOFS)
     reason = too_large(structure, most_dofs)
     if reason:
@@ -130,11 +130,18 @@ def _beyond(dofs: str, most: int) -> str:
 
 
 def _refined_hz(pencil: Pencil, start: Reals, solution: EigenSolution) -> Reals:
-    """(m,) frequencies of the wanted modes on the refined mesh from their interpolated shapes; NaN where none fits."""
+    """(m,) frequencies of the wanted modes on the refined mesh from their interpolated shapes; NaN where none fits.
+
+    A mode that moves nothing of the refined mesh, as of a mass without stiffness, has none.
+    """
     first = column_major(start)
     step = pencil.factorise(_shift(solution)).solve(column_major(pencil.mass @ first))
-    step = column_major(step / np.linalg.norm(step, axis=0))
-    return resembling_hz(first[:, : solution.wanted], step, pencil.stiffness, pencil.mass)
+    size = np.linalg.norm(step, axis=0)
+    moving, out = size > 0.0, np.full(solution.wanted, np.nan)
+    wanted = np.flatnonzero(moving[: solution.wanted])
+    basis = column_major(step[:, moving] / size[moving])
+    out[wanted] = resembling_hz(column_major(first[:, wanted]), basis, pencil.stiffness, pencil.mass)
+    return out
 
 
 def _shift(solution: EigenSolution) -> float:
@@ -161,7 +168,7 @@ def mass_change(solution: EigenSolution) -> Reals | str:
     unit modal mass. NaN for rigid-body modes.
     """
     configured = solution.point.configured
-    structure, configuration = configured.model.structure, configured.configuration
+    structure, configuration = solution.point.structure, configured.configuration
     if not structure.batches:
         return "the model consists of imported matrices"
     if structure.nodes.n_dofs > MOST_DOFS:

@@ -11,6 +11,7 @@ from femtune.residuals.frf.residual import FrfResidual
 from femtune.status import Status
 from femtune.steps.info.checks import LUMPING, MASS, MESH
 from femtune.steps.info.facts import alert_of
+from femtune.steps.judge.same_data import counted_twice
 from femtune.steps.quantify.record import HELD_OUT, ORDER, OUTLIERS
 from femtune.steps.validate.facts import compares_frfs, responses_not_tested
 from femtune.study.record import alert
@@ -51,6 +52,7 @@ _MISFITS = {
 def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> tuple[Alert, ...]:
     """Alerts of a finished run with `others` among them, the most serious first."""
     alerts = [
+        *counted_twice(study),
         *_of_update(results),
         *_of_quantify(results),
         *_of_writing(results),
@@ -186,12 +188,14 @@ def _of_writing(results: Results) -> Iterable[Alert]:
     if written is None or update is None:
         return
     for sentence in written.without_field:
-        yield alert("warning" if sentence in written.lost else "info", "write.without-field", reason=sentence)
+        yield alert("info", "write.without-field", reason=sentence)
+    if written.differences:
+        yield alert("problem", "write.differs", difference="; ".join(written.differences))
+        return
     as_written = update.objective_as_written_percent
     if as_written is not None and abs(as_written - update.objective_after_percent) > _LARGE_DIFFERENCE_PERCENT:
-        code = "write.incomplete" if written.lost else "write.rounding"
         errors = {"error_percent": as_written, "updated_percent": update.objective_after_percent}
-        yield alert("warning", code, **errors)
+        yield alert("warning", "write.rounding", **errors)
 
 
 def _of_model(results: Results) -> Iterable[Alert]:
