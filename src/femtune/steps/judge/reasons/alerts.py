@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from femtune.steps.judge.record.reason import ReasonRecord
+from femtune.steps.judge.record.reason import ReasonRecord, brief_of
 
 if TYPE_CHECKING:
     from femtune.steps.judge.record.reason import Weight
@@ -35,15 +35,15 @@ WEIGHTS: Mapping[str, Weight] = {
     "model.element-degenerate": "reservation",
     "residual.frf-truncated": "reservation",
     "residual.left-out-mode-lost": "reservation",
-    "write.incomplete": "reservation",
+    "write.rounding": "reservation",
     "study.test-counted-twice": "reservation",
     "correlate.sensor-inverted": "reservation",
     "correlate.unit-factor": "reservation",
     "correlate.axes": "reservation",
 }
 """Weight of the alerts that bear on the verdict, by code. Other alerts do, as reservations, if they are problems."""
-_SAID_ELSEWHERE = ("update.no-optimum", "update.stage-unfinished")
-"""Problems for which `update_reasons` has a reason of its own."""
+_SAID_ELSEWHERE = ("update.no-optimum", "update.stage-unfinished", "write.differs")
+"""Problems for which another topic has a reason of its own."""
 
 
 def alert_reasons(results: Results) -> Iterable[ReasonRecord]:
@@ -55,4 +55,6 @@ def alert_reasons(results: Results) -> Iterable[ReasonRecord]:
     for code, found in by_code.items():
         more = f"; and {len(found) - 1} more of this kind" if len(found) > 1 else ""
         weight = WEIGHTS.get(code, "reservation")
-        yield ReasonRecord(code=code, weight=weight, sentence=found[0].sentence + more, place=found[0].where)
+        yield ReasonRecord(
+            code=code, weight=weight, sentence=found[0].sentence + more, brief=brief_of(code), place=found[0].where
+        )  # fmt: skip
