@@ -68,6 +68,10 @@ def test_a_rate_meets_its_limit_inside_its_interval_or_beside_it(modules: dict[s
     assert rates.Criterion("", twelve, least=0.2).met
     assert not rates.Criterion("", twelve, least=0.25).met
     assert rates.Criterion("", twelve, least=0.05, most=0.2).inside
+    assert rates.Criterion("", twelve, least=0.05).decided
+    # 0 of 10 is 0 to 31 %: no proof of a rate of 5 %, and 0 of 10 is far from 97 %
+    assert not rates.Criterion("", rates.Rate(0, 10), most=0.05).decided
+    assert rates.Criterion("", rates.Rate(0, 10), least=0.97).decided
 
 
 def test_an_interrupted_run_goes_on_where_it_ended(modules: dict[str, ModuleType], tmp_path: Path):

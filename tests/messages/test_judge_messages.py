@@ -8,6 +8,24 @@ from tests.messages.shown import check_shown
 from femtune.errors import FemtuneError, Notice
 
 _CASES: dict[str, Notice] = {
+    "judge.curved": Notice("judge.curved", axis="+Iby1, −Icx2", step=1.5, true=508.5, linear=2.25, count=3, of=20),
+    "judge.curved, unsolved": Notice("judge.curved/unsolved", axis="+Iby1, −Icx2", step=1.5, count=3, of=20),
+    "judge.lower-beside": Notice("judge.lower-beside", axis="+Iby1", step=1.5, decrease=12.31),
+    "judge.better-minimum": Notice(
+        "judge.better-minimum", tried="as built: test mode 8 with model mode 8", first=344.21, now=30.512
+    ),
+    "judge.pairing-open": Notice(
+        "judge.pairing-open",
+        pairs="as built: test mode 4 with model mode 5 and test mode 5 with model mode 4",
+        before=161.2,
+        held=129.4,
+    ),
+    "judge.pairing-not-tried": Notice(
+        "judge.pairing-not-tried",
+        pairs="as built: test mode 8 with model mode 8; as built: test mode 9 with model mode 8",
+    ),
+    "judge.frequencies-worse": Notice("judge.frequencies-worse", before=1.42, after=2.63),
+    "judge.frequency-worse": Notice("judge.frequency-worse", modes="as built: mode 5 (+0.40 % before, −2.10 % after)"),
     "judge.missing": Notice(
         "judge.missing",
         field="PSHELL 2 T (or what looks like it: MAT1 1 E)",
