@@ -135,6 +135,7 @@ def test_a_configuration_tells_in_what_it_differs(bench: Bench) -> None:
     assert any(line.startswith("frequencies outside the range used") for line in found.not_tested)
 
 
+@pytest.mark.slow
 def test_residuals_that_are_noise_pass(bench: Bench) -> None:
     _noisy(bench, 0.002)
     run = ft.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01"))
