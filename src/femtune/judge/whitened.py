@@ -10,8 +10,8 @@ Source: G. A. F. Seber, A. J. Lee, Linear Regression Analysis, 2003, sections 3.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -28,10 +28,6 @@ from femtune.validation.goodness import RANK
 Role = Literal["data", "prior"]
 PRIOR = "prior"
 """Kind of the rows of a prior, and their role."""
-_IDENTIFIED = (
-    "its values come from one identified test, so that the errors of neighbouring lines are not independent; their "
-    "covariance widens the intervals, and no test of the size of the residuals follows from it"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +41,7 @@ class Whitened:
     r : (n,) residuals
     J : (n, k) ∂r/∂(x/s), columns of the parameters that move and are not at a bound, in prior standard deviations s
     names : (k,) parameters of the columns
-    bounded : (n, b) the same columns of the parameters at a bound
+    bounded, fixed : (n, b) and (n, f) the same columns of the parameters at a bound, and of those that do not move
     kinds, configurations, modes, sensors, roles : (n,) what each row compares; "" where it has no sensor or, of a
         prior, no configuration. `modes` of a prior are the names of the parameters
     shares : (n,) share of each row that is independent: below one where it is known how many combinations of the rows
@@ -80,6 +76,33 @@ class Whitened:
     of_modes: frozenset[str] = frozenset()
     untested: dict[str, str] = field(default_factory=dict)
     optimum: bool = True
+    fixed: Reals = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        if not self.fixed.size:
+            object.__setattr__(self, "fixed", np.zeros((len(self.r), 0)))
+
+    @property
+    def of_all_parameters(self) -> Whitened:
+        """The record with the columns of all free parameters in J.
+
+        The values of those that did not move are not known exactly: an earlier stage may have found them.
+        """
+        columns = np.hstack([self.J, self.bounded, self.fixed])
+        return replace(self, J=columns, bounded=columns[:, :0], fixed=columns[:, :0])
+
+    def without_kinds(self, why: Mapping[str, str]) -> Whitened:
+        """The record without the rows of some kinds, with the reasons by kind."""
+        at = self.rows(lambda kind, *_: kind not in why)
+        labels = {
+            word: tuple(getattr(self, word)[i] for i in at)
+            for word in ("kinds", "configurations", "modes", "sensors", "roles")
+        }
+        lost = self.lost[at]
+        return replace(
+            self, r=self.r[at], J=self.J[at], bounded=self.bounded[at], fixed=self.fixed[at], shares=self.shares[at],
+            lost=lost[:, np.any(lost, axis=0)], untested={**self.untested, **why}, **labels,
+        )  # fmt: skip
 
     def rows(self, chosen: Callable[[str, str, str, str], bool]) -> NDArray[np.int64]:
         """Positions of the rows for which a function of kind, configuration, mode and sensor is true."""
@@ -184,15 +207,12 @@ def whitened_blocks(
         frozenset(b.kind for b in kept if b.of_mode),
         why,
         optimum,
+        J[:, ~(free | at_bound)],
     )
 
 
 def _why_not(block: ResidualBlock, untested: str) -> str:
-    if block.kind == PRIOR:
-        return ""
-    if block.samples is not None and block.samples.identified is not None:
-        return untested or block.not_normal or _IDENTIFIED
-    return untested or block.not_normal
+    return "" if block.kind == PRIOR else untested or block.without_distribution
 
 
 def _shares(block: ResidualBlock) -> Reals:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from femtune.steps.judge.record.parts import PartsResults
 from femtune.steps.judge.record.reason import ReasonRecord
 from femtune.study.record import Record
 
@@ -21,3 +22,5 @@ class JudgementResults(Record):
     """All reasons, those not to accept the run first."""
     not_computed: tuple[str, ...] = ()
     """Topics that could not be judged because their computation failed, with the reason."""
+    parts: PartsResults | None = None
+    """The residuals in parts, the shapes beside their neighbours, and the errors by kind."""
