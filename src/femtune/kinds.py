@@ -14,6 +14,19 @@ from importlib import import_module
 from typing import Any, Generic, TypeVar, get_args
 
 
+def loaded(function: str) -> Any:
+    """The function or class that ``package.module:name`` names.
+
+    Examples
+    --------
+    >>> from femtune.kinds import loaded
+    >>> loaded("math:sqrt")(9.0)
+    3.0
+    """
+    module, _, name = function.partition(":")
+    return getattr(import_module(module), name)
+
+
 @dataclass(frozen=True)
 class Kind:
     """One choice.
@@ -35,8 +48,7 @@ class Kind:
 
     def load(self) -> Any:
         """The function or class itself."""
-        module, _, name = self.function.partition(":")
-        return getattr(import_module(module), name)
+        return loaded(self.function)
 
 
 K = TypeVar("K", bound=Kind)

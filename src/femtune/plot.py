@@ -399,7 +399,6 @@ def _estimate(ax: Axes, i: int, p: ParameterResult, nominal: float) -> None:
     text = f"{change:+.3g}"
     if p.interval_95 is not None:
         ends = sorted(_percent(end, nominal) for end in p.interval_95)
-        # a value at its bound may lie outside its interval
         ax.plot(ends, [i, i], color=BLUE, linewidth=1.6, marker="|", markersize=8.0)
         text += f" % ({ends[0]:+.3g} … {ends[1]:+.3g})"
     else:

@@ -40,6 +40,29 @@ def test_swapped_modes_are_paired_by_shape_and_the_error_has_its_sign() -> None:
     assert not found.unpaired_model
 
 
+@given(st.integers(0, 10**6), st.integers(2, 6), st.integers(0, 2), st.integers(1, 2))
+@pytest.mark.slow
+def test_pairs_keep_the_order_of_frequencies_where_shapes_do_not_decide(
+    seed: int, t: int, more: int, rows: int
+) -> None:
+    """One sensor, or sensors at which all modes have one shape: every MAC is one."""
+    rng = np.random.default_rng(seed)
+    one = rng.normal(size=(rows, 1))
+    test = _modes(np.sort(100.0 + 60.0 * rng.random(t)), one * rng.choice([-1.0, 2.0], t))
+    model = _modes(np.sort(90.0 + 80.0 * rng.random(t + more)), one * rng.choice([-3.0, 1.0], t + more))
+    found = pair_modes(test, model, frequency_gate=1.0)
+    assert len(found.pairs) == t
+    assert list(found.model_indices) == sorted(found.model_indices)
+
+
+def test_order_decides_below_the_noise_of_a_mac_and_shape_above_it() -> None:
+    """Two modes whose shapes differ by an angle, in opposite order: crossed where sin² of it exceeds 0.1 ln²(f₂/f₁)."""
+    for degrees, crossed in ((1.0, False), (4.0, True)):
+        shapes = np.column_stack([_turn(0.0)[0], _turn(degrees)[0]])
+        found = pair_modes(_modes([100.0, 108.0], shapes), _modes([99.0, 107.0], shapes[:, ::-1]), relative_gap=0.001)
+        assert (found.key == ((0, 1), (1, 0))) == crossed, degrees
+
+
 @given(st.integers(0, 10**6), st.integers(1, 4), st.integers(1, 4), st.floats(0.0, 0.9))
 @pytest.mark.slow
 def test_the_assignment_is_the_best_of_all_permutations(seed: int, t: int, m: int, gate: float) -> None:
@@ -49,10 +72,12 @@ def test_the_assignment_is_the_best_of_all_permutations(seed: int, t: int, m: in
     found = pair_modes(test, model, frequency_gate=0.4, mac_gate=gate)
     score = mac(test.shapes, model.shapes)
     near = np.abs(model.freq_hz / test.freq_hz[:, None] - 1) <= 0.4
-    worth = np.where(near & (score >= gate), score, 0.0)
+    farther = 0.1 * np.log(model.freq_hz / test.freq_hz[:, None]) ** 2
+    worth = np.where(near & (score >= gate), np.maximum(score - farther, 1e-9), 0.0)
     worth = np.pad(worth, ((0, max(0, m - t)), (0, max(0, t - m))))
     best = max(sum(worth[i, j] for i, j in enumerate(p)) for p in itertools.permutations(range(len(worth))))
-    assert sum(pair.mac for pair in found.pairs) == pytest.approx(best, abs=1e-7)
+    reached = sum(max(pair.mac - farther[pair.test, pair.model], 1e-9) for pair in found.pairs)
+    assert reached == pytest.approx(best, abs=1e-7)
     assert all(pair.mac >= gate and abs(pair.frequency_error) <= 0.4 for pair in found.pairs)
     _is_partition(found, t, m)
 

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from femtune.fem import FieldRef
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.model import Configuration, EigenSolution, configure, parametric_model, solve_modes
 from femtune.model.mesh_error import MeshChange, mass_change, mesh_change
-from femtune.parameters import ParameterSet
+from femtune.model.parametric import Assignment
+from femtune.parameters import Parameter, ParameterSet
 
 E, RHO, AREA, MOMENTS = 2.1e11, 7850.0, 1e-3, (2e-7, 5e-7)
 
@@ -173,3 +175,34 @@ def test_rigid_body_modes_alone_have_no_error(tmp_path: Path) -> None:
     """Six modes of a free plate: what rounding leaves of their frequencies is no scale of the others."""
     deck = "\n".join(line for line in plate(4).replace(",.01,", ",.0001,").splitlines() if not line.startswith("SPC"))
     assert mesh_change(_modes(deck, tmp_path, 6)) == "no elastic mode was computed"
+
+
+@pytest.mark.parametrize(
+    ("changed", "written"),
+    [
+        # half the modulus at the clamp, by a region
+        (Assignment("p", FieldRef("MAT1", 1, "E"), elements=frozenset({1, 2})), ("MAT1,2,1.05+11,,0.3,7850.",)),
+        # the density of all bars
+        (Assignment("p", FieldRef("MAT1", 1, "RHO")), ()),
+    ],
+    ids=["region", "density"],
+)
+@pytest.mark.parametrize("nominal", [1.0, 0.5], ids=["at x = -0.5", "at the initial value"])
+def test_the_refined_model_and_the_other_mass_have_the_values_of_the_parameters(
+    changed: Assignment, written: tuple[str, ...], nominal: float, tmp_path: Path
+) -> None:
+    text = cantilever(4, True)
+    (tmp_path / "deck.bdf").write_text(text)
+    structure = build_structure(read_deck(tmp_path / "deck.bdf")).structure
+    model = parametric_model(structure, ParameterSet((Parameter("p", nominal, 0.2, 2.0),)), (changed,))
+    solution = solve_modes(configure(model, Configuration()).at(np.array([0.5 / nominal - 1.0])), 4)
+    if written:
+        same = text.replace("ENDDATA", "\n".join([*written, "PBAR,2,2,1.-3,2.-7,5.-7,4.-7", "ENDDATA"]))
+        for bar in changed.elements or ():
+            same = same.replace(f"CBAR,{bar},1,", f"CBAR,{bar},2,")
+    else:
+        same = text.replace("0.3,7850.", "0.3,3925.")
+    of_deck = _modes(same, tmp_path, 4)
+    assert solution.freq_hz == pytest.approx(of_deck.freq_hz, rel=1e-9)
+    assert _change(solution).refined_hz == pytest.approx(_change(of_deck).refined_hz, rel=1e-7)
+    assert mass_change(solution) == pytest.approx(mass_change(of_deck), rel=1e-7)

@@ -76,10 +76,7 @@ def _run(tmp_path: Path, test: ModeSet, form: str) -> UpdateResult:
 @pytest.mark.parametrize(("form", "published"), [("mac", BY_MAC), ("difference", BY_DIFFERENCE)])
 def test_published_changes_and_predictions(tmp_path: Path, measured: ModeSet, form: str, published: list[float]):
     result = _run(tmp_path, measured, form)
-    # with as many parameters as residuals, the Jacobian loses rank where the residuals are stationary but not zero:
-    # rounding decides whether a last step is still predicted, so that the optimum is judged by the gradient
-    assert result.certificate is not None
-    assert result.status.ok or result.certificate.projected_gradient < 1e-9
+    assert result.status.ok
     np.testing.assert_allclose(result.x, published, atol=1e-4)
     found = solve_modes(result.after.states[0].solution.point, 4).freq_hz
     np.testing.assert_allclose(found[2:], UPPER_MODES[form], atol=6e-4)

@@ -108,7 +108,7 @@ def test_the_report_says_which_point_the_result_is(data: dict[str, Any], arrays:
     }
     document = build_report(Results.model_validate(data), arrays)
     text = " ".join(_texts(_section(document, "convergence")).split())
-    assert "The result is the minimum within the bounds: χ² = 13.56." in text
+    assert "The result is a minimum within the bounds: χ² = 13.56." in text
     assert "2 parameters at a bound, 1 with a negative multiplier" in text
     data["update"]["smallest_change"] = {
         "chi_square": 13.56, "allowed": 0.25, "increase": 0.24, "weight": 0.3, "size": 2.0, "optimum_size": 7.5,
@@ -116,10 +116,7 @@ def test_the_report_says_which_point_the_result_is(data: dict[str, Any], arrays:
     }  # fmt: skip
     document = build_report(Results.model_validate(data), arrays)
     text = " ".join(_texts(_section(document, "convergence")).split())
-    assert (
-        "exceeds the minimum within the bounds by at most 0.25: χ² is 13.56 at the minimum, and 0.24 more in the result"
-        in text
-    )
+    assert "exceeds this minimum by at most 0.25: χ² is 13.56 at the minimum, and 0.24 more in the result" in text
     assert "2 prior standard deviations long, against 7.5 at the minimum" in text
     assert "where Icx2 would be at a bound" in text
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
+from femtune.files.study_file.residual import TABLES
+from femtune.kinds import loaded
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.full_model import direct
 from femtune.residuals import (
@@ -118,3 +120,9 @@ def test_only_what_modes_serve_is_reduced():
     assert found.certified
     assert [c.order < 60 for c in found.cases] == [True]
     np.testing.assert_allclose(found.result.x, [0.1, -0.2], atol=1e-6)
+
+
+def test_the_class_that_a_table_names_is_of_its_kind():
+    classes = {kind: loaded(table.made_by) for kind, table in TABLES.items()}
+    assert {kind: made.key for kind, made in classes.items()} == {kind: kind for kind in TABLES}
+    assert len({made.label for made in classes.values()}) == len(TABLES)

@@ -8,7 +8,8 @@ from functools import lru_cache
 import pytest
 from scipy.stats import binom
 
-from femtune.residuals.kinds import RESIDUALS
+from femtune.files.study_file.residual import TABLES
+from femtune.kinds import loaded
 from structures.chi_square import LEVEL, Trial, rejections, trials
 
 DRAWS, _ONCE_IN_A_THOUSAND = 2000, 5e-4
@@ -70,7 +71,7 @@ def test_kinds_that_are_not_tested_could_not_be(name: tuple[str, str]) -> None:
 @pytest.mark.slow
 def test_every_kind_of_a_study_is_tried() -> None:
     made = _trials()
-    assert {kind for kind, _ in made} == {kind.label for kind in RESIDUALS.values()}
+    assert {kind for kind, _ in made} == {loaded(table.made_by).label for table in TABLES.values()}
     tested = {name for name, (_, t) in made.items() if not any(b.not_normal for b in t.exact)}
     assert tested == {(kind, form) for kind, forms in TESTED.items() for form in forms}
     assert made.keys() - tested == {(kind, form) for kind, forms in NOT_TESTED.items() for form in forms}

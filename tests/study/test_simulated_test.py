@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ import femtune as ft
 from femtune.cli.commands import main
 from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff
-from femtune.steps.modes.simulated_test import SimulatedTest, sensor_dofs
+from femtune.model import solve_modes
+from femtune.steps.modes.simulated_test import SimulatedTest, sensor_dofs, shape_signs, simulated
+from femtune.study.study import load_study
 from femtune.units import SI
 
 from .cantilever import Bench
@@ -61,6 +64,31 @@ def test_scatter_is_that_asked_for_and_the_same_again(bench: Bench) -> None:
     assert 0.01 < np.std((moved - shapes) / largest) < 0.03
     np.testing.assert_array_equal(written(frequency_scatter=0.01, shape_scatter=0.02)[1], moved)
     assert not np.allclose(written(frequency_scatter=0.01, shape_scatter=0.02, seed=2)[1], moved)
+
+
+def test_the_errors_do_not_depend_on_the_signs_that_the_eigen_solution_gives(bench: Bench) -> None:
+    study = load_study(bench.folder / "beam.bdf")
+    (case,) = study.cases
+    solution = solve_modes(case.configured.at(np.zeros(0)), 4)
+    solved = solution.shapes.shape[1]
+    wanted = SimulatedTest(None, ("2 THRU 5:23",), "m-kg-s", frequency_scatter=0.01, shape_scatter=0.02)
+
+    def shapes(signs: list[float]) -> np.ndarray:
+        (test,) = simulated(
+            study, wanted, [(case, replace(solution, shapes=solution.shapes * np.resize(signs, solved)))]
+        )
+        assert test.modes is not None
+        return test.modes.shapes
+
+    as_solved = shapes([1.0, 1.0, 1.0, 1.0])
+    np.testing.assert_array_equal(shapes([-1.0, 1.0, -1.0, 1.0]), as_solved)
+    np.testing.assert_array_equal(shapes([-1.0, -1.0, 1.0, -1.0]), as_solved)
+
+
+def test_rounding_does_not_decide_the_sign_of_a_shape_of_a_symmetric_structure() -> None:
+    shape = np.array([0.2, -1.0, 0.0, 1.0, -0.2])
+    for rounding in np.random.default_rng(1).uniform(-1e-12, 1e-12, (20, 5)):
+        assert shape_signs((shape + rounding)[:, None]) == -1.0
 
 
 @pytest.mark.parametrize(

@@ -124,3 +124,27 @@ def test_steps_are_lengthened_where_the_curvature_is_less_than_the_linear_model_
     result = update(problem_of(1, values, slopes), MINIMUM)
     np.testing.assert_allclose(result.x, [0.2], atol=1e-3)
     assert len(result.history) <= 12
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_minimum_with_as_many_residuals_as_parameters_is_no_stall(seed: int):
+    """Jᵀr = 0 with r ≠ 0 makes a square Jacobian singular: rounding decides what its linear model still predicts."""
+    k, rng = 3, np.random.default_rng(seed)
+    mixed, turned = (np.linalg.qr(rng.normal(size=(k, k)))[0] for _ in range(2))
+    centre, height, bend = rng.uniform(-0.4, 0.4, k), 10.0 ** rng.uniform(-3, 0), 10.0 ** rng.uniform(-2, 1)
+    steepness = 10.0 ** rng.uniform(-1, 1, k - 1)
+
+    def values(x: Reals) -> Reals:
+        y = turned @ (x - centre)
+        return mixed @ np.array([*((steepness + 0.1 * y[-1]) * y[:-1]), height + bend * y[-1] ** 2])
+
+    def slopes(x: Reals) -> Reals:
+        y = turned @ (x - centre)
+        by_y = np.diag([*(steepness + 0.1 * y[-1]), 2.0 * bend * y[-1]])
+        by_y[:-1, -1] = 0.1 * y[:-1]
+        return mixed @ by_y @ turned
+
+    result = update(problem_of(k, values, slopes), MINIMUM)
+    assert result.status is Status.UNDETERMINED
+    np.testing.assert_allclose(result.x, centre, atol=1e-5)
+    assert result.objective == pytest.approx(0.5 * height**2, rel=1e-9)

@@ -66,7 +66,8 @@ def test_beside_an_active_bound_intervals_are_those_of_integration() -> None:
     for i in range(2):
         weight = density.sum(axis=1 - i)
         total = np.cumsum(weight) / weight.sum()
-        expected = np.interp([0.025, 0.975], total, 1.0 + a)
+        # of the parameter on its lower bound the interval is one-sided
+        expected = np.interp([0.0, 0.95] if i == 0 else [0.025, 0.975], total, 1.0 + a)
         m = of(found, i)
         assert m.kind == "truncated"
         np.testing.assert_allclose(m.interval, expected, atol=0.15 * m.sd)
@@ -74,6 +75,24 @@ def test_beside_an_active_bound_intervals_are_those_of_integration() -> None:
     # the deviation of the second parameter is no longer that with the first one known
     assert found.sd[1] > 1.4 * np.sqrt(found.without_bounds[1, 1])
     assert found.sd[1] == pytest.approx(of(found, 1).sd, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_interval_contains_the_estimate_and_keeps_its_probability(seed: int) -> None:
+    """Random problems whose optimum lies on bounds, or beside them: each interval contains the estimate."""
+    rng = np.random.default_rng(seed)
+    J = rng.standard_normal((5, 3)) @ np.diag([3.0, 3.0, 0.5])
+    x, found = solved(J, J @ rng.uniform(-0.9, 0.9, 3), -0.5, 0.5)
+    posterior = found.posterior
+    assert posterior is not None
+    for i in range(3):
+        m = of(found, i)
+        assert m.interval[0] <= 1.0 + x[i] <= m.interval[1]
+        inside = (posterior.samples[:, i] >= m.interval[0] - 1.0) & (posterior.samples[:, i] <= m.interval[1] - 1.0)
+        assert np.mean(inside) == pytest.approx(0.95, abs=2e-3)
+        if abs(x[i]) == 0.5:
+            # one-sided: the whole tail is on the other side
+            assert 1.0 + x[i] in m.interval
 
 
 @pytest.mark.slow

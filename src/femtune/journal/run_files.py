@@ -20,6 +20,8 @@ RESULTS_FILE = "results.json"
 ARRAYS_FILE = "arrays.npz"
 HISTORY_FILE = "history.jsonl"
 DECK_FILE = "updated.bdf"
+UNVERIFIED_FILE = "unverified.bdf"
+"""The updated deck until it has been compared with the update; it stays if it differs."""
 CATALOGUE_FILE = "damping.toml"
 """Identified damping values, for the catalogue that later studies use."""
 FRFS_FILE = "frfs.uff"
@@ -99,8 +101,8 @@ def _with_damping(file: StudyFile) -> bool:
 
 
 def _of_deck(file: StudyFile) -> bool:
-    """The updated deck is that of a study whose model is a deck."""
-    return not file.matrix and file.runs is None and file.solver is None
+    """The updated deck is that of a study whose model is a deck, if it is wanted."""
+    return file.write.deck and not file.matrix and file.runs is None and file.solver is None
 
 
 RUN_FILES = (
@@ -113,6 +115,7 @@ RUN_FILES = (
     RunFile(ARRAYS_FILE, UPDATES),
     RunFile(HISTORY_FILE, UPDATES),
     RunFile(DECK_FILE, UPDATES, wanted=_of_deck, of_specimen=True),
+    RunFile(UNVERIFIED_FILE, UPDATES, wanted=_of_deck, of_specimen=True),
     RunFile(STARTS_FILE, UPDATES, Role.RESUME),
     RunFile(BOOTSTRAP_FILE, UPDATES, Role.RESUME),
     RunFile(SAMPLES_FILE, UPDATES, Role.RESUME),

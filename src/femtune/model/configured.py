@@ -308,6 +308,12 @@ class ModelPoint:
         return self._table.value
 
     @property
+    def structure(self) -> Structure:
+        """The structure whose fields have the values at the point, for secondary models that are made of it."""
+        structure = self.configured.model.structure
+        return replace(structure, values=replace(structure.values, values=self.table))
+
+    @property
     def n_parameters(self) -> int:
         """Number of free parameters."""
         return len(self.configured.model.parameters.free)

@@ -71,7 +71,7 @@ class MeshChange:
 
 
 def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChange | str:
-    """Modes of a mesh of half the size at the deck's values; a reason in words if they cannot be computed.
+    """Modes of a mesh of half the size with the values of the solution; a reason in words if they cannot be computed.
 
     The shapes are interpolated to the refined mesh. One step of inverse iteration with all of them, including those
     beyond the wanted ones, takes what the coarse mesh could not represent into account; the Ritz values in their span
@@ -85,7 +85,7 @@ def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChan
     Source: Richardson (1911) extrapolation; inverse iteration as in subspace iteration, Bathe and Wilson (1972).
     """
     configured = solution.point.configured
-    structure, configuration = configured.model.structure, configured.configuration
+    structure, configuration = solution.point.structure, configured.configuration
     most_dofs = min(most_dofs, MOST_DOFS)
     reason = too_large(structure, most_dofs)
     if reason:
@@ -161,7 +161,7 @@ def mass_change(solution: EigenSolution) -> Reals | str:
     unit modal mass. NaN for rigid-body modes.
     """
     configured = solution.point.configured
-    structure, configuration = configured.model.structure, configured.configuration
+    structure, configuration = solution.point.structure, configured.configuration
     if not structure.batches:
         return "the model consists of imported matrices"
     if structure.nodes.n_dofs > MOST_DOFS:

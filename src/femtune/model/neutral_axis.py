@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
@@ -84,7 +84,4 @@ class _Less:
 
 def _offset_mass(point: ModelPoint) -> tuple[sp.csr_array, int]:
     """The part of the mass matrix on all DOFs, and the number of beams."""
-    configured = point.configured
-    structure = configured.model.structure
-    values = replace(structure.values, values=point.table)
-    return offset_mass(replace(structure, values=values), configured.configuration.elements_off)
+    return offset_mass(point.structure, point.configured.configuration.elements_off)

@@ -100,13 +100,20 @@ class ParametricModel:
 
         `factors` are the values of the tables over frequency; 1 where none are given.
         """
-        jets = self.parameters.jets(x)
+        return self._table(self.parameters.jets(x), len(self.parameters.free), factors)
+
+    def values(self, x: NDArray, factors: Sequence[float] = ()) -> NDArray[np.float64]:
+        """(n,) the value table without derivatives, which take most of the time if there are many parameters."""
+        values = self.parameters.values(x)
+        return np.asarray(self._table({n: constant(v, 0) for n, v in values.items()}, 0, factors).value)
+
+    def _table(self, jets: Mapping[str, Jet], k: int, factors: Sequence[float]) -> TableJet:
+        """The value table from the parameters with their derivatives by k variables."""
         nominal = self.structure.values.values
         assigned = [
             (at, jets[self.name_of(name)][None] * nominal[at] if relative else jets[self.name_of(name)])
             for name, relative, at in self._fields
         ]
-        k = len(self.parameters.free)
         if factors:
             scale = np.ones(len(nominal))
             for at, factor in zip(self.tabled, factors):
@@ -290,10 +297,10 @@ def _at_bounds(model: ParametricModel) -> Iterator[NDArray[np.float64]]:
 def _sample(model: ParametricModel, x: NDArray[np.float64], factors: Sequence[float] = ()) -> NDArray[np.float64]:
     for _ in range(10):
         try:
-            return np.asarray(model.table(x, factors).value)
+            return model.values(x, factors)
         except FemtuneError:
             x = 0.5 * x
-    return np.asarray(model.table(np.zeros_like(x), factors).value)
+    return model.values(np.zeros_like(x), factors)
 
 
 def _place(

@@ -16,7 +16,6 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState, Residual
-from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.weights import ResidualBlock, Weights
 
 # ----------------------------------------------------------------------------------------------------
@@ -121,7 +120,7 @@ class DynamicResidual(Residual):
     sd: float
     labels: tuple[str, ...] | None = None
     key = "dynamic"
-    label = RESIDUALS[key].label
+    label = "dynamic"
     of_modes = True
 
     @classmethod

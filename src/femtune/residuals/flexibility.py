@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.residuals.asked import Asked, check_asked_mass_scaled
 from femtune.residuals.case import PairedMode
-from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.pair import OfPairs
 from femtune.residuals.shape import check_mass_scaled
 from femtune.residuals.weights import ResidualBlock, Weights
@@ -33,7 +32,7 @@ class FlexibilityResidual(OfPairs):
     sd: float
     part: str = "matrix"
     key = "flexibility"
-    label = RESIDUALS[key].label
+    label = "flexibility"
     not_normal = "its entries are products of a few shapes, so that their errors are not independent"
 
     @classmethod

@@ -13,7 +13,7 @@ from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.residuals.asked import Asked, asked_covariance
 from femtune.residuals.case import PairedMode
-from femtune.residuals.kinds import RELATIVE_TO_FREQUENCY, RESIDUALS, FrequencyForm
+from femtune.residuals.kinds import RELATIVE_TO_FREQUENCY, FrequencyForm
 from femtune.residuals.pair import OfPairs, PairResidual, unknown_modes
 from femtune.residuals.weights import ResidualBlock, Weights
 
@@ -51,7 +51,7 @@ class FrequencyResidual(PairResidual):
     sd: float | Literal["test"]
     form: FrequencyForm = "frequency"
     key = "frequency"
-    label = RESIDUALS[key].label
+    label = "frequency"
 
     @property
     def of_ratio(self) -> bool:

@@ -1,8 +1,4 @@
-"""Kinds of residual that a study can request, and the forms that some of them have.
-
-A further kind is its class in a module of this package, an entry of `RESIDUALS`, and its table in
-`femtune.files.study_file.residual`.
-"""
+"""Forms that some kinds of residual have, by the words of a study."""
 
 from __future__ import annotations
 
@@ -11,30 +7,6 @@ from types import MappingProxyType
 from typing import Literal
 
 from femtune.kinds import Kind, Kinds
-
-ResidualKind = Literal[
-    "frequency", "complex-eigenvalue", "damping", "shape", "strain", "mac", "flexibility", "dynamic",
-    "static-displacement", "static-force", "mass", "centre-of-gravity", "inertia", "frf", "antiresonance",
-]  # fmt: skip
-RESIDUALS = Kinds(
-    ResidualKind,
-    Kind("frequency", "frequency", function="femtune.residuals.frequency:FrequencyResidual"),
-    Kind("complex-eigenvalue", "complex eigenvalue", function="femtune.residuals.poles:ComplexEigenvalueResidual"),
-    Kind("damping", "damping ratio", function="femtune.residuals.poles:DampingResidual"),
-    Kind("shape", "shape", function="femtune.residuals.shape:ShapeResidual"),
-    Kind("strain", "strain", function="femtune.residuals.shape:StrainResidual"),
-    Kind("mac", "MAC", function="femtune.residuals.mac:MacResidual"),
-    Kind("flexibility", "flexibility", function="femtune.residuals.flexibility:FlexibilityResidual"),
-    Kind("dynamic", "dynamic", function="femtune.residuals.dynamic:DynamicResidual"),
-    Kind("static-displacement", "static displacement", function="femtune.residuals.static:DisplacementResidual"),
-    Kind("static-force", "static force", function="femtune.residuals.static:ForceResidual"),
-    Kind("mass", "mass", function="femtune.residuals.mass:MassResidual"),
-    Kind("centre-of-gravity", "centre of gravity", function="femtune.residuals.mass:CentreResidual"),
-    Kind("inertia", "inertia", function="femtune.residuals.mass:InertiaResidual"),
-    Kind("frf", "frf", function="femtune.residuals.frf.asked:AskedFrfs"),
-    Kind("antiresonance", "antiresonance", function="femtune.residuals.frf.asked:AskedAntiresonances"),
-)
-"""The class of each kind is built from a study by its `of_study`; `Residual.block` gives blocks the label."""
 
 FrequencyForm = Literal["frequency", "eigenvalue"]
 RELATIVE_TO_FREQUENCY: Mapping[FrequencyForm, float] = MappingProxyType({"frequency": 1.0, "eigenvalue": 2.0})

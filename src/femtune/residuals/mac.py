@@ -9,7 +9,7 @@ import numpy as np
 from femtune.arrays import Reals
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import PairedMode
-from femtune.residuals.kinds import RESIDUALS, MacForm
+from femtune.residuals.kinds import MacForm
 from femtune.residuals.pair import PairResidual
 from femtune.residuals.weights import ResidualBlock
 
@@ -53,7 +53,7 @@ class MacResidual(PairResidual):
     sd: float
     form: MacForm = "root"
     key = "mac"
-    label = RESIDUALS[key].label
+    label = "MAC"
     not_normal = "1 − MAC is a quadratic form of the noise, which always raises it; a shape residual can be tested"
 
     @property

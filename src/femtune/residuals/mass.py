@@ -13,7 +13,6 @@ from femtune.errors import FemtuneError
 from femtune.model.response import mass_response
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState, Residual
-from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.weights import ResidualBlock, Weights
 
 _AXES = "xyz"
@@ -26,7 +25,7 @@ class MassResidual(Residual):
     mass: float
     weights: Weights
     key = "mass"
-    label = RESIDUALS[key].label
+    label = "mass"
 
     @classmethod
     def of_study(cls, asked: Asked) -> MassResidual:
@@ -57,7 +56,7 @@ class CentreResidual(Residual):
     centre: Reals
     weights: Weights
     key = "centre-of-gravity"
-    label = RESIDUALS[key].label
+    label = "centre of gravity"
 
     @classmethod
     def of_study(cls, asked: Asked) -> CentreResidual:
@@ -98,7 +97,7 @@ class InertiaResidual(Residual):
     about: ArrayLike
     weights: Weights
     key = "inertia"
-    label = RESIDUALS[key].label
+    label = "inertia"
 
     @classmethod
     def of_study(cls, asked: Asked) -> InertiaResidual:

@@ -23,7 +23,6 @@ from femtune.model.response import DampingRatios
 from femtune.residuals.asked import Asked, asked_covariance
 from femtune.residuals.case import CaseState, PairedMode
 from femtune.residuals.damped import damped_modes
-from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.pair import OfPairs, unknown_modes
 from femtune.residuals.weights import PolePair, ResidualBlock, Weights
 
@@ -210,7 +209,7 @@ class ComplexEigenvalueResidual(PoleResidual):
     """
 
     key = "complex-eigenvalue"
-    label = RESIDUALS[key].label
+    label = "complex eigenvalue"
 
     @classmethod
     def order(cls, modes: int) -> int:
@@ -231,7 +230,7 @@ class DampingResidual(PoleResidual):
     """(ζ − ζ_e)/ζ_e with ζ = −Re λ/|λ|."""
 
     key = "damping"
-    label = RESIDUALS[key].label
+    label = "damping ratio"
     of_frequencies = False
 
     @classmethod

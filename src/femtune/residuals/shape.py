@@ -17,7 +17,7 @@ from femtune.modal import ModeSet
 from femtune.model import EigenSolution
 from femtune.residuals.asked import Asked, asked_weights, check_asked_mass_scaled
 from femtune.residuals.case import ComparedCase, PairedMode
-from femtune.residuals.kinds import RESIDUALS, ShapeScaling
+from femtune.residuals.kinds import ShapeScaling
 from femtune.residuals.pair import PairResidual
 from femtune.residuals.weights import ResidualBlock, Weights, as_weights
 
@@ -154,7 +154,7 @@ class ShapeResidual(PairResidual):
     of_largest: bool = False
     _placed: dict[str, Reals] = field(default_factory=dict, repr=False)
     key = "shape"
-    label = RESIDUALS[key].label
+    label = "shape"
 
     @property
     def of_ratio(self) -> bool:
@@ -295,7 +295,7 @@ class StrainResidual(ShapeResidual):
     """The same for strain shapes, at the sensors of the test that are strain gauges."""
 
     key = "strain"
-    label = RESIDUALS[key].label
+    label = "strain"
 
 
 def _asked_sensors(asked: Asked, labels: Iterable[str]) -> Iterator[Dof]:

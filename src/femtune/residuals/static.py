@@ -16,7 +16,6 @@ from femtune.model.response import Ports, matrix_ports, static_response
 from femtune.residuals.asked import Asked, asked_weights
 from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.dynamic import equation_error
-from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.weights import ResidualBlock, Weights
 
 
@@ -79,7 +78,7 @@ class DisplacementResidual(Residual):
     test: StaticTest
     weights: Weights
     key = "static-displacement"
-    label = RESIDUALS[key].label
+    label = "static displacement"
 
     @classmethod
     def of_study(cls, asked: Asked) -> DisplacementResidual:
@@ -115,7 +114,7 @@ class ForceResidual(Residual):
     test: StaticTest
     sd: float
     key = "static-force"
-    label = RESIDUALS[key].label
+    label = "static force"
 
     @classmethod
     def of_study(cls, asked: Asked) -> ForceResidual:

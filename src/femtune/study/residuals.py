@@ -12,8 +12,8 @@ import scipy.sparse as sp
 from femtune.correlation import sensor_placement
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, did_you_mean
 from femtune.identification import InputKnown, equalised_test
+from femtune.kinds import loaded
 from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
-from femtune.residuals.kinds import RESIDUALS
 from femtune.study.axes import named_axis, sensor_axis
 from femtune.study.error_places import errors_at
 
@@ -221,7 +221,7 @@ def _compared(file: StudyFile, case: StudyCase, residuals: tuple[Residual, ...],
 
 
 def _built(asked: AskedOf) -> Residual:
-    built: Residual = RESIDUALS[asked.entry.kind].load().of_study(asked)
+    built: Residual = loaded(asked.entry.made_by).of_study(asked)
     labels = asked.entry.modes if isinstance(built, OfPairs) or built.of_modes else None
     for i, label in enumerate(labels or ()):
         if label not in asked.modes.labels:

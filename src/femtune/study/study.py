@@ -67,6 +67,11 @@ class Study:
         return model_source(self.file)
 
     @property
+    def writes_deck(self) -> bool:
+        """True where an update writes a deck with the updated values, which is then read and solved."""
+        return self.source.writes_back and self.file.write.deck
+
+    @property
     def built_deck(self) -> BuiltDeck:
         """The model with its deck, for writing updated values back."""
         assert isinstance(self.built, BuiltDeck)

@@ -34,7 +34,7 @@ _HARDLY = 0.9
 
 @dataclass(frozen=True)
 class Marginal:
-    """Mean, median and equal-tailed interval of one quantity, and its standard deviation."""
+    """Mean, median, interval and standard deviation of one quantity, see `interval_with`."""
 
     mean: float
     median: float
@@ -125,9 +125,9 @@ class BoxPosterior:
             sampled = values(self.samples)
         except FemtuneError:
             return None
-        low, median, high = np.quantile(sampled, [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level])
+        low, high = interval_with(float(jet.value), sampled, level)
         kind = self._kind if not self.truncated else "bounds" if self._is_of_bounds(jet, sampled) else "truncated"
-        return Marginal(float(sampled.mean()), float(median), (float(low), float(high)), float(sampled.std()), kind)
+        return Marginal(float(sampled.mean()), float(np.median(sampled)), (low, high), float(sampled.std()), kind)
 
     @property
     def _kind(self) -> IntervalKind:
@@ -147,6 +147,33 @@ class BoxPosterior:
             return False
         width = (self.upper - self.lower)[used[0]] * abs(jet.grad[self.moving][used[0]])
         return bool(found.std() > _HARDLY * width / np.sqrt(12.0))
+
+
+def interval_with(value: float, samples: Reals, level: float) -> tuple[float, float]:
+    """The interval of a probability that contains an estimate: equal-tailed, or moved towards the estimate.
+
+    The estimate is the most probable point of all parameters together. On a bound, or where bounds cut off most of the
+    distribution, it lies in a tail of the distribution of a single one. The tail on its side then becomes smaller and
+    the other one larger, down to the one-sided interval that ends at the estimate. The probability stays the same.
+
+    Parameters
+    ----------
+    value : the estimate
+    samples : (n,) of the distribution
+    level : probability of the interval
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> samples = np.linspace(0.0, 1.0, 1001)
+    >>> [[round(end, 2) for end in interval_with(value, samples, 0.9)] for value in (0.5, 0.97, 1.0)]
+    [[0.05, 0.95], [0.07, 0.97], [0.1, 1.0]]
+    """
+    outside = 1.0 - level
+    below = float(np.mean(samples < value)), float(np.mean(samples <= value))
+    lower_tail = min(max(0.5 * outside, below[0] - level), below[1], outside)
+    low, high = np.quantile(samples, [lower_tail, lower_tail + level])
+    return min(float(low), value), max(float(high), value)
 
 
 def box_posterior(

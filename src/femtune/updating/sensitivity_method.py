@@ -51,6 +51,11 @@ _ZERO_RESIDUAL = 1e-6
 _ROUNDING_OF_ONE = 1e-5
 """The same as a part of its change by a whole length of step. A single residual scatters more than their norm, see
 `_RELATIVE_ROUNDING`."""
+_ORTHOGONAL = 1e-6
+"""Cosine of the angle between the residuals and their change by a parameter, below which it is zero. Where the
+objective is stationary to all digits of a double it is 1.5e-8, their square root, times the root of the ratio of true
+and linear curvature, which may be some thousands. Along a combination with a thousandth of the largest effect, the
+least that counts as determined, such a cosine stands for a decrease of the objective by 1e-6, see `_NEARLY_SAME`."""
 
 
 @dataclass(frozen=True)
@@ -194,6 +199,23 @@ class Walk:
         changes, _ = self._changes(point)
         known = self.of_result(point.evaluation).residuals
         return bool((np.abs(known) <= np.maximum(_ZERO_RESIDUAL, _ROUNDING_OF_ONE * changes)).all())
+
+    def stationary(self, point: Point) -> bool:
+        """True if the residuals are orthogonal to their change by each parameter, to rounding.
+
+        Rounding of the objective hides smaller slopes: no step reduces it. The linear model can still predict a
+        decrease, because at a minimum with as many residuals as parameters the Jacobian of non-zero residuals loses
+        rank. Rows of modes that cross count no more than in `rounding`. Source: Moré, Garbow and Hillstrom (1980).
+        """
+        known, scale = self.of_result(point.evaluation), self.scale(point.x)
+        changes, most = self._changes(point)
+        scaled = without(self._scaled(point), self.side.held * scale)
+        slope = scaled.T @ known.residuals
+        low, high = self.bounds_touched(point.x)
+        blocked = (low & (slope > 0.0)) | (high & (slope < 0.0))
+        rows = scaled * np.minimum(1.0, most / np.where(changes > 0.0, changes, 1.0))[:, None]
+        sizes = np.linalg.norm(rows, axis=0) * np.linalg.norm(known.residuals)
+        return bool((np.abs(slope) <= _ORTHOGONAL * sizes)[~blocked].all())
 
     def modes_cross(self, point: Point) -> bool:
         """True if some residuals and one combination of parameters are far more sensitive than all others.
@@ -629,7 +651,8 @@ class _Update:
     def _end(self, point: Point, failed: bool) -> Status:
         """The status if no step was accepted: rounding at an optimum, trial points that cannot be solved, or
         stalled."""
-        if self._best_step(point)[0] <= max(_NEARLY_SAME * point.objective, self.walk.rounding(point)):
+        small = max(_NEARLY_SAME * point.objective, self.walk.rounding(point))
+        if self._best_step(point)[0] <= small or self.walk.stationary(point):
             return self._optimum(point)
         return Status.SOLVE_FAILED if failed else Status.STALLED
 

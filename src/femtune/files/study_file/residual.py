@@ -1,7 +1,7 @@
 """[[residual]]: one comparison in one configuration; the key `kind` says which, docs/study-file.md the other keys.
 
-A further kind is a table here with its name in `ResidualEntry`, and the class of that key in `femtune.residuals`. The
-tables stand apart from the classes so that a study is checked without the numerical packages.
+A further kind is a table here with its name in `ResidualEntry`, and the class in `femtune.residuals` that `made_by`
+names. The tables stand apart from the classes so that a study is checked without the numerical packages.
 """
 
 from __future__ import annotations
@@ -49,10 +49,13 @@ class Breach:
 class ResidualTable(PythonTable):
     """What all kinds have: the configuration, which a study of several must name.
 
-    `covariance_of_test` is True for kinds whose covariance a test may give; `sd_of_test` for those that take the
-    standard deviations of the test where neither `sd` nor `covariance` is stated.
+    `made_by` names the class of `femtune.residuals` whose `of_study` makes the residual, as ``package.module:name``;
+    `Residual.block` gives blocks the label of that class. `covariance_of_test` is True for kinds whose covariance a
+    test may give; `sd_of_test` for those that take the standard deviations of the test where neither `sd` nor
+    `covariance` is stated.
     """
 
+    made_by: ClassVar[str]
     covariance_of_test: ClassVar[bool] = False
     sd_of_test: ClassVar[bool] = False
 
@@ -143,6 +146,8 @@ class FrfResidual(MeasuredFunctionsTable):
     'log-complex'
     """
 
+    made_by = "femtune.residuals.frf.asked:AskedFrfs"
+
     kind: Literal["frf"] = "frf"
     modes: Annotated[Listed[Text], Field(min_length=1)] | None = None
     """With `around = "resonances"`: labels of the test modes. Default: all modes that are not excluded.
@@ -219,6 +224,8 @@ class AntiresonanceResidual(MeasuredFunctionsTable):
     0.01
     """
 
+    made_by = "femtune.residuals.frf.asked:AskedAntiresonances"
+
     kind: Literal["antiresonance"] = "antiresonance"
     sd: FrequencySd = 0.01
     """Relative standard deviation; `"test"`: the standard deviation of each fit. Example: `"test"`"""
@@ -267,6 +274,7 @@ class FrequencyResidual(OfModesTable):
     """
 
     covariance_of_test = True
+    made_by = "femtune.residuals.frequency:FrequencyResidual"
 
     kind: Literal["frequency"] = "frequency"
     form: FrequencyForm = "frequency"
@@ -305,6 +313,7 @@ class ComplexEigenvalueResidual(OfModesTable):
     """
 
     covariance_of_test = True
+    made_by = "femtune.residuals.poles:ComplexEigenvalueResidual"
 
     kind: Literal["complex-eigenvalue"] = "complex-eigenvalue"
     sd: FrequencySd | None = None
@@ -334,6 +343,7 @@ class DampingResidual(OfModesTable):
     """
 
     covariance_of_test = True
+    made_by = "femtune.residuals.poles:DampingResidual"
 
     kind: Literal["damping"] = "damping"
     sd: FrequencySd | None = None
@@ -381,6 +391,8 @@ class ShapeResidual(ScaledShapesTable):
     ShapeResidual(scaling='largest-entry', sd=0.05)
     """
 
+    made_by = "femtune.residuals.shape:ShapeResidual"
+
     kind: Literal["shape"] = "shape"
 
 
@@ -397,6 +409,8 @@ class StrainResidual(ScaledShapesTable):
     >>> ft.StrainResidual(sensors=["901S+"], sd=0.05).sensors
     ('901S+',)
     """
+
+    made_by = "femtune.residuals.shape:StrainResidual"
 
     kind: Literal["strain"] = "strain"
     sensors: Sensors
@@ -418,6 +432,8 @@ class MacResidual(OfModesTable):
     >>> ft.MacResidual(sd=0.05)
     MacResidual(sd=0.05)
     """
+
+    made_by = "femtune.residuals.mac:MacResidual"
 
     kind: Literal["mac"] = "mac"
     form: MacForm = "root"
@@ -441,6 +457,8 @@ class FlexibilityResidual(OfModesTable):
     >>> ft.FlexibilityResidual(sd=0.02, part="diagonal").part
     'diagonal'
     """
+
+    made_by = "femtune.residuals.flexibility:FlexibilityResidual"
 
     kind: Literal["flexibility"] = "flexibility"
     part: Literal["matrix", "diagonal"] = "matrix"
@@ -466,6 +484,8 @@ class DynamicResidual(OfModesTable):
     >>> ft.DynamicResidual(sd=100.0)
     DynamicResidual(sd=100.0)
     """
+
+    made_by = "femtune.residuals.dynamic:DynamicResidual"
 
     kind: Literal["dynamic"] = "dynamic"
     sd: NotNegative
@@ -499,6 +519,8 @@ class StaticDisplacementResidual(LoadCaseTable):
     {'5Z+': 0.02}
     """
 
+    made_by = "femtune.residuals.static:DisplacementResidual"
+
     kind: Literal["static-displacement"] = "static-displacement"
     sd: NotNegative | None = None
     """Standard deviation relative to the largest displacement. Example: `0.01`"""
@@ -521,6 +543,8 @@ class StaticForceResidual(LoadCaseTable):
     1.0
     """
 
+    made_by = "femtune.residuals.static:ForceResidual"
+
     kind: Literal["static-force"] = "static-force"
     sd: NotNegative
     """Standard deviation of a force. Example: `5.0`"""
@@ -539,6 +563,8 @@ class MassResidual(ResidualTable):
     >>> ft.MassResidual(mass=44.2, sd=0.002)
     MassResidual(mass=44.2, sd=0.002)
     """
+
+    made_by = "femtune.residuals.mass:MassResidual"
 
     kind: Literal["mass"] = "mass"
     mass: Positive
@@ -560,6 +586,8 @@ class CentreOfGravityResidual(ResidualTable):
     >>> ft.CentreOfGravityResidual(x=1.21, sd=0.005)
     CentreOfGravityResidual(x=1.21, sd=0.005)
     """
+
+    made_by = "femtune.residuals.mass:CentreResidual"
 
     kind: Literal["centre-of-gravity"] = "centre-of-gravity"
     x: float | None = None
@@ -585,6 +613,8 @@ class InertiaResidual(ResidualTable):
     >>> ft.InertiaResidual(izz=3.2, sd=0.01).about
     (0.0, 0.0, 0.0)
     """
+
+    made_by = "femtune.residuals.mass:InertiaResidual"
 
     kind: Literal["inertia"] = "inertia"
     ixx: float | None = None

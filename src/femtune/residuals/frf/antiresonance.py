@@ -25,7 +25,6 @@ from femtune.residuals.frequency import frequency_residual
 from femtune.residuals.frf.measured_zeros import Antiresonance
 from femtune.residuals.frf.model_way import ModesWanted, full_modes
 from femtune.residuals.frf.residual import Places, places_of
-from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.weights import ResidualBlock
 
 # ----------------------------------------------------------------------------------------------------
@@ -133,7 +132,7 @@ class AntiresonanceResidual(Residual):
     sd: ZeroSd = 0.01
     modes: ModesWanted | None = None
     key = "antiresonance"
-    label = RESIDUALS[key].label
+    label = "antiresonance"
     # zeros need the static response to the forces, and the whole model
     on_modes = False
 

@@ -26,7 +26,7 @@ from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.frf.left_out import LeftOutModes
 from femtune.residuals.frf.lines import Region
 from femtune.residuals.frf.model_way import ModelWay
-from femtune.residuals.kinds import FRF_FORMS, RESIDUALS, FrfForm
+from femtune.residuals.kinds import FRF_FORMS, FrfForm
 from femtune.residuals.weights import IdentifiedValues, LineSamples, ResidualBlock
 
 # ----------------------------------------------------------------------------------------------------
@@ -193,7 +193,7 @@ class FrfResidual(Residual):
     identified: RedrawnTest | None = field(default=None, repr=False)
     left_out: LeftOutModes | None = None
     key = "frf"
-    label = RESIDUALS[key].label
+    label = "frf"
     # a reduced model of modes has no residual vectors for the forces and no damping of its own
     on_modes = False
 

@@ -15,6 +15,7 @@ from femtune.files.study_file.reading import is_deck, study_from_data, toml_data
 from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
 from femtune.files.uff import read_uff
 from femtune.steps.result import StepResult
+from femtune.steps.write.run import check_writable_fields
 from femtune.study.progress import silent
 from femtune.study.record import Record
 from femtune.study.repeats import read_repeats
@@ -190,6 +191,8 @@ class _Checked:
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
             if study.file.quantify is not None:
                 read_repeats(study, study.file.quantify)
+            if study.writes_deck and any(case.used is not None for case in study.cases):
+                check_writable_fields(study, study.file.write.wide)
 
     def _parts(self, data: dict[str, Any], progress: Progress) -> None:
         """The deck and the tests, each by itself."""

@@ -110,7 +110,7 @@ def model_records(
     natural_modes, records, shapes, raw = [], [], [], {}
     criteria = of_whole_tests(study)
     # where nothing is written back, what comes after the update is the last version
-    last = version != "after" or not study.source.writes_back
+    last = version != "after" or not study.writes_deck
     for i, case in enumerate(study.cases):
         progress.step(f"modes and correlation, {version}: {case.name}", i, len(study.cases))
         solution = known[case.name] if case.name in known else solved_if_any(study, case, x)

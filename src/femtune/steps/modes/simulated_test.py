@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.arrays import Reals
 from femtune.dofs import DIRECTIONS, Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Where
 from femtune.files.study_file.kinds import support
 from femtune.files.uff import write_uff_modes
-from femtune.modal import ModeSet, entry_deviations
+from femtune.modal import ModeSet, entry_deviations, largest_entries
 from femtune.model.response.rigid import is_rigid
 from femtune.steps.respond.run import id_line, uff_paths
 from femtune.testdata import ModalTest, WireFrame, sensors_at
@@ -109,6 +110,29 @@ def simulated(
     return [_simulated(study, case, solution, wanted, chance) for case, solution in solutions]
 
 
+_LARGE_ENTRY = 0.618
+"""Part of the largest entry of a shape from which an entry may determine its sign. The largest entry itself would not
+do: shapes of symmetric structures have several, and rounding decides among them. No ratio of entries of such shapes is
+this one."""
+
+
+def shape_signs(shapes: Reals) -> Reals:
+    """(m,) signs that make the first large entry of each real shape (n, m) positive.
+
+    The sign that the eigen-solution gives depends on the processor; errors that are added to a shape would then differ.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.steps.modes.simulated_test import shape_signs
+    >>> shape_signs(np.array([[0.1, 1.0], [-0.9, 0.2], [1.0, -1.0]]))
+    array([-1.,  1.])
+    """
+    large = np.abs(shapes) >= _LARGE_ENTRY * largest_entries(shapes)
+    first = np.take_along_axis(shapes, large.argmax(axis=0)[None, :], axis=0)[0]
+    return np.where(first < 0.0, -1.0, 1.0)
+
+
 def _simulated(
     study: Study, case: StudyCase, solution: EigenSolution, wanted: SimulatedTest, chance: np.random.Generator
 ) -> ModalTest:
@@ -117,7 +141,8 @@ def _simulated(
     rows, signs = [nodes.dof(d.node, d.component) for d in dofs], np.array([d.sign for d in dofs])
     elastic = ~is_rigid(solution)[: solution.wanted]
     freq = solution.freq_hz[elastic]
-    shapes = signs[:, None] * (case.configured.transformation[rows] @ solution.shapes[:, : solution.wanted][:, elastic])
+    motion = case.configured.transformation[rows] @ solution.shapes[:, : solution.wanted][:, elastic]
+    shapes = signs[:, None] * motion * shape_signs(motion)
     freq = freq * (1.0 + wanted.frequency_scatter * chance.standard_normal(freq.shape))
     shapes = shapes + entry_deviations(wanted.shape_scatter, shapes) * chance.standard_normal(shapes.shape)
     at = np.array([nodes.position(n) for n in sorted({d.node for d in dofs if d.component})], dtype=int)

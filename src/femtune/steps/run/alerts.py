@@ -186,12 +186,14 @@ def _of_writing(results: Results) -> Iterable[Alert]:
     if written is None or update is None:
         return
     for sentence in written.without_field:
-        yield alert("warning" if sentence in written.lost else "info", "write.without-field", reason=sentence)
+        yield alert("info", "write.without-field", reason=sentence)
+    if written.differences:
+        yield alert("problem", "write.differs", difference="; ".join(written.differences))
+        return
     as_written = update.objective_as_written_percent
     if as_written is not None and abs(as_written - update.objective_after_percent) > _LARGE_DIFFERENCE_PERCENT:
-        code = "write.incomplete" if written.lost else "write.rounding"
         errors = {"error_percent": as_written, "updated_percent": update.objective_after_percent}
-        yield alert("warning", code, **errors)
+        yield alert("warning", "write.rounding", **errors)
 
 
 def _of_model(results: Results) -> Iterable[Alert]:

@@ -13,11 +13,14 @@ from femtune.errors import FemtuneError
 from femtune.journal.run_files import (
     ARRAYS_FILE,
     CATALOGUE_FILE,
+    DECK_FILE,
     EXPANDED_FILE,
     FRFS_FILE,
     HISTORY_FILE,
     RESULTS_FILE,
     VTU_FILE,
+    Role,
+    made_by,
 )
 from femtune.steps.bootstrap.record import BootstrapResults
 from femtune.steps.bootstrap.run import bootstrap_at, check_bootstrap
@@ -69,6 +72,7 @@ from femtune.steps.validate.frf_deviation import frf_deviations
 from femtune.steps.validate.frf_validation import check_frf_band, unused_frfs
 from femtune.steps.vibration.run import VibrationTests
 from femtune.steps.write.run import check_writable_fields, check_written, write_back
+from femtune.steps.write.verify import check_same, frequency_differences, named_if_same
 from femtune.study.provenance import provenance, study_facts
 from femtune.study.record import Alert, alert
 from femtune.study.solutions import journal_results
@@ -121,14 +125,15 @@ class Run:
 
         Raises
         ------
-        FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``write.*``, ``run.unwritable``
+        FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``write.*``, ``run.unwritable``; ``write.differs`` after all
+            results are on disk
         """
-        source = self.study.source
-        ends = () if source.writes_back else (alert("info", source.no_write_back),)
+        study = self.study
+        ends = () if study.writes_deck else (alert("info", study.source.no_write_back or "write.no-deck/not-wanted"),)
         outcomes = self._done(UNTIL_UPDATED, Outcomes())
         self._keep(outcomes, *(ends or (alert("problem", "run.unfinished"),)))
         try:
-            last = ON_WRITTEN_DECK if source.writes_back else WITHOUT_DECK
+            last = ON_WRITTEN_DECK if study.writes_deck else WITHOUT_DECK
             outcomes = self._done((*ONCE_UPDATED, *last, JUDGE), outcomes)
         except FemtuneError as problem:
             problem.values["results so far"] = str(self.folder / RESULTS_FILE)
@@ -137,6 +142,8 @@ class Run:
         deck = results.write_back.files if results.write_back else ()
         files = (*outcomes.files, *catalogue, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *deck)
         self.place.keep(files)
+        if results.write_back:
+            check_same(results.write_back, self.folder)
         return RunResult(self.folder, results, outcomes.arrays, files=files)
 
     def _done(self, steps: Iterable[RunStep], outcomes: Outcomes) -> Outcomes:
@@ -222,7 +229,7 @@ def _model(run: Run, outcomes: Outcomes, made: Made) -> Prepared:
     study = run.study
     repeats, vibration_tests = repeats_of(study), VibrationTests.of(study)
     check_frf_band(study)
-    if study.source.writes_back:
+    if study.writes_deck:
         check_writable_fields(study, run.wide)
     run.progress.step("mass and rigid-body check", 0, None)
     facts = Results(
@@ -331,6 +338,10 @@ def _specimens(run: Run, outcomes: Outcomes, made: Made) -> SpecimenResults | No
 
 def _write_back(run: Run, outcomes: Outcomes, made: Made) -> Written:
     run.progress.step("writing the updated deck", 0, None)
+    # that of an earlier run must not be taken for the one of this run
+    for _, name in made_by("update", run.study.file, Role.RESULT):
+        if Path(name).name == DECK_FILE:
+            run.place.drop(run.study, name)
     deck = write_back(run.study, outcomes.of(Updated).parameters.result, run.folder, run.wide)
     for built in deck.built.values():
         check_written(built, run.study)
@@ -342,6 +353,16 @@ def _correlate_as_written(run: Run, outcomes: Outcomes, made: Made) -> AsWritten
     at = as_written(study, outcomes.of(Updated).at)
     records = model_records(study, "after as written", at.x, solutions_of(at), made.arrays, run.progress)
     return AsWritten(records, at.mean_error)
+
+
+def _verify(run: Run, outcomes: Outcomes, made: Made) -> Written:
+    """The written deck gets its name if it has the frequencies of the update."""
+    written, final, deck = outcomes.of(Written), outcomes.of(Final), outcomes.of(AsWritten)
+    pairs = zip(final.records.modes, deck.records.modes, strict=True)
+    differences = [
+        d for after, there in pairs for d in frequency_differences(there.configuration, after.freq_hz, there.freq_hz)
+    ]
+    return replace(written, deck=named_if_same(written.deck, differences, run.folder))
 
 
 def _respond_as_written(run: Run, outcomes: Outcomes, made: Made) -> AsWritten:
@@ -417,6 +438,7 @@ ONCE_UPDATED = (
 ON_WRITTEN_DECK = (
     RunStep("write back", _write_back),
     RunStep("correlate as written", _correlate_as_written),
+    RunStep("compare the deck as written", _verify),
     WRITE_EXPANDED,
     RunStep("respond", _respond_as_written),
 )

@@ -94,6 +94,9 @@ class WriteBackResults(Record):
     without_field: tuple[str, ...]
     """Parameters that have no field, a sentence each."""
     lost: tuple[str, ...] = ()
-    """Those of these sentences whose updated values the written deck does not contain."""
+    """Those of these sentences whose updated values the written deck does not contain; only in results of versions that
+    wrote such a deck."""
+    differences: tuple[str, ...] = ()
+    """Differences of the written deck from the update, a sentence each; the deck is not called updated.bdf then."""
     includes_changed: tuple[str, ...]
     """INCLUDE lines whose path was changed, a sentence each."""

@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Where
 from femtune.fem import MODAL
 from femtune.fem.distribution import varied_entries
-from femtune.fem.fields import AMPLITUDE, FACTORS
+from femtune.fem.fields import AMPLITUDE
 from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.field_refs import OF_MATRICES, WITHOUT_CARD
 from femtune.files.nastran.write import plan_edits, write_deck
-from femtune.journal.run_files import DECK_FILE, RUN_FILES
+from femtune.journal.run_files import RUN_FILES, UNVERIFIED_FILE
 from femtune.steps.update.record.update import WrittenValue
 from femtune.steps.write.facts import edits, new_cards, repointed
 from femtune.steps.write.record import WriteBackResults
+from femtune.steps.write.verify import value_differences
 from femtune.study.inputs import inputs_of_study
 from femtune.study.parameters import with_updated_ratios
 
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
 
-NAME = DECK_FILE
 _OF_NO_CARD = (MODAL, *WITHOUT_CARD)
 
 
@@ -49,7 +49,7 @@ class WriteBack:
 
 def _reserved(study: Study, folder: Path) -> set[str]:
     """Names in a run folder which changed INCLUDEs must not take: of files of a run, and of inputs."""
-    of_runs = {name for one in RUN_FILES for name in (one.name, *one.names(study.file))} - {NAME}
+    of_runs = {name for one in RUN_FILES for name in (one.name, *one.names(study.file))} - {UNVERIFIED_FILE}
     place = os.path.realpath(folder)
     inputs = (Path(os.path.realpath(one.path)) for one in inputs_of_study(study))
     return of_runs | {path.name for path in inputs if str(path.parent) == place}
@@ -60,11 +60,14 @@ def check_writable_fields(study: Study, wide: bool) -> None:
 
     Raises
     ------
-    FemtuneError : ``write.no-field``, ``write.unknown-region``, and others of `plan_edits`
+    FemtuneError : ``write.no-card``, ``write.shared``, ``write.no-field``, ``write.unknown-region``, and others of
+        `plan_edits`
     """
     names = (None,) if study.specimens is None else study.specimens.names
     for own in (study if name is None else study.of_specimen(name) for name in names):
-        _planned(own, np.zeros(len(own.parameters.free)), wide)
+        x = np.zeros(len(own.parameters.free))
+        _check_places(own, x)
+        _planned(own, x, wide)
 
 
 def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
@@ -92,29 +95,46 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
 
 
 def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wide: bool) -> WriteBack:
-    plan, values, blocked = _planned(study, result.x, wide)
-    deck = write_deck(plan.edited, folder, NAME, _reserved(study, folder))
+    plan, values = _planned(study, result.x, wide)
+    deck = write_deck(plan.edited, folder, UNVERIFIED_FILE, _reserved(study, folder))
     rebuilt = build_allowing(read_deck(deck.main), study.file.study.allow_ignored)
-    record = _record(study, plan, deck, run, values, blocked)
+    differences = value_differences(study.model.structure, values, rebuilt.structure)
+    record = _record(study, plan, deck, run, values).model_copy(update={"differences": tuple(differences)})
     return WriteBack(record, _written(study, plan), {None: with_updated_ratios(rebuilt, values)})
 
 
-def _planned(
-    study: Study, x: Reals, wide: bool
-) -> tuple[WritePlan, Mapping[FieldRef, float], Mapping[FieldRef, float]]:
-    """Changes of the deck, all values, and those that keep their old value as they would need a separate card."""
+def _planned(study: Study, x: Reals, wide: bool) -> tuple[WritePlan, Mapping[FieldRef, float]]:
+    """Changes of the deck, and all values."""
     values = study.model.field_values(x)
     values = {**values, **study.model.structure.values.following(values, study.built.fields)}
-    of_cards = {ref: value for ref, value in values.items() if ref.card not in _OF_NO_CARD}
-    blocked = {} if study.file.write.split else _shared_fields(of_cards)
-    updates = {ref: value for ref, value in of_cards.items() if ref not in blocked}
-    return plan_edits(study.built_deck, updates, _regions(study), wide), values, blocked
+    updates = {ref: value for ref, value in values.items() if ref.card not in _OF_NO_CARD}
+    return plan_edits(study.built_deck, updates, _regions(study), wide), values
 
 
-def _shared_fields(values: Mapping[FieldRef, float]) -> dict[FieldRef, float]:
-    """Values that would need a card of their own, and those of other regions that would have kept the shared one."""
-    several = {replace(ref, region="") for ref in values if ref.region}
-    return {ref: value for ref, value in values.items() if replace(ref, region="") in several}
+def _check_places(study: Study, x: Reals) -> None:
+    """Refuse fields that no card holds, and shared ones if their cards must not be split: the deck would be another
+    model than the update."""
+    owners = {ref: name for name, ref in _placed(study)}
+    varied = {ref for ref, _ in _varied(study)}
+    for ref in study.model.field_values(x):
+        # an amplitude is written as the values of its elements
+        if ref.card in WITHOUT_CARD and ref.card != AMPLITUDE:
+            code = "write.no-card/case-control" if ref.card in OF_MATRICES else "write.no-card"
+            raise FemtuneError(code, where=_where(study, owners[ref]), parameter=owners[ref], field=ref)
+        if ref.region and not study.file.write.split:
+            facts = {"parameter": owners[ref], "field": replace(ref, region="")}
+            raise FemtuneError("write.shared", where=_where(study, owners[ref]), **facts)
+    if varied and not study.file.write.split:
+        ref = min(varied)
+        facts = {"parameter": owners.get(ref, ref.region), "field": replace(ref, region="")}
+        raise FemtuneError("write.shared", where=study.file.where("write", "split"), **facts)
+
+
+def _where(study: Study, owner: str) -> Where:
+    """The table of a parameter of the study."""
+    names = [entry.name for entry in study.file.parameter]
+    name = study.in_study(owner)
+    return study.file.where("parameter", names.index(name), "fields") if name in names else study.file.where("write")
 
 
 def _regions(study: Study) -> dict[str, Iterable[int]]:
@@ -147,18 +167,9 @@ def _written(study: Study, plan: WritePlan) -> dict[str, tuple[WrittenValue, ...
 
 
 def _record(
-    study: Study,
-    plan: WritePlan,
-    deck: WrittenDeck,
-    folder: Path,
-    values: Mapping[FieldRef, float],
-    blocked: Mapping[FieldRef, float],
+    study: Study, plan: WritePlan, deck: WrittenDeck, folder: Path, values: Mapping[FieldRef, float]
 ) -> WriteBackResults:
     owners = {ref: name for name, ref in _placed(study)}
-    varied = {ref for ref, _ in _varied(study)}
-    shared = (_shared(ref, owners[ref]) for ref in blocked if ref not in varied)
-    split = study.file.write.split
-    lost = (*_without_card(values, owners, split), *shared)
     return WriteBackResults(
         files=tuple(str(p.relative_to(folder)) for p in deck.files),
         edits=tuple(edits(study, plan, values, owners)),
@@ -167,16 +178,9 @@ def _record(
         splits=tuple(
             f"{s.source} was copied to {s.copy} for the {len(s.elements)} elements of {s.region}" for s in plan.splits
         ),
-        without_field=(*_no_fields(study), *_of_matrices(values, owners), *_of_modes(values, owners), *lost),
-        lost=lost,
+        without_field=(*_no_fields(study), *_of_modes(values, owners)),
         includes_changed=tuple(f"{c.where}: '{c.before}' became '{c.after}'" for c in deck.include_changes),
     )
-
-
-def _of_matrices(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
-    for ref, value in values.items():
-        if ref.card in OF_MATRICES:
-            yield f"{owners[ref]}: the factor of {ref.name} is in case control; change it to {value:.7g}*{ref.name}"
 
 
 def _of_modes(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
@@ -184,24 +188,6 @@ def _of_modes(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) 
         if ref.card == MODAL:
             modes = f"mode {ref.id}" if ref.id else "all modes without an individual ratio"
             yield f"{owners[ref]}: the damping ratio {value:.6g} of {modes} is not on any card; enter it in TABDMP1"
-
-
-def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str], split: bool) -> Iterable[str]:
-    """What no card of a deck can hold; distributions where elements get no cards of their own (`split`)."""
-    for ref, value in values.items():
-        if ref.card in FACTORS:
-            matrices = {"stiffness": "stiffness", "mass": "mass", "viscous": "viscous damping"}[FACTORS[ref.card]]
-            yield (
-                f"{owners[ref]}: no card holds a factor of the {matrices} of elements; multiply their "
-                f"materials and properties by the updated factor {value:.7g}"
-            )
-        if ref.card == AMPLITUDE and not split:
-            yield (
-                f"{owners[ref]}: {ref} = {value:.6g} was not written; split = true in [write] gives each element of "
-                "the distribution a separate card"
-            )
-        if ref.card == "GENERIC":
-            yield f"{owners[ref]}: no card holds {ref}, so the updated value {value:.7g} was not written"
 
 
 def _no_fields(study: Study) -> Iterable[str]:
@@ -214,14 +200,6 @@ def _no_fields(study: Study) -> Iterable[str]:
 def _use(parameter: Parameter, study: Study) -> str:
     users = [p.name for p in study.parameters.parameters if p.tie and parameter.name in p.tie.names]
     return f"it acts through {', '.join(users)}" if users else "its value is not written"
-
-
-def _shared(ref: FieldRef, owner: str) -> str:
-    others = "that are not updated" if ref.region else "that another parameter changes"
-    return (
-        f"{owner}: {ref.card} {ref.id} {ref.name} is shared with elements {others}, so it was not "
-        f"written; split = true in [write] gives the updated elements a separate card"
-    )
 
 
 def check_written(built: BuiltModel, study: Study) -> None:

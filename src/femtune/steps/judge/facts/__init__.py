@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from femtune.steps.judge.facts.missing import missing_fields
 from femtune.steps.judge.facts.parts import parts_of_fit
 
 if TYPE_CHECKING:
     from femtune.steps.judge.finished_update import FinishedUpdate
     from femtune.study.record import Record
 
-FACTS: Mapping[str, Callable[[FinishedUpdate], Record | None]] = {"parts": parts_of_fit}
+FACTS: Mapping[str, Callable[[FinishedUpdate], Record | None]] = {
+    "missing": missing_fields,
+    "parts": parts_of_fit,
+}
 """By the field of `JudgementResults` that receives the record; None where the topic does not apply."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
+from femtune.steps.judge.reasons.computed import computed_reasons
+from femtune.steps.judge.reasons.missing import missing_reasons
 from femtune.steps.judge.reasons.parts import parts_reasons
 from femtune.steps.judge.reasons.update import update_reasons
 
@@ -12,7 +14,12 @@ if TYPE_CHECKING:
     from femtune.steps.judge.record.reason import ReasonRecord
     from femtune.steps.results import Results
 
-TOPICS: tuple[Callable[[Results], Iterable[ReasonRecord]], ...] = (update_reasons, parts_reasons)
+TOPICS: tuple[Callable[[Results], Iterable[ReasonRecord]], ...] = (
+    update_reasons,
+    missing_reasons,
+    parts_reasons,
+    computed_reasons,
+)
 """In the order of their importance: within one weight the verdict names the first reasons first.
 
 `results.judgement` has the records of `FACTS`; its verdict, line and reasons are not final yet.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from femtune.steps.judge.record.missing import MissingResults
 from femtune.steps.judge.record.parts import PartsResults
 from femtune.steps.judge.record.reason import ReasonRecord
 from femtune.study.record import Record
@@ -20,6 +21,8 @@ class JudgementResults(Record):
     """The verdict with its most important reasons, in one sentence."""
     reasons: tuple[ReasonRecord, ...] = ()
     """All reasons, those not to accept the run first."""
+    missing: MissingResults | None = None
+    """Fields of the deck that no parameter represents and that the residuals ask for; None in older results."""
     not_computed: tuple[str, ...] = ()
     """Topics that could not be judged because their computation failed, with the reason."""
     parts: PartsResults | None = None

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.files.study_file.residual import TABLES
 from femtune.files.study_file.stage import RESONANCES
+from femtune.kinds import loaded
 from femtune.residuals import pair_case, solve_case
-from femtune.residuals.kinds import RESIDUALS
 from femtune.steps.update.facts.reduction import reduction_results
 from femtune.steps.update.record.reduction import ReductionResults
 from femtune.study.stages import stage_cases, used_in_stage
@@ -131,7 +132,7 @@ def _values(names: Iterable[str], run: UpdateResult, x: NDArray[np.float64]) -> 
 def _left_out(study: Study, entry: StageEntry, x: NDArray[np.float64]) -> Iterable[StageLeftOut]:
     """Test modes without partner, or left out by the study, where the stage starts."""
     keys = study.file.residuals.kinds_of_stage(entry.residuals)
-    if RESONANCES not in keys and not any(RESIDUALS[key].load().of_modes for key in keys):
+    if RESONANCES not in keys and not any(loaded(TABLES[key].made_by).of_modes for key in keys):
         return
     for case in stage_cases(study, entry):
         used = used_in_stage(case, entry)

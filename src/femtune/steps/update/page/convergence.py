@@ -178,7 +178,7 @@ def _optimality(update: UpdateResults) -> list[Block]:
         f"step would reduce the sum of squares by {short(certificate.predicted_decrease)} of its value; {bounds}."
     )
     if small is None:
-        which = f"The result is the minimum within the bounds: χ² = {value(update.chi_square)}."
+        which = f"The result is a minimum within the bounds: χ² = {value(update.chi_square)}."
         return [Paragraph(f"{which} {conditions}")]
     return [Paragraph(f"{_smallest_change(update, small)} {conditions}")]
 
@@ -196,9 +196,9 @@ def which_point(update: UpdateResults) -> list[str]:
     )
     conditions = f"projected gradient {short(certificate.projected_gradient)}{signs}"
     if small is None:
-        return [f"Result: the minimum within the bounds, χ² = {value(update.chi_square)} ({conditions})."]
+        return [f"Result: a minimum within the bounds, χ² = {value(update.chi_square)} ({conditions})."]
     return [
-        f"Result: the smallest change whose χ² is at most {short(small.allowed)} above the minimum within the bounds, "
+        f"Result: the smallest change whose χ² is at most {short(small.allowed)} above a minimum within the bounds, "
         f"{value(small.chi_square)}; it is {short(small.increase)} above ({conditions})."
     ]
 
@@ -219,10 +219,10 @@ def _smallest_change(update: UpdateResults, small: SmallestChangeResults) -> str
     last = [i.iteration for i in update.history if not i.to_smallest_change]
     at_bound = ", ".join(small.optimum_at_bound) or "no parameter"
     return (
-        "At the minimum of χ² within the bounds the data leave combinations of the parameters undetermined, those of "
+        "At a minimum of χ² within the bounds the data leave combinations of the parameters undetermined, those of "
         "parameters at a bound included, so that noise decides where it lies. The result is the smallest "
         "change from the nominal values, in prior standard deviations, whose χ² "
-        f"exceeds the minimum within the bounds by at most {short(small.allowed)}: χ² is {value(small.chi_square)} at "
+        f"exceeds this minimum by at most {short(small.allowed)}: χ² is {value(small.chi_square)} at "
         f"the minimum, and {short(small.increase)} more in the result. The change is {short(small.size)} "
         f"prior standard deviations long, against {short(small.optimum_size)} at the minimum (iteration {last[-1]}), "
         f"where {at_bound} would be at a bound."

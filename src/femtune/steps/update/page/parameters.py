@@ -61,28 +61,14 @@ def interval_remarks(parameters: Sequence[ParameterResult]) -> list[Block]:
     said = []
     if cut or left_open:
         said.append(
-            "The 95 % intervals are equal-tailed and within the bounds: the distribution of the linearised problem, "
-            "truncated to the bounds."
+            "The 95 % intervals are those of the distribution of the linearised problem, truncated to the bounds. They "
+            "are equal-tailed, unless the value lies in a tail, as it does on a bound: there the tails differ so that "
+            "the interval contains it."
         )
-        if any(p.at_bound for p in parameters):
-            said.append("A value on its bound is at an end of this distribution, outside its interval.")
-        if outside := [p.name for p in parameters if _outside(p)]:
-            one = len(outside) == 1
-            said.append(
-                f"The {'value' if one else 'values'} of {listed(outside)} {'lies' if one else 'lie'} outside "
-                f"{'its interval' if one else 'their intervals'}: bounds cut off a part of the distribution, "
-                "which moves its mean and median (results.json) away from the updated values."
-            )
     if left_open:
         these = "its interval is" if len(left_open) == 1 else "their intervals are"
         said.append(f"The data hardly narrow {listed(left_open)}: {these} nearly as wide as the bounds allow.")
     return [Paragraph(" ".join(said))] if said else []
-
-
-def _outside(parameter: ParameterResult) -> bool:
-    """Whether a value that is not on a bound lies outside its interval."""
-    ends = parameter.interval_95
-    return ends is not None and not parameter.at_bound and not ends[0] <= parameter.value <= ends[1]
 
 
 _CAPTION = (

@@ -8,7 +8,6 @@ import numpy as np
 
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import PairedMode
-from femtune.residuals.kinds import RESIDUALS
 from femtune.residuals.pair import PairResidual
 from femtune.residuals.weights import ResidualBlock
 
@@ -19,7 +18,7 @@ class LogFrequencyResidual(PairResidual):
 
     sd: float
     key = "log-frequency"
-    label = RESIDUALS[key].label
+    label = "frequency ratio"
 
     @classmethod
     def of_study(cls, asked: Asked) -> LogFrequencyResidual:

@@ -1,0 +1,84 @@
+"""One trial: its data are made, its studies run, and all that the tables may ask of them is kept as one row."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from trials import STATED, Deviations, Trial, TrialKind, trial, write_data, write_study
+
+import femtune as ft
+from femtune.errors import FemtuneError
+from femtune.steps.results import Results
+
+Row = dict[str, Any]
+STARTS = 20
+"""Points of the Latin hypercube from which a better minimum is looked for."""
+STARTS_OF = "true"
+"""The study that they are tried on."""
+
+
+def measured(kind: TrialKind, number: int, seed: int, stated: Sequence[str], starts: bool) -> Row:
+    """The row of a trial.
+
+    Parameters
+    ----------
+    kind, number, seed : of the trial
+    stated : which standard deviations its studies state
+    starts : whether a better minimum is looked for
+    """
+    one, begun = trial(kind, number, seed), time.process_time()
+    with tempfile.TemporaryDirectory(prefix="femtune-judge-") as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        write_data(one, Path(folder))
+        runs = {name: run_of(one, Path(folder), STATED[name], name) for name in stated}
+        found = _from_starts(Path(folder)) if starts and STARTS_OF in runs else None
+    return {
+        "kind": kind, "number": number, "seed": seed, "structure": one.structure.name, "truth": one.truth,
+        "fault": None if one.fault is None else [one.fault.field, one.fault.factor], "runs": runs, "starts": found,
+        "seconds": round(time.process_time() - begun, 2),
+    }  # fmt: skip
+
+
+def run_of(one: Trial, folder: Path, stated: Deviations, name: str) -> Row:
+    """What a study found, by the function that updates, validates and judges; `error` where it ended with one."""
+    study = write_study(one, folder, stated, name)
+    begun = time.process_time()
+    try:
+        results = ft.validate(study).results
+    except FemtuneError as problem:
+        return {"error": problem.code, "seconds": round(time.process_time() - begun, 2)}
+    return {**facts_of(results, one.truth), "seconds": round(time.process_time() - begun, 2)}
+
+
+def facts_of(results: Results, truth: dict[str, float]) -> Row:
+    """Of one run: parameters beside their truth, goodness of fit, the judgement as it is in ``results.json``."""
+    update = results.update
+    assert update is not None
+    parameters = [
+        {"true": truth[p.name.replace("_", " ")], "value": p.value, "sd": p.sd, "interval": p.interval_95,
+         "at_bound": p.at_bound}
+        for p in update.parameters
+    ]  # fmt: skip
+    goodness, judgement = update.goodness, getattr(results, "judgement", None)
+    return {
+        "status": update.status, "ok": update.ok, "chi_square": update.chi_square,
+        "compared": sum(c.count for c in update.residual_counts), "parameters": parameters,
+        "goodness": None if goodness is None else {"p": goodness.p_value, "verdict": goodness.verdict},
+        "judgement": None if judgement is None else judgement.model_dump(mode="json"),
+    }  # fmt: skip
+
+
+def _from_starts(folder: Path) -> Row:
+    """The best minimum of several starts over the bounds."""
+    try:
+        tried = ft.update(folder / f"{STARTS_OF}.toml", update={"starts": STARTS, "seed": 1}, output=folder / "starts")
+    except FemtuneError as problem:
+        return {"error": problem.code}
+    update = tried.results.update
+    assert update is not None
+    return {"chi_square": update.chi_square, "compared": sum(c.count for c in update.residual_counts)}

@@ -1,0 +1,145 @@
+"""A model with further fields as parameters: factors of one, which move nothing and whose derivatives are exact.
+
+A field that a parameter already sets, on all elements or in a region, is multiplied by the factor there too: the
+parameter p becomes p·c on the elements of the factor c.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from femtune.fem.fields import FieldRef
+from femtune.model import Assignment, EigenSolution, ParametricModel, SubspaceDerivative, configure, parametric_model
+from femtune.model.derivatives.sensors import sensor_derivatives
+from femtune.model.full_model import ModelSolver, direct
+from femtune.parameters import Parameter, ParameterSet, parse_expression
+from femtune.residuals import CaseState, Evaluation, UpdateProblem
+from femtune.updating import NoRegularisation, SensitivityMethod, UpdateResult
+
+_TOLERANCE = 1e-4
+"""Error of the derivatives of a shape at the sensors: far below what noise leaves of a column, and above what many
+solutions would be needed for."""
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor on a field for some of the elements that use it; factors of one field have no element in common.
+
+    Parameters
+    ----------
+    name : an identifier that no parameter has
+    lower, upper : bounds, for an update that frees it
+    """
+
+    name: str
+    ref: FieldRef
+    elements: frozenset[int]
+    lower: float = 0.5
+    upper: float = 2.0
+
+
+def widened(model: ParametricModel, factors: Sequence[Factor]) -> ParametricModel:
+    """The model with free factors after its own parameters; at their value of one it is the same.
+
+    Raises
+    ------
+    FemtuneError : as `parametric_model`
+    """
+    given = model.structure if model.given is None else model.given
+    taken: dict[FieldRef, frozenset[int]] = {factor.ref: frozenset() for factor in factors}
+    assignments, products = list[Assignment](), dict[str, Parameter]()
+    for a in model.assignments:
+        if a.ref not in taken:
+            assignments.append(a)
+            continue
+        users = _users(model, a)
+        taken[a.ref] |= users
+        for factor in factors:
+            shared = users & factor.elements if factor.ref == a.ref else frozenset()
+            if shared:
+                tied = _product(a.parameter, factor.name)
+                products[tied.name] = tied
+                assignments.append(replace(a, parameter=tied.name, elements=shared))
+                users -= shared
+        if users:
+            assignments.append(replace(a, elements=users))
+    own = ((f, f.elements - taken[f.ref]) for f in factors)
+    assignments += [Assignment(f.name, f.ref, True, elements) for f, elements in own if elements]
+    free = tuple(Parameter(f.name, 1.0, f.lower, f.upper) for f in factors)
+    parameters = ParameterSet((*model.parameters.parameters, *free, *products.values()))
+    return parametric_model(given, parameters, assignments, model.tables)
+
+
+def _users(model: ParametricModel, a: Assignment) -> frozenset[int]:
+    structure = model.structure if model.given is None else model.given
+    position = structure.values.index(a.ref)
+    users = frozenset() if position is None else frozenset(int(n) for n in structure.users(position))
+    return users if a.elements is None else users & a.elements
+
+
+def _product(parameter: str, factor: str) -> Parameter:
+    return Parameter(f"{parameter}_times_{factor}", tie=parse_expression(f"{parameter}*{factor}"))
+
+
+# ----------------------------------------------------------------------------------------------------
+# The end of an update with further parameters.
+
+
+def widened_problem(result: UpdateResult, model: ParametricModel, factors: Sequence[Factor]) -> UpdateProblem:
+    """The comparisons at the end of an update on the full model, with free factors after the parameters.
+
+    Raises
+    ------
+    FemtuneError : as `parametric_model` and `configure`
+    """
+    wide = widened(model, factors)
+    after = result.after
+    solver: ModelSolver = _BySensors()
+    cases = tuple(
+        replace(case, configured=configure(wide, case.configured.configuration), full=None, solver=solver)
+        for case in (state.case.on_full_model for state in after.states)
+    )
+    return UpdateProblem(cases, wide.parameters, common_sd=after.common_sd)
+
+
+class _BySensors(type(direct)):  # type: ignore[misc]
+    """As `direct`, but the derivatives by many factors follow from solutions for the sensors, which are fewer."""
+
+    def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
+        """As `subspace_derivative`."""
+        few = rows.shape[0] <= solution.point.n_parameters and max(members, default=0) < solution.wanted
+        if few and not solution.point.depends_on_frequency:
+            found = sensor_derivatives(solution, rows, _TOLERANCE).subspace(members)
+            if found.error is not None and found.error <= _TOLERANCE:
+                return found
+        return direct.derivative(solution, members, rows)
+
+
+def widened_end(result: UpdateResult, problem: UpdateProblem) -> Evaluation:
+    """The end of the update in the widened problem: nothing is solved again, and the pairing is the same."""
+    x = np.concatenate([result.x, np.zeros(len(problem.parameters.free) - len(result.x))])
+    states = []
+    for case, state in zip(problem.cases, result.after.states, strict=True):
+        point, known = case.configured.at(x), state.solved
+        # the factors of a matrix are those of the same matrix
+        solution = None if known is None else replace(known, point=point)
+        states.append(CaseState(case, point, state.groups, solution))
+    return problem.assess(x, states)
+
+
+def freed(result: UpdateResult, method: SensitivityMethod, count: int) -> SensitivityMethod:
+    """The method of an update with `count` further parameters, on which its side constraint does not act.
+
+    The minimum itself is looked for, not the smallest change near it.
+    """
+    side = result.side
+    if side.renewed is not None:
+        return replace(method, regularisation=NoRegularisation(), adapt=False, smallest_change=0.0)
+    more = np.zeros((len(side.matrix), count))
+    held = np.hstack([side.held, np.zeros((len(side.held), count))])
+    wide = replace(side, matrix=np.hstack([side.matrix, more]), held=held)
+    return replace(method, regularisation=wide, adapt=False, smallest_change=0.0)

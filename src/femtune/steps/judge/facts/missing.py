@@ -1,0 +1,396 @@
+"""Fields of the deck that no parameter represents: tested at the end of the update, the first ones refitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.errors import FemtuneError
+from femtune.files.nastran.field_refs import resolve
+from femtune.judge.missing import SUSPECTED, ScoreTest, p_of_refit, score_test
+from femtune.judge.regions import mesh_of
+from femtune.judge.whitened import Whitened, prior_blocks, whitened, whitened_blocks
+from femtune.judge.widened import Factor, freed, widened_end, widened_problem
+from femtune.status import Status
+from femtune.steps.init.proposed_parameters import FieldCandidate, ProposalKind, candidates
+from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
+from femtune.study.stages import reduction_rules
+from femtune.study.update_method import method_of
+from femtune.updating import update, update_reduced
+
+if TYPE_CHECKING:
+    from femtune.arrays import Integers, Reals
+    from femtune.files.built_model import BuiltModel
+    from femtune.judge.regions import Mesh
+    from femtune.residuals import Evaluation, ResidualBlock
+    from femtune.steps.judge.finished_update import FinishedUpdate
+    from femtune.study.study import Study
+    from femtune.updating import UpdateResult
+
+MOST_FACTORS = 120
+"""Factors of the widened model: its coefficients carry second derivatives, whose number grows as the square of it."""
+MOST_SHOWN = 8
+"""Groups of fields in the record: beyond the first few, the order says little."""
+MOST_REFITTED = 3
+"""Groups that are refitted: the culprit is among the first three in 95 % of wrong models."""
+REFITTED_FROM_DOFS = 10_000
+"""Free DOFs from which one group is refitted only, since an iteration on a full model is expensive."""
+_FEWEST_ITERATIONS = 6
+"""Iterations that refits may take together, even if the update took fewer."""
+_DEPTH = 2
+"""How often a set of elements is divided: into halves, or pieces, and their halves."""
+
+_INERTIA = ProposalKind("mass: moment of inertia", 0.7, 1.4)
+_ADDED_MASS = ProposalKind("property: non-structural mass", 0.5, 2.0)
+_AREA = ProposalKind("property: area", 0.9, 1.1)
+_FURTHER = {
+    **{("CONM2", name): _INERTIA for name in ("I11", "I22", "I33")},
+    **{(card, "NSM"): _ADDED_MASS for card in ("PSHELL", "PCOMP", "PCOMPG", "PBAR", "PBARL", "PBEAM", "PROD", "PTUBE")},
+    **{(card, "A"): _AREA for card in ("PBAR", "PBEAM", "PBCOMP", "PBEND")},
+}
+"""Fields that a first study does not propose, with their usual ranges."""
+
+
+@dataclass(frozen=True)
+class TestedField:
+    """A field for some of the elements that use it, as the sum of factors of the widened model.
+
+    Parameters
+    ----------
+    place : what the elements are; "" for all
+    factors : positions
+    region : the keys of [[parameter]] that choose them
+    """
+
+    __test__ = False  # no test class
+
+    candidate: FieldCandidate
+    elements: frozenset[int]
+    place: str
+    factors: tuple[int, ...] = ()
+    region: str = ""
+
+
+def missing_fields(fit: FinishedUpdate) -> MissingResults:
+    """The test of all fields, and the refit of the first ones if something is missing."""
+    reason = _not_tested(fit.study, fit.result)
+    if reason:
+        return MissingResults(reason=reason)
+    study, result = fit.study, fit.result
+    fit.progress.step("fields that are no parameters", 0, None)
+    fields, factors, left_out = tested_fields(study)
+    try:
+        end = widened_end(result, widened_problem(result, study.model, factors))
+    except FemtuneError as problem:
+        return MissingResults(reason=f"the model could not be extended by fields as parameters: {problem.what}")
+    record = _record(result, end)
+    if record is None:
+        return MissingResults(reason="no residual has a known distribution")
+    rows, columns, bounded = record
+    of_fields = np.array([columns[:, list(f.factors)].sum(axis=1) for f in fields]).reshape(len(fields), len(rows.r)).T
+    at_bound = _bounded_fields(result)
+    usual = [(1.0 - f.candidate.kind.lower, f.candidate.kind.upper - 1.0) for f in fields]
+    plausible = np.array([*((b.room, b.room) for b in at_bound), *usual]).reshape(-1, 2)
+    test = score_test(rows, np.hstack([bounded, of_fields]), plausible)
+    if test is None:
+        return MissingResults(reason="too few degrees of freedom are left, or the parameters represent all fields")
+    return _Found(fit, [*at_bound, *fields], test, rows, left_out).results()
+
+
+def _not_tested(study: Study, result: UpdateResult) -> str:
+    if not study.source.has_elements:
+        return "the model has no elements whose properties could be tested"
+    if study.specimens is not None:
+        return "the fields of several specimens are not tested"
+    if not result.status.ok:
+        return "the update did not end at an optimum"
+    if result.status is Status.EXACT:
+        return "all residuals are zero"
+    if not result.after.has_derivatives or not result.active:
+        return "nothing was updated"
+    if result.parameters is not study.model.parameters and result.parameters != study.model.parameters:
+        return "the update has other parameters than the model"
+    return ""
+
+
+# ----------------------------------------------------------------------------------------------------
+# Which fields are tested, and for which elements.
+
+
+def tested_fields(study: Study) -> tuple[list[TestedField], list[Factor], int]:
+    """The fields that can be parameters, those that are parameters among them, since the test itself tells what the
+    parameters represent; the factors that they are sums of; and how many fields are left out.
+
+    A field of a material is also tested for each property, a field of many elements for the parts of its mesh (see
+    `femtune.judge.regions`), as deep as there are not too many parts.
+    """
+    built = study.built
+    mesh, known = mesh_of(built.structure), list(_candidates(built))
+    for depth in range(_DEPTH, -1, -1):
+        sets = [list(_sets(built, mesh, c, depth)) for c in known]
+        parts = [_atoms([s for s, _, _ in of_one]) for of_one in sets]
+        if sum(map(len, parts)) <= MOST_FACTORS:
+            break
+    left_out = 0
+    while sum(map(len, parts)) > MOST_FACTORS:
+        left_out += 1
+        known, sets, parts = known[:-1], sets[:-1], parts[:-1]
+    fields, factors = list[TestedField](), list[Factor]()
+    for candidate, of_one, atoms in zip(known, sets, parts):
+        first, kind = len(factors), candidate.kind
+        names = (f"q{first + i}_" for i in range(len(atoms)))
+        factors += [Factor(n, candidate.ref, atom, kind.lower, kind.upper) for n, atom in zip(names, atoms)]
+        for elements, place, region in of_one:
+            own = tuple(first + i for i, atom in enumerate(atoms) if atom <= elements)
+            fields.append(TestedField(candidate, elements, place, own, region))
+    return fields, factors, left_out
+
+
+def _candidates(built: BuiltModel) -> Iterator[FieldCandidate]:
+    yield from candidates(built)
+    table = built.structure.values
+    for ref, value in zip(table.refs, table.values):
+        kind = _FURTHER.get((ref.card, ref.name))
+        if kind is None or ref.region or not value or ref not in built.fields:
+            continue
+        try:
+            resolve(built, ref)
+        except FemtuneError:
+            # what no element uses, or what follows from other fields
+            continue
+        yield FieldCandidate(ref, kind, float(value))
+
+
+Part = tuple[frozenset[int], str, str]
+"""Elements, what they are, and the keys of a [[parameter]] that choose them."""
+
+
+def _sets(built: BuiltModel, mesh: Mesh, candidate: FieldCandidate, depth: int) -> Iterator[Part]:
+    """The whole field first, then its elements by property, and the parts of these."""
+    structure = built.structure
+    whole = frozenset(int(n) for n in structure.users(structure.values.index(candidate.ref) or 0))
+    yield whole, "", ""
+    if len(whole) < 2:
+        return
+    owners = built.property_of_elements
+    by_property: dict[int, set[int]] = {}
+    for element in whole:
+        by_property.setdefault(owners.get(element, 0), set()).add(element)
+    for number, members in sorted(by_property.items()):
+        own = frozenset(members)
+        if own != whole and number:
+            yield own, f"elements of property {number}", f"region = {{ properties = [{number}] }}"
+        for part in mesh.divided(own, depth):
+            at = mesh.centres[[mesh.row[e] for e in part]].mean(axis=0)
+            near = ", ".join(f"{v:.3g}" for v in at)
+            count = f"{len(part)} elements" if len(part) > 1 else f"element {min(part)}"
+            yield part, f"{count} around ({near})", f'elements = "{_listed(sorted(part))}"'
+
+
+def _atoms(sets: Sequence[frozenset[int]]) -> list[frozenset[int]]:
+    """The largest sets of elements of which all sets are unions."""
+    signature: dict[int, list[int]] = {}
+    for i, members in enumerate(sets):
+        for element in members:
+            signature.setdefault(element, []).append(i)
+    atoms: dict[tuple[int, ...], set[int]] = {}
+    for element, where in signature.items():
+        atoms.setdefault(tuple(where), set()).add(element)
+    return [frozenset(members) for _, members in sorted(atoms.items(), key=lambda item: min(item[1]))]
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    """Numbers with THRU for runs.
+
+    Examples
+    --------
+    >>> _listed([1, 2, 3, 7, 9, 10])
+    '1 THRU 3, 7, 9 THRU 10'
+    """
+    breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
+    runs = np.split(np.asarray(numbers), breaks)
+    return ", ".join(f"{r[0]} THRU {r[-1]}" if len(r) > 1 else f"{r[0]}" for r in runs)
+
+
+@dataclass(frozen=True)
+class BoundedParameter:
+    """A parameter that ended at a bound: what the residuals ask for may lie beyond it.
+
+    `room` is the change from the nominal value to the bound, relative to the nominal one: as far again is plausible.
+    """
+
+    name: str
+    room: float
+
+
+def _bounded_fields(result: UpdateResult) -> list[BoundedParameter]:
+    names = [p.name for p in result.parameters.free]
+    room = np.abs(result.x)
+    return [
+        BoundedParameter(n, float(room[i]) or 1.0)
+        for i, n in enumerate(names) if n in result.at_bound and n in result.active
+    ]  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------------------------
+# The test.
+
+
+def _record(result: UpdateResult, end: Evaluation) -> tuple[Whitened, Reals, Reals] | None:
+    """Residuals and Jacobian by the parameters between their bounds, the columns of the factors, and those of the
+    parameters at a bound."""
+    k, parameters = len(result.x), end.states[0].case.configured.model.parameters
+    names = np.array([p.name for p in parameters.free])
+    own = np.arange(len(names)) < k
+    moving, bound = np.isin(names, result.active) & own, np.isin(names, result.at_bound) & own
+    blocks = (*end.weighted, *(_padded(b, len(names) - k) for b in prior_blocks(result)))
+    rows = whitened_blocks(blocks, parameters, moving & ~bound, moving & bound)
+    everything = whitened_blocks(blocks, parameters, ~own, moving & bound)
+    if not len(rows.r):
+        return None
+    spread = parameters.prior[1]
+    return rows, everything.J / spread[~own], everything.bounded / spread[moving & bound]
+
+
+def _padded(block: ResidualBlock, count: int) -> ResidualBlock:
+    return replace(block, jacobian=np.hstack([block.jacobian, np.zeros((len(block.values), count))]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """The outcome of the test.
+
+    Parameters
+    ----------
+    fields : in the order of the columns of the test
+    rows : the residuals that were tested
+    """
+
+    fit: FinishedUpdate
+    fields: Sequence[TestedField | BoundedParameter]
+    test: ScoreTest
+    rows: Whitened
+    left_out: int
+
+    def results(self) -> MissingResults:
+        """The record, with the first groups refitted if something is suspected to be missing."""
+        test, groups = self.test, self._groups()
+        refits = self._refitted([g[0] for g in groups]) if test.p.min() < SUSPECTED else {}
+        # the lowest misfit decides between those that were refitted
+        groups.sort(key=lambda g: refits[g[0]].chi_square if g[0] in refits else np.inf)
+        numbers, values = self._by_element()
+        self.fit.arrays[_ELEMENTS], self.fit.arrays[_STATISTIC] = numbers, values
+        return MissingResults(
+            tested=len(test.order),
+            invisible=int(test.invisible.sum()),
+            left_out=self.left_out,
+            chi_square=float(2.0 * self.fit.result.objective),
+            p_value=float(test.p.min()),
+            fields=tuple(self._field(g, refits.get(g[0])) for g in groups[:MOST_SHOWN]),
+            elements_key=_ELEMENTS,
+            statistic_key=_STATISTIC,
+        )
+
+    def _groups(self) -> list[list[int]]:
+        """Positions of the fields of each group, its first member first."""
+        groups: dict[int, list[int]] = {}
+        for i in self.test.order:
+            groups.setdefault(int(self.test.group[i]), []).append(int(i))
+        return list(groups.values())
+
+    def _field(self, group: Sequence[int], refit: RefittedField | None) -> MissingField:
+        test, i = self.test, group[0]
+        field = self.fields[i]
+        change, f = float(test.change[i]), float(test.f[i])
+        share = float(np.clip(test.within[i] / max(test.gain[i], 1e-12), 0.0, 1.0))
+        if isinstance(field, TestedField):
+            kind = field.candidate.kind
+            name, place, what, lower, upper = (
+                str(field.candidate.ref), field.place, kind.what, kind.lower - 1.0, kind.upper - 1.0
+            )  # fmt: skip
+        else:
+            name, place, what, lower, upper = f"{field.name} beyond its bound", "", "parameter", -field.room, field.room
+        return MissingField(
+            field=name, place=place, what=what,
+            change_percent=100.0 * change if lower <= change <= upper else None,
+            increase=change > 0.0, lower_percent=100.0 * lower, upper_percent=100.0 * upper,
+            f=f, share=share, degrees_of_freedom=float(test.degrees[i]), p_value=float(test.p[i]),
+            alike=tuple(self._name(j) for j in group[1:]), refit=refit,
+            lines=_lines(field) if isinstance(field, TestedField) else "",
+        )  # fmt: skip
+
+    def _name(self, i: int) -> str:
+        field = self.fields[i]
+        if isinstance(field, BoundedParameter):
+            return f"{field.name} beyond its bound"
+        return f"{field.candidate.ref}, {field.place}" if field.place else str(field.candidate.ref)
+
+    def _by_element(self) -> tuple[Integers, Reals]:
+        """Numbers of the elements, and the largest statistic of the fields of each that a usual change reaches."""
+        largest: dict[int, float] = {}
+        for field, within in zip(self.fields, self.test.within):
+            for element in field.elements if isinstance(field, TestedField) else ():
+                largest[element] = max(largest.get(element, 0.0), float(within))
+        numbers = sorted(largest)
+        return np.array(numbers, np.int64), np.array([largest[n] for n in numbers])
+
+    def _refitted(self, first: Sequence[int]) -> dict[int, RefittedField]:
+        """Refits of the first groups, whose iterations together are at most those of the update."""
+        result, out = self.fit.result, dict[int, RefittedField]()
+        large = any(s.case.on_full_model.configured.n_free >= REFITTED_FROM_DOFS for s in result.after.states)
+        left = max(len(result.history) - 1, _FEWEST_ITERATIONS)
+        for i in first[: 1 if large else MOST_REFITTED]:
+            field = self.fields[i]
+            if left < 1:
+                break
+            if isinstance(field, BoundedParameter):
+                continue
+            self.fit.progress.step(f"update with {self._name(i)} as a further parameter", 0, None)
+            try:
+                found = self._refit(field, left, large)
+            except FemtuneError:
+                # a model that cannot be solved there confirms nothing
+                continue
+            left -= len(found.history) - 1
+            out[i] = _refitted_field(found, self.rows)
+        return out
+
+    def _refit(self, field: TestedField, most: int, large: bool) -> UpdateResult:
+        study, result, kind = self.fit.study, self.fit.result, field.candidate.kind
+        factor = Factor("q_", field.candidate.ref, field.elements, kind.lower, kind.upper)
+        problem = widened_problem(result, study.model, [factor])
+        end = widened_end(result, problem)
+        method = freed(result, method_of(study.file.update, study.parameters), 1)
+        method, active = replace(method, max_iterations=most), [*result.active, factor.name]
+        rules = reduction_rules(study)
+        if rules is not None and large:
+            return update_reduced(problem, method, rules, start=end, active=active).result
+        return update(problem, method, start=end, active=active)
+
+
+_ELEMENTS, _STATISTIC = "judgement/missing_elements", "judgement/missing_statistic"
+
+
+def _lines(field: TestedField) -> str:
+    """A [[parameter]] of the study."""
+    c = field.candidate
+    name = c.name if not field.place else f"{c.name}_part_{min(field.elements)}"
+    lines = ["[[parameter]]", f'name = "{name}"', f'fields = ["{c.ref}"]', *([field.region] if field.region else [])]
+    return "\n".join([*lines, f"lower = {c.kind.lower:g}", f"upper = {c.kind.upper:g}"])
+
+
+def _refitted_field(found: UpdateResult, before: Whitened) -> RefittedField:
+    after, name = whitened(found), found.parameters.free[-1].name
+    sd = float(found.sd[name])
+    return RefittedField(
+        factor=found.values[name],
+        sd=sd if np.isfinite(sd) else None,
+        at_bound=name in found.at_bound,
+        converged=found.status.ok,
+        iterations=len(found.history) - 1,
+        chi_square=2.0 * found.objective,
+        p_value=None if after is None else p_of_refit(before, after),
+    )

@@ -1,0 +1,75 @@
+"""Reasons from fields of the deck that no parameter represents and that the residuals ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from femtune.document.numbers import counted, listed, short
+from femtune.steps.judge.record.reason import ReasonRecord, reason
+
+if TYPE_CHECKING:
+    from femtune.steps.judge.record.missing import MissingField, MissingResults
+    from femtune.steps.results import Results
+
+SUSPECTED = 0.05
+"""Adjusted p value below which something may be missing."""
+MISSING = 0.01
+"""Adjusted p value below which something is missing, if the update with the field as a parameter confirms it."""
+_PLAUSIBLE_SHARE = 0.5
+"""Part of the statistic that a change inside the usual range must reach, for a field to be named as the cause."""
+_MOST_ALIKE = 2
+"""Fields that look alike, in a sentence; the table has all."""
+
+
+def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
+    """One reason, for the field that explains most."""
+    found = results.judgement and results.judgement.missing
+    if not found or found.p_value is None or found.p_value >= SUSPECTED or not found.fields:
+        return
+    first = found.fields[0]
+    if confirmed(found, first):
+        assert first.refit is not None
+        change = 100.0 * (first.refit.factor - 1.0)
+        yield reason(
+            "not accepted", "judge.missing/at-limit" if first.refit.at_bound else "judge.missing", first.name,
+            field=_named(first), change=f"{'an increase' if change > 0.0 else 'a decrease'} by {abs(change):.3g} %",
+            before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
+        )  # fmt: skip
+    elif first.share < _PLAUSIBLE_SHARE:
+        yield reason("reservation", "judge.missing/implausible", chance=chance(found), tested=_tested(found))
+    else:
+        yield reason(
+            "reservation", "judge.missing/suspected", first.name,
+            field=_named(first), chance=chance(found), tested=_tested(found),
+        )  # fmt: skip
+
+
+def confirmed(found: MissingResults, field: MissingField) -> bool:
+    """Whether something is missing, and the update with the field as a parameter confirms it."""
+    refit = field.refit
+    return (
+        found.p_value is not None
+        and found.p_value < MISSING
+        and refit is not None
+        and refit.p_value is not None
+        and refit.p_value < MISSING
+    )
+
+
+def chance(found: MissingResults) -> str:
+    """The probability of such a finding where nothing is missing: "p = 0.02"."""
+    p = found.p_value
+    return "" if p is None else "p < 0.002" if p < 0.002 else f"p = {short(p)}"
+
+
+def _tested(found: MissingResults) -> str:
+    return counted(found.tested, "field")
+
+
+def _named(field: MissingField) -> str:
+    """The field, and those that look like it."""
+    others = [*field.alike[:_MOST_ALIKE]]
+    more = len(field.alike) - len(others)
+    others += [f"{more} more"] if more > 0 else []
+    return f"{field.name} (or what looks like it: {listed(others)})" if others else field.name

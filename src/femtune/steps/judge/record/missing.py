@@ -1,0 +1,88 @@
+"""Fields of the deck that no parameter represents and that the residuals ask for."""
+
+from __future__ import annotations
+
+from femtune.study.record import Record
+
+
+class RefittedField(Record):
+    """The update continued with a field as a further parameter."""
+
+    factor: float
+    """Factor on the value of the deck, or of the parameter that sets it, at the end."""
+    sd: float | None
+    """Standard deviation of the factor by the stated deviations; None if none is given."""
+    at_bound: bool
+    """Whether the factor ended at a bound of its usual range."""
+    converged: bool
+    """Whether the update ended at an optimum."""
+    iterations: int
+    """Iterations that it took."""
+    chi_square: float
+    """χ² at the end."""
+    p_value: float | None
+    """Probability that noise lowers χ² as much, by the F test with the scales of the kinds; None if other modes are
+    compared."""
+
+
+class MissingField(Record):
+    """A field that the update does not change, tested by itself."""
+
+    field: str
+    """The field of the deck: "PSHELL 3 T"."""
+    place: str
+    """The elements: "" for all that use it, "elements of property 3", "40 elements near (0.2, 0.1, 0)"."""
+    what: str
+    """What the field is: a material, a property, a joint or a mass; a parameter at its bound."""
+    change_percent: float | None
+    """Change that the residuals ask for, in % of the value, by linear extrapolation; None if it is beyond the usual
+    range, where the extrapolation means little."""
+    increase: bool
+    """Whether the value is to increase."""
+    lower_percent: float
+    """Lower end of the usual range of such a field, change in %."""
+    upper_percent: float
+    """Upper end."""
+    f: float
+    """Statistic: the square of the change over its standard deviation."""
+    share: float
+    """Part of the gain of log likelihood that a change inside the usual range reaches, 0 to 1."""
+    degrees_of_freedom: float
+    """Degrees of freedom of its denominator."""
+    p_value: float
+    """Probability of such a statistic in any of the fields if nothing is missing."""
+    alike: tuple[str, ...] = ()
+    """Other fields that the data hardly tell from it."""
+    refit: RefittedField | None = None
+    """The update with the field as a further parameter; None if it was not repeated with this one."""
+    lines: str = ""
+    """Lines for the study that make it a parameter; "" for a parameter that is at its bound."""
+
+    @property
+    def name(self) -> str:
+        """The field with its place."""
+        return f"{self.field}, {self.place}" if self.place else self.field
+
+
+class MissingResults(Record):
+    """The test of fields of the deck that are no parameters, at the end of the update."""
+
+    reason: str = ""
+    """Why nothing was tested; "" if fields were tested."""
+    tested: int = 0
+    """Number of fields, and parts of fields, that were tested."""
+    invisible: int = 0
+    """Number of further ones that the data do not see, or whose effect the parameters represent."""
+    left_out: int = 0
+    """Number of further ones that were not tested because there are too many."""
+    chi_square: float = 0.0
+    """χ² at the end of the update."""
+    p_value: float | None = None
+    """The least adjusted p value of all; None if nothing was tested."""
+    fields: tuple[MissingField, ...] = ()
+    """The first groups of fields, those that explain most by a change inside their usual range first."""
+    elements_key: str | None = None
+    """Key of the numbers of the elements in the arrays; None if nothing was tested."""
+    statistic_key: str | None = None
+    """Key of the largest gain of log likelihood by a usual change of the fields of each element; None if nothing was
+    tested."""

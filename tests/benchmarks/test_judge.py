@@ -1,0 +1,122 @@
+"""The benchmark of the judge: its truth is the truth, its rates are what they say, and a sample of its models."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import femtune as ft
+
+_FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "judge"
+_MODULES = ("decks", "trials", "measure", "opinion", "rates", "page", "run")
+
+
+@pytest.fixture(scope="module")
+def modules() -> Iterator[dict[str, ModuleType]]:
+    """The modules of the benchmark, whose names other benchmarks have too."""
+    path, before = list(sys.path), {name: sys.modules.pop(name, None) for name in _MODULES}
+    sys.path.insert(0, str(_FOLDER))
+    yield {name: importlib.import_module(name) for name in _MODULES}
+    sys.path[:] = path
+    for name, module in before.items():
+        sys.modules.pop(name, None)
+        if module is not None:
+            sys.modules[name] = module
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("number", [5, 1, 2, 3, 4, 6])
+def test_a_right_model_without_noise_is_recovered(modules: dict[str, ModuleType], number: int, tmp_path: Path):
+    trials = modules["trials"]
+    one = trials.trial("right", number)
+    trials.write_data(one, tmp_path, trials.Deviations(0.0, 0.0, 0.0))
+    found = ft.update(trials.write_study(one, tmp_path, trials.NOISE, "noise-free"))
+    for parameter in found.results.update.parameters:
+        # the file of the test has six digits
+        assert abs(parameter.value - one.truth[parameter.name.replace("_", " ")]) < 0.02 * parameter.sd
+    assert found.results.update.chi_square < 1e-2
+
+
+def test_wrong_models_differ_in_what_is_not_updated(modules: dict[str, ModuleType]):
+    trials, structures = modules["trials"], modules["decks"].STRUCTURES
+    for number in range(36):
+        for kind in ("candidate", "hidden"):
+            one = trials.trial(kind, number)
+            assert one == trials.trial(kind, number)
+            assert one.structure is structures[number % 6]
+            field, factor = one.fault.field, one.fault.factor
+            assert field not in one.structure.parameters
+            assert (field in one.structure.values) == (kind == "candidate")
+            model, true = (one.structure.deck(c).splitlines() for c in ({}, {field: factor}))
+            assert model != true
+
+
+def test_a_rate_meets_its_limit_inside_its_interval_or_beside_it(modules: dict[str, ModuleType]):
+    rates = modules["rates"]
+    # Clopper and Pearson: 8 of 100 is 3.5 to 15.2 %, 12 of 100 is 6.4 to 20.0 %
+    eight, twelve = rates.Rate(8, 100), rates.Rate(12, 100)
+    assert eight.interval == pytest.approx((0.0352, 0.1516), abs=1e-4)
+    assert twelve.interval == pytest.approx((0.0636, 0.2002), abs=1e-4)
+    assert rates.Criterion("", eight, most=0.05).met
+    assert not rates.Criterion("", eight, most=0.05).inside
+    assert not rates.Criterion("", twelve, most=0.05).met
+    assert rates.Criterion("", twelve, least=0.2).met
+    assert not rates.Criterion("", twelve, least=0.25).met
+    assert rates.Criterion("", twelve, least=0.05, most=0.2).inside
+
+
+def test_an_interrupted_run_goes_on_where_it_ended(modules: dict[str, ModuleType], tmp_path: Path):
+    run, path = modules["run"], tmp_path / "models.jsonl"
+    run.keep(path, {"kind": "right", "number": 3, "seed": 1})
+    with path.open("a") as out:
+        out.write('{"kind": "right", "numb')
+    run.keep(path, {"kind": "hidden", "number": 0, "seed": 1})
+    run.keep(path, {"kind": "right", "number": 4, "seed": 2})
+    assert list(run.known(path, seed=1)) == [("right", 3), ("hidden", 0)]
+    jobs = run.jobs_of(4)
+    assert len(jobs) == len(set(jobs)) == 8
+    assert sum(kind == "right" for kind, _ in jobs) == 4
+
+
+def row(kind: str, misses: list[float], p: float, reasons: list[dict[str, str]], **more: object) -> dict[str, object]:
+    """Of a model whose parameters miss by so many standard deviations."""
+    parameters = [{"true": 1.0, "value": 1.0 + 0.1 * z, "sd": 0.1, "interval": [1.0 + 0.1 * z - 0.196, 1.0 + 0.1 * z
+                  + 0.196], "at_bound": ""} for z in misses]  # fmt: skip
+    verdict = "not accepted" if any(r["weight"] == "not accepted" for r in reasons) else "accepted with reservations"
+    run = {
+        "status": "CONVERGED", "ok": True, "chi_square": 10.0, "compared": 9, "parameters": parameters,
+        "goodness": {"p": p, "verdict": ""}, "judgement": {"verdict": verdict, "reasons": reasons} | more,
+        "seconds": 1.0,
+    }  # fmt: skip
+    fault = None if kind == "right" else ["PSHELL 4 T", 1.1]
+    return {"kind": kind, "number": 0, "seed": 1, "structure": "plate", "fault": fault, "runs": {"true": run},
+            "starts": {"chi_square": 8.0, "compared": 9}}  # fmt: skip
+
+
+def test_rates_of_the_page_are_counted_from_rows(modules: dict[str, ModuleType]):
+    page, opinion = modules["page"], modules["opinion"]
+    misfit = {"code": next(iter(opinion.TESTS.values()))[0], "weight": "not accepted", "sentence": "", "place": ""}
+    other = {"code": "judge.held-out-none", "weight": "reservation", "sentence": "", "place": ""}
+    rows = [
+        row("right", [0.5, -2.5], 0.3, [other]),
+        row("right", [0.1, 1.0], 0.3, [misfit]),
+        row("candidate", [3.5, 0.0], 0.001, [misfit]),
+        row("candidate", [-3.5, 0.0], 0.3, [other]),
+        row("candidate", [2.5, 0.0], 0.3, [misfit]),
+        row("hidden", [4.0, 5.0], 0.3, [misfit]),
+    ]
+    found = page.COLUMNS["any of the three"]
+    assert page.level(rows, "true", found) == modules["rates"].Rate(1, 2)
+    assert page.power(rows, "true", "candidate", found) == modules["rates"].Rate(1, 2)
+    assert page.power(rows, "true", "candidate", opinion.found_today) == modules["rates"].Rate(1, 2)
+    assert page.power(rows, "true", "hidden", found) == modules["rates"].Rate(1, 1)
+    assert page.coverage(page.runs(rows, "true", "right")) == modules["rates"].Rate(3, 4)
+    assert page.better_minima(rows) == modules["rates"].Rate(6, 6)
+    text = page.page(rows, 12)
+    assert "**Incomplete: 6 of 12 models are measured.**" in text
+    assert "1 of 2" in text

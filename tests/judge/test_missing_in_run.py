@@ -1,0 +1,128 @@
+"""A wrong property that is no parameter is named and heals the update; a right model lacks nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import femtune as ft
+from femtune.steps.judge.page.missing import missing_blocks
+from femtune.steps.judge.reasons.missing import missing_reasons
+from femtune.steps.judge.record.judgement import JudgementResults
+from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
+from femtune.steps.results import Results
+from structures.wrong_property import FRAME, PLATE, WrongProperty
+
+
+def _field(**more: object) -> MissingField:
+    facts = {
+        "field": "PSHELL 2 T", "place": "", "what": "property: thickness", "change_percent": 10.0, "increase": True,
+        "lower_percent": -20.0, "upper_percent": 25.0, "f": 40.0, "share": 1.0, "degrees_of_freedom": 50.0,
+        "p_value": 0.001, "lines": "[[parameter]]",
+    }  # fmt: skip
+    return MissingField.model_validate({**facts, **more})
+
+
+def _refit(p: float | None, at_bound: bool = False) -> RefittedField:
+    return RefittedField(
+        factor=1.1, sd=0.01, at_bound=at_bound, converged=True, iterations=4, chi_square=90.0, p_value=p
+    )  # fmt: skip
+
+
+def _reasons(p: float, *fields: MissingField) -> list[tuple[str, str]]:
+    found = MissingResults(tested=40, chi_square=300.0, p_value=p, fields=fields)
+    results = Results.model_construct(judgement=JudgementResults(verdict="accepted", line="", missing=found))
+    return [(r.weight, r.sentence) for r in missing_reasons(results)]
+
+
+def test_reason_of_a_confirmed_field() -> None:
+    ((weight, said),) = _reasons(0.001, _field(refit=_refit(1e-6), alike=("MAT1 1 E", "PSHELL 4 T", "PSHELL 5 T")))
+    assert weight == "not accepted"
+    assert "PSHELL 2 T (or what looks like it: MAT1 1 E, PSHELL 4 T and 1 more)" in said
+    assert "an increase by 10 % lowers χ² from 300 to 90" in said
+
+
+def test_what_is_not_confirmed_is_a_reservation() -> None:
+    for p, field in (
+        (0.001, _field()), (0.001, _field(refit=_refit(0.2))), (0.001, _field(refit=_refit(None))),
+        (0.03, _field(refit=_refit(1e-6))),
+    ):  # fmt: skip
+        ((weight, said),) = _reasons(p, field)
+        assert weight == "reservation"
+        assert "PSHELL 2 T may be wrong" in said
+
+
+def test_a_change_that_is_not_plausible_names_no_field() -> None:
+    ((weight, said),) = _reasons(0.001, _field(change_percent=None, share=0.1))
+    assert weight == "reservation"
+    assert "PSHELL" not in said
+
+
+def test_no_reason_without_a_finding() -> None:
+    assert _reasons(0.06, _field()) == []
+    results = Results.model_construct(judgement=JudgementResults(verdict="accepted", line=""))
+    assert list(missing_reasons(results)) == []
+
+
+def _run(structure: WrongProperty, folder: Path, factors: dict[str, float], **more: object) -> ft.RunResult:
+    return ft.run(structure.study(folder, factors, **more))  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("structure", "wrong", "factor"),
+    [(FRAME, "PBAR 2 I2", 0.8), pytest.param(PLATE, "PSHELL 2 T", 1.12, marks=pytest.mark.long)],
+    ids=["frame", "plate"],
+)
+def test_a_wrong_property_that_is_no_parameter(
+    structure: WrongProperty, wrong: str, factor: float, tmp_path: Path
+) -> None:
+    """The run converges, and intervals miss the truth; the culprit is named, and with it as a parameter they do not."""
+    result = _run(structure, tmp_path / "wrong", {wrong: factor})
+    update, judged = result.results.update, result.results.judgement
+    assert update is not None
+    assert update.status == "CONVERGED"
+    assert any(abs(p.value - 1.0) > 3.0 * p.sd for p in update.parameters if p.sd)
+    assert judged is not None
+    assert judged.missing is not None
+    first = judged.missing.fields[0]
+    assert first.field == wrong
+    assert first.increase == (factor > 1.0)
+    assert first.refit is not None
+    assert first.refit.sd is not None
+    assert first.refit.factor == pytest.approx(factor, abs=4.0 * first.refit.sd)
+    assert first.lines.splitlines()[2] == f'fields = ["{wrong}"]'
+    assert judged.verdict == "not accepted"
+    assert "judge.missing" in {r.code for r in judged.reasons}
+    healed = _run(structure, tmp_path / "healed", {wrong: factor}, more=(wrong,)).results
+    assert healed.update is not None
+    for p in healed.update.parameters[:-1]:
+        assert p.sd is not None
+        assert abs(p.value - 1.0) < 3.5 * p.sd
+    assert healed.judgement is not None
+    assert healed.judgement.missing is not None
+    assert healed.judgement.missing.p_value is not None
+    assert healed.judgement.missing.p_value > 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("structure", [FRAME, PLATE], ids=["frame", "plate"])
+def test_a_right_model_lacks_nothing(structure: WrongProperty, tmp_path: Path) -> None:
+    judged = _run(structure, tmp_path, {structure.parameters[0]: 1.1}).results.judgement
+    assert judged is not None
+    assert judged.missing is not None
+    assert judged.missing.p_value is not None
+    assert judged.missing.p_value > 0.05
+    assert "judge.missing" not in {r.code for r in judged.reasons}
+    assert all(f.refit is None for f in judged.missing.fields)
+
+
+def test_page_of_what_was_not_tested() -> None:
+    class Source:
+        results = Results.model_construct(
+            judgement=JudgementResults(verdict="accepted", line="", missing=MissingResults(reason="no elements"))
+        )
+
+    _, said = missing_blocks(Source())  # type: ignore[arg-type]
+    assert said.text == "Not tested: no elements."  # type: ignore[union-attr]
