@@ -80,8 +80,8 @@ def _of_state(state: CaseState) -> Iterator[NeighbourTest]:
         known = ~(np.isnan(pair.test_shape) | np.isnan(weights))
         w = weights[known] / np.max(weights[known], initial=0.0)
         others = [i for i in range(len(values)) if i not in pair.members]
-        nearest = sorted(others, key=lambda i: abs(np.log(_positive(values[i]) / _positive(pair.eigenvalue))))
-        found = project(w * pair.test_shape[known], w * pair.shape[known], w[:, None] * shapes[np.ix_(known, nearest)],
+        nearest = sorted(others, key=lambda i: abs(np.log(_positive(float(values[i])) / _positive(pair.eigenvalue))))
+        found = project(w * pair.test_shape[known], w * pair.shape[known], w[:, None] * shapes[known][:, nearest],
                         pair.turned)  # fmt: skip
         if found is not None:
             of_largest = found.scatter / float(np.abs(w * pair.test_shape[known]).max())

@@ -146,10 +146,9 @@ def _tested(record: Whitened, family: Family, rows: NDArray[np.int64], labels: M
         return None
     q, degrees = float(np.sum(record.left[rows] ** 2)), first**2 / second
     scaled = q * first / second
-    named = {"kind": "", "configuration": "", "mode": "", "sensor": "", **labels}
     large, small = gammaincc(0.5 * degrees, 0.5 * scaled), gammainc(0.5 * degrees, 0.5 * scaled)
-    return Part(family, values=len(rows), chi_square=q, degrees=first, p_large=float(large), p_small=float(small),
-                **named)  # fmt: skip
+    kind, configuration, mode, sensor = (labels.get(w, "") for w in ("kind", "configuration", "mode", "sensor"))
+    return Part(family, kind, configuration, mode, sensor, len(rows), q, first, float(large), float(small))
 
 
 def _held(record: Whitened) -> Part | None:

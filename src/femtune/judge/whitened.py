@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import scipy.linalg as la
@@ -25,6 +25,7 @@ from femtune.residuals import ResidualBlock
 from femtune.updating.result import UpdateResult
 from femtune.validation.goodness import RANK
 
+L = TypeVar("L", bound=str)
 Role = Literal["data", "prior"]
 PRIOR = "prior"
 """Kind of the rows of a prior, and their role."""
@@ -94,14 +95,16 @@ class Whitened:
     def without_kinds(self, why: Mapping[str, str]) -> Whitened:
         """The record without the rows of some kinds, with the reasons by kind."""
         at = self.rows(lambda kind, *_: kind not in why)
-        labels = {
-            word: tuple(getattr(self, word)[i] for i in at)
-            for word in ("kinds", "configurations", "modes", "sensors", "roles")
-        }
+
+        def chosen(labels: tuple[L, ...]) -> tuple[L, ...]:
+            return tuple(labels[i] for i in at)
+
         lost = self.lost[at]
         return replace(
             self, r=self.r[at], J=self.J[at], bounded=self.bounded[at], fixed=self.fixed[at], shares=self.shares[at],
-            lost=lost[:, np.any(lost, axis=0)], untested={**self.untested, **why}, **labels,
+            lost=lost[:, np.any(lost, axis=0)], untested={**self.untested, **why},
+            kinds=chosen(self.kinds), configurations=chosen(self.configurations), modes=chosen(self.modes),
+            sensors=chosen(self.sensors), roles=chosen(self.roles),
         )  # fmt: skip
 
     def rows(self, chosen: Callable[[str, str, str, str], bool]) -> NDArray[np.int64]:

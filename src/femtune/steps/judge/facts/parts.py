@@ -12,7 +12,7 @@ from femtune.judge.neighbours import neighbour_tests
 from femtune.judge.parts import TESTS_OF_A_FIT, holm, only_prior_contradicts, parts
 from femtune.judge.scales import FEWEST_DEGREES, scales
 from femtune.judge.whitened import whitened
-from femtune.residuals.kinds import RESIDUALS
+from femtune.kinds import loaded
 from femtune.steps.judge.record.parts import (
     NOT_ACCEPTED,
     KindOfErrors,
@@ -64,8 +64,13 @@ def assumed_kinds(study: Study) -> frozenset[str]:
     stated, assumed = set[str](), set[str]()
     for comparison in study.file.comparisons:
         guess = comparison.short and table.is_assumed(_SHORT_KEYS[comparison.entry.kind])
-        (assumed if guess or table.scatter == "estimated" else stated).add(RESIDUALS[comparison.entry.kind].label)
+        (assumed if guess or table.scatter == "estimated" else stated).add(_label(comparison))
     return frozenset(assumed - stated)
+
+
+def _label(comparison: Comparison) -> str:
+    """What reports call the kind of a comparison."""
+    return str(loaded(comparison.entry.made_by).label)
 
 
 def _scaled(record: Whitened, assumed: frozenset[str]) -> tuple[Whitened, frozenset[str]]:
@@ -123,7 +128,7 @@ def _kinds(study: Study, record: Whitened, tested: tuple[Part, ...]) -> Iterator
     small = dict(zip(of_kind, holm([p.p_small for p in of_kind.values()])))
     every = record.of_all_parameters
     for scale in scales(every).kinds:
-        keys = [_key(c) for c in study.file.comparisons if RESIDUALS[c.entry.kind].label == scale.kind]
+        keys = [_key(c) for c in study.file.comparisons if _label(c) == scale.kind]
         key, stated = keys[0] if len(set(keys)) == 1 else ("", None)
         rows = every.of_kind(scale.kind)
         q, degrees = float(np.sum(every.left[rows] ** 2)), every.degrees(rows)[0]

@@ -11,7 +11,7 @@ from femtune.steps.judge.reasons.parts import LEAST_SHARE, mixed_sentence
 from femtune.steps.judge.record.parts import RESERVED
 
 if TYPE_CHECKING:
-    from femtune.document.document import Block
+    from femtune.document.document import Block, Tone
     from femtune.steps.judge.record.parts import KindOfErrors, NeighbourRecord, PartRecord
     from femtune.steps.report_source import ReportSource
 
@@ -54,7 +54,7 @@ def parts_blocks(source: ReportSource) -> Iterable[Block]:
 
 
 def _part(p: PartRecord) -> tuple[Cell, ...]:
-    tone = "poor" if p.p_family_wise < RESERVED else ""
+    tone: Tone = "poor" if p.p_family_wise < RESERVED else ""
     return (
         Cell(p.words), Cell(str(p.values)), Cell(short(p.chi_square)), Cell(short(p.degrees_of_freedom)),
         Cell(_chance(p.p_family_wise), tone=tone),
@@ -62,7 +62,7 @@ def _part(p: PartRecord) -> tuple[Cell, ...]:
 
 
 def _neighbour(n: NeighbourRecord) -> tuple[Cell, ...]:
-    tone = "poor" if n.p_family_wise < RESERVED and n.share >= LEAST_SHARE else ""
+    tone: Tone = "poor" if n.p_family_wise < RESERVED and n.share >= LEAST_SHARE else ""
     return (
         Cell(n.configuration), Cell(mixed_sentence(n)), Cell(short(n.F)),
         Cell(f"{n.degrees_of_freedom[0]}, {n.degrees_of_freedom[1]}"), Cell(_chance(n.p_family_wise), tone=tone),
