@@ -13,6 +13,7 @@ import pytest
 
 import femtune as ft
 from femtune.cli import main
+from femtune.steps.exit_codes import NOT_ACCEPTED
 from femtune.testing import example_deck, example_test
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -115,7 +116,9 @@ def test_the_command_runs(command: str, files: Path, tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as end:
         main(shlex.split(command)[1:])
-    assert end.value.code == 0
+    # the elements of the example are coarse: it is not accepted as a model of its test
+    judged = command.split()[1] in ("run", "validate", "correlate")
+    assert end.value.code in ((0, NOT_ACCEPTED) if judged else (0,))
 
 
 def _python() -> dict[str, str]:

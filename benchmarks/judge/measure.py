@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from trials import STATED, Deviations, Trial, TrialKind, trial, write_data, write_study
+from decks import STRUCTURES
+from trials import NOISE, STATED, Deviations, Trial, TrialKind, trial, write_data, write_study
 
 import femtune as ft
 from femtune.errors import FemtuneError
@@ -18,28 +19,33 @@ from femtune.steps.results import Results
 Row = dict[str, Any]
 STARTS = 20
 """Points of the Latin hypercube from which a better minimum is looked for."""
-STARTS_OF = "true"
-"""The study that they are tried on."""
+BELIEVED = ("true", "default")
+"""Standard deviations that an analyst may state with reason."""
+_MOST_KEPT = 5
+"""Suspects, and parts of the residuals, that a row keeps."""
 
 
-def measured(kind: TrialKind, number: int, seed: int, stated: Sequence[str], starts: bool) -> Row:
+def measured(kind: TrialKind, number: int, seed: int, stated: Sequence[str], wrong_every: int = 1) -> Row:
     """The row of a trial.
 
     Parameters
     ----------
     kind, number, seed : of the trial
     stated : which standard deviations its studies state
-    starts : whether a better minimum is looked for
+    wrong_every : of how many rounds of the structures one has wrong standard deviations too
     """
-    one, begun = trial(kind, number, seed), time.process_time()
+    one, begun, turn = trial(kind, number, seed), time.process_time(), number // len(STRUCTURES)
     with tempfile.TemporaryDirectory(prefix="femtune-judge-") as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         write_data(one, Path(folder))
-        runs = {name: run_of(one, Path(folder), STATED[name], name) for name in stated}
-        found = _from_starts(Path(folder)) if starts and STARTS_OF in runs else None
+        runs = {
+            name: run_of(one, Path(folder), STATED[name], name)
+            for name in stated
+            if name in BELIEVED or not turn % wrong_every
+        }
     return {
         "kind": kind, "number": number, "seed": seed, "structure": one.structure.name, "truth": one.truth,
-        "fault": None if one.fault is None else [one.fault.field, one.fault.factor], "runs": runs, "starts": found,
+        "fault": None if one.fault is None else [one.fault.field, one.fault.factor], "runs": runs,
         "seconds": round(time.process_time() - begun, 2),
     }  # fmt: skip
 
@@ -69,16 +75,41 @@ def facts_of(results: Results, truth: dict[str, float]) -> Row:
         "status": update.status, "ok": update.ok, "chi_square": update.chi_square,
         "compared": sum(c.count for c in update.residual_counts), "parameters": parameters,
         "goodness": None if goodness is None else {"p": goodness.p_value, "verdict": goodness.verdict},
-        "judgement": None if judgement is None else judgement.model_dump(mode="json"),
+        "judgement": None if judgement is None else _short(judgement.model_dump(mode="json")),
     }  # fmt: skip
 
 
-def _from_starts(folder: Path) -> Row:
-    """The best minimum of several starts over the bounds."""
+def _short(judgement: Row) -> Row:
+    """A judgement with the first suspects and the largest parts only, which are what the tables use."""
+    missing, parts = judgement.get("missing"), judgement.get("parts")
+    if missing:
+        missing["fields"] = missing["fields"][:_MOST_KEPT]
+    if parts:
+        for name in ("parts", "neighbours"):
+            parts[name] = sorted(parts[name], key=lambda part: part["p_family_wise"])[:_MOST_KEPT]
+    return judgement
+
+
+def from_starts(kind: TrialKind, number: int, seed: int) -> Row:
+    """χ² of an update from the nominal values, and the least of several starts over the bounds; true deviations."""
+    one, begun = trial(kind, number, seed), time.process_time()
+    with tempfile.TemporaryDirectory(prefix="femtune-judge-") as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        write_data(one, Path(folder))
+        study = write_study(one, Path(folder), NOISE, "true")
+        nominal, started = _minimum(study, 1), _minimum(study, STARTS)
+    return {
+        "kind": kind, "number": number, "seed": seed, "structure": one.structure.name, "nominal": nominal,
+        "starts": started, "seconds": round(time.process_time() - begun, 2),
+    }  # fmt: skip
+
+
+def _minimum(study: Path, starts: int) -> Row:
+    """χ² and the number of residuals at the end of an update; `error` where it ended with one."""
     try:
-        tried = ft.update(folder / f"{STARTS_OF}.toml", update={"starts": STARTS, "seed": 1}, output=folder / "starts")
+        found = ft.update(study, update={"starts": starts, "seed": 1}, output=study.with_name(f"starts {starts}"))
     except FemtuneError as problem:
         return {"error": problem.code}
-    update = tried.results.update
+    update = found.results.update
     assert update is not None
     return {"chi_square": update.chi_square, "compared": sum(c.count for c in update.residual_counts)}

@@ -15,11 +15,14 @@ TODAY = 0.01
 BETTER = 1.0
 """Decrease of χ² from which another minimum is a better one."""
 TESTS: dict[str, tuple[str, ...]] = {
-    "parts": ("judge.parts",),
+    "parts": ("judge.misfit",),
     "neighbours": ("judge.neighbour",),
     "missing parameter": ("judge.missing",),
 }
 """Beginnings of the codes of the reasons that say that noise does not explain the fit, by test."""
+NEAR = 1.5
+"""Factor within which a standard deviation that is named is the right one; frequencies alone have few values."""
+_OF_DEVIATIONS = ("judge.misfit", "judge.overstated", "judge.larger-than-assumed")
 _HALF_WIDTH = float(norm.ppf(0.975))
 
 
@@ -81,30 +84,52 @@ def refused(run: Row) -> bool:
     return judged(run) and run["judgement"]["verdict"] == "not accepted"
 
 
-def culprits(run: Row) -> list[Row]:
-    """What is suspected to be missing, the first suspect first; each with its look-alikes."""
-    return ((run.get("judgement") or {}).get("missing") or {}).get("ranking", [])
+def suspects(run: Row) -> list[Row]:
+    """The fields that may be missing among the parameters, the first suspect first."""
+    missing = run["judgement"].get("missing") if judged(run) else None
+    return missing["fields"] if missing else []
 
 
 def rank_of(run: Row, field: str) -> int | None:
     """Place of a field among the suspects, from 1; None if it is not among them."""
-    for place, suspect in enumerate(culprits(run), start=1):
-        if field in (suspect["field"], *suspect.get("look_alikes", ())):
+    for place, suspect in enumerate(suspects(run), start=1):
+        if any(name.startswith(field) for name in (suspect["field"], *suspect["alike"])):
             return place
     return None
 
 
 def sign_right(run: Row, field: str, factor: float) -> bool | None:
     """Whether the foretold change of a field has the sign of the true one; None if it is no suspect of its own."""
-    for suspect in culprits(run):
+    for suspect in suspects(run):
         if suspect["field"] == field:
-            return (suspect["change"] > 0.0) == (factor > 1.0)
+            return suspect["increase"] == (factor > 1.0)
     return None
 
 
-def beaten(row: Row, run: Row) -> bool | None:
-    """Whether starts found a lower χ² of as many residuals; None if this was not tried or cannot be compared."""
-    starts = row["starts"]
-    if starts is None or "error" in starts or starts["compared"] != run["compared"]:
+def fits(run: Row, kind: str) -> float | None:
+    """The standard deviation that fits the residuals of a kind, by the judge; None if it gives none."""
+    parts = run["judgement"].get("parts") if judged(run) else None
+    for size in parts["kinds"] if parts else ():
+        if size["kind"] == kind and size["stated"] and size["factor"]:
+            return float(size["stated"] * size["factor"])
+    return None
+
+
+def names_deviations(run: Row, true: dict[str, float]) -> bool:
+    """Whether a reason is given, and the judge's standard deviations of all kinds are those of the noise, nearly.
+
+    Parameters
+    ----------
+    true : standard deviation of the noise by kind of residual
+    """
+    given = {kind: fits(run, kind) for kind in true}
+    near = [value is not None and 1.0 / NEAR < value / true[kind] < NEAR for kind, value in given.items()]
+    return all(near) and any(reason["code"].startswith(_OF_DEVIATIONS) for reason in reasons(run))
+
+
+def beaten(row: Row) -> bool | None:
+    """Whether starts found a lower χ² of as many residuals; None if that cannot be compared."""
+    nominal, starts = row["nominal"], row["starts"]
+    if "error" in nominal or "error" in starts or starts["compared"] != nominal["compared"]:
         return None
-    return starts["chi_square"] < run["chi_square"] - BETTER
+    return bool(starts["chi_square"] < nominal["chi_square"] - BETTER)

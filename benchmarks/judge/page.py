@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import os
 import platform
-import subprocess
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -14,11 +13,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from decks import STRUCTURES
-from measure import STARTS, STARTS_OF
+from decks import STRUCTURES, SUBFRAME
+from measure import STARTS
 from opinion import (
     BETTER,
     HARM,
+    NEAR,
     TESTS,
     beaten,
     covered,
@@ -28,6 +28,7 @@ from opinion import (
     half_widths,
     harmful,
     judged,
+    names_deviations,
     rank_of,
     reasons,
     refused,
@@ -42,7 +43,7 @@ import femtune
 Row = dict[str, Any]
 Test = Callable[[Row], bool]
 NAME = "benchmark_judge"
-_ROOT = Path(__file__).resolve().parents[2]
+FRF = SUBFRAME.name
 WORDS = {
     "true": "true", "default": "default", "small": "3 times too small", "large": "3 times too large",
 }  # fmt: skip
@@ -91,10 +92,16 @@ def signs(rows: Sequence[Row], stated: str) -> Rate:
     return rate(answer for answer in answers if answer is not None)
 
 
-def better_minima(rows: Sequence[Row]) -> Rate:
+def named_deviations(rows: Sequence[Row], stated: str) -> Rate:
+    """How often the judge of a right model names the standard deviations of the noise."""
+    modal = {"frequency": NOISE.frequency, "shape": NOISE.shape}
+    pairs = judged_runs(rows, stated, "right")
+    return rate(names_deviations(run, {"frf": NOISE.frf} if row["structure"] == FRF else modal) for row, run in pairs)
+
+
+def better_minima(started: Sequence[Row]) -> Rate:
     """How often starts found a better minimum."""
-    answers = [beaten(row, run) for row, run in runs(rows, STARTS_OF, "right", "candidate", "hidden")]
-    return rate(answer for answer in answers if answer is not None)
+    return rate(answer for answer in map(beaten, started) if answer is not None)
 
 
 def of_test(name: str) -> Test:
@@ -110,7 +117,7 @@ COLUMNS: dict[str, Test] = {
 }
 
 
-def criteria(rows: Sequence[Row]) -> list[Criterion]:
+def criteria(rows: Sequence[Row], started: Sequence[Row]) -> list[Criterion]:
     """All rates that have a limit."""
 
     def quiet(stated: str) -> list[tuple[Row, Row]]:
@@ -143,7 +150,7 @@ def criteria(rows: Sequence[Row]) -> list[Criterion]:
                       coverage(quiet(stated)), least=0.85),
         ]  # fmt: skip
     out.append(
-        Criterion(f"runs in which {STARTS} starts find a χ² lower by more than {BETTER:g}", better_minima(rows),
+        Criterion(f"runs in which {STARTS} starts find a χ² lower by more than {BETTER:g}", better_minima(started),
                   most=0.02)
     )  # fmt: skip
     return out
@@ -153,11 +160,12 @@ def criteria(rows: Sequence[Row]) -> list[Criterion]:
 # The page.
 
 
-def page(rows: Sequence[Row], planned: int) -> str:
-    """The whole text."""
+def page(rows: Sequence[Row], started: Sequence[Row], planned: int) -> str:
+    """The whole text; `started` are the rows of the updates from many starts."""
     return "\n".join([
-        *_head(rows, planned), *_criteria(rows), *_level(rows), *_power(rows), *_culprits(rows), *_coverage(rows),
-        *_by_structure(rows), *_reasons(rows), *_failures(rows),
+        *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_named(rows),
+        *_culprits(rows),
+        *_coverage(rows), *_by_structure(rows, started), *_reasons(rows), *_failures(rows),
     ])  # fmt: skip
 
 
@@ -176,7 +184,7 @@ def _head(rows: Sequence[Row], planned: int) -> Iterator[str]:
         yield from (f"**Incomplete: {len(rows)} of {planned} models are measured.**", "")
     kinds = Counter(row["kind"] for row in rows)
     each = Counter(row["structure"] for row in rows)
-    yield f"- Measured on {datetime.datetime.now(tz=datetime.UTC).date()}: {_machine()}; femtune {_revision()}."
+    yield f"- Measured on {datetime.datetime.now(tz=datetime.UTC).date()}: {_machine()}; femtune {_revisions(rows)}."
     yield (
         f"- {kinds['right']} right models; {kinds['candidate']} wrong models with another value of a field that is not "
         f"updated; {kinds['hidden']} with an error that is no field of the deck (a forgotten mass or stiffener, an "
@@ -205,8 +213,8 @@ def _head(rows: Sequence[Row], planned: int) -> Iterator[str]:
     yield ""
 
 
-def _criteria(rows: Sequence[Row]) -> Iterator[str]:
-    found_criteria = criteria(rows)
+def _criteria(rows: Sequence[Row], started: Sequence[Row]) -> Iterator[str]:
+    found_criteria = criteria(rows, started)
     yield from ("## Criteria", "")
     not_met = sum(not c.met for c in found_criteria)
     unknown = sum(not c.measured.of for c in found_criteria)
@@ -241,10 +249,17 @@ def _power(rows: Sequence[Row]) -> Iterator[str]:
     yield from _table(["stated σ", "culprit", *COLUMNS], body)
 
 
+def _named(rows: Sequence[Row]) -> Iterator[str]:
+    yield from ("## Standard deviations that are named", "",
+                "Right models with a reason about the size of the residuals, and with a standard deviation of each "
+                f"kind that is within a factor of {NEAR:g} of that of the noise.", "")  # fmt: skip
+    yield from _table(["stated σ", "named"], [[WORDS[s], named_deviations(rows, s)] for s in ("small", "large")])
+
+
 def _culprits(rows: Sequence[Row]) -> Iterator[str]:
     yield from ("## The culprit", "",
                 "Of the harmful models whose wrong value is a field of the deck. A field that cannot be told from the "
-                "culprit stands for it.", "")  # fmt: skip
+                "culprit, and a part of its elements, stand for it.", "")  # fmt: skip
     body = [[WORDS[s], ranks(rows, s, 1), ranks(rows, s, 3), signs(rows, s)] for s in STATED]
     yield from _table(["stated σ", "first", "in the first three", "right sign"], body)
 
@@ -265,7 +280,7 @@ def _coverage(rows: Sequence[Row]) -> Iterator[str]:
     yield from _table(["stated σ", *heads], body)
 
 
-def _by_structure(rows: Sequence[Row]) -> Iterator[str]:
+def _by_structure(rows: Sequence[Row], started: Sequence[Row]) -> Iterator[str]:
     yield from ("## By structure, true σ", "")
     body = []
     for structure in STRUCTURES:
@@ -274,7 +289,7 @@ def _by_structure(rows: Sequence[Row]) -> Iterator[str]:
         body.append([
             structure.name, level(own, "true", found), coverage(runs(own, "true", "right")),
             rate(found_today(run) for run in wrong), rate(found(run) for run in wrong), ranks(own, "true", 1),
-            better_minima(own),
+            better_minima([row for row in started if row["structure"] == structure.name]),
         ])  # fmt: skip
     heads = ("false alarms", "intervals of right models", "harmful found by goodness of fit", "harmful found",
              "culprit first", "better minimum by starts")  # fmt: skip
@@ -311,6 +326,13 @@ def _failures(rows: Sequence[Row]) -> Iterator[str]:
         yield ""
 
 
+def _revisions(rows: Sequence[Row]) -> str:
+    """Of the program, with the number of models if there are several."""
+    counts = Counter(row["revision"] for row in rows)
+    each = [name if len(counts) == 1 else f"{name} ({count} models)" for name, count in counts.most_common()]
+    return f"{femtune.__version__}, commit {', '.join(each)}"
+
+
 def _machine() -> str:
     info = Path("/proc/cpuinfo")
     lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
@@ -318,13 +340,3 @@ def _machine() -> str:
     processor = next(names, platform.processor())
     versions = f"Python {platform.python_version()}, NumPy {np.__version__}, SciPy {scipy.__version__}"
     return f"{processor}, {os.cpu_count()} cores; {versions}"
-
-
-def _revision() -> str:
-    try:
-        said = subprocess.run(
-            ["git", "-C", str(_ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-        ).stdout.strip()
-    except OSError:
-        said = ""
-    return f"{femtune.__version__}, commit {said or 'not known'}"

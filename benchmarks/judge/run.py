@@ -10,15 +10,17 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import subprocess
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
 
-from measure import Row, measured
+from measure import STARTS, Row, from_starts, measured
 from page import NAME, page
 from trials import STATED, TrialKind
 
@@ -50,6 +52,16 @@ def known(path: Path, seed: int) -> dict[Job, Row]:
     return found
 
 
+def revision() -> str:
+    """The commit of the program."""
+    try:
+        asked = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]
+        said = subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip()
+    except OSError:
+        said = ""
+    return said or "not known"
+
+
 def keep(path: Path, row: Row) -> None:
     """Write a row at once, on a line of its own."""
     cut = path.exists() and not path.read_bytes().endswith(b"\n")
@@ -58,55 +70,75 @@ def keep(path: Path, row: Row) -> None:
 
 
 def finished(
-    jobs: Sequence[Job], seed: int, stated: Sequence[str], starts_every: int, processes: int, until: float
+    work: Callable[..., Row], jobs: Sequence[Job], more: tuple[object, ...], processes: int, until: float
 ) -> Iterator[Row]:
-    """Rows as they end; nothing is begun after `until`, a time of the monotonic clock."""
-
-    def arguments(job: Job) -> tuple[TrialKind, int, int, Sequence[str], bool]:
-        return *job, seed, stated, job[1] % starts_every == 0
-
+    """Rows of `work(kind, number, *more)` as they end; nothing is begun after `until` (monotonic clock)."""
     if processes == 1:
-        yield from (measured(*arguments(job)) for job in jobs if time.monotonic() < until)
+        yield from (work(*job, *more) for job in jobs if time.monotonic() < until)
         return
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(measured, *arguments(job)) for job in jobs}
-        for done in as_completed(waiting):
+        for done in as_completed([pool.submit(work, *job, *more) for job in jobs]):
             yield done.result()
             if time.monotonic() >= until:
                 pool.shutdown(cancel_futures=True)
                 return
 
 
+@dataclass(frozen=True)
+class Series:
+    """Models with their journal.
+
+    Parameters
+    ----------
+    path : of the journal, a line a model
+    work : kind, number, seed, more -> row
+    more : further arguments of `work`
+    """
+
+    path: Path
+    work: Callable[..., Row]
+    seed: int
+    more: tuple[object, ...] = ()
+
+    def rows(self, jobs: Sequence[Job], processes: int, until: float) -> list[Row]:
+        """What is known of some models, and what is missing measured, until a time of the monotonic clock."""
+        done, of_program, begun = known(self.path, self.seed), revision(), time.monotonic()
+        missing = [job for job in jobs if job not in done]
+        for count, row in enumerate(finished(self.work, missing, (self.seed, *self.more), processes, until), start=1):
+            row["revision"] = of_program
+            keep(self.path, row)
+            done[row["kind"], row["number"]] = row
+            print(
+                f"{self.path.stem} {count} of {len(missing)}, {time.monotonic() - begun:.0f} s: {row['kind']} "
+                f"{row['number']}, {row['structure']}, {row['seconds']:.1f} s of the processor",
+                flush=True,
+            )
+        return [done[job] for job in jobs if job in done]
+
+
 def main() -> None:
     """Run what is missing, then write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--each", type=int, default=500, help="number of right models, and of wrong ones")
+    parser.add_argument("--starts", type=int, default=100, help=f"number of models with {STARTS} starts")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--stated", nargs="+", choices=list(STATED), default=list(STATED),
                         help="standard deviations that the studies state")  # fmt: skip
-    parser.add_argument(
-        "--starts-every", type=int, default=5, help="from how many models one is updated from 20 starts"
-    )
+    parser.add_argument("--wrong-every", type=int, default=1,
+                        help="of how many models one has standard deviations that are 3 times wrong")  # fmt: skip
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no model after this time")
     parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
     parser.add_argument("--work", type=Path, default=Path(__file__).resolve().parent / "partial",
                         help="folder of partial results; delete it to measure again")  # fmt: skip
-    parser.add_argument("--page", action="store_true", help="measure nothing, write the page of what is measured")
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
-    path = options.work / "models.jsonl"
-    jobs, done = jobs_of(options.each), known(path, options.seed)
-    missing = [job for job in jobs if job not in done and not options.page]
-    until, begun = time.monotonic() + 60.0 * options.minutes, time.monotonic()
-    rows = finished(missing, options.seed, options.stated, options.starts_every, options.jobs, until)
-    for count, row in enumerate(rows, start=1):
-        keep(path, row)
-        done[row["kind"], row["number"]] = row
-        elapsed = time.monotonic() - begun
-        print(f"{count} of {len(missing)}, {elapsed:.0f} s: {row['kind']} {row['number']}, {row['structure']}, "
-              f"{row['seconds']:.1f} s of the processor", flush=True)  # fmt: skip
-    text = page([done[job] for job in jobs if job in done], len(jobs))
+    until, jobs = time.monotonic() + 60.0 * options.minutes, jobs_of(options.each)
+    models = Series(options.work / "models.jsonl", measured, options.seed, (tuple(options.stated), options.wrong_every))
+    starts = Series(options.work / "starts.jsonl", from_starts, options.seed)
+    rows = models.rows(jobs, options.jobs, until)
+    started = starts.rows(jobs[: options.starts], options.jobs, until)
+    text = page(rows, started, len(jobs))
     if options.evidence is not None:
         options.evidence.mkdir(parents=True, exist_ok=True)
         (options.evidence / f"{NAME}.md").write_text(text + "\n", encoding="utf-8")

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import published as p
-from make_inputs import candidates, populations, write_inputs
+from make_inputs import TARGETS, candidates, populations, write_inputs
 
 import femtune as ft
 from femtune.steps.candidates.record import CandidateResults
@@ -27,7 +27,7 @@ from femtune.steps.run.result import RunResult
 OBJECTIVE_TOLERANCE, PARAMETER_TOLERANCE, DISTANCE_TOLERANCE = 0.12, 0.03, 2.0
 SAME_PERCENT = 1e-4
 """Largest difference of the mean errors, %, that populations of one model may reach."""
-USED = ("1", "2", "3", "5", "6")
+
 NOMINAL = "initial values"
 CONCRETE = 2500.0
 NAMES = [name for name, *_ in p.PARAMETERS]
@@ -180,7 +180,7 @@ def table_8(run: RunResult) -> list[str]:
     for correlation in run.results.correlations:
         if correlation.stage == "after":
             pairs = {pair.test_label: pair for pair in correlation.pairs}
-            for label, (error, mac) in zip(USED, p.RESIDUALS_M8[correlation.configuration]):
+            for label, (error, mac) in zip(TARGETS, p.RESIDUALS_M8[correlation.configuration]):
                 ours = pairs[label]
                 lines.append(
                     f"| {correlation.configuration} | {label} | {ours.freq_error_percent:.2f} | {error:.2f} "

@@ -83,6 +83,24 @@ def test_an_interrupted_run_goes_on_where_it_ended(modules: dict[str, ModuleType
     assert sum(kind == "right" for kind, _ in jobs) == 4
 
 
+@pytest.mark.slow
+def test_the_judge_on_a_sample_of_models(modules: dict[str, ModuleType]):
+    measure, opinion = modules["measure"], modules["opinion"]
+    right = [measure.measured("right", number, 1, ["true"])["runs"]["true"] for number in (7, 8, 9, 10)]
+    wrong = [measure.measured("candidate", number, 1, ["default"])["runs"]["default"] for number in (1, 2, 3)]
+    # with a level of 1 % each, the three tests refuse two of four right models with a probability of less than 0.01
+    assert sum(opinion.refused(run) for run in right) <= 1
+    # four to six parameters each, 95 % intervals
+    hits = [hit for run in right for hit in opinion.covered(run)]
+    assert sum(hits) >= 0.8 * len(hits)
+    # the test of all residuals together finds none of them with the standard deviations that a first study states
+    assert not any(opinion.found_today(run) for run in wrong)
+    assert all(opinion.found_by(run, "missing parameter") for run in wrong)
+    assert [opinion.rank_of(run, field) for run, field in zip(wrong, ("PSHELL 4 T", "PSHELL 3 T", "PSHELL 4 T"))] == [
+        1
+    ] * 3
+
+
 def row(kind: str, misses: list[float], p: float, reasons: list[dict[str, str]], **more: object) -> dict[str, object]:
     """Of a model whose parameters miss by so many standard deviations."""
     parameters = [{"true": 1.0, "value": 1.0 + 0.1 * z, "sd": 0.1, "interval": [1.0 + 0.1 * z - 0.196, 1.0 + 0.1 * z
@@ -95,7 +113,7 @@ def row(kind: str, misses: list[float], p: float, reasons: list[dict[str, str]],
     }  # fmt: skip
     fault = None if kind == "right" else ["PSHELL 4 T", 1.1]
     return {"kind": kind, "number": 0, "seed": 1, "structure": "plate", "fault": fault, "runs": {"true": run},
-            "starts": {"chi_square": 8.0, "compared": 9}}  # fmt: skip
+            "revision": "abc"}  # fmt: skip
 
 
 def test_rates_of_the_page_are_counted_from_rows(modules: dict[str, ModuleType]):
@@ -116,7 +134,11 @@ def test_rates_of_the_page_are_counted_from_rows(modules: dict[str, ModuleType])
     assert page.power(rows, "true", "candidate", opinion.found_today) == modules["rates"].Rate(1, 2)
     assert page.power(rows, "true", "hidden", found) == modules["rates"].Rate(1, 1)
     assert page.coverage(page.runs(rows, "true", "right")) == modules["rates"].Rate(3, 4)
-    assert page.better_minima(rows) == modules["rates"].Rate(6, 6)
-    text = page.page(rows, 12)
+    nominal = {"chi_square": 10.0, "compared": 9}
+    ends = [{"chi_square": 8.5, "compared": 9}, {"chi_square": 9.5, "compared": 9}, {"chi_square": 5.0, "compared": 8}]
+    started = [{"structure": "plate", "nominal": nominal, "starts": end} for end in ends]
+    # of other residuals χ² cannot be compared
+    assert page.better_minima(started) == modules["rates"].Rate(1, 2)
+    text = page.page(rows, started, 12)
     assert "**Incomplete: 6 of 12 models are measured.**" in text
     assert "1 of 2" in text

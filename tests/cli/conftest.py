@@ -14,6 +14,7 @@ from click.testing import CliRunner, Result
 from femtune.cli import main, output, running
 from femtune.files.study_file import read_study_file
 from femtune.steps.info.record.model import UsedCard
+from femtune.steps.judge.record.judgement import JudgementResults
 from femtune.steps.run_folder import check_writable
 
 STUDY = '[study]\ntitle = "Frame"\ndeck = "frame.bdf"\nunits = "m-kg-s"\n'
@@ -32,7 +33,8 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Steps that read the study, make the run folder, and tell what they were asked."""
     module: Any = ModuleType("steps")
-    module.calls, module.outcome, module.verdicts = [], None, ()
+    module.calls, module.outcome = [], None
+    module.judgement = JudgementResults(verdict="accepted", line="Accepted: no check failed.")
     for name in ("info", "modes", "respond", "plan", "identify", "correlate", "select", "quantify"):
         setattr(module, name, _single(module, name))
     for name in ("update", "run"):
@@ -58,7 +60,9 @@ def _single(module: Any, name: str) -> Callable[..., SimpleNamespace]:
         read_study_file(path)
         progress.step(f"{name} of [red]configuration[/red]", 1, 2)
         found = UsedCard(name="CBAR", count=7)
-        return SimpleNamespace(record=found, records=found, arrays=found, remarks=(), report=None)
+        return SimpleNamespace(
+            record=found, records=found, arrays=found, remarks=(), report=None, judgement=module.judgement
+        )
 
     return step
 
@@ -69,8 +73,7 @@ def _whole(module: Any, name: str) -> Callable[..., SimpleNamespace]:
         folder = output or read_study_file(path).output_folder
         check_writable(folder)
         (folder / "results.json").write_text("{}")
-        results = Outcome(name="CBAR", count=7, update=module.outcome)
-        results = results.model_copy(update={"validation": SimpleNamespace(verdicts=module.verdicts)})
+        results = Outcome(name="CBAR", count=7, update=module.outcome, judgement=module.judgement)
         return SimpleNamespace(folder=folder, results=results, report=folder / "report.html", remarks=())
 
     return step
@@ -80,7 +83,7 @@ class Outcome(UsedCard):
     """Results as far as the command line looks at them."""
 
     update: Any = None
-    validation: Any = None
+    judgement: Any = None
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,6 +18,9 @@ from click.testing import Result
 import femtune
 from femtune.errors import Notice
 from femtune.journal.journal import from_journal
+from femtune.steps.exit_codes import exit_code_table
+from femtune.steps.judge.record.judgement import JudgementResults
+from femtune.steps.judge.record.reason import ReasonRecord
 
 Invoke = Callable[..., Result]
 
@@ -110,10 +114,9 @@ def test_options_reach_the_step(invoke: Invoke, steps: Any, study: Path, tmp_pat
     assert steps.calls == [("update", study, {"output": tmp_path / "other", "wide": True})]
 
 
-@pytest.mark.parametrize("command", ["update", "run"])
-def test_update_without_an_optimum_ends_with_code_1(invoke: Invoke, steps: Any, study: Path, command: str) -> None:
+def test_update_without_an_optimum_ends_with_code_1(invoke: Invoke, steps: Any, study: Path) -> None:
     steps.outcome = SimpleNamespace(ok=False, status="STALLED", message="no step lowers the objective")
-    result = invoke(command, study, "--quiet")
+    result = invoke("update", study, "--quiet")
     assert result.exit_code == 1
     assert "STALLED: no step lowers the objective" in result.stderr
     assert (study.parent / "run" / "results.json").exists()
@@ -121,17 +124,36 @@ def test_update_without_an_optimum_ends_with_code_1(invoke: Invoke, steps: Any, 
 
 def test_update_with_an_optimum_ends_with_code_0(invoke: Invoke, steps: Any, study: Path) -> None:
     steps.outcome = SimpleNamespace(ok=True, status="CONVERGED", message="")
-    assert invoke("run", study, "--quiet").exit_code == 0
+    steps.judgement = JudgementResults(verdict="not accepted", line="Not accepted: it is wrong.")
+    assert invoke("update", study, "--quiet").exit_code == 0
 
 
-@pytest.mark.parametrize(("verdict", "code"), [("fail", 1), ("pass", 0), ("not tested", 0)])
-def test_validate_ends_with_code_1_where_a_criterion_fails(
-    invoke: Invoke, steps: Any, study: Path, verdict: str, code: int
+_VERDICTS = [("accepted", 0, 0), ("accepted with reservations", 0, 3), ("not accepted", 4, 4)]
+
+
+@pytest.mark.parametrize("command", ["run", "validate", "correlate"])
+@pytest.mark.parametrize(("verdict", "code", "strict"), _VERDICTS)
+def test_the_verdict_is_the_exit_code(
+    invoke: Invoke, steps: Any, study: Path, command: str, verdict: Any, code: int, strict: int
 ) -> None:
-    steps.verdicts = (SimpleNamespace(verdict=verdict),)
-    result = invoke("validate", study)
-    assert result.exit_code == code
-    assert "CBAR" in result.stdout
+    weight: Any = "not accepted" if code else "reservation"
+    why = ReasonRecord(code="judge.mesh", weight=weight, sentence="the mesh is too coarse " * 4, place="wing")
+    reasons = () if verdict == "accepted" else (why,)
+    steps.judgement = JudgementResults(verdict=verdict, line=f"{verdict.capitalize()}: words.", reasons=reasons)
+    for options, expected in (((), code), (("--strict",), strict)):
+        result = invoke(command, study, "--quiet", *options)
+        assert result.exit_code == expected
+        assert result.stderr.startswith(f"{verdict.capitalize()}: words.\n")
+        assert ("[judge.mesh] the mesh" in result.stderr and "(wing)" in result.stderr) == bool(reasons)
+        assert max(map(len, result.stderr.splitlines())) <= 80
+
+
+def test_exit_codes_are_listed_in_help_and_guide(invoke: Invoke) -> None:
+    shown = invoke("--help").stdout
+    page = (Path(__file__).parents[2] / "docs" / "guide" / "verdict.md").read_text(encoding="utf-8")
+    assert exit_code_table() in page
+    for code in (0, 1, 2, 3, 4, 70, 130, 143):
+        assert re.search(rf"^ +{code}  ", shown, re.MULTILINE)
 
 
 def test_report_takes_a_run_folder(invoke: Invoke, steps: Any, tmp_path: Path) -> None:
@@ -200,9 +222,10 @@ def test_what_came_from_the_journal_is_said_beside_the_result(
 
     setattr(steps, name, step)
     result = invoke(name, study, "--json")
-    assert result.stderr == "12 of 30 \\x1b solutions\n"
+    verdict = f"{steps.judgement.line}\n" if name == "correlate" else ""
+    assert result.stderr == f"12 of 30 \\x1b solutions\n{verdict}"
     assert result.stdout.startswith("{")
-    assert invoke(name, study, "--quiet", "--fresh").stderr == ""
+    assert invoke(name, study, "--quiet", "--fresh").stderr == verdict
     assert asked == [False, True]
 
 
@@ -215,9 +238,10 @@ def test_a_run_says_what_came_from_the_journal(invoke: Invoke, steps: Any, study
         return SimpleNamespace(**{**vars(found), "remarks": () if options["fresh"] else from_journal(12, 18)})
 
     setattr(steps, name, step)
-    assert invoke(name, study).stderr == "12 of 30 solutions from the journal of an earlier run\n"
-    assert invoke(name, study, "--quiet").stderr == ""
-    assert invoke(name, study, "--fresh").stderr == ""
+    verdict = f"{steps.judgement.line}\n" if name == "run" else ""
+    assert invoke(name, study).stderr == f"12 of 30 solutions from the journal of an earlier run\n{verdict}"
+    assert invoke(name, study, "--quiet").stderr == verdict
+    assert invoke(name, study, "--fresh").stderr == verdict
     assert [options.get("fresh", False) for *_, options in steps.calls] == [False, False, True]
 
 

@@ -114,6 +114,7 @@ def test_quiet_still_warns(invoke: Invoke, steps: Any, study: Path, name: str) -
     assert result.stderr.splitlines() == [
         "[model.mesh-coarse] mode 3 changes \\x1b by 5 %",
         "[deck.ignored] PARAM ignored",
+        *([steps.judgement.line] if name == "correlate" else []),
     ]
 
 

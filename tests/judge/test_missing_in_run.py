@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import femtune as ft
+from femtune.document.figures.elements import elements_svg
+from femtune.document.figures.shapes import COLOURS
 from femtune.steps.judge.page.missing import missing_blocks
 from femtune.steps.judge.reasons.missing import missing_reasons
 from femtune.steps.judge.record.judgement import JudgementResults
@@ -126,3 +129,14 @@ def test_page_of_what_was_not_tested() -> None:
 
     _, said = missing_blocks(Source())  # type: ignore[arg-type]
     assert said.text == "Not tested: no elements."  # type: ignore[union-attr]
+
+
+def test_drawing_of_faces_lines_and_dots() -> None:
+    """A triangle, a bar and a mass; what explains most has the darkest colour."""
+    triangle = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0]]
+    bar = [[0.0, 0, 0], [0, 0, 1], [0, 0, 1], [0, 0, 1]]
+    drawn = elements_svg(np.array([triangle, bar, [[0.0, 0, 1]] * 4]), np.array([0.0, 5.0, 0.0]), "least", "most")
+    assert drawn.count('<path d="M') == 2
+    assert drawn.count("<circle") == 1
+    assert f'stroke="{COLOURS[-1]}"' in drawn
+    assert f'fill="{COLOURS[0]}"' in drawn

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune.errors import Notice
+from femtune.errors import FemtuneError, Notice
 
 _CASES: dict[str, Notice] = {
     "judge.missing": Notice(
@@ -26,7 +26,41 @@ _CASES: dict[str, Notice] = {
         "judge.deck-differs", difference="MAT1 1 E is 2.1e+11 instead of 1.7e+11 for 4 elements"
     ),
     "judge.no-optimum": Notice("judge.no-optimum", ending="the largest number of iterations was reached"),
-}
+    "judge.not-computed": Notice("judge.not-computed", failure="scatter: no frequency is known"),
+    "judge.modes-not-compared": Notice(
+        "judge.modes-not-compared", compared=3, total=8, modes="4 (79.848 Hz) and 5 (139.99 Hz)"
+    ),
+    "judge.target-mode": Notice("judge.target-mode", mode="2", hz="18.300"),
+    "judge.model-mode-unpaired": Notice(
+        "judge.model-mode-unpaired",
+        modes="4 (BC, 10.047 Hz, 6.07 % of the mass) and 4 (NC, 9.162 Hz, 6.09 % of the mass)",
+    ),
+    "judge.no-standard": Notice("judge.no-standard"),
+    "judge.criterion-fails": Notice(
+        "judge.criterion-fails", quantity="frequency error", measured="7.2 %", required="at most 5 %",
+        standard="NASA-STD-5002", remark=" (test mode 2 with model mode 2)",
+    ),
+    "judge.criterion-not-tested": Notice(
+        "judge.criterion-not-tested", quantity="cross-orthogonality, diagonal", standard="NASA-STD-5002",
+        why="the mass is reduced to one DOF",
+    ),
+    "judge.held-out-fails": Notice(
+        "judge.held-out-fails", data="modified structure", quantity="MAC", measured="0.62", required="at least 0.9",
+        standard="ECSS-E-ST-32-11C", remark="",
+    ),
+    "judge.nothing-held-out": Notice("judge.nothing-held-out"),
+    "judge.not-independent": Notice("judge.not-independent", data="held-out modes and held-out sensors"),
+    "judge.scatter": Notice("judge.scatter", pairs=6, error="0.9", test="0.1"),
+    "judge.mesh": Notice("judge.mesh", mesh="−1.56", error="0.21"),
+    "judge.beyond-usual": Notice("judge.beyond-usual", parameters="m2 (0.766; 0.9 to 1.1)"),
+    "judge.undetermined-changed": Notice("judge.undetermined-changed", parameters="k1 and k2"),
+    "study.validation-used": FemtuneError(
+        "study.validation-used", configuration="check", used="free", shared="modes 1, 2 and 3"
+    ),
+    "study.test-counted-twice": Notice(
+        "study.test-counted-twice", first="a", second="b", shared="modes 1, 2 and 3"
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("code", sorted(_CASES))

@@ -144,8 +144,8 @@ def _no_mass(f: Files) -> None:
 
 CASES = (
     # the deck
-    Case("deck.truncated", lambda f: f.cut("beam.bdf", DECK.index("CBAR    2") + 30),
-         "beam.bdf", 13, "in the middle of a line", "truncated"),
+    Case("deck.truncated", lambda f: f.deck("ENDDATA\n", "CONM2,10,2,,1.,,,,,+A\n"),
+         "beam.bdf", 16, "in the middle of a card", "truncated"),
     Case("deck.no-points", lambda f: f.cut("beam.bdf", 0), "beam.bdf", None, "neither grid points", "bulk data"),
     Case("deck.unknown-property", lambda f: f.deck("CBAR    2       2 ", "CBAR    2       7 "),
          "beam.bdf", 13, "property 7", "known: 1, 2"),

@@ -20,17 +20,20 @@ from femtune.cli.log import be_verbose, log_to
 from femtune.cli.running import run_step
 from femtune.errors import codes, did_you_mean, explanation, meaning, printable
 from femtune.steps import all_steps
+from femtune.steps.exit_codes import exit_code_help
 from femtune.steps.step import FILE, Command, Step
 
+_HELP = "Finite element model updating: from a vibration test and a deck to an updated deck."
 
-@click.group(cls=GuardedGroup, context_settings={"help_option_names": ["-h", "--help"]})
+
+@click.group(
+    cls=GuardedGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help=f"{_HELP}\n\n{exit_code_help()}",
+)
 @click.version_option(__version__, prog_name="femtune")
 def main() -> None:
-    """Finite element model updating: from a vibration test and a deck to an updated deck.
-
-    Exit codes: 0 if the command succeeded, 1 if the update did not reach an optimum (its results are written) or a
-    criterion of validate fails, 2 if the input has errors, 70 after an internal error of femtune, 130 after Ctrl-C.
-    """
+    """The group of commands."""
 
 
 @main.command()

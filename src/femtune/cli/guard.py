@@ -23,14 +23,9 @@ from femtune import __version__
 from femtune.cli.log import RESULTS
 from femtune.errors import FemtuneError, printable
 from femtune.journal.run_files import OWNER_FILE
-from femtune.steps.step import BAD_INPUT, coloured
+from femtune.steps.exit_codes import BAD_INPUT, FAULT, INTERRUPTED, TERMINATED
+from femtune.steps.step import coloured
 
-FAULT = 70
-"""Exit status after an error in femtune itself: EX_SOFTWARE of sysexits.h."""
-INTERRUPTED = 130
-"""Exit status after Ctrl-C: 128 + SIGINT, as shells report it."""
-TERMINATED = 143
-"""Exit status after a request to terminate: 128 + SIGTERM."""
 CRASH_FILE = "femtune-crash.txt"
 """File with the traceback of an error in femtune itself."""
 

@@ -31,11 +31,13 @@ class Mesh:
     Parameters
     ----------
     nodes : (n, k) positions of the grid points of each element, −1 where it has fewer
+    corners : (n, 4, 3) of a drawing: the first four grid points, the last one repeated where an element has fewer
     centres : (n, 3)
     row : position of an element in both, by its number; elements on scalar points alone are not among them
     """
 
     nodes: Integers
+    corners: Reals
     centres: Reals
     row: Mapping[int, int]
 
@@ -45,7 +47,9 @@ class Mesh:
         Examples
         --------
         >>> line = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
-        >>> mesh = Mesh(line, np.array([[0.5, 0, 0], [1.5, 0, 0], [2.5, 0, 0], [3.5, 0, 0]]), {1: 0, 2: 1, 3: 2, 4: 3})
+        >>> ends = np.zeros((4, 4, 3))
+        >>> ends[:, :, 0] = line[:, [0, 1, 1, 1]]
+        >>> mesh = Mesh(line, ends, ends[:, :2].mean(axis=1), {1: 0, 2: 1, 3: 2, 4: 3})
         >>> [sorted(part) for part in mesh.divided(frozenset({1, 2, 3, 4}), 2)]
         [[1, 2], [3, 4]]
         """
@@ -95,4 +99,7 @@ def mesh_of(structure: Structure) -> Mesh:
     points = np.concatenate(nodes)
     places = np.where((points >= 0)[:, :, None], structure.nodes.xyz[np.maximum(points, 0)], 0.0)
     centres = places.sum(axis=1) / np.maximum((points >= 0).sum(axis=1), 1)[:, None]
-    return Mesh(points, centres, {int(e): i for i, e in enumerate(np.concatenate(numbers))})
+    few = np.pad(points, ((0, 0), (0, max(0, 4 - width))), constant_values=-1)[:, :4]
+    last = np.maximum((few >= 0).sum(axis=1) - 1, 0)
+    drawn = np.where(few >= 0, few, np.take_along_axis(few, last[:, None], axis=1))
+    return Mesh(points, structure.nodes.xyz[drawn], centres, {int(e): i for i, e in enumerate(np.concatenate(numbers))})

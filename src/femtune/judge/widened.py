@@ -18,11 +18,17 @@ from femtune.model.derivatives.sensors import sensor_derivatives
 from femtune.model.full_model import ModelSolver, direct
 from femtune.parameters import Parameter, ParameterSet, parse_expression
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
+from femtune.residuals.frf.antiresonance import AntiresonanceResidual
+from femtune.residuals.frf.residual import FrfResidual
 from femtune.updating import NoRegularisation, SensitivityMethod, UpdateResult
 
 _TOLERANCE = 1e-4
 """Error of the derivatives of a shape at the sensors: far below what noise leaves of a column, and above what many
 solutions would be needed for."""
+
+_OF_FRFS = (FrfResidual.key, AntiresonanceResidual.key)
+_FRF_DOFS = 1_000
+"""Free DOFs up to which FRFs are compared too."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +98,8 @@ def _product(parameter: str, factor: str) -> Parameter:
 def widened_problem(result: UpdateResult, model: ParametricModel, factors: Sequence[Factor]) -> UpdateProblem:
     """The comparisons at the end of an update on the full model, with free factors after the parameters.
 
+    FRFs of models above 1,000 free DOFs are left out: their derivatives by many factors take too long.
+
     Raises
     ------
     FemtuneError : as `parametric_model` and `configure`
@@ -100,9 +108,12 @@ def widened_problem(result: UpdateResult, model: ParametricModel, factors: Seque
     after = result.after
     solver: ModelSolver = _BySensors()
     cases = tuple(
-        replace(case, configured=configure(wide, case.configured.configuration), full=None, solver=solver)
+        replace(
+            case, configured=configure(wide, case.configured.configuration), full=None, solver=solver,
+            residuals=tuple(r for r in case.residuals if r.key not in _OF_FRFS or case.configured.n_free <= _FRF_DOFS),
+        )
         for case in (state.case.on_full_model for state in after.states)
-    )
+    )  # fmt: skip
     return UpdateProblem(cases, wide.parameters, common_sd=after.common_sd)
 
 

@@ -130,11 +130,18 @@ def _beyond(dofs: str, most: int) -> str:
 
 
 def _refined_hz(pencil: Pencil, start: Reals, solution: EigenSolution) -> Reals:
-    """(m,) frequencies of the wanted modes on the refined mesh from their interpolated shapes; NaN where none fits."""
+    """(m,) frequencies of the wanted modes on the refined mesh from their interpolated shapes; NaN where none fits.
+
+    A mode that moves nothing of the refined mesh, as of a mass without stiffness, has none.
+    """
     first = column_major(start)
     step = pencil.factorise(_shift(solution)).solve(column_major(pencil.mass @ first))
-    step = column_major(step / np.linalg.norm(step, axis=0))
-    return resembling_hz(first[:, : solution.wanted], step, pencil.stiffness, pencil.mass)
+    size = np.linalg.norm(step, axis=0)
+    moving, out = size > 0.0, np.full(solution.wanted, np.nan)
+    wanted = np.flatnonzero(moving[: solution.wanted])
+    basis = column_major(step[:, moving] / size[moving])
+    out[wanted] = resembling_hz(column_major(first[:, wanted]), basis, pencil.stiffness, pencil.mass)
+    return out
 
 
 def _shift(solution: EigenSolution) -> float:

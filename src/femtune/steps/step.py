@@ -13,12 +13,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
+from femtune.errors import printable
+from femtune.steps.exit_codes import ENDED, NO_OPTIMUM, NOT_ACCEPTED, RESERVATIONS
+
 if TYPE_CHECKING:
     from femtune.errors import FemtuneError, Notice
+    from femtune.steps.judge.record.judgement import JudgementResults
 
 
 class NamedFile(Protocol):
@@ -28,12 +33,6 @@ class NamedFile(Protocol):
     def output_folder(self) -> Path:
         """Where results go."""
         ...
-
-
-BAD_INPUT = 2
-"""Exit code for errors in the input."""
-NO_OPTIMUM = 1
-"""Exit code if the update did not reach an optimum, or a criterion fails."""
 
 
 def load(name: str) -> Callable[..., Any]:
@@ -75,10 +74,25 @@ class End:
     code: int = 0
 
 
-def end_of_run(result: Any) -> End:
-    """The end of a run of a study: it fails if the update did not reach an optimum."""
+def end_of_update(result: Any) -> End:
+    """The end of an update: it fails if no optimum was reached."""
     update = result.results.update
     return End() if update is None or update.ok else End(f"{update.status}: {update.message}", NO_OPTIMUM)
+
+
+_TOLD_WIDTH = 80
+"""Columns of the verdict on standard error: those of a terminal."""
+
+
+def end_of_judged(judgement: JudgementResults | None) -> End:
+    """The end of a step with a verdict: the verdict with all its reasons, and its exit code."""
+    if judgement is None:
+        return End()
+    told = [fill(judgement.line, _TOLD_WIDTH)]
+    told += [fill(r.text, _TOLD_WIDTH, initial_indent="  - ", subsequent_indent="    ") for r in judgement.reasons]
+    reserved = RESERVATIONS if click.get_current_context().find_root().meta.get(_STRICT_KEY) else ENDED
+    codes = {"accepted": ENDED, "accepted with reservations": reserved, "not accepted": NOT_ACCEPTED}
+    return End(printable("\n".join(told)), codes[judgement.verdict])
 
 
 def as_given(options: dict[str, Any], path: Path) -> dict[str, Any]:
@@ -219,6 +233,15 @@ def _set(name: str) -> Iterator[None]:
 FILE = click.Path(path_type=Path)
 SCATTER = click.FloatRange(min=0.0, max=1.0)
 
+_STRICT_KEY = "femtune.strict"
+"""Where the context of a command keeps whether reservations count."""
+
+
+def keep_strict(context: click.Context, option: click.Parameter, strict: bool) -> None:
+    """Keep whether reservations have an exit code of their own."""
+    context.find_root().meta[_STRICT_KEY] = strict
+
+
 JOBS_KEY = "femtune.jobs"
 """Where the context of a command keeps the number of runs at a time."""
 
@@ -235,6 +258,10 @@ FRESH = click.Option(["--fresh"], is_flag=True, help="Ignore the journal of an e
 JOBS = click.Option(
     ["--jobs"], type=click.IntRange(1, 1024), metavar="N", expose_value=False, callback=keep_jobs,
     help="The most runs at a time that do not depend on each other, in place of [parallel].",
+)  # fmt: skip
+STRICT = click.Option(
+    ["--strict"], is_flag=True, expose_value=False, callback=keep_strict,
+    help="End with exit code 3 if the verdict is: accepted with reservations.",
 )  # fmt: skip
 EIGENSOLVER = click.Option(
     ["--eigensolver"], type=click.Choice(["own", "slepc"]), expose_value=False, callback=choose_eigensolver,

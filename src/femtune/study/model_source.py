@@ -113,6 +113,11 @@ LARGE_DEVIATION = 0.2
 """Relative standard deviation of a frequency from which a message asks whether per cent was meant."""
 
 
+_MOST_MODES = 100_000
+_HIGHEST_HZ = 1e12
+"""Largest values of `count` and `max_hz` in [modes]; METHOD of a deck may state larger ones."""
+
+
 class FromDeck(ModelSource[BuiltDeck]):
     """The deck of [study]."""
 
@@ -148,10 +153,12 @@ class FromDeck(ModelSource[BuiltDeck]):
         asked, method = self.file.modes, built.eigen_method
         if asked.count is not None or asked.max_hz is not None or method is None:
             return self.file
-        if method.wanted:
-            return self.file.model_copy(update={"modes": ModesOfDeck(count=method.wanted)})
+        if method.wanted and method.wanted > 0:
+            # a number beyond that of the DOFs means all modes
+            count = min(method.wanted, max(built.structure.nodes.n_dofs, 1), _MOST_MODES)
+            return self.file.model_copy(update={"modes": ModesOfDeck(count=count)})
         if method.upper_hz and method.upper_hz > 0.0:
-            return self.file.model_copy(update={"modes": ModesOfDeck(max_hz=method.upper_hz)})
+            return self.file.model_copy(update={"modes": ModesOfDeck(max_hz=min(method.upper_hz, _HIGHEST_HZ))})
         return self.file
 
     def doubts(self, built: BuiltDeck) -> tuple[Notice, ...]:

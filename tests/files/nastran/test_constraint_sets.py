@@ -58,15 +58,20 @@ def test_equations_of_unions_and_blank_coefficients(deck_of: DeckOf) -> None:
 def test_cards_without_effect_are_told(deck_of: DeckOf) -> None:
     model = build_structure(deck_of(POINTS + "SPCD,1,1,1,.5\nSPCOFF1,3,1,2\nSPC,1,2,3,.1\n"))
     assert [(n.code, n.level) for n in model.notices] == [
-        ("deck.ignored-cards", "info"), ("deck.ignored-cards", "warning"), ("deck.enforced-displacement", "warning"),
+        ("deck.ignored-cards", "info"), ("deck.ignored-cards", "warning"), ("deck.inactive-set", "warning"),
+        ("deck.enforced-displacement", "warning"),
     ]  # fmt: skip
     assert "degrees of freedom without stiffness are constrained nevertheless" in model.notices[1].what
 
 
+_SELECTED = "SOL 103\nCEND\nSPC = 4\nBEGIN BULK\n"
 REFUSED = {
-    "SPC1,2,1,1\nSPCADD,3,2\nSPCADD,4,3\n": ("deck.missing-set", "SPCADD 4 refers to set 3, which is another SPCADD"),
+    _SELECTED + "SPC1,2,1,1\nSPCADD,3,2\nSPCADD,4,3\n": (
+        "deck.missing-set",
+        "SPCADD 4 refers to set 3, which is another SPCADD",
+    ),
     "MPC,2,1,1,1.,2,1,1.\nMPCADD,3,2\nMPCADD,4,3\n": ("deck.missing-set", "set 3, which is another MPCADD"),
-    "SPC1,2,1,1\nSPCADD,4,3\n": ("deck.missing-set", "set 3, which has no cards"),
+    _SELECTED + "SPC1,2,1,1\nSPCADD,4,3\n": ("deck.missing-set", "set 3, which has no cards"),
     "SPC1,1,3,2,THRU\n": ("deck.list", "end of the list"),
     "SPC1,1,3,4\n": ("deck.unknown-grid", "grid point 4"),
     "SPC1,1,,1\n": ("deck.field-value", "no components"),
@@ -79,5 +84,12 @@ REFUSED = {
 def test_refusals(deck_of: DeckOf, cards: str) -> None:
     code, says = REFUSED[cards]
     with pytest.raises(FemtuneError, match=says) as caught:
-        build_structure(deck_of(POINTS + cards))
+        build_structure(deck_of(cards + POINTS))
     assert caught.value.code == code
+
+
+@pytest.mark.parametrize("cards", [cards for cards in REFUSED if cards.startswith(_SELECTED)])
+def test_unions_that_are_not_selected_are_not_read(deck_of: DeckOf, cards: str) -> None:
+    model = build_structure(deck_of(cards.removeprefix(_SELECTED) + POINTS))
+    assert 4 not in model.structure.support_sets
+    assert [n.code for n in model.notices] == ["deck.inactive-set"]

@@ -110,7 +110,7 @@ def test_accessors(deck_of: DeckOf) -> None:
         ("+       1.0\n", "deck.continuation"),
         ("PBAR,1,2,,,,,,,+A\n+B,1.\n", "deck.continuation"),
         ("PBAR,1,2,,,,,,,+A\n", "deck.truncated"),
-        ("GRID,1,2,3.,4.,5.,6,7,8,9,10\n", "deck.too-many-fields"),
+        ("GRID,1,2,3.,4.,5.,6,7,8,+A,10\n", "deck.too-many-fields"),
         ("GRID*,1,2,3.,4.,+,6\n", "deck.too-many-fields"),
         ("this is no card at all\n", "deck.card-name"),
         ("=,*(1)\n", "deck.replication"),
@@ -127,7 +127,7 @@ def test_lines_that_cannot_be_read(deck_of: DeckOf, text: str, code: str) -> Non
 
 def test_several_errors_are_shown_together(deck_of: DeckOf) -> None:
     with pytest.raises(FemtuneError, match="2 problems") as caught:
-        deck_of("+,1.\nGRID,1,2,3.,4.,5.,6,7,8,9,10\n")
+        deck_of("+,1.\nGRID,1,2,3.,4.,5.,6,7,8,+A,10\n")
     assert "deck.continuation" in str(caught.value)
     assert "deck.too-many-fields" in str(caught.value)
 

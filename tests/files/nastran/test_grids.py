@@ -70,7 +70,7 @@ def test_case_control_selects(deck_of: DeckOf) -> None:
 
 def test_enforced_displacement_is_a_notice(deck_of: DeckOf) -> None:
     model = built(deck_of(POINTS + "SPC,1,2,3,0.5\n"))
-    assert [n.code for n in model.notices] == ["deck.enforced-displacement"]
+    assert [n.code for n in model.notices] == ["deck.inactive-set", "deck.enforced-displacement"]
     assert names(model, model.structure.support_sets[1]) == ["2Z"]
 
 
@@ -80,7 +80,7 @@ def test_enforced_displacement_is_a_notice(deck_of: DeckOf) -> None:
         ("SPC,1,7,3\n", "deck.unknown-grid"),
         ("SPC1,1,3,7\n", "deck.unknown-grid"),
         ("SPC1,1,,2\n", "deck.field-value"),
-        ("SPCADD,10,5\n", "deck.missing-set"),
+        ("MPCADD,10,5\n", "deck.missing-set"),
         ("GRID,-4,,0.,0.,0.\n", "deck.field-value"),
         ("SPOINT,2\n", "deck.duplicate-id"),
         ("GRID,8,,0.,0.,0.,-1\n", "deck.fluid-point"),

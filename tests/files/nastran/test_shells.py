@@ -306,7 +306,11 @@ _SHELL = "PSHELL,9,{}\n" + QUAD + "\n"
         (PLATE + "CTRIA3,20,8,1,2,3\n", "deck.unknown-property", "known: 9"),
         ("PROD,9,1,.1\n" + QUAD + "\n", "deck.property-type", "is a PROD, but CQUAD4 needs a PSHELL, PCOMP or PCOMPG"),
         (PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.unknown-coordinate-system", "coordinate system 6"),
-        ("CORD2R,6,,0.,0.,0.,1.,0.,0.\n,0.,0.,1.\n" + PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.orientation", "normal"),
+        (
+            "CORD2R,6,,0.,0.,0.,1.,0.,0.\n,0.,0.,1.\nMAT2,2,2.,,,2.,,1.\n" + "PSHELL,9,2,.1\n" + QUAD + ",6\n",
+            "deck.orientation",
+            "normal",
+        ),
         ("MAT8,1,2.,2.,.3,1.\n" + PLATE, "deck.duplicate-id", "material 1 is defined twice"),
         ("MAT8,2,2.,2.,.3,1.\nPROD,3,2,1.\nCROD,1,3,1,2\n", "deck.material-type", "PROD needs a MAT1"),
         ("MAT8,2,2.,2.,.3\n" + _SHELL.format("2,.1"), "deck.material", "G12"),

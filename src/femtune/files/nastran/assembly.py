@@ -71,7 +71,7 @@ def _rule_above(parent: Card, cut: FieldLine) -> FieldLine:
 
 
 def _next(previous: Card, rule: FieldLine, cut: FieldLine, position: int, superelement: int) -> Card:
-    before = [*previous.fields, *[""] * (8 - len(previous.fields))]
+    before = [*previous.fields, *[""] * (len(rule.data) - len(previous.fields))]
     fields: list[str] = []
     for index, text in enumerate(rule.data):
         if text == "==":
@@ -356,9 +356,12 @@ class _Part:
 
 
 def _names(tail: str) -> set[str]:
-    """Names of the continuation that field 10 requests; its first character is arbitrary."""
+    """Names of the continuation that field 10 requests.
+
+    Column 73 is arbitrary: ``+A`` there requests A. A name in columns 74 to 80 may itself begin with a plus.
+    """
     tail = tail.upper()
-    return {tail[1:], tail if tail[:1] not in ("+", "*") else ""} - {""}
+    return {tail[1:], tail} - {""}
 
 
 def _is_named_by(above: FieldLine, cut: FieldLine) -> bool:

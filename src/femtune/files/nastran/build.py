@@ -12,7 +12,7 @@ from femtune.fem.joined import Increase, StructurePart, join
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.files.built_model import BuiltModel
 from femtune.files.nastran.building import Building, duplicate
-from femtune.files.nastran.card import Card, CardEntry
+from femtune.files.nastran.card import Card, CardEntry, records_of
 from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT, ELEMENT_READERS, NAMESPACES
 from femtune.files.nastran.columns import plain_numbers
 from femtune.files.nastran.constraints import read_dof_sets, read_multipoint_sets, read_supports
@@ -42,6 +42,7 @@ from femtune.files.nastran.inventory import (
     take_inventory,
 )
 from femtune.files.nastran.left_out import left_out, preloads
+from femtune.files.nastran.lines import parse_integer, parse_number
 from femtune.files.nastran.lists import IntegerList
 from femtune.files.nastran.loads import read_preload
 from femtune.files.nastran.masses import add_nonstructural_mass
@@ -49,6 +50,7 @@ from femtune.files.nastran.materials import read_materials
 from femtune.files.nastran.matrices import read_direct_matrices
 from femtune.files.nastran.reading import ElementReading
 from femtune.files.nastran.rigid import read_rigid
+from femtune.files.nastran.selections import unselected_notices
 from femtune.files.nastran.source import SourceLine
 from femtune.files.nastran.superelements import (
     BulkSection,
@@ -102,10 +104,10 @@ class BuiltDeck(BuiltModel):
         found = {}
         for number, at in self.element_cards.items():
             card = self.deck.cards[at]
-            names = CATALOGUE[card.name].fields
-            if "PID" in names:
+            if "PID" in CATALOGUE[card.name].fields:
                 more = self.increases.get(card.superelement, Increase())
-                found[number] = int(CardEntry(card, names).integer("PID", number - more.elements)) + more.cards
+                own = number - more.elements
+                found[number] = int(element_record(card, own).integer("PID", own)) + more.cards
         return found
 
     def cards_named(self, name: str) -> Sequence[Card]:
@@ -154,12 +156,34 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
         # without points there would be errors for every parameter and sensor
         where = Where(str(deck.files[0].file))
         raise FemtuneError("deck.no-points", where=where, values={"cards": len(deck.cards)})
-    notices = (*deck.notices, *building.notices)
+    notices = (*deck.notices, *building.notices, *_without_point(deck))
     return BuiltDeck(
         files=tuple(file.file for file in deck.files), structure=structure, notices=notices, modal_damping=damping,
         damping_tables=tables, cards=cards, fields=building.places, element_cards=element_cards,
         deck=deck, eigen_method=method, mass_reference=reference, increases=increases,
     )  # fmt: skip
+
+
+def _without_point(deck: Deck) -> list[Notice]:
+    """Notice of real numbers without decimal point, which commercial programs read; it shows one that is not zero."""
+    cards = [(card, card.without_point) for card in deck.cards if card.without_point is not None]
+    if not cards:
+        return []
+    card, index = next((c for c in cards if parse_number(c[0].text(c[1]))), cards[0])
+    place, value = card.field_name(index), card.text(index)
+    level = "warning" if parse_integer(value) else "info"
+    return [
+        Notice(
+            "deck.without-point", where=card.where(index), level=level, record=card.record, field=place, text=value,
+            count=len(cards), plural="s" if len(cards) > 1 else "",
+        )
+    ]  # fmt: skip
+
+
+def element_record(card: Card, number: int) -> CardEntry:
+    """The entry of an element on its card, which may hold two."""
+    records = records_of(card)
+    return records[0] if len(records) == 1 else next(r for r in records if r.integer("EID") == number)
 
 
 def build_allowing(deck: Deck, names: Collection[str]) -> BuiltDeck:
@@ -170,6 +194,7 @@ def build_allowing(deck: Deck, names: Collection[str]) -> BuiltDeck:
 def _report_cards(building: Building, cards: tuple[CardUse, ...], allow_missing: bool, preloaded: bool) -> None:
     building.notices += [*ignored_notices(cards), *ignored_params(building.deck), *left_out(building.deck, preloaded)]
     building.notices += surplus_fields(building.deck)
+    building.notices += unselected_notices(building.deck)
     missing = [count for count in cards if count.use == MISSING]
     if allow_missing:
         building.notices += [missing_notice(count) for count in missing]
@@ -196,8 +221,9 @@ def _with_parts(
         places.append(part_building.places)
         # the sets of a part describe its reduction, which has a single notice
         building.notices += [n for n in part_building.notices if not n.code.startswith("deck.dof-set")]
+        building.notices += unselected_notices(part_building.deck)
     raise_distinct(building.errors)
-    pairs = boundary_pairs(deck, [BulkSection(part.number, part.structure) for part in parts])
+    pairs = boundary_pairs(deck, [BulkSection(part.number, part.structure) for part in parts], building.notices)
     try:
         joined = join(parts, pairs)
     except OverflowError as error:
@@ -280,7 +306,8 @@ def _element_cards(building: Building) -> dict[int, int]:
     spaces: dict[str, dict[int, int]] = {space: {} for space in NAMESPACES}
     for kind in (kind for kind in CATALOGUE.values() if kind.role == ELEMENT):
         cards, numbered = building.deck.by_name(kind.name), spaces[kind.namespace]
-        numbers = plain_numbers(cards)
+        # several elements on a card are read one by one
+        numbers = plain_numbers(cards) if len(kind.starts) == 1 else None
         if numbers is not None and numbered.keys().isdisjoint(numbers) and min(numbers) > 0:
             numbered.update(zip(numbers, (card.position for card in cards)))
         else:

@@ -9,7 +9,15 @@ from typing import Any, overload
 
 from femtune.errors import FemtuneError, Where
 from femtune.files.nastran.catalogue import CATALOGUE
-from femtune.files.nastran.lines import FieldLine, Format, is_too_large, parse_integer, parse_real, split_line
+from femtune.files.nastran.lines import (
+    FieldLine,
+    Format,
+    is_too_large,
+    parse_integer,
+    parse_number,
+    parse_real,
+    split_line,
+)
 from femtune.files.nastran.source import SourceLine
 
 
@@ -19,7 +27,8 @@ class Card:
 
     `position` is the index in `Deck.cards`; `superelement` is 0 for the residual structure; `replicated` marks a
     card that a replication line (``=``) made; `plain` is True if all its lines are plain columns of small
-    fields, and `given` are its fields, None until such lines are split.
+    fields, and `given` are its fields, None until such lines are split. `without_point` is a field that was read as a
+    real number although it has no decimal point.
     """
 
     name: str
@@ -30,6 +39,7 @@ class Card:
     superelement: int = 0
     replicated: bool = False
     plain: bool = False
+    without_point: int | None = field(default=None, repr=False, compare=False)
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -107,9 +117,15 @@ class Card:
         if not text:
             return self._checked_default(index, default, "deck.blank-field/real")
         value = parse_real(text)
+        if value is not None:
+            return value
+        value = parse_number(text)
         if value is None:
             code = "deck.not-a-real/too-large" if is_too_large(text) else "deck.not-a-real"
             raise self.error(code, index=index)
+        if self.without_point is None or value:
+            # for the single notice of the deck, in which zeros matter least
+            object.__setattr__(self, "without_point", index)
         return value
 
     def component(self, index: int, default: str = "") -> str:
@@ -150,10 +166,11 @@ class Card:
 
     def slot(self, index: int) -> tuple[int, int]:
         """Line of the card (possibly beyond its last) and data field of that line that hold field `index`."""
-        large = [split_line(line, line.body).large for line in self.lines]
-        while index >= line_starts(large)[-1] + (4 if large[-1] else 8):
-            large.append(large[-1])
-        starts = line_starts(large)
+        sizes = [split_line(line, line.body).size for line in self.lines]
+        while index >= line_starts(sizes)[-1] + sizes[-1][1]:
+            large = sizes[-1][0]
+            sizes.append((large, 4 if large else 8))
+        starts = line_starts(sizes)
         line = max(number for number, start in enumerate(starts) if start <= index)
         return line, index - starts[line]
 
@@ -161,7 +178,7 @@ class Card:
 def fields_of(lines: Sequence[FieldLine]) -> tuple[str, ...]:
     """All fields of a card from its lines, without trailing blank ones."""
     fields: list[str] = []
-    for line, start in zip(lines, line_starts([line.large for line in lines])):
+    for line, start in zip(lines, line_starts([line.size for line in lines])):
         fields += [""] * (start - len(fields))
         fields += line.data
     while fields and not fields[-1]:
@@ -169,17 +186,17 @@ def fields_of(lines: Sequence[FieldLine]) -> tuple[str, ...]:
     return tuple(fields)
 
 
-def line_starts(large: Sequence[bool]) -> list[int]:
-    """Field index at which each line of a card starts; `large` tells which lines are in large field.
+def line_starts(sizes: Sequence[tuple[bool, int]]) -> list[int]:
+    """Field index at which each line of a card starts; `sizes` are `FieldLine.size` of the lines.
 
     Two large lines make up one line of eight fields; a small line after a lone first half starts the next
     eight.
     """
     starts, at = [], 0
-    for wide in large:
-        at = at if wide or at % 8 == 0 else at + 4
+    for large, count in sizes:
+        at = at if large or at % 8 == 0 else at + 4
         starts.append(at)
-        at += 4 if wide else 8
+        at += count
     return starts
 
 

@@ -77,7 +77,7 @@ class CaseControl:
     are not interpreted, as written; `effective` are those of them that apply to the used subcase. `loading` names the
     steps before the used one in the same subcase, in each of which the structure is loaded, and `preload` is the static
     subcase that STATSUB selects. `of_superelements` are the selections of subcases that SUPER assigns to superelements,
-    with the numbers of these.
+    with the numbers of these. `selected` are the numbers that any level selects, by command.
     """
 
     spc: int | None = None
@@ -98,6 +98,7 @@ class CaseControl:
     parameter_lines: tuple[SourceLine, ...] = ()
     notices: tuple[Notice, ...] = ()
     of_superelements: tuple[tuple[IntegerList, CaseControl], ...] = ()
+    selected: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def of_superelement(self, number: int) -> CaseControl:
         """Selections of the first subcase of a superelement, or else of the used subcase."""
@@ -229,6 +230,7 @@ class _CaseControlReading:
         self.others: list[CaseCommand] = []
         self.parameters: list[SourceLine] = []
         self.plotting = False
+        self.selected: dict[str, list[int]] = {}
 
     def take(self, command: CaseCommand) -> None:
         if command.name == "OUTPUT":
@@ -243,6 +245,8 @@ class _CaseControlReading:
             self.others.append(command)
         elif command.name in _TITLES or (command.name in _SELECTIONS and not _of_fluid(command)):
             self.at.commands[command.name] = command
+            if command.name in _SELECTIONS and (number := parse_integer(command.value)) is not None:
+                self.selected.setdefault(command.name, []).append(number)
         elif command.name == "SET":
             self._set(command)
         elif command.name == "PARAM":
@@ -301,6 +305,7 @@ class _CaseControlReading:
             preload=self._preload(level),
             parameter_lines=tuple(self.parameters),
             notices=notices,
+            selected={name: tuple(numbers) for name, numbers in self.selected.items()},
         )
 
     def _chosen(self) -> tuple[_Level, tuple[Notice, ...]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from femtune.files.nastran.building import Building, listed_numbers
 from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.grids import Grids, unknown_grid
 from femtune.files.nastran.lists import read_list
+from femtune.files.nastran.selections import selected_numbers
 
 # ----------------------------------------------------------------------------------------------------
 # Supports: SPC, SPC1 and SPCADD as sets of held g-set DOFs.
@@ -31,15 +32,19 @@ def read_supports(building: Building, grids: Grids) -> dict[int, Integers]:
                 else listed_dofs(record, grids, record.component("C", "0"), 2)
             )
             held.setdefault(number, set()).update(dofs)
-    for number, parts in read_unions(building, "SPCADD", set(held)).items():
+    used = selected_numbers(building.deck.case_control, "SPC")
+    for number, parts in read_unions(building, "SPCADD", set(held), used).items():
         held[number] = set().union(*(held[part] for part in parts))
     return {number: np.array(sorted(dofs), dtype=np.int64) for number, dofs in held.items()}
 
 
-def read_unions(building: Building, card: str, known: set[int]) -> dict[int, list[int]]:
+def read_unions(
+    building: Building, card: str, known: set[int], used: Collection[int] | None = None
+) -> dict[int, list[int]]:
     """Members of the sets that SPCADD or MPCADD combine.
 
-    A union cannot also have SPC or MPC cards, and its members cannot be unions, as in Nastran.
+    A union cannot also have SPC or MPC cards, and its members cannot be unions, as in Nastran. Unions that are not
+    `used` are left out where they are not valid: Nastran does not read them.
     """
     unions: dict[int, list[int]] = {}
     numbers = {record.card.integer(0, 0) for record in building.records(card) if record.card.is_integer(0)}
@@ -47,6 +52,8 @@ def read_unions(building: Building, card: str, known: set[int]) -> dict[int, lis
         with building.errors.catch():
             number, parts = record.integer("SID"), listed_numbers(record, record.card.fields[1:])
             missing = [part for part in parts if part not in known]
+            if (missing or number in known) and used is not None and number not in used:
+                continue
             if missing or number in known:
                 nested = [part for part in missing if part in numbers]
                 raise _nested(record, number, nested[0]) if nested else _bad_union(record, number, missing, card)
@@ -183,9 +190,14 @@ _SYNONYMS = {"A": "ASET", "B": "BSET", "C": "CSET", "O": "OMIT", "Q": "QSET", "R
 _KEPT = ("ASET", "BSET", "CSET", "QSET")
 
 _REDUCED = "the model is not reduced; the modes are those with all DOFs, and those of a reduced run are higher"
+_COMPONENT = (
+    "the component is not reduced; the modes are those with all DOFs and the supports of the deck, whereas a run that "
+    "reduces the component holds BSET, leaves CSET free, and lists the modes with these supports"
+)
 _FOUND = "they are not constrained; rigid-body modes are found without SUPORT"
 _EFFECTS = {
-    **dict.fromkeys((*_KEPT, "OMIT"), _REDUCED),
+    **dict.fromkeys(("ASET", "OMIT"), _REDUCED),
+    **dict.fromkeys(("BSET", "CSET", "QSET"), _COMPONENT),
     **dict.fromkeys(("SUPORT", "SUPORT1"), _FOUND),
     "USET": "the set has no effect",
 }
@@ -247,7 +259,7 @@ def _notice(name: str, count: int, record: CardEntry) -> Notice:
     return Notice(
         "deck.dof-set",
         where=record.where,
-        level="warning" if effect_of(name) == _REDUCED else "info",
+        level="warning" if effect_of(name) in (_REDUCED, _COMPONENT) else "info",
         set_name=name,
         count=count,
         plural="s" if count != 1 else "",

@@ -10,7 +10,7 @@ from femtune.fem.structure import ElementBatch
 from femtune.files.nastran.building import Building
 from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.deck import Deck, DeckParameter
-from femtune.files.nastran.lines import parse_integer, parse_real
+from femtune.files.nastran.lines import parse_number
 
 UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "SNORM", "G", "W3", "W4", "KDAMP", "CK2",
     "CM2", "CB2", "CK42")  # fmt: skip
@@ -93,9 +93,9 @@ def real_param(building: Building, name: str, default: float) -> float:
     given = building.deck.params.get(name)
     if given is None or not given.value:
         return default
-    value = parse_real(given.value) if "." in given.value else parse_integer(given.value)
+    value = parse_number(given.value)
     if value is not None:
-        return float(value)
+        return value
     with building.errors.catch():
         raise _bad_param(name, given, "a number")
     return default

@@ -20,7 +20,7 @@ from femtune.files.nastran.lines import (
     layout_of,
     new_card_lines,
     new_line,
-    parse_real,
+    parse_number,
     rounded,
     split_line,
     value_text,
@@ -181,7 +181,7 @@ def _new_field_text(field: Value, layout: CardLayout, width: int) -> str:
 
 
 def _read_back(text: str) -> float:
-    value = parse_real(text)
+    value = parse_number(text)
     assert value is not None
     return value
 
@@ -189,7 +189,7 @@ def _read_back(text: str) -> float:
 def _already(card: Card, index: int, value: float | int | str) -> bool:
     if isinstance(value, str | Integral):
         return card.text(index) == str(value).upper()
-    return parse_real(card.text(index)) == float(value)
+    return parse_number(card.text(index)) == float(value)
 
 
 def _is_cut(card: Card, index: int, value: float | int | str) -> bool:
@@ -252,7 +252,8 @@ def _added_lines(lines: Sequence[SourceLine], beyond: Mapping[tuple[int, int], s
         texts = [beyond.get((row, slot), "") for slot in range(layout.count)]
         head = ("*" if layout.large else "+") + (name if row == len(lines) else "")
         added.append(new_line(layout, head, texts))
-    halves = line_starts([layout_of(line).large for line in lines] + [layout.large] * len(added))
+    sizes = [split_line(line, line.body).size for line in lines] + [(layout.large, layout.count)] * len(added)
+    halves = line_starts(sizes)
     if added and layout.large and halves[-1] % 8 == 0:
         added.append(new_line(layout, "*", ()))
     return added
@@ -262,15 +263,15 @@ def _widened(card: Card, texts: dict[int, str]) -> list[list[str]]:
     """The card with every line of eight fields turned into two lines of four."""
     fields = dict(enumerate(card.fields)) | texts
     cuts = [split_line(line, line.body) for line in card.lines]
-    starts = line_starts([cut.large for cut in cuts])
+    starts = line_starts([cut.size for cut in cuts])
     widened = []
     for line, cut, start in zip(card.lines, cuts, starts):
         if cut.large:
             widened.append([_with_fields(line, {i - start: text for i, text in texts.items()}).text])
         else:
-            row = [_sixteen(fields.get(start + slot, "")) for slot in range(8)]
+            row = [_sixteen(fields.get(start + slot, "")) for slot in range(len(cut.data))]
             widened.append(_two_lines(line, cut.head, row, cut.tail))
-    end = starts[-1] + (4 if cuts[-1].large else 8)
+    end = starts[-1] + len(cuts[-1].data)
     rest = [fields.get(i, "") for i in range(end, max(fields) + 1)]
     return [*widened[:-1], [*widened[-1], *_rest_lines(end, rest)]]
 
@@ -293,11 +294,12 @@ def _two_lines(line: SourceLine, head: str, row: Sequence[str], tail: str) -> li
     first = new_line(_LARGE, name, row[:4])
     first = f"{first.ljust(80)}${comment}" if "$" in line.text else first
     second_tail = "*" + tail[1:] if tail[:1] == "+" and tail[1:] else ""
-    return [first + line.ending, new_line(_LARGE, "*", row[4:], second_tail)]
+    more = [new_line(_LARGE, "*", row[at : at + 4]) for at in range(4, len(row) - 4, 4)]
+    return [first + line.ending, *more, new_line(_LARGE, "*", row[-4:], second_tail)]
 
 
 def _sixteen(text: str) -> str:
-    value = parse_real(text)
+    value = parse_number(text)
     return format_real(value, 16) if len(text) > 16 and value is not None else text
 
 

@@ -17,7 +17,7 @@ from femtune.files.nastran.card import LARGEST_COORDINATE, Card, CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.columns import Columns, columns_of
 from femtune.files.nastran.coordinates import BASIC, CoordinateSystem, CoordinateSystems
-from femtune.files.nastran.lines import parse_integer, parse_real
+from femtune.files.nastran.lines import parse_number
 
 # ----------------------------------------------------------------------------------------------------
 # GRID cards of a large deck, read by whole columns.
@@ -207,7 +207,7 @@ def _distinct(building: Building, systems: list[CardEntry]) -> list[CardEntry]:
 
 def _spelled(text: str) -> str:
     """One spelling for each number; blank is zero."""
-    number = parse_real(text) if parse_integer(text) is None else float(parse_integer(text) or 0)
+    number = parse_number(text)
     return text if text and number is None else str(number or 0.0)
 
 

@@ -50,8 +50,13 @@ _REMARKS = {
     "PFASTT": _BY_FREQUENCY,
     "DMIG": "case control does not select these matrices",
 }
-_ELEMENT_NAME = re.compile(r"C[A-Z]+[0-9]*")
-_NO_ELEMENTS = ("CORD", "CSET", "CYJOIN", "CYSYM", "CYAX", "CYSUP", "CREEP", "CLOAD", "CSPLIN")
+_ELEMENT_NAME = re.compile(r"C[A-Z][A-Z0-9]*")
+_NO_ELEMENTS = (
+    "CAALOAD", "CAERO", "CAMPBLL", "CLOAD", "CMETHOD", "CMSMETH", "CNGRNT", "CNTNLSUB", "CNTSTB", "COHFRIC", "COMBWLD",
+    "CONCTL", "CONNECT", "CONTACT", "CONTF", "CONTPRM", "CONTREL", "CONTRLT", "CONTX", "CONV", "CORD", "COUOPT", "COUP",
+    "CRAKTP", "CREEP", "CROSSEC", "CSCHD", "CSET", "CSMSET", "CSPLIN", "CYAX", "CYC", "CYJOIN", "CYSUP", "CYSYM",
+)  # fmt: skip
+"""Beginnings of the names of other cards of the form C…: aerodynamics, contact, coordinates, loads, sets."""
 
 
 @dataclass(frozen=True)

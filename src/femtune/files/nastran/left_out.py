@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from femtune.errors import FemtuneError, Notice, Where
-from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.deck import BUCKLING, Deck
 from femtune.files.nastran.loads import preload_command, preload_request
 
 # numbers of solution sequences
-_NONLINEAR = (106, 129, 153, 400, 401, 402, 600, 601, 700)
-_BUCKLING = 105
+_NONLINEAR = (64, 66, 99, 106, 129, 153, 400, 401, 402, 600, 601, 700)
+_DIFFERENTIAL = 13
+"""Old rigid format for modes with the differential stiffness of the loads of its first subcase."""
 _CRAIG_BAMPTON = 31
 """Craig-Bampton solution of MYSTRAN."""
 _COMPLEX_MODES = (107, 110)
@@ -75,20 +76,30 @@ def _complex_modes(deck: Deck) -> Iterator[Notice]:
 
 
 def _other_solutions(deck: Deck) -> Iterator[Notice]:
-    """Buckling, and modes with fixed interfaces."""
-    where = Where(str(deck.path), record="SOL")
-    if deck.executive.solution_number == _BUCKLING:
-        yield Notice("deck.left-out/buckling", where=where)
-    elif deck.executive.solution_number == _CRAIG_BAMPTON:
+    """Buckling, modes under the loads of another subcase, and modes with fixed interfaces."""
+    where, number = Where(str(deck.path), record="SOL"), deck.executive.solution_number
+    if number in BUCKLING:
+        yield Notice("deck.left-out/buckling", where=where, number=number)
+    elif number == _DIFFERENTIAL:
+        yield Notice("deck.left-out/differential", where=where, number=number, loads=_loads(deck))
+    elif number == _CRAIG_BAMPTON:
         yield Notice("deck.left-out/fixed-interface", where=where)
 
 
+def _loads(deck: Deck) -> str:
+    """The static loads that any subcase selects, as written."""
+    given = [c.text for c in deck.case_control.others if c.name in ("LOAD", "DEFORM") or c.name.startswith("TEMP")]
+    return ", ".join(dict.fromkeys(given)) or "no load"
+
+
 def _preloads(deck: Deck, preloaded: bool) -> Iterator[Notice]:
-    if deck.executive.solution_number == _BUCKLING:
+    if deck.executive.solution_number in BUCKLING:
         # its loads are for the buckling analysis only
         return
     for command in deck.case_control.effective:
-        if command.is_preload and not (preloaded and preload_command(deck)):
+        if command.name == "STATSUB" and not command.is_preload:
+            yield Notice("deck.left-out/statsub", where=command.where, request=command.text)
+        elif command.is_preload and not (preloaded and preload_command(deck)):
             yield Notice("deck.left-out/preload", where=command.where, request=preload_request(deck, command))
 
 
@@ -106,9 +117,7 @@ def _nonlinear(deck: Deck) -> Iterator[Notice]:
         yield Notice("deck.left-out/nonlinear", where=where, request=request, loaded_by="STEP")
     elif number in _NONLINEAR:
         where = Where(str(deck.path), record=f"SOL {number}")
-        # a deck without METHOD does not request modes; it only serves as the model
-        level = "info" if case.method is None else "warning"
-        yield Notice("deck.left-out/nonlinear-solution", where=where, level=level, number=number)
+        yield Notice("deck.left-out/nonlinear-solution", where=where, number=number)
 
 
 def _commands(deck: Deck) -> Iterator[Notice]:

@@ -26,7 +26,8 @@ LINE_COLUMNS = 80
 class FieldLine:
     """One split line: `head` is field 1 in upper case, `data` 8 or 4 stripped texts, `tail` field 10.
 
-    `large` is True for a line of four 16-column fields, in columns or with commas (``GRID*,...``).
+    `large` is True for a line of four 16-column fields, in columns or with commas (``GRID*,...``). In free field `data`
+    has 8 more texts (4 in large field) for each line that continues the card after a comma.
     """
 
     source: SourceLine
@@ -35,6 +36,11 @@ class FieldLine:
     data: tuple[str, ...]
     tail: str
     large: bool
+
+    @property
+    def size(self) -> tuple[bool, int]:
+        """Whether the fields are large, and their number."""
+        return self.large, len(self.data)
 
     @property
     def continues(self) -> bool:
@@ -68,11 +74,15 @@ def _split_free(line: SourceLine, body: str) -> FieldLine:
     head = texts[0].upper()
     large = head.endswith("*") or head.startswith("*")
     count = 4 if large else 8
-    if any(texts[count + 2 :]):
-        raise _too_many(line, head, len(texts), count + 2)
-    data = texts[1 : count + 1]
-    data += [""] * (count - len(data))
     tail = texts[count + 1] if len(texts) > count + 1 else ""
+    if any(texts[count + 2 :]):
+        if tail[:1] in ("+", "*") and parse_number(tail) is None:
+            raise _too_many(line, head, len(texts), count + 2)
+        # the fields after the last one of the line continue the card (MSC, "Format of Bulk Data Entries")
+        data, tail = texts[1:], ""
+    else:
+        data = texts[1 : count + 1]
+    data += [""] * (-len(data) % count if data else count)
     return FieldLine(line, "free", head, tuple(data), tail, large)
 
 
@@ -119,6 +129,7 @@ def beyond_last_column(line: FieldLine, body: str) -> bool:
 
 
 _REAL = re.compile(r"([+-]?(?:\d+\.\d*|\.\d+))(?:[ED]([+-]?\d{1,4})|([+-]\d{1,4}))?", re.IGNORECASE)
+_WITHOUT_POINT = re.compile(r"([+-]?\d+)(?:[ED]([+-]?\d{1,4})|([+-]\d{1,4}))?", re.IGNORECASE)
 _INTEGER = re.compile(r"[+-]?\d{1,18}")
 
 
@@ -128,7 +139,15 @@ def parse_real(text: str) -> float | None:
     A real number has a decimal point; the letter of the exponent may be omitted. Numbers beyond the range of
     double precision are refused.
     """
-    match = _REAL.fullmatch(text)
+    return _finite(_REAL.fullmatch(text))
+
+
+def parse_number(text: str) -> float | None:
+    """The number in a field that can only hold a real one: also without decimal point (``0``, ``2e+11``, ``70E6``)."""
+    return _finite(_REAL.fullmatch(text) or _WITHOUT_POINT.fullmatch(text))
+
+
+def _finite(match: re.Match[str] | None) -> float | None:
     if match is None:
         return None
     value = float(f"{match[1]}e{match[2] or match[3] or 0}")
@@ -136,8 +155,8 @@ def parse_real(text: str) -> float | None:
 
 
 def is_too_large(text: str) -> bool:
-    """Whether `text` is spelt as a real number, but lies beyond the range of double precision."""
-    return _REAL.fullmatch(text) is not None and parse_real(text) is None
+    """Whether `text` is spelt as a number, but lies beyond the range of double precision."""
+    return (_REAL.fullmatch(text) or _WITHOUT_POINT.fullmatch(text)) is not None and parse_number(text) is None
 
 
 def parse_integer(text: str) -> int | None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import cmath
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, Notice, Where
 from femtune.fem import AssembledMatrix, FieldRef
 from femtune.fem.fields import MatrixKind
 from femtune.files.matrices.read_matrix import Entries, matrix_from, no_such_matrix
@@ -22,7 +22,7 @@ from femtune.files.nastran.case_control import CaseCommand
 from femtune.files.nastran.control import real_param
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.lines import parse_real
+from femtune.files.nastran.lines import parse_number
 from femtune.parameters.jet import Jet
 
 # IFO: form of a DMIG matrix
@@ -174,7 +174,7 @@ def read_direct_matrices(building: Building, grids: Grids) -> tuple[AssembledMat
     for command in commands.values():
         with building.errors.catch():
             parts = [part for part in _parts(command) if part[1] not in elsewhere]
-            matrices += [_matrix(building, grids, command, *part) for part in parts]
+            matrices += [one for part in parts for one in _matrices(building, grids, command, *part)]
     return tuple(matrices)
 
 
@@ -182,28 +182,35 @@ def _in_other_parts(deck: Deck) -> set[str]:
     """Names of matrices that have DMIG cards only in other superelements, to which a selection may apply."""
     if deck.section is None:
         return set()
-    return {card.text(0) for card in deck.cards if card.name == "DMIG"} - set(dmig_names(deck))
+    return {c.text(0) for own in deck.sections.values() for c in own.get("DMIG", ())} - set(dmig_names(deck))
 
 
 def _parts(command: CaseCommand) -> Iterator[tuple[float, str]]:
     """Factor and name of each matrix: ``1.25*KA, KB``."""
     for text in filter(None, (part.strip() for part in command.value.split(","))):
         match = _PART.fullmatch(text)
-        factor = 1.0 if match is None or match[1] is None else _number(match[1])
+        factor = 1.0 if match is None or match[1] is None else parse_number(match[1])
         if match is None or factor is None:
             raise FemtuneError("deck.case-control/parts", where=command.where, command_name=command.name, text=text)
         yield factor, match[2].upper()
 
 
-def _number(text: str) -> float | None:
-    """A real; case control also permits integers."""
-    return float(text) if text.lstrip("+-").isdecimal() else parse_real(text)
-
-
-def _matrix(building: Building, grids: Grids, command: CaseCommand, factor: float, name: str) -> AssembledMatrix:
+def _matrices(
+    building: Building, grids: Grids, command: CaseCommand, factor: float, name: str
+) -> list[AssembledMatrix]:
+    """The matrix; of a complex stiffness the real part, and the imaginary part as structural damping."""
     kind, param = KINDS[command.name]
     upper = dmig_upper(building.deck, name, grids) * real_param(building, param, 1.0)
-    return scaled_matrix(building, kind, f"{command.name} {name}", upper, name, factor)
+    label = f"{command.name} {name}"
+    parts = [scaled_matrix(building, kind, label, sp.csr_array(upper.real), name, factor)]
+    imaginary = sp.csr_array(upper.imag)
+    if np.any(imaginary.data):
+        if kind != "stiffness":
+            raise FemtuneError("deck.complex-matrix", where=command.where, command=command.name, matrix=name)
+        imaginary.eliminate_zeros()
+        parts.append(replace(parts[0], kind="hysteretic", upper=imaginary))
+        building.notices.append(Notice("deck.complex-matrix/damping", where=command.where, matrix=name))
+    return parts
 
 
 def scaled_matrix(

@@ -85,7 +85,11 @@ def averaging_rows(record: CardEntry, grids: Grids) -> ConstraintRows:
 
 
 def _group(record: CardEntry, fields: _Fields) -> WeightedPoints:
-    weight = record.card.real(fields.take())
+    at = fields.take()
+    if record.card.is_integer(at):
+        # a weight without decimal point cannot be told from the number of a grid point
+        raise record.card.error("deck.not-a-real", index=at)
+    weight = record.card.real(at)
     components = _digits(record.card, fields.at)
     fields.at += 1
     at = fields.at

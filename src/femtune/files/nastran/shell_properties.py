@@ -37,6 +37,7 @@ class ShellSection:
     thickness : position of its thickness, None if T is blank
     layered : True for plies, so that elements cannot give a thickness
     offset : position of the height of a laminate's middle above its reference plane, None if they coincide
+    isotropic : True if all its materials are isotropic, so that it needs no direction
     """
 
     number: int
@@ -45,6 +46,7 @@ class ShellSection:
     thickness: int | None
     layered: bool = False
     offset: int | None = None
+    isotropic: bool = False
 
 
 @dataclass
@@ -98,7 +100,9 @@ class ShellProperties:
             "has_bending": bending is not None,
             "has_coupling": record.integer("MID4", 0) > 0,
         }
-        return ShellSection(pid, roles, facts, self._thickness(record, pid))
+        used = [record.integer(name, 0) for name in ("MID1", "MID2", "MID3", "MID4")]
+        isotropic = all(self.laws.materials.records[mid].name == "MAT1" for mid in used if mid > 0)
+        return ShellSection(pid, roles, facts, self._thickness(record, pid), isotropic=isotropic)
 
     def _law(self, record: CardEntry, name: str) -> PlaneLaw | None:
         mid = record.integer(name, 0)

@@ -141,7 +141,7 @@ class _ShellReading:
         thickness = self.thicknesses.get(record, eid, section)
         lift, offset = self._offsets(record, eid, section)
         given = not record.blank("ZOFFS") or section.offset is not None
-        theta, direction = _material_axis(record, self.grids, nodes[: self.shape.corners])
+        theta, direction = _material_axis(record, self.grids, nodes[: self.shape.corners], section)
         corners = self.thicknesses.at_corners(record, eid, section) if self.shape.curved else None
         row = _Row(
             id=eid,
@@ -229,8 +229,11 @@ def _repeated(numbers: list[int], shape: _ShellShape, i: int) -> str:
     return "deck.shell-corners/repeated-corner"
 
 
-def _material_axis(record: CardEntry, grids: Grids, nodes: list[int]) -> tuple[float, Reals]:
-    """Angle in rad from side G1-G2 to the material's x axis, or the basic vector whose projection is that axis."""
+def _material_axis(record: CardEntry, grids: Grids, nodes: list[int], section: ShellSection) -> tuple[float, Reals]:
+    """Angle in rad from side G1-G2 to the material's x axis, or the basic vector whose projection is that axis.
+
+    A vector along the normal has no projection; isotropic shells need none.
+    """
     if record.blank("THETA"):
         return 0.0, _NO_DIRECTION
     if not record.has_integer("THETA"):
@@ -239,5 +242,7 @@ def _material_axis(record: CardEntry, grids: Grids, nodes: list[int]) -> tuple[f
     axis = grids.systems.get(record.integer("THETA"), record).frame(corners.mean(axis=0))[:, 0]
     normal = cross(corners[2] - corners[0], corners[-1] - corners[1])
     if length(cross(normal, axis)) <= _LEAST_DIRECTION_SINE * length(normal):
+        if section.isotropic:
+            return 0.0, _NO_DIRECTION
         raise record.error("deck.orientation/material-axis", at="THETA")
     return 0.0, axis

@@ -34,14 +34,34 @@ class _SolidShape(NamedTuple):
     most: int
     plain: str
     curved: str
+    sides: tuple[tuple[int, int, int, int], ...]
+    turned: tuple[int, ...]
 
 
+def _prism(n: int) -> tuple[tuple[int, int, int, int], ...]:
+    """Sides at the corners of a prism over n corners: to the next one, the one before, and the one across."""
+    below = [(i, (i + 1) % n, (i - 1) % n, n + i) for i in range(n)]
+    return (*below, *((n + i, n + (i - 1) % n, n + (i + 1) % n, i) for i in range(n)))
+
+
+_PYRAMID = tuple((i, (i + 1) % 4, (i - 1) % 4, 4) for i in range(4))
+# the sides at each corner in a right-handed order, and the order of the grid points that turns an element inside out:
+# for prisms the two faces are exchanged, otherwise the corners of the base run the other way round
 _SHAPES = {
-    "CHEXA": _SolidShape(8, 20, HEXA8_KIND.key, HEXA20_KIND.key),
-    "CPENTA": _SolidShape(6, 15, PENTA6_KIND.key, PENTA15_KIND.key),
-    "CTETRA": _SolidShape(4, 10, TETRA4_KIND.key, TETRA10_KIND.key),
-    "CPYRAM": _SolidShape(5, 13, PYRAM5_KIND.key, PYRAM13_KIND.key),
-}
+    "CHEXA": _SolidShape(
+        8, 20, HEXA8_KIND.key, HEXA20_KIND.key, _prism(4),
+        (4, 5, 6, 7, 0, 1, 2, 3, 16, 17, 18, 19, 12, 13, 14, 15, 8, 9, 10, 11),
+    ),
+    "CPENTA": _SolidShape(
+        6, 15, PENTA6_KIND.key, PENTA15_KIND.key, _prism(3), (3, 4, 5, 0, 1, 2, 12, 13, 14, 9, 10, 11, 6, 7, 8)
+    ),
+    "CTETRA": _SolidShape(
+        4, 10, TETRA4_KIND.key, TETRA10_KIND.key, ((0, 1, 2, 3),), (0, 2, 1, 3, 6, 5, 4, 7, 9, 8)
+    ),
+    "CPYRAM": _SolidShape(
+        5, 13, PYRAM5_KIND.key, PYRAM13_KIND.key, _PYRAMID, (0, 3, 2, 1, 4, 8, 7, 6, 5, 9, 12, 11, 10)
+    ),
+}  # fmt: skip
 _FIRST_NODE_FIELD = 2
 """Index of the first grid point on an element card."""
 _ELEMENT_AXES = -1
@@ -95,7 +115,7 @@ def _read(
     card: str, building: Building, grids: Grids, properties: Properties, sections: Library[SolidSection]
 ) -> list[ElementBatch]:
     shape = _SHAPES[card]
-    plain, curved = _Rows(shape.plain, card), _Rows(shape.curved, card)
+    plain, curved = (_Rows(kind, card, grids.table.xyz) for kind in (shape.plain, shape.curved))
 
     def section_of(pid: int, record: CardEntry) -> SolidSection:
         properties.find(pid, record)
@@ -112,10 +132,33 @@ def _read(
         rows = curved if len(numbers) > shape.corners else plain
         section = section_of(record.integer("PID", record.integer("EID")), record)
         nodes = [grids.row(number, record) if number else -1 for number in numbers]
+        own, turned = right_handed(card, np.array([nodes]), grids.table.xyz)
+        rows.turned += [record.integer("EID")] * bool(turned[0])
+        nodes = own[0].tolist()
         rows.add(record.integer("EID"), nodes, section, _axes(record, section, nodes, grids))
 
     read_elements(building, grids, card, (shape.corners, shape.most), section_of, add_plain, add)
-    return [*plain.batches(), *curved.batches()]
+    batches = [*plain.batches(), *curved.batches()]
+    if turned := plain.turned + curved.turned:
+        first = next(c for c in building.deck.by_name(card) if c.is_integer(0) and c.integer(0) == turned[0])
+        building.notices.append(
+            Notice("deck.turned-solids", where=first.where(), count=_count(len(turned), card), element=turned[0])
+        )
+    return batches
+
+
+def right_handed(card: str, nodes: NDArray[np.int64], xyz: Reals) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Rows of the grid points (m, n) with elements turned that are inside out at every corner, and (m,) which they are.
+
+    Commercial programs accept both orders. An element that is inside out at some corners only is left as it is.
+    """
+    shape = _SHAPES[card]
+    corners = xyz[nodes[:, : shape.corners]]
+    volume = np.stack([np.linalg.det(corners[:, others] - corners[:, [at]]) for at, *others in shape.sides], axis=1)
+    turned = np.asarray((volume < 0.0).all(axis=1))
+    out = nodes.copy()
+    out[turned] = nodes[turned][:, list(shape.turned[: nodes.shape[1]])]
+    return out, turned
 
 
 def node_numbers(record: CardEntry) -> list[int]:
@@ -187,8 +230,10 @@ class _Rows:
 
     kind: str
     card: str
+    xyz: Reals
     ids: list[int] = field(default_factory=list)
     nodes: list[list[int]] = field(default_factory=list)
+    turned: list[int] = field(default_factory=list)
     sections: list[SolidSection] = field(default_factory=list)
     axes: list[Reals] = field(default_factory=list)
 
@@ -203,7 +248,8 @@ class _Rows:
         """The batch, or an empty list if no element was added."""
         if not self.ids:
             return []
-        nodes = np.array(self.nodes, dtype=np.int64)
+        nodes, turned = right_handed(self.card, np.array(self.nodes, dtype=np.int64), self.xyz)
+        self.turned += np.array(self.ids)[turned].tolist()
         at = 6 * nodes[:, :, None] + np.arange(3)
         dofs = np.where(nodes[:, :, None] >= 0, at, -1).reshape(len(nodes), -1)
         roles, isotropic = _columns(self.sections)

@@ -78,8 +78,8 @@ class IncludeStatement:
 class DeckSource:
     """A deck's files (the main file first) and its active lines in reading order, INCLUDEs expanded.
 
-    `lines` ends with ENDDATA if there is one (`ended`); lines after it are in `files` only. `notices` are about files
-    that executive control includes and that do not exist.
+    `lines` ends with ENDDATA if there is one (`ended`); lines after it are in `files` only, and those with text in
+    `unread`. `notices` are about files that executive control includes and that do not exist.
     """
 
     files: tuple[SourceFile, ...]
@@ -87,6 +87,7 @@ class DeckSource:
     lines: tuple[SourceLine, ...]
     ended: bool
     notices: tuple[Notice, ...] = ()
+    unread: tuple[SourceLine, ...] = ()
 
 
 def read_source(path: str | Path) -> DeckSource:
@@ -106,6 +107,7 @@ def read_source(path: str | Path) -> DeckSource:
         tuple(expansion.lines),
         expansion.ended,
         tuple(expansion.notices),
+        tuple(expansion.unread),
     )
 
 
@@ -154,6 +156,7 @@ class _Expansion:
         self.lines: list[SourceLine] = []
         self.notices: list[Notice] = []
         self.ended = False
+        self.unread: list[SourceLine] = []
         self.followed = 0
         # its INCLUDEs change the solution sequence (DMAP), not the model
         self.cend, self.executive = cend, cend is not None
@@ -177,6 +180,8 @@ class _Expansion:
                 number += 1
             else:
                 number = self._follow(source, number, match[1], parents)
+        after = source.lines[number:]
+        self.unread += [line for line in after if line.body.strip() and not _ENDDATA.match(line.text)]
 
     def _follow(self, source: SourceFile, number: int, rest: str, parents: tuple[str, ...]) -> int:
         written, after = _include_path(source, number, rest)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.coordinates import BASIC, CoordinateSystem, system_through
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.grids import Grids, read_grids
+from femtune.files.nastran.lines import parse_number
 from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.files.nastran.matrices import dmig_names, dmig_upper, scaled_matrix
 
@@ -42,6 +44,18 @@ _TRIANGLE_ERROR = 1e-3
 
 Above the rounding of coordinates; points that do not correspond differ by more.
 """
+_OTHER_UNITS = 1e4
+"""Ratio of the largest densities of two parts beyond which their units differ; foam and steel differ by 300."""
+_NEAR_MISS = 0.05
+"""Distance of two points, relative to that of each to its nearest neighbour in its part, up to which they belong
+together.
+
+Larger than errors of rounded or converted coordinates, and far below the size of an element.
+"""
+_SAME_PLACE = 1e-6
+"""Distance, relative to the size of a part, up to which two of its points are in one place."""
+_FEW = 8
+"""Neighbours among which that in another place is looked for: few points of a part coincide."""
 _SEARCHES = ("AUTO", "MANUAL")
 _ASSIGN = re.compile(r"ASSIGN\s+INPUTT4\s*=\s*(?:'([^']*)'|\"([^\"]*)\"|([^\s,'\"]+))(.*)", re.IGNORECASE | re.DOTALL)
 _UNIT = re.compile(r"\bUNIT\s*=?\s*(\d{1,5})", re.IGNORECASE)
@@ -63,11 +77,57 @@ def superelement_notices(deck: Deck) -> list[Notice]:
     FemtuneError : ``deck.superelement`` for unsupported cards
     """
     _refuse(deck)
-    aside = [
+    aside = [*_absent_parts(deck), *_other_units(deck)]
+    aside += [
         Notice("deck.other-section", where=Where(line.file, line.number), section=line.body.strip())
         for line in deck.aside
     ]
     return aside + _of_division(deck)
+
+
+def _absent_parts(deck: Deck) -> Iterator[Notice]:
+    """Notice of superelements that case control selects and the deck does not have."""
+    there = {0, *deck.parts, *_in_grids(deck)}
+    for numbers, case in deck.case_control.of_superelements:
+        absent = [n for n in numbers.singles if n not in there]
+        if absent and len(there) > 1:
+            command = next((c for c in case.effective if c.name == "SUPER"), None)
+            where = Where(str(deck.path), record="SUPER") if command is None else command.where
+            yield Notice(
+                "deck.superelement/absent", where=where, number=absent[0],
+                parts=", ".join(map(str, sorted(there - {0})[:10])),
+            )  # fmt: skip
+
+
+def _in_grids(deck: Deck) -> set[int]:
+    """Superelements that fields of GRID and lists of SESET divide one model into."""
+    of_grids = (
+        {card.integer(7) for card in deck.by_name("GRID") if card.is_integer(7)}
+        if deck.case_control.of_superelements
+        else set()
+    )
+    return of_grids | {card.integer(0) for card in deck.by_name("SESET") if card.is_integer(0)}
+
+
+def _other_units(deck: Deck) -> Iterator[Notice]:
+    """Notice of a part whose densities are those of another system of units."""
+    largest = {n: _largest_density(own) for n, own in deck.sections.items() if n >= 0}
+    known = {n: value for n, value in largest.items() if value > 0.0}
+    if len(known) < 2:
+        return
+    main = known.get(0, float(np.median(list(known.values()))))
+    for number, value in known.items():
+        if number in deck.parts and max(value / main, main / value) > _OTHER_UNITS:
+            line = deck.parts[number]
+            where = Where(line.file, line.number, f"BEGIN SUPER {number}")
+            yield Notice(
+                "deck.superelement/units", where=where, number=number, density=f"{value:.3g}", other=f"{main:.3g}"
+            )
+
+
+def _largest_density(cards: Mapping[str, tuple[Card, ...]]) -> float:
+    given = (parse_number(card.text(4)) for card in cards.get("MAT1", ()))
+    return max((abs(value) for value in given if value is not None), default=0.0)
 
 
 def _of_division(deck: Deck) -> list[Notice]:
@@ -137,7 +197,7 @@ def _refuse(deck: Deck) -> None:
 
 def _bulk_card(deck: Deck, number: int) -> Card | None:
     """SEBULK card of a superelement."""
-    return next((card for card in deck.by_name("SEBULK") if card.integer(0, 0) == number), None)
+    return deck.numbered("SEBULK").get(number)
 
 
 def _is_external(deck: Deck, number: int) -> bool:
@@ -156,7 +216,7 @@ def moved_basic(deck: Deck, number: int) -> CoordinateSystem:
     ------
     FemtuneError : ``deck.superelement`` if the three points of SELOC do not match those of the main bulk data
     """
-    card = next((card for card in deck.by_name("SELOC") if card.integer(0) == number), None)
+    card = deck.numbered("SELOC").get(number)
     if card is None:
         return BASIC
     part, main = (_Located(Building(deck.of_section(n))) for n in (number, 0))
@@ -200,18 +260,28 @@ class BulkSection:
     structure: Structure
 
 
-def boundary_pairs(deck: Deck, sections: Sequence[BulkSection]) -> list[tuple[Point, Point]]:
+def boundary_pairs(deck: Deck, sections: Sequence[BulkSection], notices: list[Notice]) -> list[tuple[Point, Point]]:
     """Pairs of joined points, each given by the index of its section and its number.
+
+    `notices` receives what is doubtful: points that are joined although they are far apart, and points that just miss
+    each other.
 
     Raises
     ------
     FemtuneError : ``deck.superelement`` for points that do not exist, do not coincide, or are ambiguous
     """
     at = {section.number: i for i, section in enumerate(sections)}
-    pairs = [pair for card in deck.by_name("SECONCT") for pair in _listed_pairs(card, at, sections)]
-    for i in range(len(sections)):
-        for j in range(i + 1, len(sections)):
-            pairs += _found_pairs(deck, sections, i, j)
+    meshes = [_Mesh(section.structure.nodes.xyz) for section in sections]
+    pairs: list[tuple[Point, Point]] = []
+    for card in deck.by_name("SECONCT"):
+        listed = list(_listed_pairs(card, at, sections))
+        notices += _far_pairs(sections, meshes, listed, card.where(), card.record)
+        pairs += listed
+    for i, j in _neighbours(deck, sections, meshes):
+        found = list(_found_pairs(deck, sections, meshes, i, j))
+        notices += _far_pairs(sections, meshes, found, _where(deck, sections, i, j), "the search of boundary points")
+        notices += _near_misses(deck, sections, meshes, (i, j), {*pairs, *found})
+        pairs += found
     joined = {i for pair in pairs for i, _ in pair}
     for i, section in enumerate(sections):
         if section.number and i not in joined:
@@ -221,8 +291,108 @@ def boundary_pairs(deck: Deck, sections: Sequence[BulkSection]) -> list[tuple[Po
     return pairs
 
 
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """The grid points of a section (n, 3) as a tree, and the distance of each to its nearest neighbour there."""
+
+    xyz: Reals
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        return cKDTree(self.xyz)
+
+    @cached_property
+    def spacing(self) -> Reals:
+        """Distance of each point to the nearest one in another place; infinite if the nearest few are in one place."""
+        if len(self.xyz) < 2:
+            return np.full(len(self.xyz), np.inf)
+        gaps = self.tree.query(self.xyz, k=min(_FEW, len(self.xyz)))[0]
+        same_place = gaps <= _SAME_PLACE * np.ptp(self.xyz, axis=0).max()
+        return np.asarray(np.where(same_place, np.inf, gaps).min(axis=1))
+
+    @property
+    def reach(self) -> float:
+        """Distance up to which a point of another section just misses one of this."""
+        finite = self.spacing[np.isfinite(self.spacing)]
+        return _NEAR_MISS * float(finite.max(initial=0.0))
+
+
+def _neighbours(deck: Deck, sections: Sequence[BulkSection], meshes: Sequence[_Mesh]) -> Iterator[tuple[int, int]]:
+    """Pairs of sections whose boxes touch; the others have no boundary in common."""
+    with_points = [i for i, mesh in enumerate(meshes) if len(mesh.xyz)]
+    if not with_points:
+        return
+    margin = np.array([max(meshes[i].reach, _tolerance(deck, sections[i].number)) for i in with_points])
+    low = np.array([meshes[i].xyz.min(axis=0) for i in with_points]) - margin[:, None]
+    high = np.array([meshes[i].xyz.max(axis=0) for i in with_points]) + margin[:, None]
+    for k, i in enumerate(with_points):
+        touching = (low[k + 1 :] <= high[k]).all(axis=1) & (high[k + 1 :] >= low[k]).all(axis=1)
+        yield from ((i, with_points[k + 1 + int(m)]) for m in np.flatnonzero(touching))
+
+
+def _tolerance(deck: Deck, number: int) -> float:
+    card = _bulk_card(deck, number)
+    return _LOCATION_TOLERANCE if card is None else max(card.real(4, _LOCATION_TOLERANCE), 0.0)
+
+
+def _far_pairs(
+    sections: Sequence[BulkSection],
+    meshes: Sequence[_Mesh],
+    pairs: Sequence[tuple[Point, Point]],
+    where: Where,
+    by: str,
+) -> Iterator[Notice]:
+    """Notice of joined points that are far apart, measured by the spacing of the mesh."""
+    far: list[tuple[float, int, int]] = []
+    for (i, a), (j, b) in pairs:
+        one, other = sections[i].structure.nodes, sections[j].structure.nodes
+        if one.has_grid(a) and other.has_grid(b):
+            rows = one.position(a), other.position(b)
+            gap = float(np.linalg.norm(one.xyz[rows[0]] - other.xyz[rows[1]]))
+            if gap > _NEAR_MISS * min(meshes[i].spacing[rows[0]], meshes[j].spacing[rows[1]]):
+                far.append((gap, a, b))
+    if far:
+        gap, a, b = max(far)
+        yield Notice(
+            "deck.superelement/far", where=where, by=by, one=a, other=b, distance=f"{gap:.4g}", count=len(far),
+            plural="s" if len(far) > 1 else "",
+        )  # fmt: skip
+
+
+def _near_misses(
+    deck: Deck, sections: Sequence[BulkSection], meshes: Sequence[_Mesh], at: tuple[int, int],
+    joined: set[tuple[Point, Point]],
+) -> Iterator[Notice]:  # fmt: skip
+    """Notice of points of two sections that are not joined although they are much closer than the mesh is fine."""
+    i, j = at
+    if not _searched(deck, sections, i, j):
+        return
+    reach = min(meshes[i].reach, meshes[j].reach)
+    if reach <= 0.0:
+        return
+    gaps, near = meshes[j].tree.query(meshes[i].xyz, distance_upper_bound=reach)
+    used = {point for pair in joined for point in pair}
+    ids = [sections[k].structure.nodes.ids for k in at]
+    missed: list[tuple[float, int, int]] = []
+    for row in np.flatnonzero(np.isfinite(gaps)).tolist():
+        to, gap = int(near[row]), float(gaps[row])
+        a, b = int(ids[0][row]), int(ids[1][to])
+        spacing = min(meshes[i].spacing[row], meshes[j].spacing[to])
+        if gap <= _NEAR_MISS * spacing and (i, a) not in used and (j, b) not in used:
+            missed.append((gap, a, b))
+    if missed:
+        gap, a, b = min(missed)
+        yield Notice(
+            "deck.superelement/near-miss", where=_where(deck, sections, i, j), one=a, other=b, distance=f"{gap:.4g}",
+            first=sections[i].number, second=sections[j].number, count=len(missed),
+            plural="s" if len(missed) > 1 else "",
+        )  # fmt: skip
+
+
 def _listed_pairs(card: Card, at: dict[int, int], sections: Sequence[BulkSection]) -> Iterator[tuple[Point, Point]]:
     numbers = card.integer(0), card.integer(1, 0)
+    if numbers[0] == numbers[1]:
+        raise FemtuneError("deck.superelement/itself", where=card.where(), card=card.record, number=numbers[0])
     unknown = next((n for n in numbers if n not in at), None)
     if unknown is not None:
         raise FemtuneError("deck.superelement/unknown", where=card.where(), card=card.record, number=unknown)
@@ -264,22 +434,27 @@ def _pairs(card: Card) -> Iterator[tuple[int, int]]:
                 yield card.integer(at), card.integer(at + 1)
 
 
-def _found_pairs(deck: Deck, sections: Sequence[BulkSection], i: int, j: int) -> Iterator[tuple[Point, Point]]:
-    """Coincident points of two sections."""
+def _searched(deck: Deck, sections: Sequence[BulkSection], i: int, j: int) -> list[Card | None]:
+    """SEBULK cards, or None for their defaults, of the sections whose boundary points are searched by their places."""
     cards = [_bulk_card(deck, sections[k].number) for k in (i, j) if sections[k].number]
-    searched = [card for card in cards if card is None or card.text(3, "AUTO") == "AUTO"]
+    return [card for card in cards if card is None or card.text(3, "AUTO") == "AUTO"]
+
+
+def _found_pairs(
+    deck: Deck, sections: Sequence[BulkSection], meshes: Sequence[_Mesh], i: int, j: int
+) -> Iterator[tuple[Point, Point]]:
+    """Coincident points of two sections."""
+    searched = _searched(deck, sections, i, j)
     if not searched:
         return
     tolerance = max(_LOCATION_TOLERANCE if card is None else card.real(4, _LOCATION_TOLERANCE) for card in searched)
     one, other = ((k, _candidates(deck, sections[k], sections[m].number)) for k, m in ((i, j), (j, i)))
     if not len(one[1]) or not len(other[1]):
         return
-    xyz = [
-        sections[k].structure.nodes.xyz[np.searchsorted(sections[k].structure.nodes.ids, numbers)]
-        for k, numbers in (one, other)
-    ]
+    xyz = [meshes[k].xyz[np.searchsorted(sections[k].structure.nodes.ids, numbers)] for k, numbers in (one, other)]
+    tree = meshes[j].tree if len(xyz[1]) == len(meshes[j].xyz) else cKDTree(xyz[1])
     # the second neighbour shows whether the first is unique
-    gaps, near = cKDTree(xyz[1]).query(xyz[0], k=2, distance_upper_bound=max(tolerance, 0.0) * (1.0 + 1e-12))
+    gaps, near = tree.query(xyz[0], k=2, distance_upper_bound=max(tolerance, 0.0) * (1.0 + 1e-12))
     taken: dict[int, int] = {}
     for row in np.flatnonzero(np.isfinite(gaps[:, 0])).tolist():
         to, a = int(near[row, 0]), int(one[1][row])

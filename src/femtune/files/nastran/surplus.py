@@ -8,7 +8,7 @@ from femtune.errors import Notice, Where
 from femtune.files.nastran.card import Card
 from femtune.files.nastran.catalogue import CATALOGUE, CardKind
 from femtune.files.nastran.deck import Deck
-from femtune.files.nastran.lines import parse_real, split_line
+from femtune.files.nastran.lines import parse_number, split_line
 from femtune.files.nastran.sections import SHAPES
 
 _MOST_SHOWN = 5
@@ -82,12 +82,13 @@ def surplus_notice(card: Card, indices: Sequence[int]) -> Notice:
 
 
 def _of_tails(cards: Sequence[Card]) -> Iterator[Notice]:
-    """Numbers with a decimal point in field 10, which is for names of continuations."""
+    """Numbers in field 10, which names continuations: with a decimal point, or at the end of a free-field card."""
     for card in cards:
         for line in () if card.plain or card.replicated else card.lines:
             if len(line.text) <= _DATA_END and "," not in line.text and "\t" not in line.text:
                 continue
             tail = split_line(line, line.body).tail
-            if "." in tail and not tail.startswith("+") and parse_real(tail) is not None:
+            number = not tail.startswith("+") and parse_number(tail) is not None
+            if number and ("." in tail or ("," in line.text and line is card.lines[-1])):
                 where = Where(line.file, line.number, card.record)
                 yield Notice("deck.surplus-field", where=where, card=card.record, fields=f"field 10 = '{tail}'")

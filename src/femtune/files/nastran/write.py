@@ -14,7 +14,7 @@ from pathlib import Path
 
 from femtune.errors import FemtuneError, Where
 from femtune.fem.fields import FieldRef
-from femtune.files.nastran.build import BuiltDeck
+from femtune.files.nastran.build import BuiltDeck, element_record
 from femtune.files.nastran.card import CardEntry, records_of
 from femtune.files.nastran.catalogue import CATALOGUE, MATERIAL, PROPERTY
 from femtune.files.nastran.deck import Deck
@@ -332,22 +332,22 @@ class _Copying:
         """Make an element, with its property and materials, refer to copies of the cards that change."""
         built = self.planning.built
         card = built.element_cards[number]
-        names = CATALOGUE[built.deck.cards[card].name].fields
         if built.deck.cards[card].superelement:
             # the numbers of a part differ from those on its cards
             element = built.deck.cards[card]
             raise FemtuneError("write.superelement", where=element.where(), element=number, part=element.superelement)
         copies = {m[1]: self._copy(_Copy(m, self._changes(m, number)), number) for m in materials}
         new = tuple((old, copy) for old, copy in sorted(copies.items()) if copy)
+        entry = element_record(built.deck.cards[card], number)
         if new and property_owner is None:
-            self.planning.edits[card, names.index("MID")] = new[0][1]
+            self.planning.edits[card, entry.at("MID")] = new[0][1]
         new_own = (
             self._copy(_Copy(property_owner, self._changes(property_owner, number), new), number)
             if property_owner
             else 0
         )
         if new_own:
-            self.planning.edits[card, names.index("PID")] = new_own
+            self.planning.edits[card, entry.at("PID")] = new_own
 
     def _changes(self, owner: Owner, element: int) -> frozenset[FieldRef]:
         return frozenset(ref for ref in self.changed.get(owner, {}) if element in self.regions[ref.region])

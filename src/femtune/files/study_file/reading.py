@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.files.nastran.recognition import is_input
 from femtune.files.study_file.kinds import SCHEMA_VERSION
 from femtune.files.study_file.named_files import files_named
 from femtune.files.study_file.problems import problems
@@ -23,6 +24,8 @@ _LARGEST_FILE = 10_000_000
 """Bytes of a study file: a larger file is something else, such as a deck or a test."""
 _DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")
 """Suffixes of paths that are decks rather than studies."""
+_OTHER_SUFFIXES = (".toml", ".f06", ".op2", ".op4", ".uff", ".unv", ".csv", ".json")
+"""Suffixes of files that are not decks, although a listing repeats its deck."""
 _DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+(?:[eE][-+]?\d+)?)\s*(?:#.*)?$")
 """A number with a decimal comma, a common error of syntax."""
 _BACKSLASH = re.compile(r'"([^"]*\\[^"]*)"')
@@ -32,8 +35,9 @@ _PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
 
 
 def is_deck(path: str | Path) -> bool:
-    """True for a path that names a deck rather than a study."""
-    return Path(path).suffix.lower() in _DECK_SUFFIXES
+    """True for a path that names a deck rather than a study, by its suffix, or else by its content."""
+    suffix = Path(path).suffix.lower()
+    return suffix in _DECK_SUFFIXES or (suffix not in _OTHER_SUFFIXES and is_input(path))
 
 
 def read_study_file(path: str | Path) -> StudyFile:

@@ -47,8 +47,15 @@ class ValidateTable(TomlTable):
     """[validate]: criteria of a standard or of the user, and the standard deviations of the test."""
 
     profile: ProfileWord = "all"
-    """`"NASA"` (NASA-STD-5002), `"MIL"` (MIL-STD-1540C), `"ECSS"` (ECSS-E-ST-32-11C), `"all"` of them, or `"own"`: only
-    the limits in this table. Example: `"ECSS"`"""
+    """The standard whose criteria the model must meet: `"NASA"` (NASA-STD-5002), `"MIL"` (MIL-STD-1540C), `"ECSS"`
+    (ECSS-E-ST-32-11C), or `"own"`: only the limits in this table. With `"all"`, no standard is chosen: the criteria of
+    all three are listed, and the [verdict](guide/verdict.md) has a reservation. Example: `"ECSS"`"""
+    target_modes: tuple[Text, ...] = ()
+    """Labels of the test modes that must be compared: without one of them a run is not accepted, and other modes that
+    were not compared are a reservation. Default: all, of which one in five may be missing. Example: `["1", "2"]`"""
+    target_mass: Fraction = 0.05
+    """Effective mass, as a fraction of the total mass in a direction, above which a mode of the model below the highest
+    test mode must have a partner. Without one a run is not accepted. Example: `0.1`"""
     frequency_error: Fraction | None = None
     """Largest relative frequency error. Example: `0.03`"""
     mac: Fraction | None = None

@@ -15,12 +15,12 @@ from femtune.steps.step import (
     End,
     ReportSection,
     Step,
-    end_of_run,
+    end_of_update,
 )
 
 
 def _end(result: Any) -> End:
-    end = end_of_run(result)
+    end = end_of_update(result)
     return End(end.told, 1) if result.results.bootstrap is None else end
 
 

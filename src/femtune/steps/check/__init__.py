@@ -7,8 +7,8 @@ from typing import Any
 import click
 
 from femtune.errors import printable
+from femtune.steps.exit_codes import BAD_INPUT
 from femtune.steps.step import (
-    BAD_INPUT,
     FILE,
     JSON,
     Command,

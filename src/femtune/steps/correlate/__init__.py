@@ -9,16 +9,21 @@ from femtune.steps.step import (
     FILE,
     FRESH,
     JSON,
+    STRICT,
     STUDY,
     Command,
     ReportSection,
     Step,
+    end_of_judged,
 )
 
 STEP = Step(
     "correlate",
     command=Command(
-        help="Compare the model with the test: frequencies, MAC, mode pairs.",
+        help=(
+            "Compare the model with the test: frequencies, MAC, mode pairs.\n\n"
+            "The exit code is 4 if the verdict is: not accepted."
+        ),
         params=(
             STUDY,
             click.Option(
@@ -29,11 +34,13 @@ STEP = Step(
             ),
             EIGENSOLVER,
             FRESH,
+            STRICT,
             JSON,
         ),
         data=lambda result: result.records,
         document="correlate.terminal:correlation_document",
         shown=lambda result: (result.records, result.arrays),
+        ends=lambda result: end_of_judged(result.judgement),
     ),
     sections=(
         ReportSection(

@@ -186,4 +186,5 @@ def _criterion(v: Verdict) -> CriterionRecord:
         unit="%" if percent else "",
         verdict=v.outcome.value,
         remark=v.remark,
+        standard=c.standard,
     )

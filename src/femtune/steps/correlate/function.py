@@ -14,6 +14,8 @@ from femtune.files.study_file import with_expansion
 from femtune.steps.correlate.expanded_files import check_expansion_asked, write_expanded_files
 from femtune.steps.correlate.result import CorrelateResult
 from femtune.steps.correlate.versions import model_records
+from femtune.steps.judge.facts.acceptance import acceptance
+from femtune.steps.judge.verdict import judgement_of_comparisons
 from femtune.steps.respond.run import check_places, uff_paths
 from femtune.study.described import StudySource, Test, source_of
 from femtune.study.progress import silent
@@ -80,7 +82,11 @@ def correlate(
         check_places(study, files, Path(uff))
     arrays: dict[str, NDArray[Any]] = {}
     with looking_up(study, fresh) as found:
-        records = model_records(found.study, "before", nominal(study), {}, arrays, progress).correlations
+        solved = model_records(found.study, "before", nominal(study), {}, arrays, progress)
+    records = solved.correlations
+    judged = judgement_of_comparisons(records, solved.modes, acceptance(study))
     written = write_expanded_files(study, records, arrays, files)
     remarks = [Notice(a.code, a.sentence, level=a.level) for r in records for a in r.alerts if a.level != "info"]
-    return CorrelateResult(records, arrays=arrays, remarks=(*found.remarks, *remarks), files=tuple(written))
+    return CorrelateResult(
+        records, arrays=arrays, remarks=(*found.remarks, *remarks), files=tuple(written), judgement=judged
+    )

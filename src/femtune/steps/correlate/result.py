@@ -15,6 +15,7 @@ from femtune.study.rows import Rows, rows_of
 
 if TYPE_CHECKING:
     from femtune.modal import ModeSet
+    from femtune.steps.judge.record.judgement import JudgementResults
 from femtune.steps.result import Arrays, OfConfigurations
 
 
@@ -23,11 +24,12 @@ class CorrelateResult(OfConfigurations[CorrelationResults]):
     """Test against model in each configuration with a test.
 
     `records` are those of results.json, ``correlations``, `arrays` by their keys; `files` were written; `remarks` what
-    a user should know.
+    a user should know. `judgement` is the verdict on the comparison; None of `compare`, and of one stage of a run.
     """
 
     arrays: Arrays = field(kw_only=True)
     files: tuple[Path, ...] = field(default=(), kw_only=True)
+    judgement: JudgementResults | None = field(default=None, kw_only=True)
 
     @property
     def pairs(self) -> Rows:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from femtune.study.study import Study
 from femtune.steps.info.record.checks import ModelCheck, ModeMeshError
 
+Found = TypeVar("Found")
 Solutions = Mapping[str, EigenSolution]
 
 
@@ -71,7 +72,8 @@ def model_checks(study: Study, solutions: Solutions, progress: Progress) -> tupl
 
 
 def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelCheck:
-    limit, change = 100.0 * study.file.checks.mesh_error, mass_change(solution)
+    limit = 100.0 * study.file.checks.mesh_error
+    change = _of_optional_check(lambda: mass_change(solution))
     if isinstance(change, str):
         return _untested(case, LUMPING, limit, change)
     worst = _worst(case, solution, change)
@@ -82,6 +84,14 @@ def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelChe
     other = "lumped" if kind == "consistent" else "consistent"
     sentence = f"{other} instead of {kind} mass changes the frequency of mode {mode} by {value:+.2g} %"
     return _tested(case, LUMPING, limit, value, sentence)
+
+
+def _of_optional_check(check: Callable[[], Found | str]) -> Found | str:
+    """What a check found, or why it could not: a check that fails must not cost the result that it belongs to."""
+    try:
+        return check()
+    except (FemtuneError, ArithmeticError, ValueError, LookupError, np.linalg.LinAlgError) as error:
+        return f"the check could not be computed ({type(error).__name__}: {error})"
 
 
 def checks_of_modes(study: Study) -> tuple[list[ModelCheck], list[Alert]]:
@@ -119,7 +129,7 @@ def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelC
     limit = 100.0 * checks.mesh_error
     if checks.refinement is False:
         return _untested(case, MESH, limit, _OFF)
-    change = mesh_change(solution, _most_dofs(study))
+    change = _of_optional_check(lambda: mesh_change(solution, _most_dofs(study)))
     if isinstance(change, str):
         return _untested(case, MESH, limit, change)
     worst = _worst(case, solution, change.error)

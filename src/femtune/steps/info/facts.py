@@ -109,15 +109,19 @@ def _fields(structure: Structure) -> list[DampingField]:
 
 
 def _of_matrices(structure: Structure) -> list[DampingField]:
-    """Damping matrices that no element made; their value is their factor."""
+    """Damping matrices that no element made; their value is their factor, 1 for those without one."""
     kinds = {"viscous": "viscous", "hysteretic": "loss factor"}
-    factors = {m.label: (m, float(structure.values.values[m.roles["FACTOR"]])) for m in structure.assembled}
+    values = structure.values.values
+    factors = {
+        m.label: (m, float(values[m.roles["FACTOR"]]) if m.roles else 1.0)
+        for m in structure.assembled
+        if m.kind in kinds
+    }
     return [
         DampingField.model_validate(
             {"kind": kinds[m.kind], "field": label, "cards": 1, "lowest": value, "highest": value, "elements": 0}
         )
         for label, (m, value) in factors.items()
-        if m.kind in kinds
     ]
 
 

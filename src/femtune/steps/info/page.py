@@ -21,6 +21,20 @@ if TYPE_CHECKING:
     from femtune.steps.report_source import ReportSource
 
 
+_WITHOUT_EFFECT = tuple(
+    f"deck.{name}"
+    for name in (
+        "inactive-set",
+        "unselected-set",
+        "after-enddata",
+        "nonstructural-unused",
+        "surplus-field",
+        "other-section",
+    )
+)
+"""Notices of cards or fields that have no effect although their kind is read."""
+
+
 def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
     """A row each check; configurations with the same outcome in the same words share one."""
     joined: dict[tuple[str, str, str, str, str], list[str]] = {}
@@ -268,7 +282,14 @@ def cards(model: ModelFacts) -> list[Block]:
     used = ", ".join(f"{c.name} {c.count}" for c in model.cards_read) or "none"
     ignored = [row(c.name, str(c.count), f"{c.first_file}:{c.first_line}", c.reason) for c in model.cards_ignored]
     heads = columns("Card", ">Count", "First occurrence", "Reason")
-    return [Paragraph(f"Read: {used}."), table_or_none("Cards ignored", heads, ignored, "No card was ignored.")]
+    # sets, lines and fields without effect are told by notices
+    partly = any(a.code.startswith(_WITHOUT_EFFECT) for a in model.notices)
+    none = (
+        "Every kind of card was read; the remarks below name cards without effect."
+        if partly
+        else "No card was ignored."
+    )
+    return [Paragraph(f"Read: {used}."), table_or_none("Cards ignored", heads, ignored, none)]
 
 
 def named_sets(model: ModelFacts) -> list[Block]:

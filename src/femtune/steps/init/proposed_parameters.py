@@ -80,7 +80,10 @@ _FIELDS = (
     ("PGAP", "KA KT", _JOINT),
     ("CONM2 PMASS CMASS2 CMASS4", "M", _MASS),
 )
-_KINDS = {(card, name): kind for cards, names, kind in _FIELDS for card in cards.split() for name in names.split()}
+KIND_OF_FIELD = {
+    (card, name): kind for cards, names, kind in _FIELDS for card in cards.split() for name in names.split()
+}
+"""By card and field."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,7 @@ def candidates(built: BuiltModel) -> list[FieldCandidate]:
 def _candidates(built: BuiltModel) -> Iterator[FieldCandidate]:
     table = built.structure.values
     for ref, value in zip(table.refs, table.values):
-        kind = _KINDS.get((ref.card, ref.name))
+        kind = KIND_OF_FIELD.get((ref.card, ref.name))
         if kind is None or ref.region or not value or ref not in built.fields:
             continue
         try:

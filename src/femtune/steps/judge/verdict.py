@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from femtune.steps.judge.reasons import TOPICS
+from femtune.steps.judge.reasons.compared import reasons_of_comparisons
+from femtune.steps.judge.reasons.criteria import reasons_of_criteria
 from femtune.steps.judge.record.judgement import JudgementResults
 
 if TYPE_CHECKING:
+    from femtune.steps.correlate.record.correlation import CorrelationResults
+    from femtune.steps.info.record.model import ModelModes
+    from femtune.steps.judge.record.acceptance import AcceptanceResults
     from femtune.steps.judge.record.judgement import VerdictOfRun
     from femtune.steps.judge.record.reason import ReasonRecord
     from femtune.steps.results import Results
-    from femtune.study.record import Record
 
 _MOST_REASONS = 3
 """Reasons in the line of the verdict, which must fit a few lines of a terminal; the others are counted."""
 
+_NOTHING_FOUND = "no check failed, and nothing was left out"
 
-def judgement(results: Results, facts: Mapping[str, Record], not_computed: Sequence[str] = ()) -> JudgementResults:
+
+def judgement(results: Results, facts: Mapping[str, Any], not_computed: Sequence[str] = ()) -> JudgementResults:
     """The verdict on a run.
 
     Parameters
@@ -29,10 +35,31 @@ def judgement(results: Results, facts: Mapping[str, Record], not_computed: Seque
     """
     so_far = JudgementResults(verdict="accepted", line="", not_computed=tuple(not_computed), **facts)
     results = results.model_copy(update={"judgement": so_far})
-    reasons = tuple(dict.fromkeys(r for topic in TOPICS for r in topic(results)))
-    reasons = tuple(sorted(reasons, key=lambda r: r.weight != "not accepted"))
-    verdict = verdict_of(reasons)
-    return so_far.model_copy(update={"verdict": verdict, "line": line_of(verdict, reasons), "reasons": reasons})
+    reasons = (r for topic in TOPICS for r in topic(results))
+    return _with_reasons(so_far, [_placed(r, results.study.configurations) for r in reasons])
+
+
+def judgement_of_comparisons(
+    correlations: Sequence[CorrelationResults], modes: Sequence[ModelModes], acceptance: AcceptanceResults
+) -> JudgementResults:
+    """The verdict on a comparison without an update: what was compared, and the criteria."""
+    found = [
+        *reasons_of_comparisons(correlations, modes, acceptance),
+        *reasons_of_criteria(correlations, acceptance),
+    ]
+    reasons = [_placed(r, [c.configuration for c in correlations]) for r in found]
+    return _with_reasons(JudgementResults(verdict="accepted", line="", acceptance=acceptance), reasons)
+
+
+def _placed(r: ReasonRecord, configurations: Sequence[str]) -> ReasonRecord:
+    """Without the name of the only configuration of a study."""
+    return r.model_copy(update={"place": ""}) if (r.place,) == tuple(configurations) else r
+
+
+def _with_reasons(found: JudgementResults, reasons: Sequence[ReasonRecord]) -> JudgementResults:
+    ordered = tuple(sorted(dict.fromkeys(reasons), key=lambda r: r.weight != "not accepted"))
+    verdict = verdict_of(ordered)
+    return found.model_copy(update={"verdict": verdict, "line": line_of(verdict, ordered), "reasons": ordered})
 
 
 def verdict_of(reasons: Sequence[ReasonRecord]) -> VerdictOfRun:
@@ -55,4 +82,4 @@ def line_of(verdict: VerdictOfRun, reasons: Sequence[ReasonRecord]) -> str:
     more = len(named) - _MOST_REASONS
     tail = [f"{more} more {'reason' if more == 1 else 'reasons'}"] if more > 0 else []
     said = "; ".join([*(r.sentence for r in named[:_MOST_REASONS]), *tail])
-    return f"{verdict[0].upper()}{verdict[1:]}{said and ': '}{said}."
+    return f"{verdict[0].upper()}{verdict[1:]}: {said or _NOTHING_FOUND}."

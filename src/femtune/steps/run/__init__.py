@@ -10,12 +10,13 @@ from femtune.steps.step import (
     JOBS,
     JSON,
     OUTPUT,
+    STRICT,
     STUDY,
     WIDE,
     Command,
     ReportSection,
     Step,
-    end_of_run,
+    end_of_judged,
 )
 
 STEP = Step(
@@ -24,7 +25,8 @@ STEP = Step(
         help=(
             "Correlate, select, update, validate and report: the run folder receives results, updated "
             "deck and report.\n\n"
-            "An interrupted run continues from the solutions in its journal."
+            "An interrupted run continues from the solutions in its journal. The exit code is 4 if the verdict is: not "
+            "accepted."
         ),
         params=(
             STUDY,
@@ -33,12 +35,13 @@ STEP = Step(
             EIGENSOLVER,
             FRESH,
             JOBS,
+            STRICT,
             JSON,
         ),
         data=lambda result: result.results,
         whole_run=True,
         last=lambda result: f"report: {Path(result.report).resolve()}",
-        ends=end_of_run,
+        ends=lambda result: end_of_judged(result.results.judgement),
     ),
     sections=(
         ReportSection("summary", "Summary", "run.page.review:review", place=10),

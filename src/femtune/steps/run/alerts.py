@@ -11,6 +11,7 @@ from femtune.residuals.frf.residual import FrfResidual
 from femtune.status import Status
 from femtune.steps.info.checks import LUMPING, MASS, MESH
 from femtune.steps.info.facts import alert_of
+from femtune.steps.judge.same_data import counted_twice
 from femtune.steps.quantify.record import HELD_OUT, ORDER, OUTLIERS
 from femtune.steps.validate.facts import compares_frfs, responses_not_tested
 from femtune.study.record import alert
@@ -51,6 +52,7 @@ _MISFITS = {
 def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> tuple[Alert, ...]:
     """Alerts of a finished run with `others` among them, the most serious first."""
     alerts = [
+        *counted_twice(study),
         *_of_update(results),
         *_of_quantify(results),
         *_of_writing(results),

@@ -30,6 +30,7 @@ from femtune.steps.equalise.run import mapped_damping
 from femtune.steps.info.facts import alert_of, model_facts, sensor_results
 from femtune.steps.judge.finished_update import FinishedUpdate
 from femtune.steps.judge.run import JudgedTopics, judged_topics
+from femtune.steps.judge.same_data import check_independent
 from femtune.steps.judge.verdict import judgement
 from femtune.steps.modes.vtu_files import write_vtu_files
 from femtune.steps.quantify.record import QuantifyResults
@@ -229,6 +230,7 @@ def _model(run: Run, outcomes: Outcomes, made: Made) -> Prepared:
     study = run.study
     repeats, vibration_tests = repeats_of(study), VibrationTests.of(study)
     check_frf_band(study)
+    check_independent(study)
     if study.writes_deck:
         check_writable_fields(study, run.wide)
     run.progress.step("mass and rigid-body check", 0, None)

@@ -15,7 +15,7 @@ from femtune.steps.step import (
     Command,
     ReportSection,
     Step,
-    end_of_run,
+    end_of_update,
 )
 
 STEP = Step(
@@ -37,7 +37,7 @@ STEP = Step(
         data=lambda result: result.results,
         whole_run=True,
         last=lambda result: f"results: {Path(result.folder).resolve()}",
-        ends=end_of_run,
+        ends=end_of_update,
     ),
     sections=(
         ReportSection("parameters", "Parameters", "update.page.parameters:parameters", place=90),

@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from femtune.steps.step import (
     EIGENSOLVER,
     FRESH,
     JOBS,
     JSON,
     OUTPUT,
+    STRICT,
     STUDY,
     Command,
-    End,
     ReportSection,
     Step,
-    end_of_run,
+    end_of_judged,
 )
-
-
-def _end(result: Any) -> End:
-    end = end_of_run(result)
-    failed = any(v.verdict == "fail" for v in result.results.validation.verdicts)
-    return End(end.told, 1) if failed else end
-
 
 STEP = Step(
     "validate",
@@ -31,7 +22,7 @@ STEP = Step(
         help=(
             "Compare the updated model with data that the update did not use.\n\n"
             "The model is updated first, as by `update`; solutions of an earlier run are read from its "
-            "journal. The exit code is 1 if a criterion fails or the update did not reach an optimum."
+            "journal. The exit code is 4 if the verdict is: not accepted."
         ),
         params=(
             STUDY,
@@ -39,12 +30,13 @@ STEP = Step(
             EIGENSOLVER,
             FRESH,
             JOBS,
+            STRICT,
             JSON,
         ),
         data=lambda result: result.results.validation,
         document="validate.page:validation_document",
         shown=lambda result: (result.results,),
-        ends=_end,
+        ends=lambda result: end_of_judged(result.results.judgement),
     ),
     sections=(
         ReportSection(

@@ -16,6 +16,7 @@ from femtune.steps.validate.frf_validation import predicted_frfs, predicted_reso
 from femtune.steps.vibration.record import VibrationResults
 from femtune.steps.vibration.run import vibration_verdicts
 from femtune.study.cases import HELD_OUT
+from femtune.study.same_test import is_same_test
 from femtune.validation import (
     assess,
     frequency_miss,
@@ -252,15 +253,23 @@ def scopes_of(study: Study) -> Iterable[Scope]:
 
 def _data(study: Study, case: StudyCase, test: int) -> str:
     if case.entry.use == "validation":
-        return _difference(case.entry, [c.entry for c in study.cases if c.used is not None])
+        return _difference(study, case)
     assert case.modal is not None
     used = case.modal.test.freq_hz[sorted(set(range(len(case.modal.test))) - case.held.modes)]
     hz = case.modal.test.freq_hz[test]
     return "held-out modes" if used.min() <= hz <= used.max() else "beyond the frequencies used"
 
 
-def _difference(entry: ConfigurationEntry, used: Sequence[ConfigurationEntry]) -> str:
+SAME_TEST = "same test, held out"
+"""Data of a configuration for validation that are of a test that the update uses: other modes or channels of it."""
+
+
+def _difference(study: Study, case: StudyCase) -> str:
     """In what a configuration differs from every one that was used."""
+    used_cases = [c for c in study.cases if c.used is not None]
+    if is_same_test(case, used_cases):
+        return SAME_TEST
+    entry, used = case.entry, [c.entry for c in used_cases]
     structure = all((e.masses, e.elements_off) != (entry.masses, entry.elements_off) for e in used)
     supports = all(_supports(e) != _supports(entry) for e in used)
     words = ["modified structure"] * structure + ["other boundary conditions"] * supports
@@ -304,7 +313,7 @@ def _verdicts(
 
 def _frf_data(study: Study, case: StudyCase) -> str:
     if case.entry.use == "validation":
-        return _difference(case.entry, [c.entry for c in study.cases if c.used is not None])
+        return _difference(study, case)
     return "unused FRFs"
 
 
@@ -331,6 +340,7 @@ def _verdict(configuration: str, data: str, v: Verdict, before: Verdict | None =
         remark=v.remark,
         noise=v.noise,
         sentence=f"{configuration}, {data}: {v.sentence}",
+        standard=c.standard,
         before=None if before is None or before.measured is None else scale * before.measured,
         before_verdict=None if before is None else before.outcome.value,
     )

@@ -125,7 +125,7 @@ def _unused(study: Study, case: StudyCase, x: Reals) -> UnusedFrfs:
     frfs = case.test.frfs
     if frfs is None:
         return UnusedFrfs(case, None, "its test has no FRFs")
-    values = np.where(_used(study, case)[:, :, None], np.nan, frfs.values)
+    values = np.where(used_functions(study, case)[:, :, None], np.nan, frfs.values)
     if not np.isfinite(values).any():
         return UnusedFrfs(case, None, "the update used all FRFs of its test")
     left = replace(case, test=replace(case.test, frfs=replace(frfs, values=values)))
@@ -151,7 +151,7 @@ def _unused(study: Study, case: StudyCase, x: Reals) -> UnusedFrfs:
     return UnusedFrfs(case, PredictedFrfs(*labels, request.freq_hz, model, measured.values[:, :, lines]))
 
 
-def _used(study: Study, case: StudyCase) -> NDArray[np.bool_]:
+def used_functions(study: Study, case: StudyCase) -> NDArray[np.bool_]:
     """(responses, references) True for the FRFs of a configuration's test that the update used."""
     assert case.test is not None
     frfs = case.test.frfs

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from femtune.fem import FieldRef
 from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT
-from femtune.files.nastran.lines import parse_real
+from femtune.files.nastran.lines import parse_number
 from femtune.steps.write.record import EditedField, NewCardFacts, NewCardValue, RepointedElements
 from femtune.study.provenance import relative
 
@@ -34,7 +34,7 @@ def _edit(
     study: Study, change: FieldChange, ref: FieldRef | None, values: Values, plan: WritePlan, owners: Owners
 ) -> EditedField:
     card = study.built_deck.deck.cards[change.position]
-    value = float(values[ref]) if ref is not None else parse_real(change.after)
+    value = float(values[ref]) if ref is not None else parse_number(change.after)
     return EditedField(
         card=f"{ref.card} {ref.id}" if ref is not None and ref.id else card.record,
         field=ref.name if ref is not None else f"field {change.index + 2}",

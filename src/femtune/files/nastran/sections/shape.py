@@ -140,7 +140,7 @@ def total(terms: Sequence[Any]) -> Any:
 # Shear factors of thin-walled sections from the flow of shear along their middle lines.
 #
 # A shear V along an axis bends by V b·r, b from the inverse of the moments of inertia; the flow is q = V S with S = ∫
-# (b·r) t ds from the free ends (and a closing constant in a cell), and 1/κA = ∫ S²/t ds. Source: Cowper 1966 at ν =
+# (b·r) t ds from the free ends, and 1/κA = ∫ S²/t ds. Source: Cowper 1966 at ν =
 # 0, in the form of the energy of Saint-Venant's flow (Pilkey, Analysis and Design of Elastic Beams, 2002, chapter 6).
 
 
@@ -151,7 +151,7 @@ Wall = tuple[str, str, Any, Any]
 _GAUSS = ((0.5 - 0.15**0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.15**0.5, 5 / 18))
 
 
-def shear_areas(points: Mapping[str, Point], walls: Sequence[Wall], cell: bool = False) -> tuple[Any, Any]:
+def shear_areas(points: Mapping[str, Point], walls: Sequence[Wall]) -> tuple[Any, Any]:
     """κA for shears along y and along z.
 
     Parameters
@@ -159,7 +159,6 @@ def shear_areas(points: Mapping[str, Point], walls: Sequence[Wall], cell: bool =
     points : middle lines' corners (y, z)
     walls : (from, to, length, thickness), each after the walls that end at its start; the flow of all walls that
         end at a point continues in the first wall that starts there
-    cell : True if the walls form a closed cell
     """
     area = total([length * t for _, _, length, t in walls])
     y, z = (
@@ -169,7 +168,7 @@ def shear_areas(points: Mapping[str, Point], walls: Sequence[Wall], cell: bool =
     I1, I2, I12 = (_product(places, walls, j, k) for j, k in ((0, 0), (1, 1), (0, 1)))
     determinant = I1 * I2 - I12 * I12
     bends = (I2 / determinant, -(I12 / determinant)), (-(I12 / determinant), I1 / determinant)
-    first, second = (_area(places, walls, bend, cell) for bend in bends)
+    first, second = (_area(places, walls, bend) for bend in bends)
     return first, second
 
 
@@ -178,14 +177,9 @@ def _product(places: Mapping[str, Point], walls: Sequence[Wall], j: int, k: int)
     return total([(2.0 * (p[j] * p[k] + q[j] * q[k]) + p[j] * q[k] + q[j] * p[k]) * area / 6.0 for p, q, area in ends])
 
 
-def _area(places: Mapping[str, Point], walls: Sequence[Wall], bend: Point, cell: bool) -> Any:
+def _area(places: Mapping[str, Point], walls: Sequence[Wall], bend: Point) -> Any:
     """1 / ∫ S²/t ds."""
     flows = _flows(places, walls, bend)
-    if cell:
-        ring = total([length / t for _, _, length, t in walls])
-        closing = -total([w * x * length / t for flow, (_, _, length, t) in zip(flows, walls)
-                          for x, (_, w) in zip(flow, _GAUSS)]) / ring  # fmt: skip
-        flows = [[x + closing for x in flow] for flow in flows]
     return 1.0 / total([w * x**2 * length / t for flow, (_, _, length, t) in zip(flows, walls)
                         for x, (_, w) in zip(flow, _GAUSS)])  # fmt: skip
 

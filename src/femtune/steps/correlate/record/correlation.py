@@ -125,6 +125,8 @@ class CriterionRecord(Record):
     """Outcome."""
     remark: str = ""
     """The decisive mode, or the reason why it was not tested."""
+    standard: str = ""
+    """The standard alone: "NASA-STD-5002"; "" in older results."""
 
 
 class CorrelationResults(Record):

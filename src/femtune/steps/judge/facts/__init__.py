@@ -5,14 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from femtune.steps.judge.facts.acceptance import acceptance
 from femtune.steps.judge.facts.missing import missing_fields
 from femtune.steps.judge.facts.parts import parts_of_fit
+from femtune.steps.judge.facts.scatter import frequency_scatter
+from femtune.steps.judge.facts.usual import usual_ranges
 
 if TYPE_CHECKING:
     from femtune.steps.judge.finished_update import FinishedUpdate
     from femtune.study.record import Record
 
 FACTS: Mapping[str, Callable[[FinishedUpdate], Record | None]] = {
+    "acceptance": lambda fit: acceptance(fit.study),
+    "scatter": frequency_scatter,
+    "usual_ranges": usual_ranges,
     "missing": missing_fields,
     "parts": parts_of_fit,
 }

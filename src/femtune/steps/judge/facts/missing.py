@@ -22,7 +22,7 @@ from femtune.study.update_method import method_of
 from femtune.updating import update, update_reduced
 
 if TYPE_CHECKING:
-    from femtune.arrays import Integers, Reals
+    from femtune.arrays import Reals
     from femtune.files.built_model import BuiltModel
     from femtune.judge.regions import Mesh
     from femtune.residuals import Evaluation, ResidualBlock
@@ -36,6 +36,10 @@ MOST_SHOWN = 8
 """Groups of fields in the record: beyond the first few, the order says little."""
 MOST_REFITTED = 3
 """Groups that are refitted: the culprit is among the first three in 95 % of wrong models."""
+MOST_DOFS = 250_000
+"""Free DOFs of a model whose fields are tested: the test needs as much memory as an iteration with derivatives."""
+MOST_DRAWN = 40_000
+"""Elements of a mesh that is drawn: more are smaller than the dots of a printed page."""
 REFITTED_FROM_DOFS = 10_000
 """Free DOFs from which one group is refitted only, since an iteration on a full model is expensive."""
 _FEWEST_ITERATIONS = 6
@@ -88,7 +92,7 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
         return MissingResults(reason=f"the model could not be extended by fields as parameters: {problem.what}")
     record = _record(result, end)
     if record is None:
-        return MissingResults(reason="no residual has a known distribution")
+        return MissingResults(reason="no residual has a known distribution, or only FRFs are compared")
     rows, columns, bounded = record
     of_fields = np.array([columns[:, list(f.factors)].sum(axis=1) for f in fields]).reshape(len(fields), len(rows.r)).T
     at_bound = _bounded_fields(result)
@@ -109,6 +113,9 @@ def _not_tested(study: Study, result: UpdateResult) -> str:
         return "the update did not end at an optimum"
     if result.status is Status.EXACT:
         return "all residuals are zero"
+    sizes = [state.case.on_full_model.configured.n_free for state in result.after.states]
+    if max(sizes, default=0) > MOST_DOFS:
+        return f"the model has more than {MOST_DOFS} free DOFs"
     if not result.after.has_derivatives or not result.active:
         return "nothing was updated"
     if result.parameters is not study.model.parameters and result.parameters != study.model.parameters:
@@ -247,10 +254,12 @@ def _record(result: UpdateResult, end: Evaluation) -> tuple[Whitened, Reals, Rea
     own = np.arange(len(names)) < k
     moving, bound = np.isin(names, result.active) & own, np.isin(names, result.at_bound) & own
     blocks = (*end.weighted, *(_padded(b, len(names) - k) for b in prior_blocks(result)))
-    rows = whitened_blocks(blocks, parameters, moving & ~bound, moving & bound)
-    everything = whitened_blocks(blocks, parameters, ~own, moving & bound)
-    if not len(rows.r):
+    if not blocks:
         return None
+    rows = whitened_blocks(blocks, parameters, moving & ~bound, moving & bound)
+    if "data" not in rows.roles:
+        return None
+    everything = whitened_blocks(blocks, parameters, ~own, moving & bound)
     spread = parameters.prior[1]
     return rows, everything.J / spread[~own], everything.bounded / spread[moving & bound]
 
@@ -281,8 +290,7 @@ class _Found:
         refits = self._refitted([g[0] for g in groups]) if test.p.min() < SUSPECTED else {}
         # the lowest misfit decides between those that were refitted
         groups.sort(key=lambda g: refits[g[0]].chi_square if g[0] in refits else np.inf)
-        numbers, values = self._by_element()
-        self.fit.arrays[_ELEMENTS], self.fit.arrays[_STATISTIC] = numbers, values
+        corners, gain = self._drawing() if test.p.min() < SUSPECTED else (None, None)
         return MissingResults(
             tested=len(test.order),
             invisible=int(test.invisible.sum()),
@@ -290,8 +298,8 @@ class _Found:
             chi_square=float(2.0 * self.fit.result.objective),
             p_value=float(test.p.min()),
             fields=tuple(self._field(g, refits.get(g[0])) for g in groups[:MOST_SHOWN]),
-            elements_key=_ELEMENTS,
-            statistic_key=_STATISTIC,
+            corners_key=corners,
+            gain_key=gain,
         )
 
     def _groups(self) -> list[list[int]]:
@@ -328,14 +336,20 @@ class _Found:
             return f"{field.name} beyond its bound"
         return f"{field.candidate.ref}, {field.place}" if field.place else str(field.candidate.ref)
 
-    def _by_element(self) -> tuple[Integers, Reals]:
-        """Numbers of the elements, and the largest statistic of the fields of each that a usual change reaches."""
+    def _drawing(self) -> tuple[str | None, str | None]:
+        """Keys of the corners of the elements that fields were tested of, and of the largest gain by a usual change of
+        their fields; None for a mesh that is too large for a drawing."""
         largest: dict[int, float] = {}
         for field, within in zip(self.fields, self.test.within):
             for element in field.elements if isinstance(field, TestedField) else ():
                 largest[element] = max(largest.get(element, 0.0), float(within))
-        numbers = sorted(largest)
-        return np.array(numbers, np.int64), np.array([largest[n] for n in numbers])
+        mesh = mesh_of(self.fit.study.built.structure)
+        shown = [e for e in sorted(largest) if e in mesh.row]
+        if not 0 < len(shown) <= MOST_DRAWN:
+            return None, None
+        self.fit.arrays[_CORNERS] = mesh.corners[[mesh.row[e] for e in shown]]
+        self.fit.arrays[_GAIN] = np.array([largest[e] for e in shown])
+        return _CORNERS, _GAIN
 
     def _refitted(self, first: Sequence[int]) -> dict[int, RefittedField]:
         """Refits of the first groups, whose iterations together are at most those of the update."""
@@ -371,7 +385,7 @@ class _Found:
         return update(problem, method, start=end, active=active)
 
 
-_ELEMENTS, _STATISTIC = "judgement/missing_elements", "judgement/missing_statistic"
+_CORNERS, _GAIN = "judgement/missing_corners", "judgement/missing_gain"
 
 
 def _lines(field: TestedField) -> str:

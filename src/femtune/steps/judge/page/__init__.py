@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from femtune.document.document import Cell, Table, columns
+from femtune.document.document import Cell, Paragraph, columns, table_or_none
 from femtune.steps.judge.page.missing import missing_blocks
 from femtune.steps.judge.page.parts import parts_blocks
 
@@ -27,13 +27,13 @@ EVIDENCE: tuple[Callable[[ReportSource], Iterable[Block]], ...] = (missing_block
 
 
 def judgement(source: ReportSource) -> list[Block]:
-    """All reasons, then the evidence by topic; no blocks without a judgement."""
+    """All reasons, then the evidence by topic."""
     found = source.results.judgement
     if found is None:
-        return []
+        return [Paragraph("The verdict was not computed: the run did not end, or its results are of an older version.")]
     heads = columns("Weight", "Reason", "Where")
-    reasons = [Table("", heads, tuple(_row(r) for r in found.reasons))] if found.reasons else []
-    return [*reasons, *(block for topic in EVIDENCE for block in topic(source))]
+    table = table_or_none("", heads, [_row(r) for r in found.reasons], "No check failed, and nothing was left out.")
+    return [table, *(block for topic in EVIDENCE for block in topic(source))]
 
 
 def _row(r: ReasonRecord) -> tuple[Cell, ...]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING
 
-from femtune.document.document import Cell, Details, Heading, Paragraph, Table, columns, row
+from femtune.document.document import Cell, Details, Figure, Heading, Paragraph, Table, columns, row
+from femtune.document.figures.elements import elements_svg
 from femtune.document.numbers import NONE, counted, short, signed_percent
 
 if TYPE_CHECKING:
@@ -37,9 +39,23 @@ def missing_blocks(source: ReportSource) -> Iterable[Block]:
         f"χ² without any of them: {short(found.chi_square)}."
     )
     yield Table("", heads, tuple(map(_row, found.fields)), note)
+    if found.corners_key is not None and found.gain_key is not None:
+        yield Figure(
+            partial(
+                elements_svg, source.arrays[found.corners_key], source.arrays[found.gain_key], "explains nothing",
+                "explains most",
+            ), _CAPTION,
+            f"mesh coloured by what a change of each element explains; most: {found.fields[0].name}",
+        )  # fmt: skip
     lines = "\n\n".join(f.lines for f in found.fields if f.refit is not None and f.lines)
     if lines and found.p_value < _SUSPECTED:
         yield Details("Lines for the study that make these fields parameters; take one, and run again", lines)
+
+
+_CAPTION = (
+    "Elements, springs and masses, coloured by the gain of likelihood that a change of one of their fields inside the "
+    "usual range brings."
+)
 
 
 def _sentence(found: MissingResults) -> str:

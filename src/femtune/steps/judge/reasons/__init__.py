@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
+from femtune.steps.judge.reasons.accuracy import accuracy_reasons
+from femtune.steps.judge.reasons.alerts import alert_reasons
+from femtune.steps.judge.reasons.compared import compared_reasons
 from femtune.steps.judge.reasons.computed import computed_reasons
+from femtune.steps.judge.reasons.criteria import criteria_reasons
 from femtune.steps.judge.reasons.missing import missing_reasons
+from femtune.steps.judge.reasons.parameters import parameter_reasons
 from femtune.steps.judge.reasons.parts import parts_reasons
 from femtune.steps.judge.reasons.update import update_reasons
 
@@ -19,6 +24,11 @@ TOPICS: tuple[Callable[[Results], Iterable[ReasonRecord]], ...] = (
     missing_reasons,
     parts_reasons,
     computed_reasons,
+    compared_reasons,
+    criteria_reasons,
+    alert_reasons,
+    accuracy_reasons,
+    parameter_reasons,
 )
 """In the order of their importance: within one weight the verdict names the first reasons first.
 

@@ -23,3 +23,6 @@ def update_reasons(results: Results) -> Iterable[ReasonRecord]:
             yield reason(
                 "not accepted", "judge.no-optimum/in-stage", stage.name, stage=stage.name, ending=stage.message
             )
+    judged = results.judgement
+    for failed in judged.not_computed if judged else ():
+        yield reason("reservation", "judge.not-computed", failure=failed)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
+from femtune.steps.judge.record.acceptance import AcceptanceResults
 from femtune.steps.judge.record.missing import MissingResults
 from femtune.steps.judge.record.parts import PartsResults
 from femtune.steps.judge.record.reason import ReasonRecord
+from femtune.steps.judge.record.scatter import FrequencyScatter
+from femtune.steps.judge.record.usual import UsualRanges
 from femtune.study.record import Record
 
 VerdictOfRun = Literal["accepted", "accepted with reservations", "not accepted"]
@@ -21,6 +24,12 @@ class JudgementResults(Record):
     """The verdict with its most important reasons, in one sentence."""
     reasons: tuple[ReasonRecord, ...] = ()
     """All reasons, those not to accept the run first."""
+    acceptance: AcceptanceResults | None = None
+    """What the study asks of an accepted model; None in older results."""
+    scatter: FrequencyScatter | None = None
+    """Frequency errors beside the repeatability of the test; None if that is not known."""
+    usual_ranges: UsualRanges | None = None
+    """Parameters beyond their usual range; None if no parameter has one."""
     missing: MissingResults | None = None
     """Fields of the deck that no parameter represents and that the residuals ask for; None in older results."""
     not_computed: tuple[str, ...] = ()

@@ -81,8 +81,7 @@ class MissingResults(Record):
     """The least adjusted p value of all; None if nothing was tested."""
     fields: tuple[MissingField, ...] = ()
     """The first groups of fields, those that explain most by a change inside their usual range first."""
-    elements_key: str | None = None
-    """Key of the numbers of the elements in the arrays; None if nothing was tested."""
-    statistic_key: str | None = None
-    """Key of the largest gain of log likelihood by a usual change of the fields of each element; None if nothing was
-    tested."""
+    corners_key: str | None = None
+    """Key of the corners of the elements (elements, 4, 3) in the arrays; None if nothing is suspected to be missing."""
+    gain_key: str | None = None
+    """Key of the largest gain of log likelihood by a usual change of the fields of each element (elements,)."""

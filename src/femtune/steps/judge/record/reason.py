@@ -22,6 +22,12 @@ class ReasonRecord(Record):
     place: str = ""
     """What it is about: a configuration, mode, parameter or kind of residual; "" for the whole run."""
 
+    @property
+    def text(self) -> str:
+        """The reason with its place and its code."""
+        place = f" ({self.place})" if self.place and self.place not in self.sentence else ""
+        return f"[{self.code}] {self.sentence}{place}"
+
 
 def reason(weight: Weight, code: str, place: str = "", **facts: Any) -> ReasonRecord:
     """A reason in the wording of the registry."""

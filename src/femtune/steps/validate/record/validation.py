@@ -57,7 +57,7 @@ class ValidationVerdict(Record):
     """Name of the configuration."""
     data: str
     """Kind of data: "held-out modes", "beyond the frequencies used", "held-out sensors", "unused FRFs", "modified
-    structure", "other boundary conditions", "another test" or "vibration test"."""
+    structure", "other boundary conditions", "another test", "same test, held out" or "vibration test"."""
     criterion: str
     """Quantity and standard: "frequency error, NASA-STD-5002"."""
     required: float
@@ -76,6 +76,8 @@ class ValidationVerdict(Record):
     """Whether noise explains a failure, in words; "" without a failure, or if it is not known."""
     sentence: str
     """The verdict in a sentence."""
+    standard: str = ""
+    """The standard alone: "NASA-STD-5002"; "" in older results."""
     before: float | None = None
     """The worst value of the model at the initial values, in `unit`; only for vibration tests."""
     before_verdict: VerdictWord | None = None

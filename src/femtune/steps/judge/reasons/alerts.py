@@ -1,0 +1,58 @@
+"""Reasons that other steps have found already: their alerts, by code."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from femtune.steps.judge.record.reason import ReasonRecord
+
+if TYPE_CHECKING:
+    from femtune.steps.judge.record.reason import Weight
+    from femtune.steps.results import Results
+    from femtune.study.record import Alert
+
+WEIGHTS: Mapping[str, Weight] = {
+    "update.misfit": "not accepted",
+    "update.not-certified": "not accepted",
+    "update.not-unique": "reservation",
+    "update.starts-differ": "reservation",
+    "update.stage-misfit": "reservation",
+    "update.no-weight": "reservation",
+    "update.at-bound": "reservation",
+    "update.undetermined": "reservation",
+    "update.few-data": "reservation",
+    "update.few-samples": "reservation",
+    "quantify.no-distribution": "reservation",
+    "quantify.held-out-differ": "not accepted",
+    "quantify.disagrees": "reservation",
+    "quantify.order-dependence": "reservation",
+    "quantify.outlier": "reservation",
+    "model.mesh-coarse": "not accepted",
+    "model.mass-differs": "reservation",
+    "model.lumped-mass": "reservation",
+    "model.grounded": "reservation",
+    "model.element-degenerate": "reservation",
+    "residual.frf-truncated": "reservation",
+    "residual.left-out-mode-lost": "reservation",
+    "write.incomplete": "reservation",
+    "study.test-counted-twice": "reservation",
+    "correlate.sensor-inverted": "reservation",
+    "correlate.unit-factor": "reservation",
+    "correlate.axes": "reservation",
+}
+"""Weight of the alerts that bear on the verdict, by code. Other alerts do, as reservations, if they are problems."""
+_SAID_ELSEWHERE = ("update.no-optimum", "update.stage-unfinished")
+"""Problems for which `update_reasons` has a reason of its own."""
+
+
+def alert_reasons(results: Results) -> Iterable[ReasonRecord]:
+    """Alerts that bear on the verdict; several with one code are one reason, in the words of the first."""
+    by_code: dict[str, list[Alert]] = {}
+    for a in results.alerts:
+        if a.level != "info" and a.code not in _SAID_ELSEWHERE and (a.code in WEIGHTS or a.level == "problem"):
+            by_code.setdefault(a.code, []).append(a)
+    for code, found in by_code.items():
+        more = f"; and {len(found) - 1} more of this kind" if len(found) > 1 else ""
+        weight = WEIGHTS.get(code, "reservation")
+        yield ReasonRecord(code=code, weight=weight, sentence=found[0].sentence + more, place=found[0].where)
