@@ -59,7 +59,7 @@ class Whitened:
 
     >>> rows = Whitened(np.array([1.0, 2.0, 3.0]), np.ones((3, 1)), ("k",), np.zeros((3, 0)), *[("a", "b", "c")] * 4,
     ...                 ("data",) * 3, np.ones(3), np.zeros((3, 0)))
-    >>> rows.left.tolist(), rows.degrees(np.arange(3))[0]
+    >>> [round(float(r), 6) + 0.0 for r in rows.left], round(rows.degrees(np.arange(3))[0], 6)
     ([-1.0, 0.0, 1.0], 2.0)
     """
 
