@@ -66,8 +66,8 @@ def test_the_summary_names_changes_and_what_stays_open(
     """Also where FRFs or masses alone are compared."""
     data["correlations"] = data["correlations"] if modes else []
     headings = [b.text for b in review(_source(data, arrays)) if isinstance(b, Heading)]
-    assert [h for h in headings if h in ("Verdict", "What changed", "What stays open")] == [
-        "Verdict", "What changed", "What stays open",
+    assert [h for h in headings if h in ("Acceptance criteria", "What changed", "What stays open")] == [
+        "Acceptance criteria", "What changed", "What stays open",
     ]  # fmt: skip
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from femtune.steps.judge.record.reason import ReasonRecord
     from femtune.steps.results import Results
 
-_MOST_REASONS = 3
+_MOST_REASONS = 4
 """Reasons in the line of the verdict, which must fit a few lines of a terminal; the others are counted."""
 
 _NOTHING_FOUND = "no check failed, and nothing was left out"
@@ -81,5 +81,5 @@ def line_of(verdict: VerdictOfRun, reasons: Sequence[ReasonRecord]) -> str:
     named = [r for r in reasons if verdict != "not accepted" or r.weight == "not accepted"]
     more = len(named) - _MOST_REASONS
     tail = [f"{more} more {'reason' if more == 1 else 'reasons'}"] if more > 0 else []
-    said = "; ".join([*(r.sentence for r in named[:_MOST_REASONS]), *tail])
+    said = "; ".join([*(r.brief or r.sentence for r in named[:_MOST_REASONS]), *tail])
     return f"{verdict[0].upper()}{verdict[1:]}: {said or _NOTHING_FOUND}."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from femtune.steps.judge.record.reason import ReasonRecord
+from femtune.steps.judge.record.reason import ReasonRecord, brief_of
 
 if TYPE_CHECKING:
     from femtune.steps.judge.record.reason import Weight
@@ -57,4 +57,6 @@ def alert_reasons(results: Results) -> Iterable[ReasonRecord]:
     for code, found in by_code.items():
         more = f"; and {len(found) - 1} more of this kind" if len(found) > 1 else ""
         weight = WEIGHTS.get(code, "reservation")
-        yield ReasonRecord(code=code, weight=weight, sentence=found[0].sentence + more, place=found[0].where)
+        yield ReasonRecord(
+            code=code, weight=weight, sentence=found[0].sentence + more, brief=brief_of(code), place=found[0].where
+        )  # fmt: skip

@@ -33,7 +33,8 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
         change = 100.0 * (first.refit.factor - 1.0)
         yield reason(
             "not accepted", "judge.missing/at-limit" if first.refit.at_bound else "judge.missing", first.name,
-            field=_named(first), change=f"{'an increase' if change > 0.0 else 'a decrease'} by {abs(change):.3g} %",
+            name=first.name, field=_named(first),
+            change=f"{'an increase' if change > 0.0 else 'a decrease'} by {abs(change):.3g} %",
             before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
         )  # fmt: skip
     elif first.share < _PLAUSIBLE_SHARE:
@@ -41,7 +42,7 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
     else:
         yield reason(
             "reservation", "judge.missing/suspected", first.name,
-            field=_named(first), chance=chance(found), tested=_tested(found),
+            name=first.name, field=_named(first), chance=chance(found), tested=_tested(found),
         )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from femtune.errors import Notice
+from femtune.errors import Notice, wording
 from femtune.study.record import Record
 
 Weight = Literal["not accepted", "reservation"]
@@ -19,6 +19,8 @@ class ReasonRecord(Record):
     """"not accepted" or "reservation"."""
     sentence: str
     """The reason, without a full stop."""
+    brief: str = ""
+    """The reason in a few words, for the line of the verdict; "" where the sentence is brief enough."""
     place: str = ""
     """What it is about: a configuration, mode, parameter or kind of residual; "" for the whole run."""
 
@@ -32,4 +34,14 @@ class ReasonRecord(Record):
 def reason(weight: Weight, code: str, place: str = "", **facts: Any) -> ReasonRecord:
     """A reason in the wording of the registry."""
     said = Notice(code, **facts)
-    return ReasonRecord(code=said.code, weight=weight, sentence=said.what, place=place)
+    return ReasonRecord(
+        code=said.code, weight=weight, sentence=said.what, brief=brief_of(code).format_map(facts), place=place
+    )  # fmt: skip
+
+
+def brief_of(code: str) -> str:
+    """The variant "brief" of a code in the registry, or that of its variant ("…-brief"); "" without one."""
+    try:
+        return wording(f"{code}-brief" if "/" in code else f"{code}/brief")[1].what
+    except KeyError:
+        return ""

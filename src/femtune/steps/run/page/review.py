@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from femtune.document.document import Cell, Heading, Paragraph, Table, columns, row
 from femtune.document.numbers import NONE, NOT_TESTED, counted, listed, short, signed_percent, value, with_unit
 from femtune.steps.run.page.short_form import not_tested, undetermined
-from femtune.steps.run.page.summary import summary
+from femtune.steps.run.page.summary import is_green, summary
 from femtune.steps.update.page.parameters import interval_ends, physical_values
 from femtune.steps.validate.page import verdict_cell
 
@@ -74,19 +74,22 @@ def _verdict(source: ReportSource) -> list[Block]:
     for one in _judged(source):
         groups.setdefault((one.name, one.data, one.asked), []).append(one)
     if not groups:
-        return [Heading("Verdict"), Paragraph("Not tested: no criterion was evaluated.", "muted")]
+        return [Heading("Acceptance criteria"), Paragraph("Not tested: no criterion was evaluated.", "muted")]
     rows = [_verdict_row(group) for group in groups.values()]
     counts = {word: sum(r[-1].text == word for r in rows) for word in ("pass", "fail", NOT_TESTED)}
     said = f"{counts['pass']} of {counted(len(rows), 'criterion', 'criteria')} passed"
     said += f", {counts['fail']} failed" if counts["fail"] else ""
     left = counts[NOT_TESTED]
     said += f", {left} {'was' if left == 1 else 'were'} not tested" if left else ""
-    tone: Tone = "poor" if counts["fail"] else "good" if counts["pass"] else "muted"
+    passed: Tone = "good" if is_green(source) else ""
+    tone: Tone = "poor" if counts["fail"] else passed if counts["pass"] else "muted"
     heads = columns("Criterion", "Data", ">Required", ">Worst", "Where", "Verdict")
-    note = (
-        "The worst value of all configurations; the sections on validation and acceptance criteria have each of them."
-    )
-    return [Heading("Verdict"), Paragraph(f"{said}{_profile(source)}.", tone), Table("", heads, tuple(rows), note)]
+    note = "Worst value over all configurations; details in the sections on validation and acceptance criteria."
+    return [
+        Heading("Acceptance criteria"),
+        Paragraph(f"{said}{_profile(source)}.", tone),
+        Table("", heads, tuple(rows), note),
+    ]
 
 
 def _profile(source: ReportSource) -> str:

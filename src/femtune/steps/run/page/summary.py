@@ -111,7 +111,13 @@ def _validation(source: ReportSource) -> list[Block]:
     if validation is None or not sentence:
         return []
     failed = any(v.verdict == "fail" for v in validation.verdicts)
-    return [Paragraph(as_sentence(sentence), "poor" if failed else "good")]
+    return [Paragraph(as_sentence(sentence), "poor" if failed else "good" if is_green(source) else "")]
+
+
+def is_green(source: ReportSource) -> bool:
+    """True unless the verdict on the run has a reservation: what passed alone must not look like the whole."""
+    judged = source.results.judgement
+    return judged is None or judged.verdict == "accepted"
 
 
 _LOUD = ("problem", "warning")
