@@ -8,6 +8,24 @@ from tests.messages.shown import check_shown
 from femtune.errors import FemtuneError, Notice
 
 _CASES: dict[str, Notice] = {
+    "judge.curved": Notice("judge.curved", axis="+Iby1, −Icx2", step=1.5, true=508.5, linear=2.25, count=3, of=20),
+    "judge.curved, unsolved": Notice("judge.curved/unsolved", axis="+Iby1, −Icx2", step=1.5, count=3, of=20),
+    "judge.lower-beside": Notice("judge.lower-beside", axis="+Iby1", step=1.5, decrease=12.31),
+    "judge.better-minimum": Notice(
+        "judge.better-minimum", tried="as built: test mode 8 with model mode 8", first=344.21, now=30.512
+    ),
+    "judge.pairing-open": Notice(
+        "judge.pairing-open",
+        pairs="as built: test mode 4 with model mode 5 and test mode 5 with model mode 4",
+        before=161.2,
+        held=129.4,
+    ),
+    "judge.pairing-not-tried": Notice(
+        "judge.pairing-not-tried",
+        pairs="as built: test mode 8 with model mode 8; as built: test mode 9 with model mode 8",
+    ),
+    "judge.frequencies-worse": Notice("judge.frequencies-worse", before=1.42, after=2.63),
+    "judge.frequency-worse": Notice("judge.frequency-worse", modes="as built: mode 5 (+0.40 % before, −2.10 % after)"),
     "judge.missing": Notice(
         "judge.missing",
         field="PSHELL 2 T (or what looks like it: MAT1 1 E)",
@@ -45,6 +63,13 @@ _CASES: dict[str, Notice] = {
     "judge.deck-differs": Notice(
         "judge.deck-differs", difference="MAT1 1 E is 2.1e+11 instead of 1.7e+11 for 4 elements"
     ),
+    "judge.between-runs": Notice("judge.between-runs", percent=0.83, mode=2, limit=0.5),
+    "judge.outside-runs": Notice(
+        "judge.outside-runs", parameter="k", value=212.4, side="below", low=500.0, high=4000.0
+    ),
+    "judge.too-few-modes": Notice("judge.too-few-modes", test="shaker", last_hz=812.0, highest_hz=2000.0),
+    "judge.truncated": Notice("judge.truncated", test="shaker", last_hz=5820.0, percent=1.8),
+    "judge.reduced-not-compared": Notice("judge.reduced-not-compared"),
     "judge.no-optimum": Notice("judge.no-optimum", ending="the largest number of iterations was reached"),
     "judge.not-computed": Notice("judge.not-computed", failure="scatter: no frequency is known"),
     "judge.modes-not-compared": Notice(

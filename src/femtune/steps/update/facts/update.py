@@ -24,6 +24,7 @@ from femtune.steps.judge.facts.parts import parts_results
 from femtune.steps.judge.record.parts import NOT_ACCEPTED
 from femtune.steps.update.facts.search import (
     certificate_results,
+    minimum_results,
     smallest_change_results,
     starts_results,
     weight_choice_results,
@@ -275,6 +276,7 @@ def update_results(
         chi_square=2.0 * result.objective,
         certificate=certificate_results(result),
         smallest_change=smallest_change_results(result),
+        minimum=minimum_results(result),
     )
 
 
@@ -315,7 +317,7 @@ def _iteration(result: UpdateResult, number: int) -> IterationRecord:
         damping=i.damping if number else None,
         parameters=tuple(float(v) for v in result.parameters.denormalise(i.x)),
         active_bounds=i.at_bound,
-        events=i.events,
+        events=(*i.events, *filter(None, [i.better_minimum])),
         to_smallest_change=i.to_smallest_change,
         long_step=i.long_step,
         modes=tuple(
@@ -334,7 +336,8 @@ def _events(result: UpdateResult) -> Iterable[PairingEvent]:
     for i in result.history:
         for text in i.events:
             name = next(n for n in names if text.startswith(f"{n}: "))
-            yield PairingEvent(iteration=i.number, configuration=name, sentence=text.removeprefix(f"{name}: "))
+            sentence = text.removeprefix(f"{name}: ")
+            yield PairingEvent(iteration=i.number, configuration=name, sentence=sentence, merged=i.merged)
 
 
 def _parameters(
