@@ -40,6 +40,26 @@ _CASES: dict[str, Notice] = {
         "judge.missing/suspected", field="CELAS2 903 K", chance="p = 0.03", tested="105 fields"
     ),
     "judge.missing, implausible": Notice("judge.missing/implausible", chance="p < 0.002", tested="105 fields"),
+    "judge.misfit": Notice(
+        "judge.misfit", part="the shape residual of mode 6 (free)", ratio=3.2,
+        numbers="chi-square 113 on 11 degrees of freedom, p = 2.1e-09",
+    ),
+    "judge.misfit, prior": Notice("judge.misfit/prior", part="the prior of E", ratio=25.0, numbers="p < 1e-12"),
+    "judge.misfit, held": Notice(
+        "judge.misfit/held", part="what the bounds keep", numbers="chi-square 41 on 1 degree of freedom, p = 4.5e-09"
+    ),
+    "judge.misfit, whole": Notice(
+        "judge.misfit/whole", outcome="the residuals have the stated size, but they are not random"
+    ),
+    "judge.neighbour": Notice("judge.neighbour", sentence="mode 6 contains 7 % of mode 8", chance="p = 0.0003"),
+    "judge.overstated": Notice("judge.overstated", kind="frequency", times=112.0),
+    "judge.overstated, key": Notice(
+        "judge.overstated/with-key", kind="frequency", times=112.0, key="frequency_sd", stated=0.1, fits=0.00089
+    ),
+    "judge.larger-than-assumed": Notice("judge.larger-than-assumed", kind="shape", ratio=2.4),
+    "judge.larger-than-assumed, key": Notice(
+        "judge.larger-than-assumed/with-key", kind="shape", ratio=2.4, key="shape_sd", stated=0.03, fits=0.072
+    ),
     "judge.deck-differs": Notice(
         "judge.deck-differs", difference="MAT1 1 E is 2.1e+11 instead of 1.7e+11 for 4 elements"
     ),

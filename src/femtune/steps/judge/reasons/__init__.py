@@ -14,6 +14,7 @@ from femtune.steps.judge.reasons.linearity import linearity_reasons
 from femtune.steps.judge.reasons.minimum import minimum_reasons
 from femtune.steps.judge.reasons.missing import missing_reasons
 from femtune.steps.judge.reasons.parameters import parameter_reasons
+from femtune.steps.judge.reasons.parts import parts_reasons
 from femtune.steps.judge.reasons.update import update_reasons
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ TOPICS: tuple[Callable[[Results], Iterable[ReasonRecord]], ...] = (
     minimum_reasons,
     linearity_reasons,
     missing_reasons,
+    parts_reasons,
     computed_reasons,
     compared_reasons,
     criteria_reasons,

@@ -8,6 +8,7 @@ from femtune.steps.judge.record.acceptance import AcceptanceResults
 from femtune.steps.judge.record.coverage import CoverageResults
 from femtune.steps.judge.record.linearity import LinearityResults
 from femtune.steps.judge.record.missing import MissingResults
+from femtune.steps.judge.record.parts import PartsResults
 from femtune.steps.judge.record.reason import ReasonRecord
 from femtune.steps.judge.record.scatter import FrequencyScatter
 from femtune.steps.judge.record.usual import UsualRanges
@@ -37,5 +38,7 @@ class JudgementResults(Record):
     """Fields of the deck that no parameter represents and that the residuals ask for; None in older results."""
     not_computed: tuple[str, ...] = ()
     """Topics that could not be judged because their computation failed, with the reason."""
+    parts: PartsResults | None = None
+    """The residuals in parts, the shapes beside their neighbours, and the errors by kind."""
     coverage: CoverageResults | None = None
     """The end of the update in the runs of its model; None for other models."""

@@ -20,6 +20,8 @@ from femtune.modal import freq_and_damping
 from femtune.residuals.frequency import FrequencyResidual
 from femtune.selection import combination_text, sentences, verdict
 from femtune.selection.combinations import NO_EFFECT
+from femtune.steps.judge.facts.parts import parts_results
+from femtune.steps.judge.record.parts import NOT_ACCEPTED
 from femtune.steps.update.facts.search import (
     certificate_results,
     minimum_results,
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from femtune.parameters import DerivedQuantity, Jet, ParameterSet
     from femtune.residuals import Evaluation
     from femtune.selection import Combination, Identifiability
+    from femtune.steps.judge.record.parts import PartRecord
     from femtune.study.study import Study
     from femtune.updating import Marginal, MultiStart, UpdateResult
 from typing import TYPE_CHECKING
@@ -267,7 +270,7 @@ def update_results(
         comparisons=tuple(_comparisons(result)),
         poles=tuple(_poles(result)),
         citations=citations((*result.citations, "bard1974", "wald1940", *_sampler(result))),
-        goodness=goodness_results(goodness(study, result)),
+        goodness=goodness_results(goodness(study, result), _worst_part(study, result)),
         reduction=reduction,
         iteration=result.number,
         chi_square=2.0 * result.objective,
@@ -275,6 +278,11 @@ def update_results(
         smallest_change=smallest_change_results(result),
         minimum=minimum_results(result),
     )
+
+
+def _worst_part(study: Study, result: UpdateResult) -> PartRecord | None:
+    found = parts_results(study, result)
+    return None if found is None else found.named(NOT_ACCEPTED)
 
 
 def _sampler(result: UpdateResult) -> tuple[str, ...]:
