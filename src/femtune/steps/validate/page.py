@@ -40,7 +40,7 @@ from femtune.document.numbers import (
 from femtune.steps.modes.page.modes import mac_cell
 from femtune.steps.report_source import VERSION_HEADS, VERSION_WORDS, versions, warnings_of
 from femtune.steps.validate.record.validation import ValidationResults
-from femtune.steps.vibration.page import vibration_blocks
+from femtune.steps.vibration.page import modes_sentence, vibration_blocks
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Document, Level, Tone
@@ -431,11 +431,19 @@ def validation_document(subject: Subject, results: Results) -> Document:
             "predictions", "Predictions", tuple(prediction_blocks(validation, []) if validation.predictions else ())
         ),
         Section("sensors", "Held-out sensors", tuple(sensor_blocks(validation))),
+        Section("vibrations", "Vibration tests", tuple(_vibrations(results))),
         Section("residuals", "Residuals of the update", tuple(_residuals(results))),
         Section("open", "What was not tested", (Listing((*untested_reasons(validation), *validation.not_tested)),)),
         *warnings_of(results),
     )
     return subject.document(as_sentence(sentence), _level(validation), sections)
+
+
+def _vibrations(results: Results) -> Iterable[Block]:
+    """The modes of each vibration test that was computed."""
+    for test in () if results.validation is None else results.validation.vibrations:
+        if sentence := modes_sentence(test):
+            yield Paragraph(f"{test.name}:{sentence}")
 
 
 def _residuals(results: Results) -> list[Block]:

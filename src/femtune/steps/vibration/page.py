@@ -37,11 +37,11 @@ def _blocks(source: ReportSource, test: VibrationResults) -> list[Block]:
     if test.compared_s is not None:
         band = f" Compared from {test.compared_s[0]:g} to {test.compared_s[1]:g} s."
     table = _TABLES[test.kind](test)
-    return [head, Paragraph(f"{damping} {stated}{band}{_modes(test)}"), table, *_figure(source, test)]
+    return [head, Paragraph(f"{damping} {stated}{band}{modes_sentence(test)}"), table, *_figure(source, test)]
 
 
-def _modes(test: VibrationResults) -> str:
-    """The modes of the response, and what their truncation costs."""
+def modes_sentence(test: VibrationResults) -> str:
+    """The modes of the response, and what their truncation costs; "" if that is not known."""
     if test.modes is None or test.truncation_percent is None:
         return ""
     return (
