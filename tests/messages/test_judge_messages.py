@@ -25,6 +25,13 @@ _CASES: dict[str, Notice] = {
     "judge.deck-differs": Notice(
         "judge.deck-differs", difference="MAT1 1 E is 2.1e+11 instead of 1.7e+11 for 4 elements"
     ),
+    "judge.between-runs": Notice("judge.between-runs", percent=0.83, mode=2, limit=0.5),
+    "judge.outside-runs": Notice(
+        "judge.outside-runs", parameter="k", value=212.4, side="below", low=500.0, high=4000.0
+    ),
+    "judge.too-few-modes": Notice("judge.too-few-modes", test="shaker", last_hz=812.0, highest_hz=2000.0),
+    "judge.truncated": Notice("judge.truncated", test="shaker", last_hz=5820.0, percent=1.8),
+    "judge.reduced-not-compared": Notice("judge.reduced-not-compared"),
     "judge.no-optimum": Notice("judge.no-optimum", ending="the largest number of iterations was reached"),
     "judge.not-computed": Notice("judge.not-computed", failure="scatter: no frequency is known"),
     "judge.modes-not-compared": Notice(

@@ -338,3 +338,40 @@ def test_runs_whose_rigid_body_modes_differ_are_fitted_as_they_are(other: str) -
         shapes[1, :, 0] += 0.1 * shapes[1, :, 1]
     fitted = fit_runs(Runs(NAMES, runs.points, hz, shapes, runs.dofs), FREE_NODES, 0, False, 0)
     assert min(np.diag(fitted.structure.assembled[0].upper.toarray())[-5:]) > 0.0
+
+
+def test_the_stated_deviation_is_that_of_drawn_matrices() -> None:
+    """Components are drawn from their distributions, and the spread of the frequencies is counted."""
+    fitted = fit_runs(runs_at(sample(12), 3), NODES, 1, crossed=False, rules=KrigingRules())
+    coverage = fitted.coverage
+    K, M = coverage.stiffness, coverage.mass
+    assert K is not None
+    assert M is not None
+    assert K.surrogate is not None
+    assert M.surrogate is not None
+    point = np.array([[1.05e4, 2.1e4]])
+    rng, drawn = np.random.default_rng(3), []
+    for _ in range(2000):
+        away = [
+            np.tensordot(part.surrogate.predict_sd(point)[0] * rng.standard_normal(len(part.parts)), part.parts, axes=1)
+            for part in (K, M)
+            if part.surrogate is not None
+        ]
+        drawn.append(np.sqrt(la.eigh(K.at(point) + away[0], M.at(point) + away[1], eigvals_only=True)))
+    counted = np.std(drawn, axis=0) / np.mean(drawn, axis=0)
+    stated = coverage.frequency_sd(dict(zip(NAMES, point[0])))
+    assert stated is not None
+    # the last one belongs to the direction that is no mode
+    np.testing.assert_allclose(stated[:3], counted[:3], rtol=0.1)
+
+
+def test_the_stated_deviation_grows_away_from_the_runs() -> None:
+    points = sample(12)
+    coverage = fit_runs(runs_at(points), NODES, 1, crossed=False, rules=KrigingRules()).coverage
+    at_run, far = (coverage.frequency_sd(dict(zip(NAMES, p))) for p in (points[4], np.array([4e4, 8e4])))
+    assert at_run is not None
+    assert far is not None
+    assert far.max() > 10.0 * at_run.max()
+    assert [name for name, *_ in coverage.outside({"k1": 4e4, "k2": 2e4})] == ["k1"]
+    assert list(coverage.outside(dict(zip(NAMES, points.max(axis=0))))) == []
+    assert fit_runs(runs_at(points), NODES, 1, crossed=False).coverage.frequency_sd({"k1": 1e4, "k2": 2e4}) is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from tests.deck_models import model_of
 from tests.reporting.packed import unpacked
 
 import femtune as ft
+import femtune.study.residuals as study_residuals
 from femtune.errors import FemtuneError, Notice
+from femtune.identification.equal_damping import equalised_test
 from femtune.model import damping_by_mode, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.residuals import state_at
@@ -194,6 +197,22 @@ def test_a_poor_identification_is_told(bench: Bench) -> None:
     assert alert.level == "warning"
     notice = Notice("residual.equalised-poor", configuration="free", misfit=23.4, modes=3, order=12)
     check_shown("residual.equalised-poor", notice)
+
+
+@pytest.mark.slow
+def test_every_notice_of_the_identification_reaches_the_reader(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+
+    def kept(*arguments: Any, **options: Any) -> Any:
+        found.append(equalised_test(*arguments, **options))
+        return found[-1]
+
+    monkeypatch.setattr(study_residuals, "equalised_test", kept)
+    _measured(bench, 0.4)
+    told = {a.sentence for a in ft.update(_study(bench, EQUALISE)).results.alerts}
+    inner = [n.what for n in found[0].identified.notices]
+    assert len(inner) > 1
+    assert told.issuperset(inner)
 
 
 @pytest.mark.long

@@ -28,7 +28,7 @@ from femtune.model.vibration import (
 )
 from femtune.steps.run.result import RunResult
 from femtune.steps.vibration.record import VibrationPoint, VibrationResults
-from femtune.steps.vibration.run import vibration_verdicts
+from femtune.steps.vibration.run import MODES_TO, vibration_verdicts
 
 from .cantilever import EI, Bench
 
@@ -81,28 +81,27 @@ measured = "shock_response.csv"
 """
 
 
-def _transfer(deck: Path) -> ModalTransfer:
-    """The deck on its base with a damping ratio of 2 %."""
-    modes = solve_modes(model_of(deck).at(np.zeros(0)), 6)
+def _transfer(deck: Path, highest_hz: float) -> ModalTransfer:
+    """The deck on its base with a damping ratio of 2 %, excited up to a frequency."""
+    modes = solve_modes(model_of(deck).at(np.zeros(0)), 6, MODES_TO * highest_hz)
     ports = make_ports(modes.point.configured, ["5Y+"], ["5Y+", "3Y+"])
     return base_transfer(modes, ports, "Y", constant_damping(0.02))
 
 
 def _of_deck(deck: Path, kind: str, lines: np.ndarray) -> np.ndarray:
     """Amplitudes of the sweep, or densities, at lines."""
-    transfer = _transfer(deck)
     if kind == "random":
-        return response_density(transfer, [LEVEL], lines)
-    hz, envelope = swept_response(transfer, Sweep(10.0, 80.0, 4.0, amplitude=0.5))
+        return response_density(_transfer(deck, 400.0), [LEVEL], lines)
+    hz, envelope = swept_response(_transfer(deck, 80.0), Sweep(10.0, 80.0, 4.0, amplitude=0.5))
     return np.array([np.interp(lines, hz, one) for one in envelope])
 
 
 def _measure(bench: Bench) -> None:
     """Curves of the true beam."""
-    transfer = _transfer(bench.folder / "truth/true.bdf")
-    _write(bench.folder / "sweep.csv", *swept_response(transfer, Sweep(10.0, 80.0, 4.0, amplitude=0.5)))
-    lines = np.linspace(15.0, 300.0, 6000)
-    _write(bench.folder / "random.csv", lines, response_density(transfer, [LEVEL], lines))
+    deck, lines = bench.folder / "truth/true.bdf", np.linspace(15.0, 300.0, 6000)
+    sweep = Sweep(10.0, 80.0, 4.0, amplitude=0.5)
+    _write(bench.folder / "sweep.csv", *swept_response(_transfer(deck, 80.0), sweep))
+    _write(bench.folder / "random.csv", lines, response_density(_transfer(deck, 400.0), [LEVEL], lines))
 
 
 def _write(path: Path, hz: np.ndarray, values: np.ndarray) -> None:
@@ -243,7 +242,7 @@ def test_a_shock_that_is_integrated_step_by_step(beam: Bench) -> None:
     """Measured: the true beam by integration of its equations of motion with an adaptive step."""
     times, pulse = np.arange(0.0, 0.4, 1e-4), 0.02
     signal = np.where(times < pulse, 5.0 * np.sin(np.pi * times / pulse), 0.0)
-    transfer = _transfer(beam.folder / "truth/true.bdf")
+    transfer = _transfer(beam.folder / "truth/true.bdf", 150.0)
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         return transfer.poles * y + np.interp(t, times, signal)

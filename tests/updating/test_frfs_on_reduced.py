@@ -44,7 +44,7 @@ from femtune.updating import (
     update,
     update_reduced,
 )
-from femtune.updating.on_reduced_model import NOBODY, keep_functions, train, unassessed
+from femtune.updating.on_reduced_model import NOBODY, keep_functions, round_sentence, train, unassessed
 from structures.springs import factor_model, simulated_case, spring_structure
 
 TRUTH = np.array([0.1, -0.12, 0.2])
@@ -124,6 +124,24 @@ def test_the_shift_is_the_step_that_the_full_model_makes(problem: UpdateProblem)
     step = np.linalg.solve(J.T @ J, J.T @ (full.residuals - near.residuals))
     assert there.shift == pytest.approx(np.sqrt(step @ (J.T @ J) @ step), rel=0.05)
     assert there.largest == pytest.approx(np.abs(full.residuals - near.residuals).max(), rel=0.05)
+
+
+@pytest.mark.slow
+def test_models_that_are_compared_with_themselves_are_no_evidence(problem: UpdateProblem) -> None:
+    """Nothing that the full model has here is above the threshold, so that the enriched models are the same ones."""
+    search = train(problem, replace(RULES, order=10), problem.start(np.zeros(3)), NOBODY)
+    x = np.array([-0.2, 0.15, -0.1])
+    solutions = search.solutions(problem.solved(x))
+    better = search.agreement(x, solutions, search.enriched(x, solutions))
+    itself = search.agreement(x, solutions, search.trained)
+    assert better.functions is not None
+    assert better.functions.compared
+    assert itself.functions is not None
+    assert itself.functions.shift == 0.0
+    assert not itself.functions.compared
+    said = round_sentence(1, search, itself)
+    assert said.endswith("could not be compared with better ones")
+    assert "standard deviations" not in said
 
 
 @pytest.mark.slow

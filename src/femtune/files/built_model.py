@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from femtune.files.nastran.inventory import CardUse
     from femtune.files.nastran.lists import IntegerList
     from femtune.files.nastran.source import SourceLine
+    from femtune.model.imported.coverage import RunsCoverage
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class BuiltModel:
     mode_count : number of modes that the runs of a model have, or None
     modal_damping : the table that SDAMPING selects, or None
     damping_tables : all tables of modal damping by number
+    coverage : the runs of each configuration that a model of runs was fitted to
     beside : comparison of the modes of a study's external solver with those of its deck, by input
     cards : every card name with its count, the place of the first card, and its use
     fields : place in the deck of each value
@@ -47,6 +49,7 @@ class BuiltModel:
     mode_count: int | None = None
     modal_damping: ModalDamping | None = None
     damping_tables: Mapping[int, ModalDamping] = field(default_factory=dict)
+    coverage: tuple[RunsCoverage, ...] = ()
     beside: tuple[ModesBeside, ...] = ()
     cards: tuple[CardUse, ...] = ()
     fields: Mapping[FieldRef, FieldPlace] = field(default_factory=dict)

@@ -70,7 +70,8 @@ def built_of_tables(
     notices = [n for used, f in zip(selected, fitted) for n in _notices(file, used, f)]
     count = min(runs.freq_hz.shape[1] for runs in parts)
     files = tuple(map(str, model_source(file).files))
-    return BuiltModel(files, fitted[0].structure, tuple(notices), mode_count=count)
+    coverage = tuple(f.coverage for f in fitted)
+    return BuiltModel(files, fitted[0].structure, tuple(notices), mode_count=count, coverage=coverage)
 
 
 def _rules(table: RunsModelTable) -> SurrogateRules | None:

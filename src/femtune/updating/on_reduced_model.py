@@ -171,11 +171,14 @@ class FrfAgreement:
     mean, largest : root mean square and largest difference of their values, in standard deviations
     shift : how far the difference moves the combination of parameters that it moves most, in its standard deviation
         as the FRFs determine it
+    compared : False where the full models' modes and responses lie within the bases up to the threshold of an
+        enrichment, so that the reduced models were compared with themselves and no difference says nothing
     """
 
     mean: float
     largest: float
     shift: float
+    compared: bool = True
 
 
 @dataclass(frozen=True)
@@ -324,7 +327,9 @@ class ReducedSearch:
         if not any(self.functions):
             return Agreement(tuple(errors), None)
         pair = ([b for _, blocks in self._functions(x, of) for b in blocks] for of in (self.trained, better))
-        return Agreement(tuple(errors), frf_agreement(*pair))
+        found = frf_agreement(*pair)
+        larger = any(b.model.order > t.model.order for t, b in zip(self.trained, better, strict=True))
+        return Agreement(tuple(errors), replace(found, compared=larger))
 
     def _functions(
         self, x: Reals, trained: Sequence[Trained]
@@ -660,6 +665,11 @@ def round_sentence(number: int, search: ReducedSearch, there: Agreement) -> str:
     frfs = there.functions
     if frfs is None:
         return sentence
+    if not frfs.compared:
+        return (
+            f"{sentence}; the full model's modes and static responses there lie within the bases, up to the threshold "
+            "of an enrichment, so that the FRFs could not be compared with better ones"
+        )
     verdict = _verdict(frfs.shift <= search.rules.frf_tolerance)
     return (
         f"{sentence}; the full model's modes and static responses there change the FRF residuals by {frfs.mean:.2g} "

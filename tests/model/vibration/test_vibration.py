@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -320,3 +321,17 @@ def test_errors_of_free_structures_and_directions() -> None:
     with pytest.raises(FemtuneError) as caught:
         base_transfer(held, make_ports(held.point.configured, ["1X+"], ["1X+"]), "101Z", constant(0.01))
     check_shown("vibration.direction", caught.value)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_accelerations_without_the_upper_modes_are_those_of_the_lower_ones(count: int) -> None:
+    def all_and_few(make: Callable[[EigenSolution], ModalTransfer]) -> None:
+        every, few = make(solved(HUNG)), make(solved(HUNG, count))
+        hz = np.array([0.7, 20.0, 55.0])
+        between = 0.5 * (solved(HUNG).freq_hz[count - 1] + solved(HUNG).freq_hz[count])
+        np.testing.assert_allclose(every.accelerations_below(between).at(hz), few.at(hz), rtol=1e-10)
+        assert every.highest_hz == pytest.approx(solved(HUNG).freq_hz[-1])
+
+    ports = make_ports(solved(HUNG).point.configured, ["1X+"], ["1X+", "3X+"])
+    all_and_few(lambda modes: base_transfer(modes, ports, "X", constant(0.02)))
+    all_and_few(lambda modes: force_transfer(modes, ports, constant(0.02)))

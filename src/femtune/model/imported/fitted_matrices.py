@@ -38,6 +38,12 @@ class FittedMatrices:
     surrogate: Surrogate | None
     left_out: Reals
 
+    def at(self, point: Reals) -> Reals:
+        """(r, r) the matrix at a point (1, k)."""
+        if self.surrogate is None:
+            return self.mean
+        return np.asarray(self.mean + np.tensordot(self.surrogate.predict(point)[0], self.parts, axes=1))
+
 
 def fit_matrices(
     names: tuple[str, ...], points: Reals, matrices: Reals, rules: SurrogateRules, entries: bool

@@ -26,6 +26,7 @@ from femtune.arrays import Flags, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.fem import AssembledMatrix, NodeTable, Structure, ValueTableBuilder
 from femtune.fem.constraints import follow_rows
+from femtune.model.imported.coverage import RunsCoverage
 from femtune.model.imported.fitted_matrices import FittedMatrices, SurrogateCoefficient, fit_matrices
 from femtune.model.imported.model import (
     ImportedMatrix,
@@ -103,6 +104,7 @@ class FittedRuns:
     error : (n_used, m) relative error of each frequency if its run is left out; NaN where that cannot be told
     coefficients : number of coefficients of a polynomial, or of surrogates
     nominal : (k,) the centre of the runs
+    coverage : ranges of the runs that are fitted, with the surrogates
     """
 
     structure: Structure
@@ -110,6 +112,7 @@ class FittedRuns:
     error: Reals
     coefficients: int
     nominal: Reals
+    coverage: RunsCoverage
 
 
 def fit_runs(
@@ -145,7 +148,15 @@ def fit_configurations(
     """
     fits = [_fit(runs, degree, crossed, centre, rules) for runs in parts]
     structure = _structure(parts, nodes, fits, degree or 1)
-    return tuple(FittedRuns(structure, f.used, f.error, f.coefficients, f.middle) for f in fits)
+    return tuple(
+        FittedRuns(structure, f.used, f.error, f.coefficients, f.middle, _coverage(runs, f))
+        for runs, f in zip(parts, fits, strict=True)
+    )
+
+
+def _coverage(runs: Runs, fit: _Fit) -> RunsCoverage:
+    points = runs.points[fit.used]
+    return RunsCoverage(runs.names, points.min(axis=0), points.max(axis=0), *fit.by_surrogates)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from femtune.model.linear.dense_products import in_any_order
 from femtune.model.linear.sparse_products import LIBRARY_FROM, Product, column_major, product, row_major
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.reduce.function_estimate import FunctionsWanted, enlarged_modes, function_error, inertia_residual
-from femtune.model.reduce.modes_in_basis import elastic, reduced_modes
+from femtune.model.reduce.modes_in_basis import MASSLESS, elastic, reduced_modes
 from femtune.model.reduce.reduced_model import ReducedModel
 from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import Factor
@@ -98,7 +98,7 @@ class ErrorEstimator:
         K, M = point.stiffness, product(point.symmetric_mass)
         MX = M @ X
         D = row_major(self.factor.solve(column_major(K @ X - MX * values)))
-        improved = _ritz(K, M, values, X, MX, D)[: modes.wanted]
+        improved = _ritz(K, M, model.shift, values, X, MX, D)[: modes.wanted]
         eigenvalues = values[: modes.wanted]
         return ErrorEstimate(
             np.asarray(x, float), eigenvalues, improved, SAFETY * frequency_error(eigenvalues, improved)
@@ -137,8 +137,12 @@ def certified_error(model: ReducedModel, x: Reals, eigenvalues: Reals) -> Reals:
     return np.abs(frequency_error(reduced, eigenvalues[: len(reduced)]))
 
 
-def _ritz(K: sp.csr_array, M: Product, values: Reals, X: Reals, MX: Reals, D: Reals) -> Reals:
-    """Eigenvalues on [X, D] of Ritz pairs (λ, X); D is freed of X, of rounding, and of what is linearly dependent."""
+def _ritz(K: sp.csr_array, M: Product, shift: float, values: Reals, X: Reals, MX: Reals, D: Reals) -> Reals:
+    """Eigenvalues on [X, D] of Ritz pairs (λ, X); D is freed of X, of rounding, and of what is linearly dependent.
+
+    They are those of θ = 1/(λ − σ), with the mass as a quotient of the positive definite K − σM: the corrections may
+    be motions without mass, whose θ is zero.
+    """
     D -= X @ (MX.T @ D)
     size = np.sqrt(np.einsum("ij,ij->j", D, D))
     # on a basis of all motions the corrections are rounding only, and would be parallel to X once they are scaled
@@ -147,11 +151,15 @@ def _ritz(K: sp.csr_array, M: Product, values: Reals, X: Reals, MX: Reals, D: Re
     KD, MD = K @ D, M @ D
     coupling = X.T @ KD, X.T @ MD
     dd = D.T @ KD, D.T @ MD
-    dependence, Q = la.eigh(dd[1])
-    Q = Q[:, dependence > _DEPENDENT * dependence.max(initial=0.0)]
+    energy = dd[0] - shift * dd[1]
+    scale = 1.0 / np.sqrt(np.maximum(energy.diagonal(), np.finfo(float).tiny))
+    dependence, Q = la.eigh(0.5 * scale[:, None] * (energy + energy.T) * scale)
+    Q = scale[:, None] * Q[:, dependence > _DEPENDENT * dependence.max(initial=0.0)]
     corner = np.diag(values), np.eye(len(values))
     k, m = (np.block([[a, b @ Q], [(b @ Q).T, Q.T @ c @ Q]]) for a, b, c in zip(corner, coupling, dd))
-    return np.asarray(la.eigvalsh(0.5 * (k + k.T), 0.5 * (m + m.T)))
+    inverse = k - shift * m
+    theta = la.eigvalsh(0.5 * (m + m.T), 0.5 * (inverse + inverse.T))[::-1]
+    return np.asarray(shift + 1.0 / theta[theta > MASSLESS * theta[0]])
 
 
 # ----------------------------------------------------------------------------------------------------

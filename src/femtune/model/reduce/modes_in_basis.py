@@ -19,7 +19,7 @@ RIGID = 1e-6
 """λ below this fraction of the highest wanted one belong to rigid-body modes: a thousandth in frequency."""
 _REPEATED = 1e-9
 """|1 − (λ_j − σ)θ| below which two modes cross exactly: their quotient would have no digits."""
-_MASSLESS = 1e-14
+MASSLESS = 1e-14
 """θ below this fraction of the largest are motions without mass: rounding of the largest is 1e-16."""
 _RIGID_MOTIONS = 6
 """Rigid-body modes of a free structure."""
@@ -70,7 +70,7 @@ def reduced_modes(point: ReducedPoint, count: int | None = None, max_hz: float |
     except la.LinAlgError as error:
         raise _indefinite(point) from error
     theta, vectors = theta[::-1], vectors[:, ::-1]
-    finite = int(np.sum(theta > _MASSLESS * theta[0]))
+    finite = int(np.sum(theta > MASSLESS * theta[0]))
     values, shapes = shift + 1.0 / theta[:finite], vectors[:, :finite] / np.sqrt(theta[:finite])
     return ReducedModes(point, values, shapes, min(wanted_number(values, count, max_hz), finite), theta, vectors)
 

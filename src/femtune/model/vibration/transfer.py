@@ -9,7 +9,7 @@ then follow the base.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -54,6 +54,18 @@ class ModalTransfer:
             "oim,mn->oin", self.residues.conj(), both[1]
         )
         return np.asarray(values + self.direct[:, :, None])
+
+    @property
+    def highest_hz(self) -> float:
+        """Natural frequency of the highest mode; 0 without modes."""
+        return float(np.abs(self.poles).max(initial=0.0)) / (2.0 * np.pi)
+
+    def accelerations_below(self, freq_hz: float) -> ModalTransfer:
+        """Accelerations without the modes above a frequency, and without their part of the direct term."""
+        keep = np.abs(self.poles) <= 2.0 * np.pi * freq_hz
+        poles, residues = self.poles[~keep], self.residues[:, :, ~keep]
+        left_out = (residues * (poles - poles.conj()) / poles**2).real.sum(axis=2)
+        return replace(self, poles=self.poles[keep], residues=self.residues[:, :, keep], direct=self.direct - left_out)
 
 
 def force_transfer(

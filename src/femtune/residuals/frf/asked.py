@@ -112,7 +112,7 @@ def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | N
         most=100.0 * zeta.max(initial=0.0), lines=len(equalised.frfs.freq_hz), misfit=100.0 * equalised.misfit,
         left_out=_bands(equalised.left_out_hz),
     )  # fmt: skip
-    told = [notice, *(r.notice for r in equalised.identified.remarks if r.notice.code == "identify.damping")]
+    told = [notice, *equalised.identified.notices]
     if equalised.misfit > _POOR:
         told.append(
             Notice(

@@ -37,7 +37,17 @@ def _blocks(source: ReportSource, test: VibrationResults) -> list[Block]:
     if test.compared_s is not None:
         band = f" Compared from {test.compared_s[0]:g} to {test.compared_s[1]:g} s."
     table = _TABLES[test.kind](test)
-    return [head, Paragraph(f"{damping} {stated}{band}"), table, *_figure(source, test)]
+    return [head, Paragraph(f"{damping} {stated}{band}{_modes(test)}"), table, *_figure(source, test)]
+
+
+def _modes(test: VibrationResults) -> str:
+    """The modes of the response, and what their truncation costs."""
+    if test.modes is None or test.truncation_percent is None:
+        return ""
+    return (
+        f" {test.modes} {'mode' if test.modes == 1 else 'modes'} up to {test.modes_to_hz:.4g} Hz, for excitation up to "
+        f"{test.highest_hz:.4g} Hz; the upper ones change a level by {short(test.truncation_percent)} % at most."
+    )
 
 
 _LEVELS = (">Test", ">Before", ">After", ">Error before %", ">Error %")

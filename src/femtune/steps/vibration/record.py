@@ -90,6 +90,17 @@ class VibrationResults(Record):
     curves: VibrationCurves | None = None
     """Responses over frequency; None if they could not be computed."""
 
+    modes: int | None = None
+    """Number of modes that the response of the updated model is made of."""
+    modes_to_hz: float | None = None
+    """Natural frequency of the highest of them, Hz."""
+    highest_hz: float | None = None
+    """Highest frequency that is excited, Hz; of a transient the one below which nearly all its energy lies."""
+    chosen_modes: bool = True
+    """True if all modes that the excitation needs were computed; a solver computes what its input requests."""
+    truncation_percent: float | None = None
+    """Largest change of a level, in %, by the upper quarter of the modes' range: an estimate of what is left out."""
+
     @property
     def compared(self) -> bool:
         """True if something was measured, and the model is beside it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from femtune.dofs import DofSet
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.files.vibration_table import read_signal, read_vibration_table
 from femtune.model.damping import constant_damping, damping_table
+from femtune.model.eigen.default_count import MOST_MODES
 from femtune.model.response import make_ports
 from femtune.model.vibration import (
     ModalTransfer,
@@ -28,8 +30,7 @@ from femtune.model.vibration import (
 )
 from femtune.steps.correlate.criteria import of_vibration
 from femtune.steps.vibration.solver_on_base import solver_transfer
-from femtune.study.error_places import errors_at
-from femtune.study.solved import solve
+from femtune.study.error_places import errors_at, errors_at_grid
 from femtune.validation import judge, not_tested
 from femtune.validation.criteria import RMS, SWEEP_AMPLITUDE, SWEEP_FREQUENCY, TRANSIENT_PEAK
 
@@ -58,6 +59,15 @@ They show the resonances; all lines would multiply the size of the results.
 """
 
 
+MODES_TO = 3.0
+"""Modes are computed up to this many times the highest excited frequency, and at least as many as [modes] has. A mode
+beyond follows the base, or a force, within 1/9 of its own static response; of large models 200 are computed at most."""
+_CHECKED_FROM = 0.75
+"""Part of the computed range above which modes are left out to estimate what the modes beyond the range contribute."""
+_ENERGY_OF_TRANSIENT = 0.999
+"""Part of the energy of a transient that its frequencies up to the highest one hold."""
+
+
 @dataclass(frozen=True, eq=False)
 class VibrationTest:
     """A vibration test of a study.
@@ -81,6 +91,16 @@ class VibrationTest:
         """Its configuration."""
         return _case(study, self.entry)
 
+    @cached_property
+    def highest_hz(self) -> float:
+        """Highest frequency that is excited; of a transient the one below which nearly all its energy lies."""
+        if isinstance(self.excitation, Sweep | Spectrum):
+            return _excited(self.excitation)[1]
+        times, signal = self.excitation
+        energy = np.cumsum(np.abs(np.fft.rfft(signal)) ** 2)
+        line = int(np.searchsorted(energy, _ENERGY_OF_TRANSIENT * energy[-1]))
+        return float(np.fft.rfftfreq(len(signal), (times[-1] - times[0]) / (len(times) - 1))[line])
+
 
 def _case(study: Study, entry: VibrationEntry) -> StudyCase:
     return next(c for c in study.cases if entry.configuration in (None, c.name))
@@ -91,11 +111,23 @@ def _transfer(study: Study, test: VibrationTest, x: Reals, known: EigenSolution 
     entry = test.entry
     if study.source.needs_runs:
         return solver_transfer(study, entry, x, test.damping)
-    modes = known or solve(study, test.case(study), x)
+    modes = _modes(study, test, x, known)
     ports = make_ports(modes.point.configured, [entry.input or entry.outputs[0]], entry.outputs)
     if entry.base is not None:
         return base_transfer(modes, ports, entry.base, test.damping)
     return force_transfer(modes, ports, test.damping)
+
+
+def _modes(study: Study, test: VibrationTest, x: Reals, known: EigenSolution | None) -> EigenSolution:
+    """The modes that the excitation needs, whatever number [modes] states for the correlation."""
+    wanted_hz = MODES_TO * test.highest_hz
+    if known is not None and known.freq_hz.max(initial=0.0) >= wanted_hz:
+        return known
+    case = test.case(study)
+    solver = study.solver if case.compared is None else case.compared.solver
+    with errors_at_grid(study.built):
+        modes = solver.modes(case.configured.at(x), study.file.modes.count or 1, wanted_hz)
+    return modes if known is None or modes.wanted > known.wanted else known
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +218,9 @@ def _beside(
     try:
         before, after = (_transfer(study, test, x) for x in points)
         responses = [_response(test, transfer) for transfer in (before, after)]
+        fewer = _response(
+            test, after.accelerations_below(_CHECKED_FROM * min(after.highest_hz, MODES_TO * test.highest_hz))
+        )
         measured = _measured_levels(entry, test.measured, test.band)
     except FemtuneError as error:
         return VibrationResults(**facts, excitation=motion, points=(), problem=f"{error.what} ({error.code})")
@@ -200,10 +235,22 @@ def _beside(
                            **_named("test", of_test))
             for output, of_before, of_after, of_test in levels
         ),
+        modes=len(after.poles),
+        modes_to_hz=after.highest_hz,
+        highest_hz=test.highest_hz,
+        truncation_percent=100.0 * _largest_change(fewer.levels, responses[1].levels),
+        chosen_modes=not study.source.needs_runs and len(after.poles) < MOST_MODES,
         compared_hz=None if entry.kind == "transient" else test.band,
         compared_s=test.band if entry.kind == "transient" else None,
         curves=_kept((keep[0], entry.kind), keep[1], responses[0].curve, responses[1].curve, test.measured),
     )  # fmt: skip
+
+
+def _largest_change(fewer: list[dict[str, Any]], levels: list[dict[str, Any]]) -> float:
+    """Largest relative change of a level by the upper modes."""
+    names = ("rms", "peak")
+    pairs = [(a[n], b[n]) for a, b in zip(fewer, levels, strict=True) for n in names if b.get(n)]
+    return max((abs(a / b - 1.0) for a, b in pairs), default=0.0)
 
 
 _NO_LEVELS: dict[str, Any] = {"peak": None, "peak_hz": None, "rms": None}

@@ -122,12 +122,12 @@ def _check_places(study: Study, x: Reals) -> None:
             code = "write.no-card/case-control" if ref.card in OF_MATRICES else "write.no-card"
             raise FemtuneError(code, where=_where(study, owners[ref]), parameter=owners[ref], field=ref)
         if ref.region and not study.file.write.split:
-            facts = {"parameter": owners[ref], "field": replace(ref, region="")}
-            raise FemtuneError("write.shared", where=_where(study, owners[ref]), **facts)
+            shared, where = replace(ref, region=""), _where(study, owners[ref])
+            raise FemtuneError("write.shared", where=where, parameter=owners[ref], field=shared)
     if varied and not study.file.write.split:
         ref = min(varied)
-        facts = {"parameter": owners.get(ref, ref.region), "field": replace(ref, region="")}
-        raise FemtuneError("write.shared", where=study.file.where("write", "split"), **facts)
+        where, name = study.file.where("write", "split"), owners.get(ref, ref.region)
+        raise FemtuneError("write.shared", where=where, parameter=name, field=replace(ref, region=""))
 
 
 def _where(study: Study, owner: str) -> Where:

@@ -40,11 +40,11 @@ def value_differences(structure: Structure, values: Mapping[FieldRef, float], wr
     `values` are those of the update in the fields of `structure`.
     """
     table = structure.values
-    given = {at: v for ref, v in values.items() if (at := table.index(ref)) is not None}
-    expected = table.evaluate({at: constant(v, 0) for at, v in given.items()}, 0).value
+    given = {entry: v for ref, v in values.items() if (entry := table.index(ref)) is not None}
+    expected = table.evaluate({entry: constant(v, 0) for entry, v in given.items()}, 0).value
     allowed = LARGEST_VALUE_DIFFERENCE * np.abs(expected)
-    for at, value in given.items():
-        allowed[at] = max(allowed[at], abs(rounded(value, _FIELD) - value))
+    for entry, value in given.items():
+        allowed[entry] = max(allowed[entry], abs(rounded(value, _FIELD) - value))
     there = _by_role(written, written.values.values)
     wrong: dict[int, list[float]] = {}
     for (card, role), (ids, positions) in _by_role(structure, np.arange(len(expected))).items():

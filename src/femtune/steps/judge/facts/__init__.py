@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from femtune.steps.judge.facts.acceptance import acceptance
+from femtune.steps.judge.facts.coverage import runs_coverage
 from femtune.steps.judge.facts.missing import missing_fields
 from femtune.steps.judge.facts.scatter import frequency_scatter
 from femtune.steps.judge.facts.usual import usual_ranges
@@ -19,5 +20,6 @@ FACTS: Mapping[str, Callable[[FinishedUpdate], Record | None]] = {
     "scatter": frequency_scatter,
     "usual_ranges": usual_ranges,
     "missing": missing_fields,
+    "coverage": runs_coverage,
 }
 """By the field of `JudgementResults` that receives the record; None where the topic does not apply."""

@@ -35,15 +35,15 @@ WEIGHTS: Mapping[str, Weight] = {
     "model.element-degenerate": "reservation",
     "residual.frf-truncated": "reservation",
     "residual.left-out-mode-lost": "reservation",
-    "write.incomplete": "reservation",
+    "write.rounding": "reservation",
     "study.test-counted-twice": "reservation",
     "correlate.sensor-inverted": "reservation",
     "correlate.unit-factor": "reservation",
     "correlate.axes": "reservation",
 }
 """Weight of the alerts that bear on the verdict, by code. Other alerts do, as reservations, if they are problems."""
-_SAID_ELSEWHERE = ("update.no-optimum", "update.stage-unfinished")
-"""Problems for which `update_reasons` has a reason of its own."""
+_SAID_ELSEWHERE = ("update.no-optimum", "update.stage-unfinished", "write.differs")
+"""Problems for which another topic has a reason of its own."""
 
 
 def alert_reasons(results: Results) -> Iterable[ReasonRecord]:

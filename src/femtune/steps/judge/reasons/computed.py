@@ -10,13 +10,52 @@ from femtune.steps.judge.record.reason import ReasonRecord, reason
 if TYPE_CHECKING:
     from femtune.steps.results import Results
 
+_LARGEST_TRUNCATION_PERCENT = 1.0
+"""Change of a level of a vibration test by its upper modes, in %, from which the test is a reservation: damping is
+known to a few per cent at best, which changes levels by half of that."""
+
 
 def computed_reasons(results: Results) -> Iterable[ReasonRecord]:
     """What was computed is not what is reported, or only an approximation of it."""
     yield from _deck_as_written(results)
+    yield from _coverage(results)
+    yield from _vibration(results)
+    yield from _reduced_model(results)
 
 
 def _deck_as_written(results: Results) -> Iterable[ReasonRecord]:
     written = results.write_back
     if written is not None and written.differences:
         yield reason("not accepted", "judge.deck-differs", difference=written.differences[0])
+
+
+def _coverage(results: Results) -> Iterable[ReasonRecord]:
+    found = None if results.judgement is None else results.judgement.coverage
+    if found is None:
+        return
+    for one in found.outside:
+        side = "below" if one.value < one.low else "above"
+        facts = {"parameter": one.parameter, "value": one.value, "side": side, "low": one.low, "high": one.high}
+        yield reason("not accepted", "judge.outside-runs", one.parameter, **facts)
+    sd = found.frequency_sd_percent
+    if sd is not None and sd > found.limit_percent and not found.outside:
+        yield reason("reservation", "judge.between-runs", mode=found.mode, percent=sd, limit=found.limit_percent)
+
+
+def _vibration(results: Results) -> Iterable[ReasonRecord]:
+    for test in () if results.validation is None else results.validation.vibrations:
+        if test.modes_to_hz is None or test.highest_hz is None or test.truncation_percent is None:
+            continue
+        facts = {"test": test.name, "last_hz": test.modes_to_hz, "highest_hz": test.highest_hz}
+        if not test.chosen_modes and test.modes_to_hz < test.highest_hz:
+            yield reason("reservation", "judge.too-few-modes", test.configuration, **facts)
+        elif test.truncation_percent > _LARGEST_TRUNCATION_PERCENT:
+            change = test.truncation_percent
+            yield reason("reservation", "judge.truncated", test.configuration, percent=change, **facts)
+
+
+def _reduced_model(results: Results) -> Iterable[ReasonRecord]:
+    """A certificate that had nothing to compare; one that failed is an alert."""
+    reduction = None if results.update is None else results.update.reduction
+    if reduction is not None and reduction.frfs is not None and not reduction.frfs.compared:
+        yield reason("reservation", "judge.reduced-not-compared")

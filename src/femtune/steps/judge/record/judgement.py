@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from femtune.steps.judge.record.acceptance import AcceptanceResults
+from femtune.steps.judge.record.coverage import CoverageResults
 from femtune.steps.judge.record.missing import MissingResults
 from femtune.steps.judge.record.reason import ReasonRecord
 from femtune.steps.judge.record.scatter import FrequencyScatter
@@ -33,3 +34,5 @@ class JudgementResults(Record):
     """Fields of the deck that no parameter represents and that the residuals ask for; None in older results."""
     not_computed: tuple[str, ...] = ()
     """Topics that could not be judged because their computation failed, with the reason."""
+    coverage: CoverageResults | None = None
+    """The end of the update in the runs of its model; None for other models."""

@@ -56,4 +56,5 @@ def _frfs(agreement: FrfAgreement | None, rules: ReductionRules) -> ReducedFrfRe
         largest_difference=agreement.largest,
         shift=agreement.shift,
         tolerance=rules.frf_tolerance,
+        compared=agreement.compared,
     )

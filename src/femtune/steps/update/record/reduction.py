@@ -68,6 +68,9 @@ class ReducedFrfResults(Record):
     """How far the change moves the combination of parameters that it moves most, in its standard deviation."""
     tolerance: float
     """Largest shift that the study allows."""
+    compared: bool = True
+    """False if the full model had nothing there above the threshold of an enrichment, so that the FRFs of the reduced
+    models were compared with themselves: no difference is no evidence."""
 
 
 class ReductionResults(Record):
