@@ -86,7 +86,7 @@ notebooks: $(VENV)/.stamp-notebooks  ## execute the notebooks as Jupyter does
 # alphabet, and begin first.
 examples-quick: $(VENV)/.stamp-test  ## run the quick form of every example
 	@printf '%s\n' $(EXAMPLES) | sort -r | $(ONE_THREAD) xargs -P 2 -I '{}' bash -c \
-	  'printed="$$($(BIN)/python "$$1" --quick 2>&1)"; code=$$?; printf "== %s\n%s\n" "$$1" "$$printed"; exit $$code' run '{}'
+	  'printed="$$($(BIN)/python "$$1" --quick 2>&1)"; code=$$?; printf "== %s, %d s\n%s\n" "$$1" $$SECONDS "$$printed"; exit $$code' run '{}'
 
 web/node_modules/.stamp: web/package-lock.json web/package.json
 	@cd web && npm ci --silent --no-audit --no-fund

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter, defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,14 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 _ROOT = Path(__file__).resolve().parents[1]
 _GOLDEN = 0.6180339887498949
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _files_wait_for_no_disk() -> Iterator[None]:
+    """No test cuts the power, and what a process has written outlives it without `fsync`, which takes 6 to 20 ms."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda descriptor: None)
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -61,18 +70,23 @@ class _Skipped:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of a family marked ``quick(count)``, mark all cases slow, or `rest`, except `count`; long tests are slow ones."""
-    families: dict[tuple[str, int, str], list[Any]] = defaultdict(list)
+    """Of a family marked ``quick(count)``, mark all cases slow, or `rest`, except `count`; long tests are slow ones.
+
+    With ``gate=number`` all but so many are long.
+    """
+    families: dict[tuple[str, int, str, int | None], list[Any]] = defaultdict(list)
     for item in items:
         mark = item.get_closest_marker("quick")
         rest = mark.kwargs.get("rest", "slow") if mark is not None else ""
         if mark is not None and (rest == "long" or item.get_closest_marker("slow") is None):
-            families[item.nodeid.partition("[")[0], mark.args[0], rest].append(item)
-    for (_, count, rest), cases in families.items():
-        chosen = spread([case.callspec.indices for case in cases], count)
+            families[item.nodeid.partition("[")[0], mark.args[0], rest, mark.kwargs.get("gate")].append(item)
+    for (_, count, rest, gate), cases in families.items():
+        indices = [case.callspec.indices for case in cases]
+        chosen = spread(indices, count)
+        of_gate = range(len(cases)) if gate is None else spread(indices, gate)
         for number, case in enumerate(cases):
             if number not in chosen:
-                case.add_marker(rest)
+                case.add_marker(rest if number in of_gate else "long")
     for item in items:
         if item.get_closest_marker("long") is not None:
             item.add_marker("slow")

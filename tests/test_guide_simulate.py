@@ -58,6 +58,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_true_value_is_found(folder: Path) -> None:
     update = ft.update(folder / "study.toml").results.update
     assert update is not None

@@ -304,7 +304,7 @@ def _panel(v: Values) -> Iterator[str]:
     yield from _line(5500, 13, [1010 + 100 * j for j in range(7)], "0.,0.,1.")
     for k, (node, mount) in enumerate(((1001, 1), (1601, 1), (1010, 2), (1610, 2))):
         yield f"CBUSH,{6000 + k},{mount},{node},,,,,0"
-    yield from (_bush(n, v, (3e5, 3e5, 3e5, 10.0, 10.0, 10.0)) for n in (1, 2))
+    yield from (_bush(n, v, (1e8, 1e8, 3e5, 10.0, 10.0, 10.0)) for n in (1, 2))
     yield from (_mass(1, 1304, v), _mass(2, 1508, v))
     yield from _forgotten("mass at 1107", 91, 1107, v)
     if v["third stiffener"]:

@@ -217,9 +217,9 @@ def _criteria(rows: Sequence[Row], started: Sequence[Row]) -> Iterator[str]:
     found_criteria = criteria(rows, started)
     yield from ("## Criteria", "")
     not_met = sum(not c.met for c in found_criteria)
-    unknown = sum(not c.measured.of for c in found_criteria)
+    unknown = sum(not c.decided for c in found_criteria)
     yield f"{len(found_criteria) - not_met - unknown} of {len(found_criteria)} are met, {not_met} are not, " + (
-        f"{unknown} are not measured."
+        f"{unknown} are not measured with enough models."
     )
     yield from ("", f"| criterion | measured | {100 * CONFIDENCE:g} % interval | limit | |",
                 "| --- | --- | --- | --- | --- |")  # fmt: skip

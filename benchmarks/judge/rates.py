@@ -9,6 +9,8 @@ from scipy.stats import binomtest
 
 CONFIDENCE = 0.95
 """Of the interval that decides whether a rate meets its limit."""
+WIDEST = 0.2
+"""Width of an interval from which it decides nothing: that of few models contains nearly every limit."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,12 @@ class Criterion:
         return high >= self.least and low <= self.most
 
     @property
+    def decided(self) -> bool:
+        """False where there are too few models for an answer; a rate that fails with few of them fails."""
+        low, high = self.measured.interval
+        return not self.met or high - low <= WIDEST
+
+    @property
     def inside(self) -> bool:
         """True where the measured rate itself is within the limits."""
         return bool(self.measured.of) and self.least <= self.measured.share <= self.most
@@ -70,5 +78,6 @@ class Criterion:
         if not self.measured.of:
             return f"| {self.text} | – | | {', '.join(limits)} | not measured |"
         outcome = "met" if self.inside else "met within its interval" if self.met else "**not met**"
+        outcome = outcome if self.decided else "too few models"
         between = f"{100 * low:.1f} to {100 * high:.1f} %"
         return f"| {self.text} | {self.measured} | {between} | {', '.join(limits)} | {outcome} |"

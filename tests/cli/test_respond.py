@@ -38,6 +38,7 @@ def _run(*words: str) -> Result:
     return CliRunner().invoke(main, ["respond", *words])
 
 
+@pytest.mark.slow
 def test_tables_page_and_universal_file(deck: Path) -> None:
     files = ("--uff", "out.uff", "--units", "mm-t-s", "--report", "page.html")
     result = _run(str(deck), *_ASKED, *files, "--kind", "mobility")

@@ -72,6 +72,7 @@ def test_a_rotated_displacement_frame_by_hand() -> None:
     assert not found[:, 6:].any()
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.integers(0, 10**6))
 def test_any_frame_gives_the_motion_in_the_sensor_direction(seed: int) -> None:

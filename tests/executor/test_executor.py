@@ -60,6 +60,7 @@ def test_another_exception_is_told_with_its_run(executor: Executor) -> None:
     assert error.value.code == "executor.failed"
 
 
+@pytest.mark.slow
 def test_a_worker_that_died_is_told_and_its_run_repeated(tmp_path: Path) -> None:
     told: list[Notice] = []
     assert Processes(2).run(Dies(tmp_path), range(4), remark=told.append) == [0, 10, 20, 30]

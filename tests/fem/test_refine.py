@@ -89,6 +89,7 @@ def _plate(n: int, cells: str, **how: float) -> Structure:
     return shell_structure(mesh.xyz, [ShellPart(mesh.cells, Section(STEEL, 0.05))], held=held)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("cells", ["quad", "right", "quad8", "right6"])
 def test_a_refined_plate_is_a_plate_with_twice_as_many_elements(cells: str):
     structure = _plate(3, cells, skew=0.2)
@@ -96,7 +97,7 @@ def test_a_refined_plate_is_a_plate_with_twice_as_many_elements(cells: str):
     assert natural_frequencies(refined, 5) == pytest.approx(natural_frequencies(_plate(6, cells, skew=0.2), 5))
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("kind", ["hexa8", "penta6", "hexa20", "penta15"])
 def test_a_refined_block_is_a_block_with_twice_as_many_elements(kind: str):
     def block(n: int) -> Structure:

@@ -101,7 +101,7 @@ _WITH_EXAMPLES = [
 ]
 
 
-@pytest.mark.quick(24)
+@pytest.mark.quick(8)
 @pytest.mark.parametrize(("name", "value"), _WITH_EXAMPLES, ids=[name for name, _ in _WITH_EXAMPLES])
 def test_examples_run(name: str, value: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if name == "to_xarray":

@@ -158,6 +158,7 @@ def test_what_is_in_memory_is_told_by_its_content(folder: Path) -> None:
     assert [Path(f).name for f in files] == ["cantilever.bdf", "cantilever.uff"]
 
 
+@pytest.mark.slow
 def test_a_test_without_a_file_is_a_test(folder: Path) -> None:
     test = dataclasses.replace(ft.read_test("cantilever.uff"), source="", sensors=())
     model = ft.read_deck("cantilever.bdf", units="m-kg-s")

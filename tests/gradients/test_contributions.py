@@ -148,7 +148,7 @@ def test_terms_of_triangles_with_rotations(name: str) -> None:
         check_contribution(term, values)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(2, gate=20)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("name", CASES)
 def test_terms(name: str, consistent: bool):
@@ -158,7 +158,7 @@ def test_terms(name: str, consistent: bool):
         check_contribution(term, values)
 
 
-@pytest.mark.quick(5)
+@pytest.mark.quick(3, gate=16)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("name", SHELLS)
 def test_terms_of_shells(name: str, consistent: bool):

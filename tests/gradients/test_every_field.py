@@ -88,7 +88,7 @@ def point_of(built: BuiltDeck, refs: list[FieldRef], relative: bool) -> ModelPoi
     return model.at(X[: len(refs)])
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(1, gate=16)
 @pytest.mark.parametrize(
     "card", [*(pytest.param(c, marks=pytest.mark.slow) if c in TAPERED else c for c in CARDS), "PARAM"]
 )
@@ -105,6 +105,7 @@ def test_derivatives_of_every_field(card: str, built: dict[str, BuiltDeck]):
 
 
 @pytest.mark.slow
+@pytest.mark.quick(16, rest="long")
 @pytest.mark.parametrize("card", CARDS)
 def test_a_deck_written_at_other_values_has_the_matrices_of_the_parameters(
     card: str, built: dict[str, BuiltDeck], tmp_path: Path
@@ -135,6 +136,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("text", REFUSED)
 def test_fields_without_effect_are_refused_with_the_reason(text: str, built: dict[str, BuiltDeck]):
     deck = built["shells" if text.split(maxsplit=1)[0] in ("CQUAD4", "CTRIA3", "PSHELL") else "lines"]

@@ -51,6 +51,7 @@ def test_a_response_that_is_zero_has_no_shape(eight_modes: Any) -> None:
     assert any(n.code == "frf.dead" and n.what.endswith("4Z+") for n in found.notices)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("hum", [False, True])
 def test_the_noise_of_a_dead_response_gives_no_mode_and_costs_none(three_modes: Any, hum: bool) -> None:
     """A million times smaller than the others: scaled to their size, a hum of 16 Hz became a mode, noise hid others."""

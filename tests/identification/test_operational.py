@@ -24,7 +24,7 @@ def record(seed: int = 0, duration_s: float = 1200.0):
     return plant.truth, simulated_test(plant, noise, clock, MeasuringChain(40.0), seed)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("method", OUTPUT_ONLY)
 def test_every_method_finds_all_modes_and_no_more(method):
     truth, made = record()
@@ -52,6 +52,7 @@ def test_deviations_are_of_the_size_of_the_errors():
     assert ((ratio > 0.5) & (ratio < 1.8)).all(), ratio
 
 
+@pytest.mark.slow
 def test_references_are_enough():
     truth, made = record()
     found = by_covariances(made, Operational((1.0, 12.0), 24, references=DofSet([Dof(1, "X"), Dof(2, "X")]))).modes

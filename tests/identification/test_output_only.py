@@ -78,6 +78,7 @@ def test_orders_come_from_one_factorisation():
         assert (c == o[:4, :n]).all()
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("method", ["covariance", "data", "era"])
 def test_methods_agree_with_the_truth(method):
     y, truth = ambient(1, 100_000), plant().truth

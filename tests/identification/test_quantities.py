@@ -78,7 +78,7 @@ def record(measured: dict[str, np.ndarray], quantities: Sequence[str], units: Se
 
 @pytest.mark.parametrize("quantities", [VELOCITIES, THREE], ids=["two", "three"])
 @pytest.mark.parametrize("method", OUTPUT_ONLY)
-@pytest.mark.quick(2)
+@pytest.mark.quick(1)
 def test_shapes_of_mixed_records_are_those_of_accelerations(measured, method, quantities):
     truth = plant().truth
     mixed, plain = (OUTPUT_ONLY[method].load()(record(measured, q), ASKED) for q in (quantities, ALL))
@@ -118,6 +118,7 @@ def test_movements_of_converted_shapes_are_derivatives(measured):
     assert same is before.shapes
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("quantity", ["strain", "unknown", "displacement"])
 def test_records_of_one_quantity_are_not_converted(measured, quantity):
     plain = by_covariances(record(measured, ALL), ASKED).modes

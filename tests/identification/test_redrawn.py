@@ -67,6 +67,7 @@ def test_leverage_is_the_number_of_unknowns(inputs: tuple[int, ...]) -> None:
     assert 2.0 * n * test.leverage.sum() == pytest.approx(shapes + 2 * modes, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_lines_are_drawn_with_all_functions() -> None:
     test = redrawn((0, 3), 1e-3)
     times = test.draw("lines", np.random.default_rng(2)) / test.errors + 1.0
@@ -79,6 +80,7 @@ def test_lines_are_drawn_with_all_functions() -> None:
     assert np.ptp(single, axis=0).max() > 0.5
 
 
+@pytest.mark.slow
 def test_noise_is_as_large_as_the_errors() -> None:
     noise = 0.01
     test = redrawn((0,), noise)
@@ -102,6 +104,7 @@ def test_spread_is_that_of_repeated_tests(inputs: tuple[int, ...]) -> None:
         assert np.median(drawn / repeated) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_pickle_gives_the_same_draws() -> None:
     test = redrawn((0, 3), 1e-3)
     change = test.draw("lines", np.random.default_rng(9))

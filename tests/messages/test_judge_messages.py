@@ -8,6 +8,24 @@ from tests.messages.shown import check_shown
 from femtune.errors import FemtuneError, Notice
 
 _CASES: dict[str, Notice] = {
+    "judge.curved": Notice("judge.curved", axis="+Iby1, −Icx2", step=1.5, true=508.5, linear=2.25, count=3, of=20),
+    "judge.curved, unsolved": Notice("judge.curved/unsolved", axis="+Iby1, −Icx2", step=1.5, count=3, of=20),
+    "judge.lower-beside": Notice("judge.lower-beside", axis="+Iby1", step=1.5, decrease=12.31),
+    "judge.better-minimum": Notice(
+        "judge.better-minimum", tried="as built: test mode 8 with model mode 8", first=344.21, now=30.512
+    ),
+    "judge.pairing-open": Notice(
+        "judge.pairing-open",
+        pairs="as built: test mode 4 with model mode 5 and test mode 5 with model mode 4",
+        before=161.2,
+        held=129.4,
+    ),
+    "judge.pairing-not-tried": Notice(
+        "judge.pairing-not-tried",
+        pairs="as built: test mode 8 with model mode 8; as built: test mode 9 with model mode 8",
+    ),
+    "judge.frequencies-worse": Notice("judge.frequencies-worse", before=1.42, after=2.63),
+    "judge.frequency-worse": Notice("judge.frequency-worse", modes="as built: mode 5 (+0.40 % before, −2.10 % after)"),
     "judge.missing": Notice(
         "judge.missing",
         field="PSHELL 2 T (or what looks like it: MAT1 1 E)",
@@ -22,6 +40,26 @@ _CASES: dict[str, Notice] = {
         "judge.missing/suspected", field="CELAS2 903 K", chance="p = 0.03", tested="105 fields"
     ),
     "judge.missing, implausible": Notice("judge.missing/implausible", chance="p < 0.002", tested="105 fields"),
+    "judge.misfit": Notice(
+        "judge.misfit", part="the shape residual of mode 6 (free)", ratio=3.2,
+        numbers="chi-square 113 on 11 degrees of freedom, p = 2.1e-09",
+    ),
+    "judge.misfit, prior": Notice("judge.misfit/prior", part="the prior of E", ratio=25.0, numbers="p < 1e-12"),
+    "judge.misfit, held": Notice(
+        "judge.misfit/held", part="what the bounds keep", numbers="chi-square 41 on 1 degree of freedom, p = 4.5e-09"
+    ),
+    "judge.misfit, whole": Notice(
+        "judge.misfit/whole", outcome="the residuals have the stated size, but they are not random"
+    ),
+    "judge.neighbour": Notice("judge.neighbour", sentence="mode 6 contains 7 % of mode 8", chance="p = 0.0003"),
+    "judge.overstated": Notice("judge.overstated", kind="frequency", times=112.0),
+    "judge.overstated, key": Notice(
+        "judge.overstated/with-key", kind="frequency", times=112.0, key="frequency_sd", stated=0.1, fits=0.00089
+    ),
+    "judge.larger-than-assumed": Notice("judge.larger-than-assumed", kind="shape", ratio=2.4),
+    "judge.larger-than-assumed, key": Notice(
+        "judge.larger-than-assumed/with-key", kind="shape", ratio=2.4, key="shape_sd", stated=0.03, fits=0.072
+    ),
     "judge.deck-differs": Notice(
         "judge.deck-differs", difference="MAT1 1 E is 2.1e+11 instead of 1.7e+11 for 4 elements"
     ),

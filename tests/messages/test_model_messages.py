@@ -166,6 +166,7 @@ def raised(code: str) -> str:
     return str(caught.value)
 
 
+@pytest.mark.quick(17)
 @pytest.mark.parametrize("code", CASES)
 def test_message_is_the_example_of_its_page(code: str):
     check_shown(code, raised(code))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, Notice, Where
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import BuiltDeck, build_structure
@@ -22,6 +22,12 @@ _BAR = "CBAR,7,3,1,2,0.,1.,0.\n"
 
 _SOLID = _BASE + "GRID,3,,0.,1.,0.\nGRID,4,,0.,0.,1.\nCTETRA,31,12,1,2,3,4\n"
 
+_PLATE = _BASE + "GRID,3,,1.,1.,0.\nGRID,4,,0.,1.,0.\nPSHELL,12,1,.1,1\nCQUAD4,31,12,1,2,3,4\n"
+_TWO_PLATES = (
+    "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\nSPC1,1,123456,1,4\n"
+    + _PLATE
+    + "GRID,12,,1.,0.,0.\nGRID,13,,1.,1.,0.\nGRID,15,,2.,0.,0.\nGRID,16,,2.,1.,0.\nCQUAD4,32,12,12,15,16,13\nENDDATA\n"
+)
 _COMPLEX = "DMIG,JOINT,0,6,3,0\nDMIG,JOINT,2,3,,2,3,1.+5,2.+4\n"
 
 DECKS = {
@@ -90,6 +96,11 @@ NOTICES = {
     + "ENDDATA\n",
     "deck.without-point": _BASE.replace("2.1+11", "21E10") + _BAR,
     "deck.turned-solids": _SOLID.replace("1,2,3,4", "1,3,2,4") + "PSOLID,12,1\n",
+    "deck.coincident-points": _TWO_PLATES,
+    "deck.free-part": _TWO_PLATES,
+    "deck.repeated-elements": _PLATE + "CQUAD4,33,12,1,2,3,4\n",
+    "deck.alternating-normals": _PLATE.replace("1,2,3,4", "1,2,3,4,,.1")
+    + "GRID,5,,2.,0.,0.\nGRID,6,,2.,1.,0.\nCQUAD4,33,12,2,3,6,5,,.1\n",
     "deck.inactive-set": _BASE + "SPC1,7,123456,1\n",
     "deck.after-enddata": "SOL 103\nCEND\nBEGIN BULK\n" + _BASE + "ENDDATA\nCONM2,9,2,,4.\n",
     "deck.complex-matrix, damping": "SOL 103\nCEND\nK2GG = JOINT\nBEGIN BULK\n" + _BASE + _COMPLEX + "ENDDATA\n",
@@ -126,6 +137,10 @@ def test_page_shows_the_rest_of_many_errors() -> None:
     with pytest.raises(FemtuneError) as caught:
         _built(_BASE + "".join(f"CBAR,{i},3,1,{i},0.,1.,0.\n" for i in range(100, 150)))
     _check(caught.value.errors[-1], "deck.more-problems")  # type: ignore[attr-defined]
+
+
+def test_page_shows_a_check_that_failed() -> None:
+    check_shown("deck.health-unknown", Notice("deck.health-unknown", where=Where("deck.bdf"), problem="ValueError"))
 
 
 @pytest.mark.parametrize("name", NOTICES)

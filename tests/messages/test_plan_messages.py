@@ -45,6 +45,7 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
     return caught.value
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize(
     ("name", "text"),
     [
@@ -91,6 +92,7 @@ def test_rigid_body_modes_alone(tmp_path: Path) -> None:
     assert caught.value.code == "plan.target-modes"
 
 
+@pytest.mark.quick(11)
 @pytest.mark.parametrize(
     ("options", "code"),
     [

@@ -40,6 +40,7 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
     return caught.value
 
 
+@pytest.mark.quick(7)
 @pytest.mark.parametrize(
     ("text", "code", "line", "words"),
     [

@@ -140,7 +140,7 @@ def said(folder: Path, case: Case) -> str:
     return click.unstyle(result.stderr).replace(f"{folder}{os.sep}", "").strip("\n")
 
 
-@pytest.mark.quick(12)
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("name", CASES)
 def test_what_a_newcomer_is_told(tmp_path: Path, name: str) -> None:
     shown = said(tmp_path, CASES[name])

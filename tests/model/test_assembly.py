@@ -63,7 +63,7 @@ def slowly(point: ModelPoint, kind: str) -> np.ndarray:
     return T.T @ assemble(replace(structure, values=values), kind).toarray() @ T  # type: ignore[arg-type]
 
 
-@pytest.mark.quick(3)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("cells", ["quad", "union"])
 @pytest.mark.parametrize("frames", [False, True])
 @pytest.mark.parametrize("kind", ["stiffness", "mass"])
@@ -132,6 +132,7 @@ def test_pieces_are_the_whole_batch() -> None:
             np.testing.assert_array_equal(whole[part.matrix, part.label][part.at], part.matrices)
 
 
+@pytest.mark.slow
 def test_small_pieces_give_the_same_model(monkeypatch: pytest.MonkeyPatch) -> None:
     """Regions, coefficients and slots that span pieces."""
     whole = model(shells(loss=0.02), nu="MAT1 1 NU", **THREE)
@@ -145,6 +146,7 @@ def test_small_pieces_give_the_same_model(monkeypatch: pytest.MonkeyPatch) -> No
     assert columns[0] == columns[1]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("passes", [0, 10**9])
 def test_both_ways_to_sum_entries(monkeypatch: pytest.MonkeyPatch, passes: int) -> None:
     monkeypatch.setattr(spread, "PASSES", passes)

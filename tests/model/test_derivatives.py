@@ -317,6 +317,7 @@ def test_the_subspace_of_a_double_mode_at_sensors_moves_as_foretold(plate: Eigen
     check_directional(projector, slope, np.zeros(3), direction, tolerance=1e-6, step=1e-5)
 
 
+@pytest.mark.slow
 def test_single_modes_at_sensors_have_taylor_slope_two(plate: EigenSolution) -> None:
     rows, at = some_rows(plate, 12), np.array([0.05, -0.03, 0.08])
     model = plate.point.configured

@@ -232,6 +232,7 @@ def test_bad_starts_lead_to_the_same_modes(damage: str):
     np.testing.assert_allclose(again.eigenvalues[6:20], good.eigenvalues[6:20], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_large_models_keep_one_factor_at_a_time(monkeypatch: pytest.MonkeyPatch):
     """That of the count; whoever wants the other one gets it made again."""
     if "PARDISO" not in factorise.available_solvers():

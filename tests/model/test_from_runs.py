@@ -58,6 +58,7 @@ def test_with_all_modes_a_linear_model_is_met_exactly_wherever_its_modes_lie() -
     assert np.abs(fitted.error).max() < 1e-9
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("count", [2, 3])
 def test_with_some_of_the_modes_the_runs_are_met_and_the_space_between_with_the_order_of_the_polynomial(
     count: int,
@@ -75,6 +76,7 @@ def test_with_some_of_the_modes_the_runs_are_met_and_the_space_between_with_the_
     assert (slopes > 2.4).all(), (errors, slopes)
 
 
+@pytest.mark.slow
 def test_order_signs_and_the_choice_among_repeated_modes_do_not_matter() -> None:
     points = sample(12, 0.2)
     one = fit_runs(runs_at(points, 3), NODES, 2, crossed=True)
@@ -193,6 +195,7 @@ def test_other_surrogates_of_runs_with_shapes(rules: SurrogateRules) -> None:
     assert np.mean(shapes) < 2e-2
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     "rules",
     [

@@ -164,6 +164,7 @@ def test_what_does_not_change_has_no_higher_terms() -> None:
     assert terms[(3,)].nnz == terms[(2,)].nnz
 
 
+@pytest.mark.slow
 def test_concrete_frame(shared_data: Path) -> None:
     """12 influence matrices with the published true changes: published frequencies before and after."""
     data = scipy.io.loadmat(shared_data / "concrete_frame_simulated" / "ConcreteBuildingFrame.mat")

@@ -98,6 +98,7 @@ def test_the_bound_from_above_is_one():
         assert 0.98 * true <= bound <= 10.0 * true
 
 
+@pytest.mark.slow
 def test_what_cannot_be_shown_is_sought_from_below(monkeypatch: pytest.MonkeyPatch):
     old = solve_modes(model().at(np.zeros(1)), 20)
     point = model().at(np.array([0.1]))

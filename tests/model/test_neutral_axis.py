@@ -72,6 +72,7 @@ def test_the_part_is_that_of_the_offset(tmp_path: Path) -> None:
         assert offset_mass(own, [1, 2, 3])[1] == 7
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("offset", [0.002, 0.01, 0.03])
 def test_the_changes_are_those_of_the_moved_mass(tmp_path: Path, offset: float) -> None:
     """The stiffness of N2 beside the mass of N2 = 0, solved densely; bending along the offset does not change."""

@@ -64,6 +64,7 @@ def end_load(size: float, axis: Sequence[float] = (1.0, 0.0, 0.0), n: int = 12) 
     return [force(n + 1, (size * np.array(axis) / np.linalg.norm(axis)).tolist())]
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("kind", ["CBAR", "CBEAM"])
 @pytest.mark.parametrize("ratio", [0.0, 5.0, -0.5, -0.9])
 def test_a_beam_under_axial_force(kind: str, ratio: float) -> None:
@@ -86,6 +87,7 @@ ENDS = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("ends", ENDS)
 def test_the_lowest_eigenvalue_vanishes_at_the_buckling_load(ends: str) -> None:
     """Euler's four columns."""
@@ -150,6 +152,7 @@ def ring() -> list[str]:
     return [system, *grids, *bars, *springs, *section, "PARAM,COUPMASS,1", f"SPC1,1,345,1,THRU,{RING}"]
 
 
+@pytest.mark.slow
 def test_a_ring_under_pressure() -> None:
     """q_cr = 4 EI/R³ for pressure of constant direction (Bodner, J. Aeronaut. Sci. 25, 1958).
 
@@ -402,6 +405,7 @@ def test_a_shortage_of_memory_is_said_before_the_work(monkeypatch: pytest.Monkey
     assert caught.value.code == "model.memory"
 
 
+@pytest.mark.slow
 def test_a_reduction_names_the_preload_that_makes_it_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("femtune.model.reduce.reduced_model.MOST_BYTES", 1)
     with pytest.raises(FemtuneError, match="STATSUB") as caught:

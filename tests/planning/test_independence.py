@@ -56,6 +56,7 @@ def _removed_by_definition(shapes: Reals, count: int) -> list[int]:
     return left
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("directions", [1, 3])
 def test_elimination_removes_what_the_definition_removes(directions: int) -> None:
     # more removals than are updated in one go
@@ -96,6 +97,7 @@ def test_no_single_exchange_improves_the_set() -> None:
             assert log_det(information_of(shapes[changed])) <= reached + 1e-8
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("method", ["expansion", "elimination"])
 def test_placed_sensors_beside_random_ones(method: str) -> None:
     shapes, count, rng = _beam(60, 6), 9, np.random.default_rng(1)

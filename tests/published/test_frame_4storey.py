@@ -89,6 +89,7 @@ def test_nominal_frequencies_are_those_of_a_uniform_chain(tmp_path: Path, measur
     np.testing.assert_allclose(2 * np.pi * found, omega, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_published_changes_by_the_dynamic_residual(tmp_path: Path, measured: ModeSet):
     """(K − λ_e M)ψ with the motion of the fourth floor as an unknown."""
     problem = _problem(tmp_path, measured, "mac")

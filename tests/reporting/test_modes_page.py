@@ -68,6 +68,7 @@ def _page(path: Path) -> Document:
     return build_page("modes", found.results, found.arrays)
 
 
+@pytest.mark.slow
 def test_a_deck_alone_gets_a_page_with_every_mode(plate: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     found = ft.modes(plate, report=page)
@@ -116,6 +117,7 @@ def test_a_free_structure_has_no_table_of_dashes(plate: Path) -> None:
     assert "its rigid-body modes have the total effective mass" in table.note
 
 
+@pytest.mark.slow
 def test_units_are_told_by_a_study_and_not_by_a_deck(plate: Path) -> None:
     study = plate.with_name("study.toml")
     study.write_text('[study]\ntitle = "Plate"\ndeck = "plate.bdf"\nunits = "mm-t-s"\n[modes]\ncount = 7\n')
@@ -126,6 +128,7 @@ def test_units_are_told_by_a_study_and_not_by_a_deck(plate: Path) -> None:
     assert re.search(r"Mass</dt>\s*<dd>\S+ t\b", keys)
 
 
+@pytest.mark.slow
 def test_a_study_shows_its_configurations_one_by_one(plate: Path) -> None:
     study = plate.with_name("study.toml")
     study.write_text(
@@ -243,7 +246,7 @@ def test_a_failure_leaves_no_empty_page(plate: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_only_a_page_is_replaced_by_a_page(plate: Path, tmp_path: Path) -> None:
     deck, page = plate.read_bytes(), tmp_path / "page.html"
-    with pytest.raises(FemtuneError, match="is not an HTML page") as caught:
+    with pytest.raises(FemtuneError, match="is not a page that femtune wrote") as caught:
         ft.modes(plate, report=plate)
     assert caught.value.code == "run.unwritable"
     assert plate.read_bytes() == deck

@@ -267,6 +267,7 @@ def hostile(slim: dict[str, Any], arrays: dict[str, Any]) -> Document:
     return build_report(Results.model_validate(_with_hostile_labels(_poisoned(slim))), arrays)
 
 
+@pytest.mark.slow
 def test_what_comes_from_files_stays_text(hostile: Document) -> None:
     text = without_own_scripts(html_text(hostile))
     page = _Page(text)
@@ -328,6 +329,7 @@ def test_many_modes_stay_within_the_size(slim: dict[str, Any], arrays: dict[str,
     assert len(without_own_scripts(html_text(document))) < 2_000_000
 
 
+@pytest.mark.slow
 def test_a_report_that_cannot_be_written_is_an_error(document: Document, tmp_path: Path) -> None:
     with pytest.raises(FemtuneError, match="cannot be written") as caught:
         write_html(document, tmp_path / "absent" / "report.html")

@@ -104,6 +104,7 @@ def test_a_shallow_minimum_between_two_poles_is_none() -> None:
     assert error.value.code == "residual.no-antiresonances"
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("kind", ["receptance", "mobility"])
 def test_the_kind_of_function_does_not_matter(kind: str) -> None:
     frfs = functions()
@@ -111,6 +112,7 @@ def test_the_kind_of_function_does_not_matter(kind: str) -> None:
         assert a.freq_hz == pytest.approx(b.freq_hz, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_jacobian() -> None:
     case = case_without_modes(chain(LOSS), (residual_of(functions()),), count=5)
     check_residual(UpdateProblem((case,), case.configured.model.parameters), FREE, 1e-6)
@@ -149,6 +151,7 @@ def test_motion_tells_near_ones_apart() -> None:
     assert "deflection shapes" in notices[0].what
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("sd", [0.0, -1.0, float("nan")])
 def test_no_scatter_is_refused(sd: float) -> None:
     with pytest.raises(FemtuneError) as error:
@@ -156,6 +159,7 @@ def test_no_scatter_is_refused(sd: float) -> None:
     assert error.value.code == "residual.antiresonance-sd"
 
 
+@pytest.mark.slow
 def test_gaps_and_bands() -> None:
     frfs = functions()
     values = frfs.values.copy()

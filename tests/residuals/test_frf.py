@@ -112,6 +112,7 @@ def test_zero_at_the_truth_and_only_there(form: FrfForm):
     assert np.linalg.norm(values_at(residual, AT)) > 10.0
 
 
+@pytest.mark.quick(2)
 @every_form
 def test_values_with_and_without_derivatives_are_the_same_numbers(form: FrfForm):
     """Few modes: residual vectors make up for the others, and both must have the same ones."""

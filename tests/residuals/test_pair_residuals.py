@@ -64,13 +64,13 @@ def problem_of(case: ComparedCase, residual: OfPairs) -> UpdateProblem:
     return UpdateProblem((replace(case, residuals=(residual,)),), case.configured.model.parameters)
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", RESIDUALS)
 def test_jacobian(name: str):
     check_residual(problem_of(chain_case(), RESIDUALS[name](3, 3)), np.array([0.02, 0.1, -0.1]))
 
 
-@pytest.mark.quick(3)
+@pytest.mark.quick(1, gate=12)
 @pytest.mark.parametrize("name", RESIDUALS)
 @pytest.mark.parametrize("x", [(0.0, 0.0, 0.0), (0.05, -0.02, 0.0)])
 def test_jacobian_at_repeated_modes(name: str, x: tuple[float, ...]):

@@ -20,6 +20,7 @@ from femtune.runs.outcome import RunOutcome
 POINTS = [{"k1": 4.0 + i, "k2": 9.0, "point": i} for i in range(6)]
 
 
+@pytest.mark.slow
 def test_a_second_run_costs_nothing(tmp_path: Path) -> None:
     solver = fake_solver(tmp_path)
     fail(tmp_path, 3, "crash", 9)
@@ -61,6 +62,7 @@ def test_another_database_is_put_aside(tmp_path: Path, make: str) -> None:
     assert [n.code for n in open_run_journal(tmp_path).notices] == ["journal.damaged"]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "change",
     ["facts = '{}'", "facts = 'no json'", "freq_hz = x'00'", "shapes = x'0000000000000000'", "nodes = 'text'"],

@@ -255,6 +255,7 @@ def test_two_equally_good_optima(bench: Bench) -> None:
     assert 0 < both.starts_at_best + both.starts_unpaired < 8
 
 
+@pytest.mark.quick(7)
 @pytest.mark.parametrize(
     ("name", "text"),
     [

@@ -102,6 +102,7 @@ def test_the_report_shows_the_components_of_each_stage(run: RunResult) -> None:
     assert "4 interface DOFs, largest error of a frequency at the initial values" in text
 
 
+@pytest.mark.slow
 def test_a_configuration_has_the_elements_of_its_components(spans: Path, tmp_path: Path) -> None:
     study = load_study(spans / "study.toml")
     left = study.cases[0].configured.configuration
@@ -132,6 +133,7 @@ def test_an_update_without_stages_uses_the_components_too(spans: Path, tmp_path:
     assert len(by_name["whole"].components) == 2
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [

@@ -29,6 +29,7 @@ def few(bench: Bench) -> Bench:
     return bench
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("method", ["serep", "dynamic", "mdre"])
 def test_modes_of_the_deck_itself_are_expanded_to_its_grid_points(few: Bench, method: str) -> None:
     study = few.study(f'{EI}[correlate]\nexpand = "{method}"\nexpand_noise = 1e-6\n')
@@ -146,6 +147,7 @@ def test_a_file_without_an_expansion_is_refused_before_anything_is_solved(beam: 
     assert error.value.code == "write.overwrites-input"
 
 
+@pytest.mark.slow
 def test_a_reversed_sensor_is_the_one_that_lowers_the_mac(bench: Bench) -> None:
     test = bench.measure(bench.folder / "beam.bdf")
     assert test.modes is not None
@@ -167,6 +169,7 @@ def test_a_reversed_sensor_is_the_one_that_lowers_the_mac(bench: Bench) -> None:
     assert "MAC without one DOF" in shown
 
 
+@pytest.mark.slow
 def test_a_file_that_cannot_be_written_is_an_alert_and_not_the_end_of_a_run(beam: Bench) -> None:
     study = beam.study(f'{EI}[correlate]\nexpand = "serep"\n')
     assert "expanded.uff" in ft.update(study).files

@@ -76,6 +76,7 @@ def test_points_without_a_place_are_assigned_by_their_numbers(small: tuple[Path,
     assert made.record.paired == 10
 
 
+@pytest.mark.slow
 def test_modes_that_a_study_asks_for_are_those_that_are_solved(small: tuple[Path, Path]) -> None:
     deck, test = small
     found = ft.correlate(ft.read_deck(deck, units="mm-t-s"), test, modes={"count": 10})
@@ -138,6 +139,7 @@ _UNITS = {
 }
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("units", _UNITS)
 def test_units_are_guessed_from_materials_and_coordinates(tmp_path: Path, units: str) -> None:
     scale, material = _UNITS[units]
@@ -190,7 +192,7 @@ _CYCLE = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _OBLIQUE = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("turn", "shift", "renumbered"),
     [(_CYCLE, 0.0, True), (_CYCLE, 50.0, False), (_OBLIQUE, 12.5, False), (np.eye(3), 100.0, True)],
@@ -326,6 +328,7 @@ def test_nothing_is_overwritten(small: tuple[Path, Path]) -> None:
     assert ft.init(*small, folder, force=True).path.read_text() != "edited"
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["study.toml", "identify.toml", "identified/modes.csv"])
 def test_an_input_is_never_overwritten(tmp_path: Path, name: str) -> None:
     """A file that the deck includes has the name of one that init writes; force does not change that."""
@@ -340,6 +343,7 @@ def test_an_input_is_never_overwritten(tmp_path: Path, name: str) -> None:
     assert (tmp_path / name).read_text() == "$ included\n"
 
 
+@pytest.mark.slow
 def test_identified_modes_of_others_are_not_overwritten(tmp_path: Path) -> None:
     deck, test = example_deck(tmp_path), _functions(tmp_path, 0.0)
     (tmp_path / "identified").mkdir()
@@ -355,6 +359,7 @@ def test_the_message_without_identified_modes() -> None:
     check_shown("init.no-modes", error)
 
 
+@pytest.mark.slow
 def test_json_of_init_and_check(small: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     deck, test = small
     monkeypatch.chdir(deck.parent)

@@ -82,6 +82,7 @@ def test_fragments_give_means_and_their_scatter(record, tmp_path):
     assert all(m.estimates >= 3 and m.freq_sd_hz > 0 for m in made.record.modes)
 
 
+@pytest.mark.slow
 def test_choices_by_hand_are_kept(record, tmp_path):
     lowest = float(PLANT.truth.freq_hz[0])
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "drop_hz": (lowest,), "methods": ("SSI-cov",)}

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from pydantic import BaseModel
+from tests.messages.shown import check_shown
 
 import femtune as ft
 from femtune.cli import main
@@ -141,6 +142,7 @@ def _base(folder: Path) -> StudyFile:
     return study_from_text((HEAD.format(title="beam") + REST), folder / "s.toml")
 
 
+@pytest.mark.quick(16)
 @pytest.mark.parametrize("name", ["results.json", "damping.toml", "journal/modes-1.npz", "external/updated/in.txt"])
 @pytest.mark.parametrize("key", keys_of_all(), ids=lambda key: f"{'.'.join(map(str, key.place))} {key.name}")
 def test_an_input_with_the_name_of_a_file_of_the_run_is_refused_before_the_folder_is_touched(
@@ -210,6 +212,7 @@ def test_a_catalogue_that_a_study_names_stays(folder: Path) -> None:
     assert (folder / "run" / "damping.toml").read_text() == text
 
 
+@pytest.mark.slow
 def test_a_catalogue_that_no_run_made_stays_and_that_of_an_earlier_run_goes(folder: Path) -> None:
     ft.update(study(folder))
     catalogue = folder / "run" / "damping.toml"
@@ -250,6 +253,7 @@ def test_a_folder_belongs_to_one_study(folder: Path) -> None:
     ft.update("first.toml")
 
 
+@pytest.mark.slow
 def test_a_folder_without_a_record_is_that_of_its_results(folder: Path) -> None:
     ft.update(study(folder, "first.toml", "first study"))
     (folder / "run" / OWNER_FILE).unlink()
@@ -262,6 +266,7 @@ def test_a_folder_without_a_record_is_that_of_its_results(folder: Path) -> None:
     assert owner.path.samefile("first.toml")
 
 
+@pytest.mark.slow
 def test_renamed_and_moved_studies_keep_their_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ft.update(study(folder))
     (folder / "s.toml").rename(folder / "renamed.toml")
@@ -279,6 +284,7 @@ def test_checksums_are_those_of_all_inputs(folder: Path) -> None:
     assert {one.path: one.sha256 for one in found} == expected
 
 
+@pytest.mark.slow
 def test_all_files_that_were_written_are_named(folder: Path) -> None:
     study(folder, more='[correlate]\nexpand = "serep"\n')
     output = CliRunner().invoke(main, ["update", "s.toml"]).output
@@ -298,6 +304,52 @@ def test_a_pipe_in_place_of_a_table_is_refused_with_its_key(folder: Path) -> Non
     with pytest.raises((FemtuneError, FemtuneErrors)) as caught:
         ft.update("s.toml")
     assert "s.toml:7 (test.deviations)" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("step", "name", "text"),
+    [
+        ("update", "starts.jsonl", "notes of mine\n"),
+        ("update", "bootstrap.jsonl", '{"runs": 3}\n'),
+        ("candidates", "candidates.jsonl", ""),
+        ("run", "report.html", "<!doctype html><title>Written by hand</title>\n"),
+    ],
+)
+def test_a_file_of_others_with_the_name_of_one_of_a_run_stays(folder: Path, step: str, name: str, text: str) -> None:
+    mine = folder / "run" / name
+    mine.parent.mkdir()
+    mine.write_text(text)
+    code = "run.unwritable" if step == "run" else "run.other-file"
+    for words in ([], ["--fresh"]):
+        assert f"[{code}]" in refused(step, str(study(folder)), *words)
+        assert mine.read_text() == text
+    assert os.listdir(folder / "run") == [name]
+
+
+def test_a_refused_run_does_not_take_a_folder_whose_journal_is_not_its_own(folder: Path) -> None:
+    (folder / "run" / "journal").mkdir(parents=True)
+    (folder / "run" / "journal" / "notes.txt").touch()
+    with pytest.raises(RuntimeError, match="refused"), held(_base(folder), folder / "run", "update"):
+        raise RuntimeError("refused")
+    assert os.listdir(folder / "run") == ["journal"]
+    assert os.listdir(folder / "run" / "journal") == ["notes.txt"]
+
+
+def test_an_identification_replaces_nothing_of_a_study_or_a_user(folder: Path) -> None:
+    with held(_base(folder), folder / "run", "update") as place:
+        (place.path / "results.json").touch()
+    before = sorted(os.listdir(folder / "run"))
+    with pytest.raises(FemtuneError) as caught:
+        ft.identify("t.uff", output="run")
+    check_shown("run.other-study, identify", str(caught.value).replace(str(folder), "FOLDER"))
+    assert sorted(os.listdir(folder / "run")) == before
+    (folder / "mine").mkdir()
+    (folder / "mine" / "modes.csv").write_text("my table\n")
+    with pytest.raises(FemtuneError) as caught:
+        ft.identify("t.uff", output="mine")
+    check_shown("run.other-file, identify", str(caught.value).replace(str(folder), "FOLDER"))
+    assert os.listdir(folder / "mine") == ["modes.csv"]
+    assert (folder / "mine" / "modes.csv").read_text() == "my table\n"
 
 
 def test_a_refused_run_leaves_no_folder(folder: Path) -> None:

@@ -113,6 +113,7 @@ def _code(bench: Bench, tail: str) -> str:
     return " ".join(dict.fromkeys(e.code for e in errors))
 
 
+@pytest.mark.quick(11)
 @pytest.mark.parametrize(
     ("tail", "code"),
     [

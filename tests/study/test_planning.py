@@ -100,7 +100,7 @@ def test_targets_of_a_band_are_solved_for(free: Path) -> None:
 
 @pytest.mark.parametrize("method", ["expansion", "elimination"])
 @pytest.mark.parametrize("weighting", ["none", "kinetic-energy"])
-@pytest.mark.quick(2)
+@pytest.mark.quick(1)
 def test_placed_sets_are_better_than_random_ones(free: Path, method: str, weighting: str) -> None:
     found = ft.plan(free, uniaxial=9, method=method, weighting=weighting, uniaxial_threshold=0.0)
     shapes = ft.modes(free).mode_sets["as the deck"]
@@ -128,6 +128,7 @@ def test_constrained_points_are_no_candidates(clamped: Path) -> None:
     assert "plan.still" in [a.code for a in found.record.alerts]
 
 
+@pytest.mark.slow
 def test_candidates_are_limited(free: Path) -> None:
     asked = {"modes": [7, 8, 9], "uniaxial": 4}
     some = ft.plan(free, nodes="1 THRU 30", exclude=[1, 9], **asked)
@@ -155,6 +156,7 @@ def test_directions_along_the_axes(free: Path) -> None:
     assert found.record.candidate_directions == (NX + 1) * (NY + 1)
 
 
+@pytest.mark.slow
 def test_given_sensors_stay_and_count(free: Path) -> None:
     found = ft.plan(free, modes="7 THRU 10", placed=["1", "9Z-"], uniaxial=4)
     first, second, *others = found.record.sensors
@@ -233,6 +235,7 @@ def test_the_table_of_sensors(free: Path, tmp_path: Path) -> None:
     assert float(rows[1]["direction_z"]) == 1.0
 
 
+@pytest.mark.slow
 def test_a_study_without_a_test_is_planned_from_the_command_line(tmp_path: Path) -> None:
     (tmp_path / "plate.bdf").write_text(plate_deck())
     study = tmp_path / "study.toml"
@@ -289,6 +292,7 @@ def test_options_replace_single_keys_of_the_study(tmp_path: Path) -> None:
     assert [m.number for m in found.record.modes] == [7, 8, 9]
 
 
+@pytest.mark.slow
 def test_only_the_configuration_that_is_asked_for_is_planned(tmp_path: Path) -> None:
     (tmp_path / "plate.bdf").write_text(plate_deck())
     study = tmp_path / "study.toml"

@@ -79,7 +79,7 @@ def test_materials_of_other_units_are_warned_of(bench: Bench, name: str) -> None
     assert text in what
 
 
-@pytest.mark.quick(20)
+@pytest.mark.quick(9)
 @pytest.mark.parametrize("name", COMMON)
 @pytest.mark.parametrize("units", [*SYSTEMS, "mm-g-s", "m-t-s"])
 def test_common_materials_in_their_units_are_not(bench: Bench, name: str, units: str) -> None:
@@ -162,6 +162,7 @@ def test_shapes_that_differ_or_ratios_that_scatter_are_not() -> None:
     assert _factor(_modes(HZ[:1], [0]), _modes(31.6 * HZ)) == []
 
 
+@pytest.mark.slow
 def test_the_correlation_says_it(bench: Bench) -> None:
     text = bench.text.replace("CONM2   9       5               2.0\n", "")
     bench.write("beam.bdf", text.replace(MATERIAL, _mat1(2.1e11, 7.85)))

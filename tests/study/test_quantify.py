@@ -68,6 +68,7 @@ def assert_near(found: QuantifyResults, factors: np.ndarray, rtol: float) -> Non
     np.testing.assert_allclose([p.sd for p in found.parameters], factors.std(axis=0, ddof=1), rtol=20 * rtol)
 
 
+@pytest.mark.slow
 def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
     bench, factors, hz = repeated
     _table(bench, hz)

@@ -20,6 +20,7 @@ def _run(bench: Bench, table: str) -> RunResult:
     return ft.update(bench.study(EI + table))
 
 
+@pytest.mark.slow
 def test_the_truth_is_found_and_certified(bench: Bench) -> None:
     run = _run(bench, "[reduction]\n")
     update = run.results.update

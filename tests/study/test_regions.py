@@ -59,6 +59,7 @@ def moved(found: Study) -> set[int]:
     return {int(n) for _, at, _ in found.model.placed for n in structure.users(at)}
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize(
     ("region", "expected"),
     [

@@ -97,6 +97,7 @@ _PAIR = "SOL 103\nCEND\nBEGIN BULK\nGRID,2,,0.,0.,0.,,23456\nGRID,3,,1.,0.,0.,,2
 _PAIR += "CELAS2,2,500.,2,1,3,1\nCMASS2,3,2.,2,1\nCMASS2,4,3.,3,1\n"
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("dashpots", "coupled"), [((8.0, 5.0), False), ((8.0, 0.0), True), ((8.0, 4.9), True)])
 def test_complex_modes_where_damping_couples_the_real_ones(
     bench: Bench, dashpots: tuple[float, float], coupled: bool
@@ -363,6 +364,7 @@ def test_the_default_is_as_exact_as_the_direct_way(bench: Bench, method: str) ->
     assert not found.alerts
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("limit", "said"), [({"modes": 1}, "modes = 1"), ({"max_hz": 30.0}, "max_hz = 30"),
                                               ({"residual_vectors": False}, "residual_vectors = false")])  # fmt: skip
 def test_a_limit_of_the_modes_is_told_with_its_error(bench: Bench, limit: dict[str, Any], said: str) -> None:

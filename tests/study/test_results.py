@@ -37,6 +37,7 @@ def test_the_json_schema_knows_every_record() -> None:
     assert {r.__name__ for r in record_types()} - {"Results"} == set(schema["$defs"])
 
 
+@pytest.mark.slow
 def test_every_property_of_the_json_schema_is_described() -> None:
     schema = json_schema()
     for definition in (schema, *schema["$defs"].values()):

@@ -38,6 +38,7 @@ def test_a_whole_run_finds_the_parameters(study: Path) -> None:
     assert [m.rigid_body_modes for m in result.results.modes] == [0, 0]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("step", ["info", "modes", "correlate", "select", "update"])
 def test_every_step_that_applies(study: Path, step: str) -> None:
     assert repr(getattr(ft, step)(study))

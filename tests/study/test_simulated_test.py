@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tests.messages.shown import check_shown
 
 import femtune as ft
 from femtune.cli.commands import main
@@ -123,6 +124,18 @@ def test_a_study_has_units_of_its_own(beam: Bench) -> None:
     with pytest.raises(FemtuneError) as caught:
         ft.modes(beam.study(), simulate=SimulatedTest(beam.folder / "beam.uff", ("2Z+",)))
     assert caught.value.code == "write.overwrites-input"
+
+
+def test_a_test_is_not_written_to_the_file_that_it_was_read_from(beam: Bench) -> None:
+    path = beam.folder / "beam.uff"
+    before, test = path.read_bytes(), ft.read_test(path)
+    (beam.folder / "link.uff").symlink_to(path)
+    for name in ("beam.uff", "link.uff"):
+        with pytest.raises(FemtuneError) as caught:
+            ft.write_test(test, beam.folder / name)
+        assert path.read_bytes() == before
+    check_shown("write.overwrites-input, test", str(caught.value).replace(str(beam.folder), "FOLDER"))
+    assert ft.write_test(test, beam.folder / "other.uff").exists()
 
 
 def test_sensors_are_labels_or_ranges_each_once() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 import femtune as ft
 from femtune.errors import FemtuneError
+from femtune.steps.run_lock import locked
 
 from .runs_of_chain import prepared as prepared_table
 from .two_masses import TRUTH, exact, prepared, started, write_study
@@ -84,6 +85,7 @@ def test_a_table_does_not_overwrite_the_table_of_runs(table_study: Path) -> None
     assert table.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_runs_of_a_screening_that_fail_are_named(study: Path) -> None:
     write_study(study.parent, FAKE_ABOVE="1400")
     found = ft.screen(study)
@@ -103,6 +105,14 @@ def test_a_search_on_the_solver_finds_the_truth_and_a_second_one_costs_nothing(s
     # the points of the search are those that an update of the same study may use
     ft.run(study)
     assert started(study) > before
+
+
+@pytest.mark.parametrize("step", ["screen", "search"])
+def test_runs_of_a_solver_hold_the_run_folder(study: Path, step: str) -> None:
+    (study.parent / "run").mkdir()
+    with locked(study.parent / "run"), pytest.raises(FemtuneError) as caught:
+        getattr(ft, step)(study)
+    assert caught.value.code == "run.locked"
 
 
 @pytest.mark.slow

@@ -31,11 +31,14 @@ def _values(run: RunResult) -> dict[str, float]:
     return {p.name: p.value for p in run.results.update.parameters}
 
 
-def _noisy(bench: Bench, sd: float, seed: int = 3) -> None:
-    """The beam's test with scatter on its frequencies."""
-    test = bench.measure(bench.truth())
-    factors = 1.0 + sd * np.random.default_rng(seed).standard_normal(len(test.modes))
+def _noisy(bench: Bench, sd: float, seed: int = 3, shape_sd: float = 0.0) -> None:
+    """The beam's test with scatter on its frequencies, and on its shapes relative to their largest entries."""
+    test, rng = bench.measure(bench.truth()), np.random.default_rng(seed)
+    factors = 1.0 + sd * rng.standard_normal(len(test.modes))
     object.__setattr__(test.modes, "freq_hz", test.modes.freq_hz * factors)
+    shapes = test.modes.shapes
+    scatter = shape_sd * np.abs(shapes).max(axis=0) * rng.standard_normal(shapes.shape)
+    object.__setattr__(test.modes, "shapes", shapes + scatter)
     bench.uff(test)
 
 
@@ -135,8 +138,9 @@ def test_a_configuration_tells_in_what_it_differs(bench: Bench) -> None:
     assert any(line.startswith("frequencies outside the range used") for line in found.not_tested)
 
 
+@pytest.mark.slow
 def test_residuals_that_are_noise_pass(bench: Bench) -> None:
-    _noisy(bench, 0.002)
+    _noisy(bench, 0.002, shape_sd=0.01)
     run = ft.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01"))
     found = _goodness(run)
     # 4 frequencies, and 4 shapes of 8 entries of unit norm, less two parameters

@@ -131,6 +131,7 @@ def test_small_field_rounds_and_wide_does_not(beam: Bench) -> None:
         assert frequencies(run, "after as written") == pytest.approx(written, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_updated_deck_is_a_deck_for_the_next_study(beam: Bench) -> None:
     ft.update(beam.study())
     again = ft.update(beam.study(deck="run/updated.bdf"), output=beam.folder / "second")
@@ -139,6 +140,7 @@ def test_updated_deck_is_a_deck_for_the_next_study(beam: Bench) -> None:
     assert again.results.update.objective_before_percent < 0.01
 
 
+@pytest.mark.slow
 def test_single_steps_agree_with_the_run(done: RunResult, own: Bench) -> None:
     study = own.folder / "study.toml"
     modes = ft.modes(study)[0]
@@ -188,6 +190,7 @@ def test_provenance_names_every_file_with_its_sum(done: RunResult) -> None:
     assert {d.step for d in provenance.durations} >= {"read", "correlate", "select", "update", "write back"}
 
 
+@pytest.mark.slow
 def test_nothing_but_the_run_folder_is_touched(beam: Bench) -> None:
     study = beam.study()
     before = {p: p.read_bytes() for p in beam.folder.rglob("*") if p.is_file()}

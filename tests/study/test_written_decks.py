@@ -296,6 +296,22 @@ def test_includes_are_kept(parts: Bench, folder: str) -> None:
 
 
 @pytest.mark.slow
+def test_a_changed_include_replaces_no_file_of_a_user_in_the_run_folder(parts: Bench) -> None:
+    (parts.folder / "run").mkdir()
+    mine = parts.folder / "run" / "props.inc"
+    mine.write_text("$ mine\n")
+    for _ in range(2):
+        run = ft.update(parts.study())
+        assert run.results.write_back is not None
+        main, copy = run.results.write_back.files
+        assert copy != "props.inc"
+        assert f"INCLUDE '{copy}'" in (run.folder / main).read_text()
+        # the copy of the first run is replaced by that of the second
+        assert sorted(p.name for p in run.folder.glob("*.inc")) == sorted(["props.inc", copy])
+    assert mine.read_text() == "$ mine\n"
+
+
+@pytest.mark.slow
 def test_an_included_file_is_not_overwritten_in_its_own_folder(parts: Bench) -> None:
     original = (parts.folder / "parts/props.inc").read_bytes()
     run = ft.update(parts.study(), output=parts.folder / "parts")
@@ -416,6 +432,7 @@ def test_start_value_other_than_the_decks(beam: Bench) -> None:
     assert role(run.folder / "updated.bdf", 1, "I1") == pytest.approx(2.6e-7, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_modulus_takes_the_derived_shear_modulus_along(beam: Bench) -> None:
     run = ft.update(beam.study(bounded("E", "MAT1 1 E")))
     deck = run.folder / "updated.bdf"

@@ -220,7 +220,7 @@ _OURS: dict[str, tuple[Callable[[Path], Any], str | None]] = {
 }
 
 
-@pytest.mark.quick(3)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("kind", _OURS)
 def test_the_readers_of_the_house_keep_the_rules(kind: str, tmp_path: Path) -> None:
     read, unknown = _OURS[kind]

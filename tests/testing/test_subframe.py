@@ -145,6 +145,7 @@ def test_an_unknown_boundary_is_refused(smallest: Subframe, tmp_path: Path) -> N
         write_subframe(smallest, tmp_path / "deck.bdf", "glued")
 
 
+@pytest.mark.slow
 def test_sensors_sit_at_the_same_places_in_every_mesh(smallest: Subframe) -> None:
     finer = subframe(20_000)
     assert smallest.sensors == tuple(range(FIRST_SENSOR, FIRST_SENSOR + SENSORS))

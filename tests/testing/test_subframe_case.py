@@ -25,6 +25,7 @@ def test_eighteen_channels_are_held_out_over_the_whole_structure() -> None:
     assert max(b - a for a, b in pairwise(places)) <= 4
 
 
+@pytest.mark.slow
 def test_the_study_is_valid(tmp_path: Path) -> None:
     lab = Laboratory(5_000, common=("E_sides", "E_crosses"))
     path = tmp_path / "study.toml"

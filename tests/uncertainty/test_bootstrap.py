@@ -168,6 +168,7 @@ def test_spread_of_lines_is_that_of_the_first_steps(method: Drawing) -> None:
     assert any("3" in s and "Fisher" in s for s in result.sentences)
 
 
+@pytest.mark.slow
 def test_statistics_of_given_runs() -> None:
     bootstrap = work()
     rng = np.random.default_rng(5)
@@ -205,6 +206,7 @@ def test_bias_and_bounds_are_told() -> None:
     assert "Some runs end at a bound of g" in text
 
 
+@pytest.mark.slow
 def test_an_exact_fit_has_no_scatter() -> None:
     problem, best = calibrated()
     exact = replace(best.after, blocks=tuple(replace(b, values=0.0 * b.values) for b in best.after.blocks))

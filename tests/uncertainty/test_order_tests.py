@@ -51,6 +51,7 @@ def test_level(n):
     assert binom.ppf(1e-3, 500, 0.045) / 500 <= rate <= binom.ppf(1 - 1e-3, 500, 0.055) / 500
 
 
+@pytest.mark.slow
 def test_a_drift_is_found_and_measured():
     table = _table(30, 4)
     table[:, 1] += np.linspace(0.0, 3.0 * SD[1], 30)

@@ -33,6 +33,7 @@ def test_the_subset_has_the_smallest_determinant_of_all(seed):
     np.testing.assert_allclose(raw_distances(table[None])[0][0], d2, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_units_and_origin_do_not_matter():
     table = _table(25, 3)
     table[4] += 9.0
@@ -66,6 +67,7 @@ def test_level_and_consistency(n, m):
     assert np.mean([one.p_value <= LEVEL for one in found]) == pytest.approx(rate, abs=0.01)
 
 
+@pytest.mark.slow
 def test_two_kinds_of_outliers_do_not_hide_each_other():
     """Four repeats in one direction and four in another; a rule that leaves out one repeat at a time names none."""
     table = _table(50, 8)
@@ -96,6 +98,7 @@ def test_too_few_or_rounded_repeats_have_no_distances():
     assert robust_moments(np.column_stack([_table(20, 0, 2), _table(20, 0, 2)[:, 0]])) == "flat"
 
 
+@pytest.mark.slow
 def test_repeats_with_missing_values_have_none():
     table = _table(20, 1)
     table[2, 0] = np.nan

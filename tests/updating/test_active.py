@@ -59,6 +59,7 @@ def test_a_resting_parameter_pulls_what_a_prior_says_goes_with_it(problem: Updat
     assert result.x[1] == pytest.approx(0.0999 * sd[1] / sd[0], rel=1e-2)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("search", [GaussNewton(), LineSearch(), LevenbergMarquardt()])
 def test_every_search_finds_the_truth(problem: UpdateProblem, search: Search):
     result = update(problem, SensitivityMethod(search=search))

@@ -21,6 +21,7 @@ from femtune.updating import (
     StartRules,
     multi_start,
     starting_points,
+    update,
 )
 from femtune.updating import starts as starts_module
 from femtune.updating.starts import distinct_optima, follow_up, noise_level, outcomes, start_sentences
@@ -104,7 +105,8 @@ def test_one_end_of_each_optimum_is_followed(
         np.testing.assert_array_equal(ends, np.tile(ends[0], (len(ends), 1)))
     assert {o.members for o in after.optima} >= set(members) or unfinished
     if not unfinished:
-        assert after.starts[-1] is starts[-1]
+        assert after.starts[-1].end is starts[-1].end
+        assert after.starts[-1].iterations == starts[-1].iterations
 
 
 @pytest.mark.slow
@@ -207,9 +209,28 @@ def test_an_end_with_fewer_pairs_is_not_the_best():
     fewer = [s for s in ends if s.residuals < most]
     assert min(s.objective for s in fewer) < found.best.objective
     assert found.best.after.independent == most
-    assert {found.outcomes[s.number] for s in fewer} == {StartOutcome.FEWER_DATA}
-    assert all(found.best.objective <= s.objective * (1 + 1e-9) for s in ends if s.residuals == most)
+    # there the modes without a partner are compared with the nearest model mode
+    assert all(s.common > s.objective for s in fewer)
+    assert all(found.best.objective <= s.common * (1 + 1e-9) for s in ends)
+    assert not {found.outcomes[s.number] for s in fewer} & {StartOutcome.BEST, StartOutcome.FEWER_DATA}
+    assert any("ended where fewer test modes find a partner" in sentence for sentence in found.sentences)
     np.testing.assert_allclose(found.best.x, TRUTH, atol=0.2)
+
+
+@pytest.mark.slow
+def test_starts_are_not_worse_than_the_plain_update_by_the_same_comparisons():
+    """However many modes find partners at the ends: no end, that of the plain update included, is better."""
+    model = factor_model(spring_structure(CHAIN, [1.0, 2.0, 1.5, 1.0]), {"a": [1], "b": [2], "c": [3]})
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        rules = PairingRules(0.15, 0.5)
+        case = simulated_case(model, tuple(rng.uniform(-0.4, 0.6, 3)), range(4), 4, rules=rules)  # type: ignore[arg-type]
+        case = replace(case, test=replace(case.test, freq_hz=case.test.freq_hz * (1.0 + 0.05 * rng.standard_normal(4))))
+        problem = UpdateProblem((case,), model.model.parameters, (FrequencyResidual(0.01), ShapeResidual(0.1)))
+        plain, found = update(problem), multi_start(problem, rules=StartRules(5, seed=seed))
+        assert found.starts[0].objective == pytest.approx(plain.objective)
+        tests = tuple(frozenset(range(4)) for _ in problem.cases)
+        assert problem.over(found.best.after, tests) <= problem.over(plain.after, tests) * (1.0 + 1e-9)
 
 
 def end(

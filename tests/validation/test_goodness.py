@@ -79,13 +79,13 @@ def _random(size: float) -> np.ndarray:
     ("r", "finding", "outcome"),
     [
         (_random(1.0), Finding.NOISE, Outcome.PASS),
-        (_random(0.075), Finding.SMALL, Outcome.PASS),
-        (_drifting(0.075), Finding.SMALL_SYSTEMATIC, Outcome.PASS),
+        (_random(0.075), Finding.SMALL, Outcome.NOT_TESTED),
+        (_drifting(0.075), Finding.SMALL_SYSTEMATIC, Outcome.NOT_TESTED),
         (_drifting(1.0), Finding.SYSTEMATIC, Outcome.FAIL),
         (_random(1.5), Finding.LARGE, Outcome.FAIL),
         (_drifting(1.5), Finding.LARGE_SYSTEMATIC, Outcome.FAIL),
         (np.ones(4), Finding.NOISE, Outcome.PASS),
-        (0.01 * np.ones(4), Finding.SMALL, Outcome.PASS),
+        (0.01 * np.ones(4), Finding.SMALL, Outcome.NOT_TESTED),
         (9.0 * np.ones(4), Finding.LARGE, Outcome.FAIL),
         (np.ones(0), Finding.NOT_TESTED, Outcome.NOT_TESTED),
     ],
@@ -154,7 +154,7 @@ def test_values_and_rank_count_kinds_that_are_not_tested_too() -> None:
 def test_scatter_that_is_stated_too_large_is_told() -> None:
     J, e = _jacobian(), 0.1 * np.random.default_rng(4).normal(size=14)
     found = goodness_of_fit(_blocks(_fitted(J, e, 0.0), J))
-    assert found.outcome is Outcome.PASS
+    assert found.outcome is Outcome.NOT_TESTED
     assert "smaller than the stated standard deviations imply" in found.sentence
 
 
@@ -163,6 +163,17 @@ def test_as_many_parameters_as_data_leave_nothing_to_test() -> None:
     assert found.outcome is Outcome.NOT_TESTED
     assert found.sentence.startswith("not tested: there are no more residuals than parameters")
     assert goodness_of_fit([]).outcome is Outcome.NOT_TESTED
+
+
+def test_what_a_prior_holds_is_a_misfit_of_both() -> None:
+    """Values 11 σ off, held there by a prior: the data alone leave nothing but their mean, the prior is met."""
+    J = 0.05 * np.ones((5, 1))
+    prior = ResidualBlock("prior", "", "E", np.zeros(1), np.ones((1, 1)), 1.0)
+    assert goodness_of_fit(_blocks(np.full(5, 11.0), J)).finding is Finding.SMALL
+    found = goodness_of_fit(_blocks(np.full(5, 11.0), J), prior=[prior])
+    assert (found.finding, found.degrees_of_freedom) == (Finding.LARGE, 5)
+    assert (found.values, found.rank) == (5, 1)
+    assert "smaller" not in found.sentence
 
 
 @pytest.mark.slow

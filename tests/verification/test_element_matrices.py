@@ -85,6 +85,7 @@ def test_shells_share_membrane_and_constant_curvature(structure: Any, theirs: di
 THICKNESS = {**dict.fromkeys(range(6, 12), 0.25), 16: 1.0, 17: 1.5, 18: 1.0, 19: 1.0, 20: 1.5, 21: 1.5}
 
 
+@pytest.mark.quick(7)
 @pytest.mark.parametrize("number", THICKNESS)
 def test_membrane_and_drilling_are_the_same_to_rounding(structure: Any, theirs: dict[str, Any], number: int) -> None:
     """Of all twelve shells; drilling is the forces' moments, which are small beside the membrane's forces."""

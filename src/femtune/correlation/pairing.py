@@ -22,6 +22,9 @@ from femtune.modal.subspace import projection
 INVISIBLE = 1e-6
 """A model mode that moves the sensors less than this fraction of the most visible mode cannot be seen there."""
 
+_LEAST_RATIO = 1e-6
+"""Ratio of frequencies, model over test, below which all are alike: those of rigid-body modes are round-off."""
+
 
 @dataclass(frozen=True)
 class CandidatePairs:
@@ -58,6 +61,18 @@ def frequency_errors(test_hz: Reals, model_hz: Reals) -> Reals:
     """(model − test)/test of every combination, (t, m); infinite where the test says 0 Hz."""
     t, m = np.meshgrid(test_hz, model_hz, indexing="ij")
     return np.where(t > 0.0, m - t, np.inf) / np.where(t > 0.0, t, 1.0)
+
+
+def closeness(test: ModeSet, model: ModeSet) -> tuple[Reals, Reals]:
+    """MAC, zero where it is undefined, and ln²(model/test) of the frequencies, (t, m) each."""
+    visible = visible_modes(model)
+    mac = np.nan_to_num(mac_where_defined(test.shapes, np.where(visible, model.shapes, 0.0)))
+    return mac, log_distance(frequency_errors(test.freq_hz, model.freq_hz))
+
+
+def log_distance(frequency_error: Reals) -> Reals:
+    """ln²(model/test) of relative errors, a convex function of the difference of the logarithms."""
+    return np.asarray(np.log(np.maximum(1.0 + frequency_error, _LEAST_RATIO)) ** 2)
 
 
 def visible_modes(model: ModeSet) -> NDArray[np.bool_]:
@@ -200,8 +215,6 @@ Chosen = dict[int, int]
 _ORDER_WEIGHT = 0.1
 """Weight of ln²(model/test) beside the MAC. Two pairs whose frequencies are 10 % apart on both sides are crossed if the
 sum of their MACs grows by 0.002 or more, which is what noise of some percent on the shapes changes."""
-_LEAST_RATIO = 1e-6
-"""Ratio of frequencies, model over test, below which all are alike: those of rigid-body modes are round-off."""
 _LEAST_WORTH = 1e-9
 """Worth of a pair that passes the gates, at least, so that it is made where nothing better is left."""
 
@@ -383,8 +396,8 @@ def _assign(found: CandidatePairs, allowed: Allowed, fixed: Chosen) -> Chosen:
     The frequency counts by the square of ln(model/test). Since this is a convex function of a difference, pairs in the
     order of their frequencies have the smallest sum: order decides where the MACs do not.
     """
-    distance = np.log(np.maximum(1.0 + found.frequency_error, _LEAST_RATIO)) ** 2
-    worth = np.maximum(np.nan_to_num(found.score) - _ORDER_WEIGHT * distance, _LEAST_WORTH)
+    worth = np.nan_to_num(found.score) - _ORDER_WEIGHT * log_distance(found.frequency_error)
+    worth = np.maximum(worth, _LEAST_WORTH)
     gain = np.where(allowed, worth, 0.0)
     gain[list(fixed), :] = 0.0
     gain[:, list(fixed.values())] = 0.0

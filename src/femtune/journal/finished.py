@@ -64,6 +64,16 @@ class FinishedRuns:
         return entries[1:], content == b"".join(_text(line).encode() for line in entries)
 
 
+def is_of_runs(path: Path) -> bool:
+    """Whether a file is one of finished runs, of any study."""
+    try:
+        with path.open("rb") as stream:
+            first = next(_lines(stream.readline(_MOST_BYTES)), {})
+    except OSError:
+        return False
+    return set(first) == {"key"}
+
+
 def _lines(content: bytes) -> Iterator[Line]:
     """Lines up to the first incomplete or damaged one."""
     for text in content.split(b"\n")[:-1]:

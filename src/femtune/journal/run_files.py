@@ -43,6 +43,9 @@ OWNER_FILE = "owner.json"
 UPDATES = ("update", "validate", "bootstrap", "run")
 """Steps that update the model, and write all that follows from that."""
 
+HOLDING = (*UPDATES, "candidates", "screen", "search")
+"""Steps that hold the run folder while they are at work; the last two for the runs of an external solver only."""
+
 
 class Role(StrEnum):
     """What a file of a run is for."""
@@ -120,10 +123,10 @@ RUN_FILES = (
     RunFile(BOOTSTRAP_FILE, UPDATES, Role.RESUME),
     RunFile(SAMPLES_FILE, UPDATES, Role.RESUME),
     RunFile(CANDIDATES_FILE, ("candidates",), Role.RESUME),
-    RunFile(JOURNAL_FOLDER, (*UPDATES, "candidates"), Role.RESUME, folder=True),
-    RunFile(RUNS_FOLDER, (*UPDATES, "candidates"), Role.RESUME, lambda file: file.solver is not None, folder=True),
-    RunFile(LOCK_FILE, (*UPDATES, "candidates"), Role.LOCK),
-    RunFile(OWNER_FILE, (*UPDATES, "candidates"), Role.LOCK),
+    RunFile(JOURNAL_FOLDER, HOLDING, Role.RESUME, folder=True),
+    RunFile(RUNS_FOLDER, HOLDING, Role.RESUME, lambda file: file.solver is not None, folder=True),
+    RunFile(LOCK_FILE, HOLDING, Role.LOCK),
+    RunFile(OWNER_FILE, HOLDING, Role.LOCK),
 )
 
 

@@ -11,6 +11,7 @@ Ausgleichungsrechnung nach der Methode der kleinsten Quadrate, 1924.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,7 +59,7 @@ class Scales:
 
     Parameters
     ----------
-    kinds : those of the rows, but for a prior, whose standard deviations are beliefs
+    kinds : those of the rows whose standard deviations are not stated; those of a prior are
     rows : (n,) factor of each row
     weighted : the record with rows of unit variance by these factors
     """
@@ -72,8 +73,12 @@ class Scales:
         return next((k for k in self.kinds if k.kind == kind), None)
 
 
-def scales(record: Whitened) -> Scales:
+def scales(record: Whitened, stated: Collection[str] = ()) -> Scales:
     """The factor of each kind of the rows, and its degrees of freedom.
+
+    Parameters
+    ----------
+    stated : kinds whose standard deviations are known, so that their factors are one
 
     Examples
     --------
@@ -86,7 +91,7 @@ def scales(record: Whitened) -> Scales:
     >>> round(found.factor, 6), found.degrees
     (0.2, 10.0)
     """
-    places = {k: record.of_kind(k) for k in dict.fromkeys(record.kinds) if k != PRIOR}
+    places = {k: record.of_kind(k) for k in dict.fromkeys(record.kinds) if k != PRIOR and k not in stated}
     factors, weighted = dict.fromkeys(places, 1.0), record
     degrees = {kind: record.degrees(at)[0] for kind, at in places.items()}
     for _ in range(_MOST_ITERATIONS):
@@ -111,4 +116,4 @@ def _of_rows(record: Whitened, factors: dict[str, float]) -> Reals:
 def _weighted(record: Whitened, rows: Reals) -> Whitened:
     """The record with rows divided by factors that are equal within each block, so that what is lost stays lost."""
     by = rows[:, None]
-    return replace(record, r=record.r / rows, J=record.J / by, bounded=record.bounded / by)
+    return replace(record, r=record.r / rows, J=record.J / by, bounded=record.bounded / by, fixed=record.fixed / by)

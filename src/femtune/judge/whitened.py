@@ -10,10 +10,10 @@ Source: G. A. F. Seber, A. J. Lee, Linear Regression Analysis, 2003, sections 3.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import scipy.linalg as la
@@ -25,13 +25,10 @@ from femtune.residuals import ResidualBlock
 from femtune.updating.result import UpdateResult
 from femtune.validation.goodness import RANK
 
+L = TypeVar("L", bound=str)
 Role = Literal["data", "prior"]
 PRIOR = "prior"
 """Kind of the rows of a prior, and their role."""
-_IDENTIFIED = (
-    "its values come from one identified test, so that the errors of neighbouring lines are not independent; their "
-    "covariance widens the intervals, and no test of the size of the residuals follows from it"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +42,7 @@ class Whitened:
     r : (n,) residuals
     J : (n, k) ∂r/∂(x/s), columns of the parameters that move and are not at a bound, in prior standard deviations s
     names : (k,) parameters of the columns
-    bounded : (n, b) the same columns of the parameters at a bound
+    bounded, fixed : (n, b) and (n, f) the same columns of the parameters at a bound, and of those that do not move
     kinds, configurations, modes, sensors, roles : (n,) what each row compares; "" where it has no sensor or, of a
         prior, no configuration. `modes` of a prior are the names of the parameters
     shares : (n,) share of each row that is independent: below one where it is known how many combinations of the rows
@@ -62,7 +59,7 @@ class Whitened:
 
     >>> rows = Whitened(np.array([1.0, 2.0, 3.0]), np.ones((3, 1)), ("k",), np.zeros((3, 0)), *[("a", "b", "c")] * 4,
     ...                 ("data",) * 3, np.ones(3), np.zeros((3, 0)))
-    >>> rows.left.tolist(), rows.degrees(np.arange(3))[0]
+    >>> [round(float(r), 6) + 0.0 for r in rows.left], round(rows.degrees(np.arange(3))[0], 6)
     ([-1.0, 0.0, 1.0], 2.0)
     """
 
@@ -80,6 +77,35 @@ class Whitened:
     of_modes: frozenset[str] = frozenset()
     untested: dict[str, str] = field(default_factory=dict)
     optimum: bool = True
+    fixed: Reals = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        if not self.fixed.size:
+            object.__setattr__(self, "fixed", np.zeros((len(self.r), 0)))
+
+    @property
+    def of_all_parameters(self) -> Whitened:
+        """The record with the columns of all free parameters in J.
+
+        The values of those that did not move are not known exactly: an earlier stage may have found them.
+        """
+        columns = np.hstack([self.J, self.bounded, self.fixed])
+        return replace(self, J=columns, bounded=columns[:, :0], fixed=columns[:, :0])
+
+    def without_kinds(self, why: Mapping[str, str]) -> Whitened:
+        """The record without the rows of some kinds, with the reasons by kind."""
+        at = self.rows(lambda kind, *_: kind not in why)
+
+        def chosen(labels: tuple[L, ...]) -> tuple[L, ...]:
+            return tuple(labels[i] for i in at)
+
+        lost = self.lost[at]
+        return replace(
+            self, r=self.r[at], J=self.J[at], bounded=self.bounded[at], fixed=self.fixed[at], shares=self.shares[at],
+            lost=lost[:, np.any(lost, axis=0)], untested={**self.untested, **why},
+            kinds=chosen(self.kinds), configurations=chosen(self.configurations), modes=chosen(self.modes),
+            sensors=chosen(self.sensors), roles=chosen(self.roles),
+        )  # fmt: skip
 
     def rows(self, chosen: Callable[[str, str, str, str], bool]) -> NDArray[np.int64]:
         """Positions of the rows for which a function of kind, configuration, mode and sensor is true."""
@@ -184,15 +210,12 @@ def whitened_blocks(
         frozenset(b.kind for b in kept if b.of_mode),
         why,
         optimum,
+        J[:, ~(free | at_bound)],
     )
 
 
 def _why_not(block: ResidualBlock, untested: str) -> str:
-    if block.kind == PRIOR:
-        return ""
-    if block.samples is not None and block.samples.identified is not None:
-        return untested or block.not_normal or _IDENTIFIED
-    return untested or block.not_normal
+    return "" if block.kind == PRIOR else untested or block.without_distribution
 
 
 def _shares(block: ResidualBlock) -> Reals:

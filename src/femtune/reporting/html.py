@@ -53,6 +53,11 @@ def _draw(document: Document, progress: Progress) -> None:
         _ = figure.svg
 
 
+_GENERATOR = b'<meta name="generator" content="femtune">'
+_HEAD_BYTES = 4096
+"""Bytes of a page in which the element above stands: it is before the title, within the first thousand."""
+
+
 def check_page(path: Path | str) -> None:
     """Check that a page can be written to `path` before the work begins.
 
@@ -71,10 +76,10 @@ def check_page(path: Path | str) -> None:
 
 
 def _is_page(path: Path) -> bool:
-    """Whether a file may be replaced by a page: it is one, or empty."""
+    """Whether a file may be replaced by a page: it is one that femtune wrote, or empty."""
     with path.open("rb") as file:
-        start = file.read(200).lstrip().lower()
-    return not start or start.startswith((b"<!doctype html", b"<html"))
+        start = file.read(_HEAD_BYTES)
+    return not start.strip() or _GENERATOR in start
 
 
 def _unwritable(path: Path, error: OSError | ValueError) -> FemtuneError:

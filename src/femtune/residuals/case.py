@@ -270,6 +270,12 @@ class CaseState:
     def _kept(self) -> dict[tuple[Group, bool], AlignedModes]:
         return {}
 
+    def with_groups(self, groups: tuple[Group, ...]) -> CaseState:
+        """The same point with another pairing; what groups of both share is not computed again."""
+        other = CaseState(self.case, self.point, groups, self.solution)
+        other._kept.update(self._kept)
+        return other
+
     def aligned(self, group: Group, derivatives: bool) -> AlignedModes:
         """A group's model vectors aligned with its test shapes, computed once."""
         if (group, True) in self._kept:

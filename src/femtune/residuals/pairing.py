@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import NDArray
 
 from femtune.correlation import Pairing, pair_modes
+from femtune.correlation.pairing import closeness, visible_modes
 from femtune.modal import ModeSet
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.model import EigenSolution
@@ -94,6 +97,99 @@ def alternating(changes: Sequence[tuple[tuple[Group, ...], tuple[Group, ...]]]) 
             touched = [known for known in clusters if known & near]
             clusters = [known for known in clusters if known not in touched] + [near.union(*touched)]
     return tuple(frozenset(known) for known in clusters if len(known) > 1)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Pairings other than the one that was chosen.
+
+
+LOW_MAC = 0.9
+"""MAC of a pair below which another partner is considered; the usual criterion of a good pair."""
+_OPEN = 0.1
+"""Loss of the sum of MACs up to which another pairing is open whatever the MACs are."""
+_OPEN_WHERE_LOW = 0.6
+"""The same where one of the pairs has a low MAC: at a wrong minimum the shapes of close modes are mixed, and the right
+partner may look worse by much."""
+_OPEN_RATIO = 1.35
+"""Ratio of frequencies up to which a model mode is considered as another partner, about that of the frequency gate."""
+
+
+@dataclass(frozen=True)
+class OtherPairing:
+    """Groups of a case in which one or two test modes have other partners.
+
+    Parameters
+    ----------
+    case : position of the case in the problem
+    groups : of that case
+    loss : of the sum of MACs; smaller or negative values are more likely
+    sentence : the other pairs, in words
+    """
+
+    case: int
+    groups: tuple[Group, ...]
+    loss: float
+    sentence: str
+
+
+def other_pairings(
+    position: int, case: ComparedCase, groups: Sequence[Group], solution: EigenSolution
+) -> list[OtherPairing]:
+    """Exchanges of partners that the MACs leave open, the most likely first; of pairs that are fixed by hand none.
+
+    Two test modes exchange their partners, or one takes a model mode that has none. It is open where the sum of MACs
+    hardly changes, or one of the MACs is low. Close modes that are compared as subspaces keep theirs.
+    """
+    if not len(case.test):
+        return []
+    model = modes_at_sensors(case, solution)
+    mac, distance = closeness(case.test, model)
+    fixed = {i for i, _ in case.fixed}
+    partner = {g[0][0]: g[1][0] for g in groups if len(g[0]) == len(g[1]) == 1 and g[0][0] not in fixed}
+    taken = {j for _, models in groups for j in models}
+    free = [int(j) for j in np.flatnonzero(visible_modes(model)) if j not in taken]
+    near = distance <= np.log(_OPEN_RATIO) ** 2
+    found: list[OtherPairing] = []
+
+    def consider(new: dict[int, int], sentence: str) -> None:
+        loss = sum(mac[i, partner[i]] - mac[i, j] for i, j in new.items())
+        low = min(mac[i, partner[i]] for i in new) < LOW_MAC
+        if all(near[i, j] for i, j in new.items()) and loss <= (_OPEN_WHERE_LOW if low else _OPEN):
+            others = [g for g in groups if not (len(g[0]) == 1 and g[0][0] in new)]
+            changed = tuple(sorted([*others, *(((i,), (j,)) for i, j in new.items())]))
+            found.append(OtherPairing(position, changed, float(loss), f"{case.name}: {sentence}"))
+
+    for i, j in partner.items():
+        for k in free:
+            consider({i: k}, _with(case, {i: k}))
+        for other, k in partner.items():
+            if other > i:
+                consider({i: k, other: j}, _with(case, {i: k, other: j}))
+    return sorted(found, key=lambda one: (one.loss, one.sentence))
+
+
+def _with(case: ComparedCase, pairs: dict[int, int]) -> str:
+    return " and ".join(f"test mode {case.test.labels[i]} with model mode {j + 1}" for i, j in pairs.items())
+
+
+def completed(
+    case: ComparedCase, groups: tuple[Group, ...], solution: EigenSolution, tests: Collection[int]
+) -> tuple[Group, ...] | None:
+    """Groups in which all of some test modes have a partner, whatever the gates say; None without enough model modes.
+
+    Two points at which different test modes find partners are compared by the same comparisons thus.
+    """
+    missing = sorted(set(tests) - {i for group, _ in groups for i in group})
+    if not missing:
+        return groups
+    taken = {j for _, models in groups for j in models}
+    free = [j for j in range(solution.wanted) if j not in taken]
+    if len(free) < len(missing):
+        return None
+    mac, distance = closeness(case.test, modes_at_sensors(case, solution))
+    worth = (mac - distance)[np.ix_(missing, free)]
+    rows, columns = linear_sum_assignment(worth, maximize=True)
+    return tuple(sorted([*groups, *(((missing[r],), (free[c],)) for r, c in zip(rows, columns))]))
 
 
 def describe_change(case: ComparedCase, before: tuple[Group, ...], after: tuple[Group, ...]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,7 +17,7 @@ from femtune.residuals.case import CaseState, ComparedCase
 from femtune.residuals.frf.model_way import settled
 from femtune.residuals.kinds import Scatter
 from femtune.residuals.pair import ByMode, OfPairs, PairResidual
-from femtune.residuals.pairing import Joined, join, keep_paired, modes_at_sensors, pair_case
+from femtune.residuals.pairing import Joined, completed, join, keep_paired, modes_at_sensors, pair_case
 from femtune.residuals.state import followed, paired_afresh, state_at
 from femtune.residuals.weights import ResidualBlock, without_common_error
 
@@ -78,6 +78,11 @@ class Evaluation:
         return 0.5 * float(self.residuals @ self.residuals)
 
     @property
+    def tests(self) -> tuple[frozenset[int], ...]:
+        """Positions of the test modes of each case that have a partner."""
+        return tuple(frozenset(i for tests, _ in state.groups for i in tests) for state in self.states)
+
+    @property
     def squares(self) -> dict[tuple[str, str, str], float]:
         """Sum of squares by what is compared: configuration, label and kind."""
         out: dict[tuple[str, str, str], float] = {}
@@ -111,6 +116,7 @@ class UpdateProblem:
         residuals tell their size
     common_sd : relative standard deviation of an error that all frequencies of the model share, such as that of a wrong
         mass
+    pairing_held : whether the pairing stays as it is where an update starts, its motions followed
 
     Examples
     --------
@@ -124,6 +130,7 @@ class UpdateProblem:
     residuals: tuple[PairResidual, ...] = ()
     scatter: Scatter = "stated"
     common_sd: float = 0.0
+    pairing_held: bool = False
 
     def start(self, x: Reals) -> Evaluation:
         """Solve and pair afresh.
@@ -178,11 +185,28 @@ class UpdateProblem:
 
         What comes back has its derivatives. `joined`: of each case, test modes that are compared as one subspace.
         """
-        states = [_paired_again(s) for s in at.states]
+        states = list(at.states) if self.pairing_held else [_paired_again(s) for s in at.states]
         if joined:
             states = [replace(s, groups=join(s.groups, j)) for s, j in zip(states, joined, strict=True)]
         same = all(a.groups == b.groups for a, b in zip(states, at.states))
         return at if same and at.has_derivatives else self.assess(at.x, states)
+
+    def over(self, at: Evaluation, tests: Sequence[Collection[int]]) -> float:
+        """½ rᵀr at a point with all of some test modes compared, those included that have no partner there.
+
+        Parameters
+        ----------
+        tests : positions of test modes, for each case
+        """
+        states = []
+        for state, wanted in zip(at.states, tests, strict=True):
+            groups = completed(state.case, state.groups, state.solution, wanted) if wanted else state.groups
+            if groups is None:
+                return np.inf
+            states.append(state if groups == state.groups else state.with_groups(groups))
+        if all(new is old for new, old in zip(states, at.states)):
+            return at.objective
+        return self.assess(at.x, states, derivatives=False).objective
 
     def to_send(self) -> UpdateProblem:
         """The problem as another process can load it.

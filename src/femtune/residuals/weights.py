@@ -70,6 +70,9 @@ class LineSamples:
     identified: IdentifiedValues | None = None
 
 
+_IDENTIFIED = "the values come from one identified test, so that the errors of different lines are not independent"
+
+
 @dataclass(frozen=True)
 class PolePair:
     """Poles in rad/s, measured and of the model, of the test modes with a label."""
@@ -126,6 +129,12 @@ class ResidualBlock:
     def directions(self) -> Reals:
         """(n, m) combinations of the values that are lost, as far as it is known which they are."""
         return np.zeros((len(self.values), 0)) if self.scaled is None else self.scaled[:, None]
+
+    @property
+    def without_distribution(self) -> str:
+        """Why it is not known how the values are distributed where the model is right; "" where it is."""
+        identified = self.samples is not None and self.samples.identified is not None
+        return self.not_normal or (_IDENTIFIED if identified else "")
 
     @property
     def error(self) -> float:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femtune.arguments import checked
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Where
 from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.write import plan_edits
@@ -166,7 +167,8 @@ def write_test(test: ModalTest, path: Path | str) -> Path:
 
     Raises
     ------
-    FemtuneError : ``uff.cannot-write`` if the format cannot store the data, or the file cannot be written
+    FemtuneError : ``uff.cannot-write`` if the format cannot store the data, or the file cannot be written;
+        ``write.overwrites-input`` for the file from which the test was read
 
     Examples
     --------
@@ -176,6 +178,8 @@ def write_test(test: ModalTest, path: Path | str) -> Path:
     >>> ft.read_test(ft.write_test(test, "test.uff")).modes.freq_hz.round(2)
     array([ 28.27,  44.7 , 201.1 , 317.97])
     """
+    if test.source and os.path.exists(test.source) and os.path.exists(path) and os.path.samefile(test.source, path):
+        raise FemtuneError("write.overwrites-input/test", where=Where(str(path)))
     if test.modes is None and test.frfs is not None:
         return write_uff_frfs(path, test)
     write_uff_modes(path, test)

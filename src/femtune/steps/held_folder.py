@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.files.study_file.reading import is_file
+from femtune.journal.finished import is_of_runs
 from femtune.journal.owner import Owner, check_foreign, check_owner, digests, sign
 from femtune.journal.run_files import JOURNAL_FOLDER, OWNER_FILE, REPORT_FILE, VTU_FILE, Role, forget, made_by
 from femtune.steps.modes.vtu_files import check_cells
@@ -34,12 +35,14 @@ class RunFolder:
     file : the study
     step : that is at work
     owner : what its runs have made there
+    before : files with names of a run, and contents of folders with such names, that were there when it was taken
     """
 
     path: Path
     file: StudyFile
     step: str
     owner: Owner
+    before: frozenset[str] = frozenset()
 
     def check(self, study: Study) -> None:
         """Refuse to overwrite what the files of the study name in turn, such as INCLUDEs, before hours of work.
@@ -54,9 +57,8 @@ class RunFolder:
 
     def give_back(self) -> None:
         """Leave neither name nor empty journal in a folder where nothing was made."""
-        made = (self.path / name for _, name in made_by(self.step, self.file, Role.RESULT, Role.RESUME))
         with contextlib.suppress(OSError):
-            if not any(os.listdir(path) if path.is_dir() else os.path.lexists(path) for path in made):
+            if _there(self.path, self.file, self.step) <= self.before:
                 (self.path / OWNER_FILE).unlink(missing_ok=True)
                 (self.path / JOURNAL_FOLDER).rmdir()
 
@@ -117,9 +119,17 @@ def held(file: StudyFile, folder: Path, step: str) -> Iterator[RunFolder]:
         with locked(folder):
             owner = check_owner(folder, *title_and_path, where)
             planned = [name for _, name in made_by(step, file, Role.RESULT)]
-            # a page of an earlier report may be replaced, which is checked where pages are written
+            if REPORT_FILE in planned:
+                # imported here, because it brings the renderer
+                from femtune.reporting.html import check_page  # noqa: PLC0415
+
+                # a page of an earlier report may be replaced
+                check_page(folder / REPORT_FILE)
             check_foreign(folder, owner, [name for name in planned if name != REPORT_FILE])
-            place = RunFolder(folder, file, step, _signed(folder, title_and_path, owner, planned))
+            if owner is None:
+                check_foreign(folder, None, _not_of_a_run(folder, file, step))
+            before = _there(folder, file, step)
+            place = RunFolder(folder, file, step, _signed(folder, title_and_path, owner, planned), before)
             try:
                 yield place
             except BaseException:
@@ -133,6 +143,32 @@ def held(file: StudyFile, folder: Path, step: str) -> Iterator[RunFolder]:
         if is_new:
             with contextlib.suppress(OSError):
                 folder.rmdir()
+
+
+@contextmanager
+def held_for_solver(file: StudyFile, step: str) -> Iterator[None]:
+    """Hold the run folder for a step that writes nothing there but the runs of an external solver, if there is one.
+
+    Raises
+    ------
+    FemtuneError : as `held`
+    """
+    with contextlib.nullcontext() if file.solver is None else held(file, file.output_folder, step):
+        yield
+
+
+def _there(folder: Path, file: StudyFile, step: str) -> frozenset[str]:
+    """What is there of the files that a step makes, and inside of its folders."""
+    names = [name for _, name in made_by(step, file, Role.RESULT, Role.RESUME)]
+    inside = (f"{n}/{one}" for n in names if (folder / n).is_dir() for one in os.listdir(folder / n))
+    return frozenset(n for n in names if os.path.lexists(folder / n) and not (folder / n).is_dir()) | frozenset(inside)
+
+
+def _not_of_a_run(folder: Path, file: StudyFile, step: str) -> Iterator[str]:
+    """Files with the name of one from which an interrupted run goes on, but of other contents."""
+    for one, name in made_by(step, file, Role.RESUME):
+        if not one.folder and os.path.lexists(folder / name) and not is_of_runs(folder / name):
+            yield name
 
 
 def _signed(folder: Path, of: tuple[str, Path | None], owner: Owner | None, planned: Iterable[str]) -> Owner:

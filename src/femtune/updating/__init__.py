@@ -7,6 +7,7 @@ from femtune._lazy import lazy_names
 if TYPE_CHECKING:
     from femtune.updating.covariance import Box, ParameterCovariance, parameter_covariance
     from femtune.updating.equation_error import EquationError, equation_error_phases
+    from femtune.updating.minimum import MinimumRules, look_further
     from femtune.updating.on_reduced_model import (
         NOBODY,
         FrfAgreement,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
         WeightChoice,
         WeightStatus,
     )
-    from femtune.updating.result import Iteration, UpdateResult
+    from femtune.updating.result import Iteration, MinimumSearch, UpdateResult
     from femtune.updating.search import GaussNewton, LevenbergMarquardt, LineSearch, Search
     from femtune.updating.sensitivity_method import SensitivityMethod, update, with_noise
     from femtune.updating.stages import (
@@ -84,6 +85,8 @@ __all__ = [
     "Link",
     "Marginal",
     "MinimumChange",
+    "MinimumRules",
+    "MinimumSearch",
     "Misfit",
     "MultiStart",
     "NoRegularisation",
@@ -117,6 +120,7 @@ __all__ = [
     "equation_error_phases",
     "first_belief",
     "learned",
+    "look_further",
     "multi_start",
     "multi_start_reduced",
     "parameter_covariance",

@@ -35,3 +35,6 @@ WeightTarget = Literal["whole-change", "each-step"]
 
 IntervalKind = Literal["", "normal", "Student's t", "truncated", "bounds"]
 """Why an interval has its limits; "bounds": the data hardly narrow what the bounds leave open."""
+
+TrialKind = Literal["pairing", "start"]
+"""What is tried at the end of an update: test modes with other partners, or other initial values."""

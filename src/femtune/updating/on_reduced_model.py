@@ -34,6 +34,7 @@ from femtune.residuals.frf.on_reduced import ReducedFrfs, modes_for, port_rows, 
 from femtune.residuals.frf.residual import KnownFunctions
 from femtune.residuals.state import reduced_case
 from femtune.updating.equation_error import equation_error_phases
+from femtune.updating.minimum import MinimumRules, look_further
 from femtune.updating.result import Iteration, UpdateResult
 from femtune.updating.sensitivity_method import (
     SensitivityMethod,
@@ -291,6 +292,15 @@ class ReducedSearch:
             cases[i] = reduced_case(cases[i], trained.model, functions)
         return replace(self.problem, cases=tuple(cases))
 
+    def telling(self, report: Callable[[Iteration], None]) -> Callable[[Iteration], None]:
+        """A receiver of iterations that follow those of the history: they are kept, then reported."""
+
+        def tell(iteration: Iteration) -> None:
+            self.history.append(iteration)
+            report(iteration)
+
+        return tell
+
     @property
     def cases(self) -> list[ComparedCase]:
         """The cases that are reduced."""
@@ -432,6 +442,7 @@ def update_reduced(
     told: Told = NOBODY,
     active: Sequence[str] | None = None,
     search: ReducedSearch | None = None,
+    further: MinimumRules | None = None,
 ) -> ReducedUpdate:
     """The update of `update`, its iterations on reduced models that are trained on the box of the parameters.
 
@@ -443,6 +454,7 @@ def update_reduced(
     report, start, active : as for `update`
     told : receives the progress of training and searches
     search : reduced models of an earlier update of the same problem, which are not trained again
+    further : with it, a better minimum is looked for on the reduced models after the first search, see `look_further`
 
     Raises
     ------
@@ -452,14 +464,21 @@ def update_reduced(
     if not any(state.case.on_modes or _served(state, rules) for state in before.states):
         # there is nothing that a reduced model would serve
         before = start or problem.assess(before.x, before.states)
-        return ReducedUpdate(update(problem, method, report, before, active), (), (NOTHING_REDUCED,), True)
+        found = update(problem, method, report, before, active)
+        if further is not None:
+            found = look_further(problem, method, found, further, report)
+        return ReducedUpdate(found, (), (NOTHING_REDUCED,), True)
     search = train(problem, rules, before, told, active) if search is None else replace(search, history=[])
     before = start or search.assessed(before)
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
     method = replace(method, regularisation=side)
-    x, rounds = before.x, list[str]()
+    x, rounds, minimum = before.x, list[str](), None
     while True:
         result = _search(search, method, x, report, active)
+        if further is not None and minimum is None:
+            # the history of the search is that of its first and only update so far
+            result = look_further(search.reduced_problem(), method, result, further, search.telling(report))
+            minimum = result.minimum
         told.searched(len(rounds) + 1)
         x, look = result.x, search.look(result.x, rounds)
         if look.agree or search.used_up or not search.take(look.better):
@@ -468,10 +487,8 @@ def update_reduced(
         del look
     full = search.assess(x, look.states, look.better)
     facts, better = search.facts(look.there.frequencies), replace(search, trained=look.better)
-    return ReducedUpdate(
-        on_full_model(problem, method, before, full, result, search.history), facts, tuple(rounds), look.agree, better,
-        look.there.functions,
-    )  # fmt: skip
+    end = replace(on_full_model(problem, method, before, full, result, search.history), minimum=minimum)
+    return ReducedUpdate(end, facts, tuple(rounds), look.agree, better, look.there.functions)
 
 
 def unassessed(problem: UpdateProblem, x: Reals | None = None) -> Evaluation:

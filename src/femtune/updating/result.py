@@ -14,6 +14,7 @@ from femtune.residuals import Evaluation
 from femtune.residuals.frf.fitted import FittedFrfs
 from femtune.status import Status
 from femtune.updating.covariance import ParameterCovariance
+from femtune.updating.kinds import TrialKind
 from femtune.updating.posterior import Marginal
 from femtune.updating.regularisation import SideConstraint
 from femtune.updating.smallest_change import SmallestChange
@@ -47,6 +48,8 @@ class Iteration:
     long_step : whether it is a long step, taken since no short one reduced the objective
     modes : the paired modes there
     functions : the model's functions there, of each FRF residual
+    merged : whether its events are pairs that alternated, and are compared as one subspace from there on
+    better_minimum : where it is the end of the way to a better minimum than before, how that was found; "" otherwise
     """
 
     number: int
@@ -61,6 +64,8 @@ class Iteration:
     long_step: bool = False
     modes: tuple[IterationMode, ...] = ()
     functions: tuple[FittedFrfs, ...] = field(default=(), repr=False)
+    merged: bool = False
+    better_minimum: str = ""
 
 
 @dataclass(frozen=True)
@@ -85,13 +90,69 @@ class Certificate:
 
 
 @dataclass(frozen=True)
+class Trial:
+    """Another pairing or start, and where it ended.
+
+    Parameters
+    ----------
+    sentence : what was tried
+    chi_square : at its end, over the comparisons of both ends; infinite where it was not solved
+    before : χ² over the same comparisons of the best end until then
+    iterations : that it took
+    better : whether it became the result
+    held : χ² where the update with another pairing ended while its pairs were held; None of a start, or without gain
+    """
+
+    kind: TrialKind
+    sentence: str
+    chi_square: float
+    before: float
+    iterations: int
+    better: bool
+    held: float | None = None
+
+
+@dataclass(frozen=True)
+class MinimumSearch:
+    """What was tried beyond an update.
+
+    Parameters
+    ----------
+    reasons : why; none where nothing suggests another minimum, and nothing was tried
+    first_chi_square : of the update as it had ended
+    chi_square : over the same comparisons, of the result
+    trials : in their order
+    left : other pairings that were not tried, in words
+    update_iterations : of the update itself
+    """
+
+    reasons: tuple[str, ...]
+    first_chi_square: float
+    chi_square: float
+    trials: tuple[Trial, ...] = ()
+    left: tuple[str, ...] = ()
+    update_iterations: int = 0
+
+    @property
+    def improved(self) -> bool:
+        """True if the result is a better minimum than that where the update had ended."""
+        return any(trial.better for trial in self.trials)
+
+    @property
+    def iterations(self) -> int:
+        """Of all trials."""
+        return sum(trial.iterations for trial in self.trials)
+
+
+@dataclass(frozen=True)
 class UpdateResult:
     """Outcome of an update.
 
     `x` are normalised free parameters; `covariance` is of x; `active` are the names of the parameters that were moved;
     `side` is the side constraint as it was settled. `number` is that of the result in the history: the last one where
     the iteration ended at an optimum, otherwise the best one. `certificate` is None of several updates in turn.
-    `smallest_change` is None if the result is the minimum inside the bounds.
+    `smallest_change` is None if the result is a minimum inside the bounds. `minimum` is what was tried beyond the
+    update; None where nothing was to be tried.
     """
 
     parameters: ParameterSet
@@ -107,6 +168,7 @@ class UpdateResult:
     number: int
     certificate: Certificate | None = None
     smallest_change: SmallestChange | None = None
+    minimum: MinimumSearch | None = None
 
     @property
     def objective(self) -> float:

@@ -428,6 +428,7 @@ class _Update:
         self.joined, self.best = joined, None
         moved = float(np.abs(point.x - end.point.x).max(initial=0.0))
         self._record(point, moved, self.method.search.start, tuple(s for of_case in sentences for s in of_case))
+        self.history[-1] = replace(self.history[-1], merged=True)
         return self._iterate(point.evaluation)
 
     def _blocked(self, end: _End) -> bool:

@@ -344,7 +344,7 @@ def run_stage(stage: Stage, start: Belief, tell: Tell, told: Told = NOBODY) -> S
         own = update_reduced(problem, method, stage.reduction, report, at, told, stage.parameters, search)
         reduced.append(own)
         runs.append(own.result)
-    i = best_of(runs)
+    i = best_of(problem, runs)
     found = learned(start, runs[i])
     return StageResult(stage, runs[i], tuple(runs), earlier, start, found.belief, found.misfit, refused, reduced[i])
 

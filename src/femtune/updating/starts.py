@@ -59,6 +59,9 @@ class StartResult:
     tries : how many times it set out: one, and one more for every hop from an end that was not good enough
     iterations : of all tries
     residuals : number of independent residuals at the end; test modes without a partner have none
+    tests : test modes of each case that have a partner at the end
+    common : ½ rᵀr over the test modes that have a partner at the end of any start, see `UpdateProblem.over`; NaN where
+        it is not known
     """
 
     number: int
@@ -70,13 +73,21 @@ class StartResult:
     iterations: int = 0
     problem: str = ""
     residuals: int = 0
+    tests: tuple[frozenset[int], ...] = ()
+    common: float = float("nan")
 
     @classmethod
     def of(cls, number: int, start: Reals, found: UpdateResult, tries: int = 1, iterations: int = 0) -> StartResult:
         """The end of an update."""
         return cls(
-            number, start, found.x, found.objective, found.status, tries, iterations, residuals=found.after.independent
-        )
+            number, start, found.x, found.objective, found.status, tries, iterations,
+            residuals=found.after.independent, tests=found.after.tests,
+        )  # fmt: skip
+
+    @property
+    def compared(self) -> float:
+        """The objective by which it is compared with other starts."""
+        return self.objective if np.isnan(self.common) else self.common
 
     @property
     def at_optimum(self) -> bool:
@@ -117,26 +128,42 @@ def noise_level(best: float, n_residuals: int, n_parameters: int) -> float:
 
 
 def comparable(starts: Sequence[StartResult]) -> list[StartResult]:
-    """The starts whose objectives can be compared: those with as many residuals as any.
+    """The starts whose objectives can be compared: all whose objective over the same test modes is known.
 
-    A start from which fewer modes find their partners ends with smaller residuals for this reason alone. Starts that
-    converged count before those that did not.
+    Otherwise those with as many residuals as any: a start from which fewer modes find their partners ends with smaller
+    residuals for this reason alone. Starts that converged count before those that did not.
     """
     ends = [s for s in starts if s.status is not None]
+    if not any(np.isnan(s.common) for s in ends):
+        return ends
     most = max((s.residuals for s in [s for s in ends if s.at_optimum] or ends), default=0)
     return [s for s in ends if s.residuals == most]
 
 
-def best_of(found: Sequence[UpdateResult]) -> int:
-    """Position of the update with the smallest objective, of those that can be compared, see `comparable`; of an
-    optimum if there is any."""
-    ends = comparable([StartResult.of(i, end.x, end) for i, end in enumerate(found)])
+def best_of(problem: UpdateProblem, found: Sequence[UpdateResult]) -> int:
+    """Position of the update of a problem with the smallest objective over the same test modes; of an optimum if there
+    is any."""
+    tests = united([end.after.tests for end in found])
+    ends = [
+        replace(StartResult.of(i, end.x, end), common=objective_over(problem, end, tests))
+        for i, end in enumerate(found)
+    ]
     return min(ends, key=height).number
+
+
+def objective_over(problem: UpdateProblem, result: UpdateResult, tests: Sequence[frozenset[int]]) -> float:
+    """½ rᵀr of a result, side constraint included, over some test modes of each case, see `UpdateProblem.over`."""
+    return result.objective - result.after.objective + problem.over(result.after, tests)
+
+
+def united(several: Sequence[tuple[frozenset[int], ...]]) -> tuple[frozenset[int], ...]:
+    """Test modes of each case that have a partner at any of several ends."""
+    return tuple(frozenset().union(*of_case) for of_case in zip(*several, strict=True))
 
 
 def height(start: StartResult) -> tuple[bool, float]:
     """Sort key of comparable starts: optima first, then by their objectives."""
-    return not start.at_optimum, start.objective
+    return not start.at_optimum, start.compared
 
 
 def distinct_optima(starts: Sequence[StartResult], spread: Reals, noise: float) -> tuple[Optimum, ...]:
@@ -144,14 +171,14 @@ def distinct_optima(starts: Sequence[StartResult], spread: Reals, noise: float) 
 
     Two results are the same if no parameter differs by more than a thousandth of its prior standard deviation.
     """
-    left = sorted((s for s in comparable(starts) if s.at_optimum), key=lambda s: (s.objective, s.number))
-    best = left[0].objective if left else np.nan
+    left = sorted((s for s in comparable(starts) if s.at_optimum), key=lambda s: (s.compared, s.number))
+    best = left[0].compared if left else np.nan
     optimum_groups = []
     while left:
         first = left[0]
         same = [s for s in left if np.abs((s.end - first.end) / spread).max(initial=0.0) <= SAME_END]
         numbers = tuple(sorted(s.number for s in same))
-        optimum_groups.append(Optimum(first.end, first.objective, numbers, first.objective - best <= noise))
+        optimum_groups.append(Optimum(first.end, first.objective, numbers, first.compared - best <= noise))
         left = [s for s in left if s not in same]
     return tuple(optimum_groups)
 
@@ -194,7 +221,20 @@ def start_sentences(starts: Sequence[StartResult], optima: Sequence[Optimum]) ->
         count = sum(len(o.members) for o in worse)
         ends = "an optimum" if len(worse) == 1 else f"{len(worse)} optima"
         out.append(f"{count} {'start' if count == 1 else 'starts'} reached {ends} with a higher objective.")
-    return (*out, *_lost(outcome_counts))
+    return (*out, *_nearest(starts), *_lost(outcome_counts))
+
+
+def _nearest(starts: Sequence[StartResult]) -> list[str]:
+    """Starts at whose end test modes without a partner are compared with the nearest model mode."""
+    ends = [s for s in starts if s.at_optimum and not np.isnan(s.common)]
+    every = united([s.tests for s in ends])
+    fewer = sum(s.tests != every for s in ends)
+    if not fewer:
+        return []
+    return [
+        f"{fewer} {'start' if fewer == 1 else 'starts'} ended where fewer test modes find a partner; to compare the "
+        "objectives, the others are compared there with the nearest model mode."
+    ]
 
 
 def _lost(found: dict[int, StartOutcome]) -> list[str]:
@@ -235,7 +275,7 @@ class StartRules:
 
     Parameters
     ----------
-    count, seed : points of a Latin hypercube over the bounds
+    count, seed : the nominal values, and points of a Latin hypercube over the bounds
     samples : if it is not zero, the objective is evaluated at a Latin hypercube of so many points, and the starts are
         the nominal values and the best points, those with more residuals first
     hops : how many times a start whose end is worse than the best one sets out again: first from half way between its
@@ -340,6 +380,8 @@ def multi_start(
         work = _Sampled(first[0] if first else problem)
         samples = tuple(_samples(work, given, executor, sampled or {}, report_sample or nothing))
         given = _best_points(samples, before.x, rules.count)
+    elif points is None and len(given) > 1:
+        given[0] = before.x
     tries = _Tries(problem, replace(method, regularisation=side), tuple(first), active)
     search = _Search(tries, rules, known or {}, report or nothing, executor)
     return replace(search.go(given, before), samples=samples)
@@ -413,11 +455,11 @@ def _followed(found: MultiStart, unfinished: bool) -> dict[int, int]:
     by_number = {s.number: s for s in found.starts}
     out = {}
     for optimum in found.optima:
-        leader = min(optimum.members, key=lambda n: (by_number[n].objective, n))
+        leader = min(optimum.members, key=lambda n: (by_number[n].compared, n))
         out.update(dict.fromkeys(optimum.members, leader))
     open_ = [s for s in found.starts if s.status is not None and s.number not in out]
     if not unfinished:
-        open_ = sorted(open_, key=lambda s: (s.objective, s.number))[:1] if not out else []
+        open_ = sorted(open_, key=lambda s: (s.compared, s.number))[:1] if not out else []
     return {**out, **{s.number: s.number for s in open_}}
 
 
@@ -486,9 +528,10 @@ class _Search:
         """All starts, then restarts of those with a higher objective."""
         starts = self._set_out([(StartResult(i, x, x, np.nan, None, 0), x) for i, x in enumerate(points, start=1)])
         for hop in range(self.rules.hops):
+            starts = self._compared(starts)
             noise = self._noise(starts, before)
             least = _least(starts)
-            best = {s.number for s in comparable(starts) if s.at_optimum and s.objective - least <= noise}
+            best = {s.number for s in comparable(starts) if s.at_optimum and s.compared - least <= noise}
             lost = [i for i, s in enumerate(starts) if s.number not in best]
             again = self._set_out([(starts[i], self._hop(starts[i], hop)) for i in lost])
             for i, found in zip(lost, again):
@@ -509,17 +552,28 @@ class _Search:
         known: dict[int, _Try] = {i: (self.known[key], None) for i, key in enumerate(keys) if key in self.known}
 
         def tell(i: int, found: _Try) -> None:
-            self.report(_better(tasks[i][0], found[0]))
+            self.report(self._better(tasks[i][0], found[0]))
 
         every = finish(self.executor, self.tries, tasks, known, name="start", finished=tell)
         return [
-            found[0] if i in known else _better(tasks[i][0], self._remembered(found)) for i, found in enumerate(every)
+            self._better(tasks[i][0], found[0] if i in known else self._remembered(found))
+            for i, found in enumerate(every)
         ]
+
+    def _better(self, so_far: StartResult, found: StartResult) -> StartResult:
+        """The start that is kept after one more run."""
+        if so_far.status is None:
+            return found
+        if found.status is not None:
+            tests = united([so_far.tests, found.tests])
+            if self._over(found, tests) < self._over(so_far, tests):
+                return found
+        return replace(so_far, tries=found.tries, iterations=found.iterations)
 
     def _remembered(self, found: _Try) -> StartResult:
         """The start; its update is kept where it is the best so far."""
         start, result = found
-        if result is not None and (self.best is None or best_of([self.best, result]) == 1):
+        if result is not None and (self.best is None or best_of(self.problem, [self.best, result]) == 1):
             self.best = result
         return start
 
@@ -535,7 +589,25 @@ class _Search:
         n = (before if self.best is None else self.best.after).independent
         return noise_level(_least(starts), n, int(moving.sum()))
 
+    def _compared(self, starts: Sequence[StartResult]) -> list[StartResult]:
+        """The starts with their objectives over the test modes that have a partner at the end of any of them."""
+        ends = [s for s in starts if s.status is not None and len(s.tests)]
+        every = united([s.tests for s in ends if s.at_optimum] or [s.tests for s in ends])
+        return [replace(s, common=self._over(s, every)) if s in ends else s for s in starts]
+
+    def _over(self, start: StartResult, tests: Sequence[frozenset[int]]) -> float:
+        """½ rᵀr of the end of a start, side constraint included, over some test modes of each case."""
+        if all(own >= wanted for own, wanted in zip(start.tests, tests, strict=True)):
+            return start.objective
+        try:
+            at = self.problem.assess(start.end, self.problem.solved(start.end), derivatives=False)
+        except FemtuneError:
+            return np.inf
+        paired = self.problem.over(at, start.tests)
+        return start.objective - paired + self.problem.over(at, united([start.tests, tuple(tests)]))
+
     def _result(self, starts: tuple[StartResult, ...], before: Evaluation) -> MultiStart:
+        starts = tuple(self._compared(starts))
         noise, spread = self._noise(starts, before), self.problem.parameters.prior[1]
         return MultiStart(
             self.problem.parameters, starts, distinct_optima(starts, spread, noise), noise, self._best(starts, before)
@@ -554,17 +626,6 @@ class _Search:
         return replace(found, before=before)
 
 
-def _better(so_far: StartResult, found: StartResult) -> StartResult:
-    """The start that is kept after one more run."""
-    if so_far.status is None or (found.status is not None and _worth(found) < _worth(so_far)):
-        return found
-    return replace(so_far, tries=found.tries, iterations=found.iterations)
-
-
-def _worth(start: StartResult) -> tuple[int, float]:
-    return -start.residuals, start.objective
-
-
 def _ended(start: StartResult, leader: StartResult | None) -> StartResult:
     """A start that ends where another one, or it itself, has ended; as it is without."""
     if leader is None:
@@ -573,9 +634,9 @@ def _ended(start: StartResult, leader: StartResult | None) -> StartResult:
     iterations = leader.iterations if leader.number == start.number else start.iterations
     return replace(
         start, end=end, objective=leader.objective, status=leader.status, problem=leader.problem, iterations=iterations,
-        residuals=leader.residuals,
+        residuals=leader.residuals, tests=leader.tests,
     )  # fmt: skip
 
 
 def _least(starts: Sequence[StartResult]) -> float:
-    return min((s.objective for s in comparable(starts) if s.at_optimum), default=np.inf)
+    return min((s.compared for s in comparable(starts) if s.at_optimum), default=np.inf)

@@ -47,8 +47,11 @@ class Finding(Enum):
 
     @property
     def outcome(self) -> Outcome:
-        """Residuals of the stated size or larger that are no noise fail; smaller ones pass, random or not."""
-        if self is Finding.NOT_TESTED:
+        """Residuals of the stated size or larger that are no noise fail.
+
+        Smaller ones are no proof: with standard deviations that are too large everything fits.
+        """
+        if self in (Finding.NOT_TESTED, Finding.SMALL, Finding.SMALL_SYSTEMATIC):
             return Outcome.NOT_TESTED
         failed = (Finding.SYSTEMATIC, Finding.LARGE, Finding.LARGE_SYSTEMATIC, Finding.BOUNDED)
         return Outcome.FAIL if self in failed else Outcome.PASS
@@ -125,7 +128,7 @@ class GoodnessOfFit:
 
     @property
     def outcome(self) -> Outcome:
-        """Pass if the residuals may be noise of the stated size, or of a smaller one."""
+        """Pass if the residuals may be noise of the stated size."""
         return self.finding.outcome
 
     @property
@@ -176,6 +179,7 @@ def _chance(p: float) -> str:
 def goodness_of_fit(
     blocks: Sequence[ResidualBlock],
     *,
+    prior: Sequence[ResidualBlock] = (),
     untested: str = "",
     bounded: bool = False,
     optimum: bool = True,
@@ -188,14 +192,16 @@ def goodness_of_fit(
     Parameters
     ----------
     blocks : with derivatives
+    prior : the rows of a prior, tested like the others: what it holds is a misfit of both together
     untested : why none of them can be tested; "" where they can
     bounded : whether bounds, and nothing else, keep the parameters from the least squares of all blocks; where all
         kinds are tested, it is tested whether noise explains what they keep
     optimum : False if the update ended without an optimum: all of the residuals is tested, not only the part that the
         parameters cannot change
     """
-    why = {b.kind: untested or b.not_normal for b in blocks if untested or b.not_normal}
+    why = {b.kind: reason for b in blocks if (reason := untested or b.without_distribution)}
     kept = [b.whitened() for b in blocks if b.kind not in why]
+    kept += prior if kept else ()
     skipped, (values, rank) = tuple(why.items()), _counts(blocks)
     chi2, dof = _chi_square(kept, optimum)
     held, chance_held = _held(kept) if bounded and not skipped else (None, None)

@@ -178,6 +178,7 @@ def test_dof_lists_of_all_spellings(tmp_path: Path) -> None:
     assert read_dof_list(tmp_path / "a.dof").tolist() == [[1, 1], [2, 3], [3, 6], [4, 4], [5, 0]]
 
 
+@pytest.mark.slow
 def test_a_large_text_file_is_read_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks of whole lines, here of a few thousand."""
     monkeypatch.setattr(text_blocks, "BLOCK", 100_000)

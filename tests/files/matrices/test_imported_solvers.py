@@ -34,6 +34,7 @@ file = "{mass}"
 """
 
 
+@pytest.mark.slow
 def test_calculix(calculix_job: Path) -> None:
     text = STUDY.format(
         model='grid = "beam.inp"\nlisting = "modes.dat"', count=10, stiffness="beam.sti", mass="beam.mas", more=""

@@ -93,6 +93,7 @@ def write(folder: Path, files: dict[str, bytes]) -> Path:
     return folder / "deck.bdf"
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("name", DECKS)
 def test_whole_decks(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path, {n: text.encode("latin-1") for n, text in DECKS[name].items()})
@@ -119,6 +120,7 @@ def test_many_damaged_decks_say_the_same(name: str, tmp_path: Path, monkeypatch:
         check_same(by_columns(path, monkeypatch), one_by_one(path, monkeypatch))
 
 
+@pytest.mark.slow
 def test_reference_decks(nastran_decks: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("tet10.bdf", "trunc_cyl_shell.nas", "plate_py.dat", "bah_plane.bdf", "002_svanberg_beam/modes.dat"):
         check_same(by_columns(nastran_decks / name, monkeypatch), one_by_one(nastran_decks / name, monkeypatch))

@@ -28,7 +28,7 @@ OWN: Sources = {name: {n: text.encode("latin-1") for n, text in files.items()} f
 REFERENCE = ("beam_modes.dat", "satk.dat", "cbush.dat", "pt145.bdf", "random_test_bar_plus_tri.bdf",
              "actuator_tf_modeling.bdf", "004_72_bar_truss/modes.dat", "002_svanberg_beam/modes.dat",
              "002_svanberg_beam/svanberg.bdf")  # fmt: skip
-QUICK, SOME, ALL = 60, 500, 10_000
+QUICK, GATE, SOME, ALL = 20, 60, 500, 10_000
 
 
 def reference_sources(folder: Path) -> Sources:
@@ -75,7 +75,12 @@ def test_mutants_are_the_same_again_and_changed() -> None:
 
 # about a quarter is understood; of a small number it may be less
 @pytest.mark.parametrize(
-    ("count", "kinds", "understood"), [(QUICK, 8, 1 / 8), pytest.param(SOME, 20, 1 / 5, marks=pytest.mark.long)]
+    ("count", "kinds", "understood"),
+    [
+        (QUICK, 4, 1 / 8),
+        pytest.param(GATE, 8, 1 / 8, marks=pytest.mark.slow),
+        pytest.param(SOME, 20, 1 / 5, marks=pytest.mark.long),
+    ],
 )
 def test_mutants_of_our_own_decks(count: int, kinds: int, understood: float) -> None:
     codes: Counter[str] = Counter()

@@ -81,6 +81,7 @@ def test_shells_are_read_with_their_notices(nastran_decks: Path) -> None:
     assert "no multipoint constraint is applied" in notice.what
 
 
+@pytest.mark.slow
 def test_a_mesh_of_solids_without_a_material_is_refused_where_it_is_blank(nastran_decks: Path) -> None:
     deck = read_deck(nastran_decks / "trunc_cyl_shell.nas")
     with pytest.raises(FemtuneError) as error:

@@ -243,6 +243,7 @@ def test_aeroplane_drive_point_gives_energy_in(aeroplane: UffContent) -> None:
     assert drive.imag.min() > -1e-3 * drive.imag.max()
 
 
+@pytest.mark.slow
 def test_aeroplane_units(shared_data: Path, aeroplane: UffContent) -> None:
     path = shared_data / "garteur" / "frf_1995.unv"
     with pytest.raises(FemtuneError) as caught:

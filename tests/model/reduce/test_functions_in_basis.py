@@ -78,7 +78,7 @@ def in_basis(
     return reduced_functions(modes, on, 2j * np.pi * lines, damped, damping, left_out=left_out)
 
 
-@pytest.mark.quick(6)
+@pytest.mark.quick(2, gate=20)
 @pytest.mark.parametrize("damped", DAMPED)
 @pytest.mark.parametrize("modal", MODAL)
 @pytest.mark.parametrize("x", [REPEATED, APART], ids=["repeated", "apart"])
@@ -96,7 +96,7 @@ def test_on_a_basis_of_all_motions_they_are_those_of_the_full_model(
     np.testing.assert_allclose(found.gradient, gradient, atol=1e-10 * np.abs(gradient).max())
 
 
-@pytest.mark.quick(6)
+@pytest.mark.quick(2, gate=12)
 @pytest.mark.parametrize("damped", DAMPED)
 @pytest.mark.parametrize("modal", MODAL)
 @pytest.mark.parametrize("left_out", [(0,), (1, 3)])

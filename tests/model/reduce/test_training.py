@@ -110,6 +110,7 @@ def test_the_leading_part_of_a_reduced_model_is_that_of_fewer_vectors(plate: Con
     np.testing.assert_allclose(there.mass, small.at(x).mass, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_estimate_is_never_below_a_tenth_of_the_error_nor_far_above_it(
     plate: ConfiguredModel, trainer: Trainer, told: list[Trained], trained: Trained
 ) -> None:

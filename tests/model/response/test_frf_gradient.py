@@ -78,6 +78,7 @@ def test_with_modal_damping_of_some_modes_repeated_ones_among_them(damping: Damp
         assert np.abs(found.gradient[..., i] - exact).max() <= 1e-7 * np.abs(exact).max()
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("method", METHODS[1:])
 def test_modal_derivatives_converge_with_the_modes(method: Method) -> None:
     model, ports = _model(40)

@@ -58,7 +58,7 @@ def _modal_matrix(at: ModelPoint, damping: DampingRatios | None, freq_hz: NDArra
     return np.einsum("ir,rk,jr->ijk", half, rate[:, None] * over, half)
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(2, gate=16)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("method", METHODS)
 def test_all_modes_give_the_inverse_of_the_dynamic_stiffness(case: str, method: str) -> None:

@@ -26,7 +26,7 @@ def _error(found: NDArray, exact: NDArray) -> float:
     return float((np.abs(found - exact) / size).max())
 
 
-@pytest.mark.quick(3)
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("method", ["real-modes", "complex-modes"])
 def test_the_error_is_below_the_stated_one(case: str, method: Method) -> None:

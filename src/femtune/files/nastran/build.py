@@ -33,6 +33,7 @@ from femtune.files.nastran.damping import damping_notices, damping_tables, modal
 from femtune.files.nastran.deck import Deck, DeckParameter
 from femtune.files.nastran.general import read_general_elements
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
+from femtune.files.nastran.health import health_notices
 from femtune.files.nastran.inventory import (
     MISSING,
     CardUse,
@@ -157,11 +158,26 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
         where = Where(str(deck.files[0].file))
         raise FemtuneError("deck.no-points", where=where, values={"cards": len(deck.cards)})
     notices = (*deck.notices, *building.notices, *_without_point(deck))
+    notices += tuple(_health(deck, structure, element_cards))
     return BuiltDeck(
         files=tuple(file.file for file in deck.files), structure=structure, notices=notices, modal_damping=damping,
         damping_tables=tables, cards=cards, fields=building.places, element_cards=element_cards,
         deck=deck, eigen_method=method, mass_reference=reference, increases=increases,
     )  # fmt: skip
+
+
+def _health(deck: Deck, structure: Structure, element_cards: Mapping[int, int]) -> list[Notice]:
+    """Doubts about the model; a remark if they cannot be told, because they must not cost the model."""
+    main = Where(str(deck.path))
+
+    def place_of_grid(number: int) -> Where:
+        card = next((c for c in deck.by_name("GRID") if c.is_integer(0) and c.integer(0) == number), None)
+        return main if card is None else card.where()
+
+    try:
+        return health_notices(structure, lambda n: deck.cards[element_cards[n]].where(), place_of_grid)
+    except (ValueError, LookupError, ArithmeticError) as error:
+        return [Notice("deck.health-unknown", where=main, level="info", problem=type(error).__name__)]
 
 
 def _without_point(deck: Deck) -> list[Notice]:

@@ -196,8 +196,8 @@ _COMPONENT = (
 )
 _FOUND = "they are not constrained; rigid-body modes are found without SUPORT"
 _EFFECTS = {
-    **dict.fromkeys(("ASET", "OMIT"), _REDUCED),
-    **dict.fromkeys(("BSET", "CSET", "QSET"), _COMPONENT),
+    **dict.fromkeys(("ASET", "OMIT", "QSET"), _REDUCED),
+    **dict.fromkeys(("BSET", "CSET"), _COMPONENT),
     **dict.fromkeys(("SUPORT", "SUPORT1"), _FOUND),
     "USET": "the set has no effect",
 }

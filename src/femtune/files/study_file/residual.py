@@ -695,6 +695,14 @@ class ResidualsTable(TomlTable):
     common_frequency_sd: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Relative standard deviation of an error that all frequencies of the model share, for example of a wrong mass or
     modulus; it widens the results ([guide](guide/update.md)). Example: `0.02`"""
+    assumed: tuple[Literal["frequency_sd", "shape_sd"], ...] = ()
+    """Keys of this table whose values are assumptions and not known from the test. Residuals that are smaller than
+    assumed are no finding, and larger ones are a reservation. A standard deviation that applies by default is an
+    assumption. Example: `["frequency_sd"]`"""
+
+    def is_assumed(self, key: str) -> bool:
+        """Whether the value of a key is an assumption."""
+        return key in self.assumed or key not in self.model_fields_set
 
     @property
     def _shape_kind(self) -> str:

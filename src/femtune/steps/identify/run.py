@@ -15,6 +15,7 @@ from femtune.errors import FemtuneError, Notice, Where, with_notices
 from femtune.executor import Processes
 from femtune.files.described_test import read_described_geometry
 from femtune.identification.record_checks import check_record
+from femtune.journal.owner import owner_of
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.steps.identify.from_record import found_from_record, read_asked
@@ -23,7 +24,7 @@ from femtune.steps.identify.request import asked_of, check_methods, check_usable
 from femtune.steps.identify.result import IdentifyResult
 from femtune.steps.identify.rigid_bodies import with_rigid_bodies
 from femtune.steps.identify.setups import found_from_setups
-from femtune.steps.identify.write import no_modes_file, test_of_modes, write_found
+from femtune.steps.identify.write import RECORD_FILE, WRITTEN_FILES, no_modes_file, test_of_modes, write_found
 from femtune.steps.run_folder import check_writable
 from femtune.study.executor import check_jobs
 from femtune.study.progress import silent
@@ -158,6 +159,13 @@ def _check_folder(folder: Path, file: IdentifyFile) -> None:
     inputs = {os.path.realpath(p) for p in (file.path, *file.measured_paths, *geometry, *levels)}
     if any(os.path.realpath(p) in inputs for p in folder.iterdir()):
         raise FemtuneError("write.overwrites-input/measurement", where=Where(str(folder)))
+    owner = owner_of(folder, folder.parent)
+    if owner is not None:
+        raise FemtuneError("run.other-study/identify", where=Where(str(folder)), owner=owner.shown)
+    if not os.path.lexists(folder / RECORD_FILE):
+        for name in WRITTEN_FILES:
+            if os.path.lexists(folder / name):
+                raise FemtuneError("run.other-file/identify", where=Where(str(folder / name)), name=name)
 
 
 def _digest(path: Path) -> str:

@@ -17,6 +17,7 @@ from femtune.files.deviations import deviations_text
 from femtune.files.uff import check_modes, write_uff_modes
 from femtune.files.whole_file import write_whole
 from femtune.identification.choice import Limits, stable
+from femtune.journal.run_files import REPORT_FILE
 from femtune.modal import ModeSet
 from femtune.steps.run_folder import unwritable
 from femtune.testdata import ModalTest
@@ -33,6 +34,8 @@ TABLE_FILE = "modes.csv"
 POLES_FILE = "poles.csv"
 SYSTEM_FILE = "system.npz"
 DEVIATIONS_FILE = "deviations.json"
+WRITTEN_FILES = (MODES_FILE, TABLE_FILE, POLES_FILE, SYSTEM_FILE, DEVIATIONS_FILE, REPORT_FILE)
+"""All files of an identification beside its record, which tells that a folder is that of an identification."""
 
 
 def test_of_modes(identified: Found, title: str, units: str) -> ModalTest:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from femtune.steps.correlate.record.correlation import CorrelationResults
     from femtune.steps.results import Results
     from femtune.steps.update.record.stages import StageResults
-    from femtune.steps.update.record.update import UpdateResults
+    from femtune.steps.update.record.update import PairingEvent, UpdateResults
     from femtune.steps.validate.record.validation import GoodnessResults
     from femtune.study.record import Alert
     from femtune.study.study import Study
@@ -109,6 +109,16 @@ def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:
             yield alert("info", "update.frfs-alone", missing="; ".join(missing))
 
 
+def _of_pairing(events: Sequence[PairingEvent]) -> Iterable[Alert]:
+    if events:
+        iterations = len({event.iteration for event in events})
+        code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
+        yield alert("info", code, iterations=iterations, modes=len(events))
+    merged = [f"{event.configuration}: {event.sentence}" for event in events if event.merged]
+    if merged:
+        yield alert("warning", "update.pairs-merged", pairs="; ".join(merged))
+
+
 def _of_update(results: Results) -> Iterable[Alert]:
     update = results.update
     if update is None:
@@ -126,10 +136,7 @@ def _of_update(results: Results) -> Iterable[Alert]:
         yield alert("problem", "update.no-weight", reason=update.weight_choice.sentence)
     if update.starts is not None and not update.starts.unique:
         yield alert("warning", "update.not-unique", sentences=" ".join(update.starts.sentences))
-    if update.pairing_events:
-        iterations = len({event.iteration for event in update.pairing_events})
-        code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
-        yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
+    yield from _of_pairing(update.pairing_events)
     yield from _of_intervals(update)
     yield from _of_stages(update.stages)
     if update.goodness is not None:

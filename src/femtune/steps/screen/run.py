@@ -12,6 +12,7 @@ import numpy as np
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.files.study_file import with_screen
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.respond.run import check_places
 from femtune.steps.results import Results
 from femtune.steps.screen.methods import Findings, ResponseLabels, ScreenMethod, method_of_screen
@@ -79,7 +80,12 @@ def screen_parameters(
             check_places(study, [table], None)
         check_executor(study)
         inputs = inputs_of(study)
-    with watch.step("runs"), looking_up(study, fresh) as looked_up, opened_solver(looked_up.study, progress) as solver:
+    with (
+        watch.step("runs"),
+        held_for_solver(study.file, "screen"),
+        looking_up(study, fresh) as looked_up,
+        opened_solver(looked_up.study, progress) as solver,
+    ):
         runs = _Runs.of(looked_up.study, method, progress, solver)
         with errors_at(file.where("screen")):
             record = runs.record()

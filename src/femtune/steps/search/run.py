@@ -17,6 +17,7 @@ from femtune.files.study_file import with_search
 from femtune.global_search import Front, GlobalMinimum, SearchRules, front_of, global_minimum, surrogate_minimum
 from femtune.global_search.kinds import METHODS
 from femtune.selection import estimated_size, identifiability, undetermined_sentence
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.respond.run import check_places
 from femtune.steps.results import Results
 from femtune.steps.screen.record import FailedModelRun
@@ -132,7 +133,11 @@ def search_minimum(
         check_executor(study)
         inputs = inputs_of(study)
     arrays: dict[str, Any] = {}
-    with looking_up(study, fresh) as looked_up, opened_solver(looked_up.study, progress) as solver:
+    with (
+        held_for_solver(study.file, "search"),
+        looking_up(study, fresh) as looked_up,
+        opened_solver(looked_up.study, progress) as solver,
+    ):
         search = _Search.begin(looked_up.study, table, progress, solver)
         if table.front:
             # what it cannot compare is said before the first run

@@ -12,7 +12,7 @@ import numpy as np
 from femtune.steps.update.facts.reduction import reduction_results
 from femtune.steps.update.record.reduction import ReductionResults
 from femtune.study.stages import reduction_rules
-from femtune.updating import update_reduced
+from femtune.updating import MinimumRules, update_reduced
 
 if TYPE_CHECKING:
     from femtune.model.reduce import Trained
@@ -94,5 +94,5 @@ def find_on_reduced(
     assert rules is not None
     told = TrainingProgress(progress, rules.full_solutions)
     told.begin(case.name for case in problem.cases)
-    found = update_reduced(problem, method, rules, report, at, told)
+    found = update_reduced(problem, method, rules, report, at, told, further=MinimumRules())
     return found.result, reduction_results(found, rules), found.search

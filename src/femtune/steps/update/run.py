@@ -12,7 +12,7 @@ from femtune.steps.update.starts import History, find_from_starts
 from femtune.study.error_places import errors_at
 from femtune.study.stages import bottom_up
 from femtune.study.update_method import method_of
-from femtune.updating import update, with_noise
+from femtune.updating import look_further, update, with_noise
 
 if TYPE_CHECKING:
     from femtune.residuals import Evaluation
@@ -116,4 +116,5 @@ def _found(study: Study, folder: Path, at: Evaluation, progress: Progress) -> Fo
     if reduction is not None:
         result, facts, search = find_on_reduced(study, method, tell, at, progress)
         return FoundParameters(result, facts, search=search)
-    return FoundParameters(update(study.problem(), method, tell, at))
+    problem = study.problem()
+    return FoundParameters(look_further(problem, method, update(problem, method, tell, at), report=tell))

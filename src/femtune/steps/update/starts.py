@@ -76,7 +76,7 @@ def _line(s: StartResult) -> dict[str, object]:
     return {
         "number": s.number, "tries": s.tries, "start": s.start.tolist(), "end": s.end.tolist(), "objective": objective,
         "status": None if s.status is None else s.status.name, "iterations": s.iterations, "problem": s.problem,
-        "residuals": s.residuals,
+        "residuals": s.residuals, "tests": [sorted(tests) for tests in s.tests],
     }  # fmt: skip
 
 
@@ -106,6 +106,7 @@ def _start(line: Mapping[str, object]) -> StartResult:
         int(str(line["number"])), np.array(line["start"], float), np.array(line["end"], float),
         np.nan if objective is None else float(str(objective)), None if status is None else Status[str(status)],
         int(str(line["tries"])), int(str(line["iterations"])), str(line["problem"]), int(str(line["residuals"])),
+        tuple(frozenset(tests) for tests in line["tests"]),  # type: ignore[attr-defined]
     )  # fmt: skip
 
 
@@ -195,7 +196,7 @@ class History:
             "objective": iteration.objective,
             "parameters": self.parameters.values(iteration.x),
             "at_bound": iteration.at_bound,
-            "events": iteration.events,
+            "events": [*iteration.events, *filter(None, [iteration.better_minimum])],
         }
         try:
             with self.path.open("a", encoding="utf-8") as stream:

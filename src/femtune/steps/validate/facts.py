@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     )
 from typing import TYPE_CHECKING
 
+from femtune.judge.whitened import prior_blocks
 from femtune.steps.validate.record.validation import (
     GoodnessResults,
     HeldOutShape,
@@ -70,6 +71,7 @@ from femtune.updating.covariance import parameter_covariance
 
 if TYPE_CHECKING:
     from femtune.correlation import Correlation
+    from femtune.steps.judge.record.parts import PartRecord
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
 
@@ -453,19 +455,25 @@ def _kinds_not_tested(kinds: set[str]) -> Iterable[str]:
 _ESTIMATED = "their standard deviations are estimated from the residuals themselves"
 
 
+def untested_residuals(study: Study) -> str:
+    """Why the size of the residuals is not tested; "" where the study states their standard deviations."""
+    return _ESTIMATED if study.file.residuals.scatter == "estimated" else ""
+
+
 def goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
     """The test at the end of an update, by the standard deviations that the study states."""
     if not result.after.has_derivatives:
         return goodness_of_fit([])
-    estimated = study.file.residuals.scatter == "estimated"
-    bounded = result.status.ok and bool(result.at_bound) and not len(result.side.matrix) and not len(result.side.held)
+    side = result.side
+    bounded = result.status.ok and bool(result.at_bound) and not len(side.matrix) and not len(side.held)
     return goodness_of_fit(
-        result.after.weighted, untested=_ESTIMATED if estimated else "", bounded=bounded, optimum=result.status.ok
-    )
+        result.after.weighted, prior=prior_blocks(result), untested=untested_residuals(study), bounded=bounded,
+        optimum=result.status.ok,
+    )  # fmt: skip
 
 
-def goodness_results(goodness: GoodnessOfFit) -> GoodnessResults:
-    """The test as a record."""
+def goodness_results(goodness: GoodnessOfFit, worst: PartRecord | None = None) -> GoodnessResults:
+    """The test as a record; `worst` is the part of the residuals that is no noise, if there is one."""
     kinds = (KindOfResiduals(kind=k, chi_square=c, degrees_of_freedom=d, p_value=p) for k, c, d, p in goodness.by_kind)
     return GoodnessResults(
         chi_square=goodness.chi_square,
@@ -476,8 +484,8 @@ def goodness_results(goodness: GoodnessOfFit) -> GoodnessResults:
         largest=goodness.largest,
         largest_label=goodness.largest_label,
         by_kind=tuple(kinds),
-        verdict=goodness.outcome.value,
-        sentence=goodness.sentence,
+        verdict="fail" if worst is not None else goodness.outcome.value,
+        sentence=goodness.sentence + ("" if worst is None else f"; the worst part is {worst.words} ({worst.numbers})"),
         finding=goodness.finding.name,
         values=goodness.values,
         rank=goodness.rank,

@@ -18,6 +18,7 @@ from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.field_refs import OF_MATRICES, WITHOUT_CARD
 from femtune.files.nastran.write import plan_edits, write_deck
+from femtune.journal.owner import owner_of
 from femtune.journal.run_files import RUN_FILES, UNVERIFIED_FILE
 from femtune.steps.update.record.update import WrittenValue
 from femtune.steps.write.facts import edits, new_cards, repointed
@@ -47,12 +48,18 @@ class WriteBack:
     built: dict[str | None, BuiltModel]
 
 
-def _reserved(study: Study, folder: Path) -> set[str]:
-    """Names in a run folder which changed INCLUDEs must not take: of files of a run, and of inputs."""
+def _reserved(study: Study, run: Path, folder: Path) -> set[str]:
+    """Names which changed INCLUDEs must not take: of files of a run, of inputs, and of files that no run has made.
+
+    `folder` is the run folder, or that of a specimen in it.
+    """
     of_runs = {name for one in RUN_FILES for name in (one.name, *one.names(study.file))} - {UNVERIFIED_FILE}
     place = os.path.realpath(folder)
     inputs = (Path(os.path.realpath(one.path)) for one in inputs_of_study(study))
-    return of_runs | {path.name for path in inputs if str(path.parent) == place}
+    owner = owner_of(run, run)
+    there = folder.iterdir() if folder.is_dir() else ()
+    others = {path.name for path in there if owner and not owner.made(path.relative_to(run).as_posix())}
+    return of_runs | {path.name for path in inputs if str(path.parent) == place} | (others - {UNVERIFIED_FILE})
 
 
 def check_writable_fields(study: Study, wide: bool) -> None:
@@ -96,7 +103,7 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
 
 def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wide: bool) -> WriteBack:
     plan, values = _planned(study, result.x, wide)
-    deck = write_deck(plan.edited, folder, UNVERIFIED_FILE, _reserved(study, folder))
+    deck = write_deck(plan.edited, folder, UNVERIFIED_FILE, _reserved(study, run, folder))
     rebuilt = build_allowing(read_deck(deck.main), study.file.study.allow_ignored)
     differences = value_differences(study.model.structure, values, rebuilt.structure)
     record = _record(study, plan, deck, run, values).model_copy(update={"differences": tuple(differences)})

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 from femtune.steps.judge.facts.acceptance import acceptance
 from femtune.steps.judge.facts.coverage import runs_coverage
+from femtune.steps.judge.facts.linearity import linearity
 from femtune.steps.judge.facts.missing import missing_fields
+from femtune.steps.judge.facts.parts import parts_of_fit
 from femtune.steps.judge.facts.scatter import frequency_scatter
 from femtune.steps.judge.facts.usual import usual_ranges
 
@@ -19,7 +21,9 @@ FACTS: Mapping[str, Callable[[FinishedUpdate], Record | None]] = {
     "acceptance": lambda fit: acceptance(fit.study),
     "scatter": frequency_scatter,
     "usual_ranges": usual_ranges,
+    "linearity": linearity,
     "missing": missing_fields,
+    "parts": parts_of_fit,
     "coverage": runs_coverage,
 }
 """By the field of `JudgementResults` that receives the record; None where the topic does not apply."""

@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from femtune.document.document import Cell, Paragraph, columns, table_or_none
+from femtune.steps.judge.page.linearity import linearity_blocks
 from femtune.steps.judge.page.missing import missing_blocks
+from femtune.steps.judge.page.parts import parts_blocks
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Level
@@ -21,7 +23,7 @@ LEVELS: Mapping[VerdictOfRun, Level] = {
 }
 """How serious each verdict is."""
 
-EVIDENCE: tuple[Callable[[ReportSource], Iterable[Block]], ...] = (missing_blocks,)
+EVIDENCE: tuple[Callable[[ReportSource], Iterable[Block]], ...] = (missing_blocks, parts_blocks, linearity_blocks)
 """Blocks of the topics, in their order."""
 
 

@@ -10,8 +10,11 @@ from femtune.steps.judge.reasons.alerts import alert_reasons
 from femtune.steps.judge.reasons.compared import compared_reasons
 from femtune.steps.judge.reasons.computed import computed_reasons
 from femtune.steps.judge.reasons.criteria import criteria_reasons
+from femtune.steps.judge.reasons.linearity import linearity_reasons
+from femtune.steps.judge.reasons.minimum import minimum_reasons
 from femtune.steps.judge.reasons.missing import missing_reasons
 from femtune.steps.judge.reasons.parameters import parameter_reasons
+from femtune.steps.judge.reasons.parts import parts_reasons
 from femtune.steps.judge.reasons.update import update_reasons
 
 if TYPE_CHECKING:
@@ -20,7 +23,10 @@ if TYPE_CHECKING:
 
 TOPICS: tuple[Callable[[Results], Iterable[ReasonRecord]], ...] = (
     update_reasons,
+    minimum_reasons,
+    linearity_reasons,
     missing_reasons,
+    parts_reasons,
     computed_reasons,
     compared_reasons,
     criteria_reasons,

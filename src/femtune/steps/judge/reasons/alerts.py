@@ -49,8 +49,10 @@ _SAID_ELSEWHERE = ("update.no-optimum", "update.stage-unfinished", "write.differ
 def alert_reasons(results: Results) -> Iterable[ReasonRecord]:
     """Alerts that bear on the verdict; several with one code are one reason, in the words of the first."""
     by_code: dict[str, list[Alert]] = {}
+    judged_in_parts = results.judgement is not None and results.judgement.parts is not None
+    elsewhere = (*_SAID_ELSEWHERE, *(["update.misfit"] if judged_in_parts else []))
     for a in results.alerts:
-        if a.level != "info" and a.code not in _SAID_ELSEWHERE and (a.code in WEIGHTS or a.level == "problem"):
+        if a.level != "info" and a.code not in elsewhere and (a.code in WEIGHTS or a.level == "problem"):
             by_code.setdefault(a.code, []).append(a)
     for code, found in by_code.items():
         more = f"; and {len(found) - 1} more of this kind" if len(found) > 1 else ""

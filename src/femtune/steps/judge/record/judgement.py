@@ -6,7 +6,9 @@ from typing import Literal
 
 from femtune.steps.judge.record.acceptance import AcceptanceResults
 from femtune.steps.judge.record.coverage import CoverageResults
+from femtune.steps.judge.record.linearity import LinearityResults
 from femtune.steps.judge.record.missing import MissingResults
+from femtune.steps.judge.record.parts import PartsResults
 from femtune.steps.judge.record.reason import ReasonRecord
 from femtune.steps.judge.record.scatter import FrequencyScatter
 from femtune.steps.judge.record.usual import UsualRanges
@@ -30,9 +32,13 @@ class JudgementResults(Record):
     """Frequency errors beside the repeatability of the test; None if that is not known."""
     usual_ranges: UsualRanges | None = None
     """Parameters beyond their usual range; None if no parameter has one."""
+    linearity: LinearityResults | None = None
+    """Whether χ² is a parabola over the distribution of the parameters; None in older results."""
     missing: MissingResults | None = None
     """Fields of the deck that no parameter represents and that the residuals ask for; None in older results."""
     not_computed: tuple[str, ...] = ()
     """Topics that could not be judged because their computation failed, with the reason."""
+    parts: PartsResults | None = None
+    """The residuals in parts, the shapes beside their neighbours, and the errors by kind."""
     coverage: CoverageResults | None = None
     """The end of the update in the runs of its model; None for other models."""

@@ -14,11 +14,13 @@ if TYPE_CHECKING:
 from femtune.steps.update.record.search import (
     BoundMultiplier,
     CertificateResults,
+    MinimumResults,
     OptimumFacts,
     PathPoint,
     SmallestChangeResults,
     StartFacts,
     StartsResults,
+    TrialFacts,
     WeightChoiceResults,
 )
 
@@ -50,6 +52,29 @@ def smallest_change_results(result: UpdateResult) -> SmallestChangeResults | Non
         optimum=_values(result.parameters, change.optimum),
         optimum_at_bound=change.optimum_at_bound,
     )
+
+
+def minimum_results(result: UpdateResult) -> MinimumResults | None:
+    """What was tried for a better minimum; None where nothing was to be tried."""
+    found = result.minimum
+    if found is None:
+        return None
+    return MinimumResults(
+        reasons=found.reasons,
+        first_chi_square=found.first_chi_square,
+        chi_square=found.chi_square,
+        improved=found.improved,
+        trials=tuple(
+            TrialFacts(
+                kind=t.kind, sentence=t.sentence, chi_square=_finite(t.chi_square), before=t.before,
+                iterations=t.iterations, better=t.better, held=t.held,
+            )
+            for t in found.trials
+        ),
+        left=found.left,
+        iterations=found.iterations,
+        update_iterations=found.update_iterations,
+    )  # fmt: skip
 
 
 def weight_choice_results(result: UpdateResult) -> WeightChoiceResults | None:

@@ -20,8 +20,11 @@ from femtune.modal import freq_and_damping
 from femtune.residuals.frequency import FrequencyResidual
 from femtune.selection import combination_text, sentences, verdict
 from femtune.selection.combinations import NO_EFFECT
+from femtune.steps.judge.facts.parts import parts_results
+from femtune.steps.judge.record.parts import NOT_ACCEPTED
 from femtune.steps.update.facts.search import (
     certificate_results,
+    minimum_results,
     smallest_change_results,
     starts_results,
     weight_choice_results,
@@ -38,6 +41,7 @@ if TYPE_CHECKING:
     from femtune.parameters import DerivedQuantity, Jet, ParameterSet
     from femtune.residuals import Evaluation
     from femtune.selection import Combination, Identifiability
+    from femtune.steps.judge.record.parts import PartRecord
     from femtune.study.study import Study
     from femtune.updating import Marginal, MultiStart, UpdateResult
 from typing import TYPE_CHECKING
@@ -266,13 +270,19 @@ def update_results(
         comparisons=tuple(_comparisons(result)),
         poles=tuple(_poles(result)),
         citations=citations((*result.citations, "bard1974", "wald1940", *_sampler(result))),
-        goodness=goodness_results(goodness(study, result)),
+        goodness=goodness_results(goodness(study, result), _worst_part(study, result)),
         reduction=reduction,
         iteration=result.number,
         chi_square=2.0 * result.objective,
         certificate=certificate_results(result),
         smallest_change=smallest_change_results(result),
+        minimum=minimum_results(result),
     )
+
+
+def _worst_part(study: Study, result: UpdateResult) -> PartRecord | None:
+    found = parts_results(study, result)
+    return None if found is None else found.named(NOT_ACCEPTED)
 
 
 def _sampler(result: UpdateResult) -> tuple[str, ...]:
@@ -307,7 +317,7 @@ def _iteration(result: UpdateResult, number: int) -> IterationRecord:
         damping=i.damping if number else None,
         parameters=tuple(float(v) for v in result.parameters.denormalise(i.x)),
         active_bounds=i.at_bound,
-        events=i.events,
+        events=(*i.events, *filter(None, [i.better_minimum])),
         to_smallest_change=i.to_smallest_change,
         long_step=i.long_step,
         modes=tuple(
@@ -326,7 +336,8 @@ def _events(result: UpdateResult) -> Iterable[PairingEvent]:
     for i in result.history:
         for text in i.events:
             name = next(n for n in names if text.startswith(f"{n}: "))
-            yield PairingEvent(iteration=i.number, configuration=name, sentence=text.removeprefix(f"{name}: "))
+            sentence = text.removeprefix(f"{name}: ")
+            yield PairingEvent(iteration=i.number, configuration=name, sentence=sentence, merged=i.merged)
 
 
 def _parameters(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from femtune.document.document import Cell, Figure, Listing, Paragraph, Table, columns, row
 from femtune.document.figures.convergence import convergence_svg
-from femtune.document.numbers import NONE, counted, freq, percent, short, value
+from femtune.document.numbers import NONE, counted, freq, listed, percent, short, value
 from femtune.steps.update.page.parameters import places
 from femtune.steps.update.page.stages import stages
 from femtune.steps.update.page.starts import reduced_models, starts, weight_choice
@@ -16,12 +16,20 @@ from femtune.steps.validate.page import goodness
 if TYPE_CHECKING:
     from femtune.document.document import Block
     from femtune.steps.report_source import ReportSource
-    from femtune.steps.update.record.search import SmallestChangeResults
+    from femtune.steps.update.record.search import MinimumResults, SmallestChangeResults
     from femtune.steps.update.record.truncation import FrfTruncation
     from femtune.steps.update.record.update import ComparisonResults, ParameterFacts, ResidualCount, UpdateResults
 
 _MOST_UNFOLDED_ROWS = 12
 """Rows of the largest table of residuals that is shown unfolded: less than half a screen."""
+_MOST_LEFT = 3
+"""Other pairings that a sentence names."""
+_ENOUGH_STARTS = 2
+"""Starts that have to reach a minimum for it to be called the best one."""
+_TRIALS_NOTE = (
+    "With another pairing the update goes on from its end with these pairs held, then with pairs by their MACs. χ² of "
+    "both ends is over the same comparisons: a test mode without a partner is compared with the nearest model mode."
+)
 _POLES_NOTE = (
     "Of a pole λ the frequency is |λ|/2π, and the damping ratio −Re λ/|λ|. Close modes that are paired together have "
     "one mean pole."
@@ -153,6 +161,7 @@ def convergence(source: ReportSource) -> list[Block]:
         *([_figure(update, source.results.parameters)] if len(update.history) > 1 else []),
         *_optimality(update),
         *_long_steps(update),
+        *_trials(update),
         _events(update),
         *goodness(source),
         *residual_kinds(update),
@@ -178,13 +187,44 @@ def _optimality(update: UpdateResults) -> list[Block]:
         f"step would reduce the sum of squares by {short(certificate.predicted_decrease)} of its value; {bounds}."
     )
     if small is None:
-        which = f"The result is a minimum within the bounds: χ² = {value(update.chi_square)}."
+        which = f"The result is {_minimum(update)}: χ² = {value(update.chi_square)}."
         return [Paragraph(f"{which} {conditions}")]
     return [Paragraph(f"{_smallest_change(update, small)} {conditions}")]
 
 
 def which_point(update: UpdateResults) -> list[str]:
-    """A short sentence on which point the result is; none without an optimum."""
+    """Short sentences on which point the result is, and on what was tried for a better one."""
+    return [*_which_point(update), *minimum_sentences(update)]
+
+
+def minimum_sentences(update: UpdateResults) -> list[str]:
+    """What was tried for a better minimum, with which result; none if nothing suggested another one."""
+    found = update.minimum
+    if found is None or not found.reasons:
+        return []
+    why = f"Search for a better minimum ({'; '.join(found.reasons)})"
+    if not found.trials:
+        return [f"{why}: nothing was tried; the MACs leave no other pairing open. {_left(found)}".rstrip()]
+    kinds = [t.kind for t in found.trials]
+    counts = ((kinds.count("pairing"), "other pairing"), (kinds.count("start"), "start"))
+    tried = listed(counted(n, word) for n, word in counts if n)
+    cost = f"{tried}, {counted(found.iterations, 'iteration')} beside {found.update_iterations} of the update"
+    if not found.improved:
+        return [f"{why}: {cost}; none ended at a lower χ². {_left(found)}".rstrip()]
+    (*_, best) = (t for t in found.trials if t.better)
+    return [
+        f"{why}: {cost}. A better minimum was found: χ² {value(found.chi_square)} instead of "
+        f"{value(found.first_chi_square)} ({best.sentence}). {_left(found)}".rstrip()
+    ]
+
+
+def _left(found: MinimumResults) -> str:
+    some = "; ".join(found.left[:_MOST_LEFT])
+    more = f"; and {len(found.left) - _MOST_LEFT} more" if len(found.left) > _MOST_LEFT else ""
+    return f"Other pairings that were not tried: {some}{more}." if found.left else ""
+
+
+def _which_point(update: UpdateResults) -> list[str]:
     if not update.ok or update.certificate is None:
         return []
     certificate, small = update.certificate, update.smallest_change
@@ -196,11 +236,19 @@ def which_point(update: UpdateResults) -> list[str]:
     )
     conditions = f"projected gradient {short(certificate.projected_gradient)}{signs}"
     if small is None:
-        return [f"Result: a minimum within the bounds, χ² = {value(update.chi_square)} ({conditions})."]
+        return [f"Result: {_minimum(update)}, χ² = {value(update.chi_square)} ({conditions})."]
     return [
         f"Result: the smallest change whose χ² is at most {short(small.allowed)} above a minimum within the bounds, "
         f"{value(small.chi_square)}; it is {short(small.increase)} above ({conditions})."
     ]
+
+
+def _minimum(update: UpdateResults) -> str:
+    """What a minimum is called: one is the best that is known only where starts support it."""
+    starts = update.starts
+    if starts is None or not starts.unique or not starts.optima or len(starts.optima[0].starts) < _ENOUGH_STARTS:
+        return "a minimum within the bounds"
+    return f"the best minimum within the bounds of {len(starts.starts)} starts"
 
 
 def _long_steps(update: UpdateResults) -> list[Block]:
@@ -254,6 +302,23 @@ def _events(update: UpdateResults) -> Block:
         for e in update.pairing_events
     )
     return Listing(events) if events else Paragraph("The pairing of modes did not change during the update.")
+
+
+def _trials(update: UpdateResults) -> list[Block]:
+    """What was tried for a better minimum, in words and as a table."""
+    found = update.minimum
+    if found is None or not found.reasons:
+        return []
+    heads = columns("Tried", ">χ² at its end", ">χ² of the best end before", ">Iterations", "Result")
+    rows = tuple(
+        row(
+            t.sentence, NONE if t.chi_square is None else value(t.chi_square), value(t.before), str(t.iterations),
+            "yes" if t.better else "no",
+        )
+        for t in found.trials
+    )  # fmt: skip
+    words: list[Block] = [Paragraph(text) for text in minimum_sentences(update)]
+    return [*words, Table("Other pairings and starts that were tried", heads, rows, _TRIALS_NOTE)] if rows else words
 
 
 def _table(update: UpdateResults) -> Block:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.study.record import Record
-from femtune.updating.kinds import WeightRule
+from femtune.updating.kinds import TrialKind, WeightRule
 
 if TYPE_CHECKING:
     pass
@@ -99,6 +99,48 @@ class StartsResults(Record):
     """In the order of their numbers."""
     optima: tuple[OptimumFacts, ...]
     """Distinct ends, the best first."""
+
+
+class TrialFacts(Record):
+    """Another pairing or start that was tried at the end of the update."""
+
+    kind: TrialKind
+    """"pairing": test modes with other partners, from the end of the update; "start": other initial values."""
+    sentence: str
+    """What was tried: the pairs, or the number of the start."""
+    chi_square: float | None
+    """Sum of squares at its end, side constraint included (no unit); None if it could not be solved. Test modes without
+    a partner at one of both ends are compared with the nearest model mode there."""
+    before: float
+    """The same over the same comparisons, at the best end until then."""
+    iterations: int
+    """Iterations that it took."""
+    better: bool
+    """True if it became the result."""
+    held: float | None = None
+    """Sum of squares where the update with another pairing ended while its pairs were held; None of a start, or if it
+    was not lower."""
+
+
+class MinimumResults(Record):
+    """What was tried at the end of the update to find a better minimum."""
+
+    reasons: tuple[str, ...]
+    """What suggested another minimum; empty if nothing did, so that nothing was tried."""
+    first_chi_square: float
+    """Sum of squares where the update itself ended (no unit)."""
+    chi_square: float
+    """The same over the same comparisons, at the result."""
+    improved: bool
+    """True if the result is a better minimum than that where the update itself ended."""
+    trials: tuple[TrialFacts, ...] = ()
+    """Other pairings and starts, in the order in which they were tried."""
+    left: tuple[str, ...] = ()
+    """Other pairings that are possible and were not tried."""
+    iterations: int = 0
+    """Iterations of all trials."""
+    update_iterations: int = 0
+    """Iterations of the update itself."""
 
 
 class BoundMultiplier(Record):

@@ -10,6 +10,7 @@ from femtune.steps.update.record.left_out import ModeLeftOutOfFrfs
 from femtune.steps.update.record.reduction import ReductionResults
 from femtune.steps.update.record.search import (
     CertificateResults,
+    MinimumResults,
     SmallestChangeResults,
     StartsResults,
     WeightChoiceResults,
@@ -57,6 +58,8 @@ class PairingEvent(Record):
     """Name of the configuration."""
     sentence: str
     """The change, in words."""
+    merged: bool = False
+    """True where test modes whose partners alternated are compared as one subspace from there on."""
 
 
 class IterationModeRecord(Record):
@@ -315,4 +318,7 @@ class UpdateResults(Record):
     certificate: CertificateResults | None = None
     """First-order conditions at the result; None of a bottom-up study, and in older results."""
     smallest_change: SmallestChangeResults | None = None
-    """The smallest change within a margin of the minimum; None where the result is the minimum within the bounds."""
+    """The smallest change within a margin of the minimum; None where the result is a minimum within the bounds."""
+    minimum: MinimumResults | None = None
+    """What was tried for a better minimum at the end; None of several starts, of stages, of an external solver, and in
+    older results."""

@@ -1,0 +1,156 @@
+"""How a structure is connected: parts that nothing connects, points in one place, repeated elements, shell normals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from femtune.arrays import Integers
+from femtune.fem.structure import ConstraintRows, ElementBatch, Structure
+
+SHELLS = ("CQUAD4", "CTRIA3", "CQUADR", "CTRIAR", "CQUAD8", "CTRIA6")
+SOLIDS = ("CHEXA", "CPENTA", "CTETRA", "CPYRAM")
+"""Cards of elements whose meshes share their grid points."""
+_TRIANGLES = ("CTRIA3", "CTRIAR", "CTRIA6")
+_SAME_PLACE = 1e-5
+"""Distance, relative to the diagonal of the model, up to which two points are in one place: rounding of coordinates."""
+_MOST_PAIRS = 1_000_000
+"""Pairs of coincident points beyond which the tolerance does not fit the model, and nothing is reported."""
+_COPLANAR = 0.7
+"""Cosine of the angle between two shells up to which the sides of both are compared; a corner has no common normal."""
+_MASS_KINDS = ("concentrated-mass", "scalar-mass", "line-mass")
+
+
+@dataclass(frozen=True, eq=False)
+class Connectivity:
+    """Points are the rows of the grid points, and after them the scalar points.
+
+    Parameters
+    ----------
+    part : (p,) number of the part that each point belongs to; parts are connected by elements and equations
+    linked : (p,) number of the group that equations and elements other than shells and solids connect
+    stiff : (p,) True for points of elements with stiffness
+    meshed : (p,) True for points of shells and solids
+    """
+
+    part: Integers
+    linked: Integers
+    stiff: NDArray[np.bool_]
+    meshed: NDArray[np.bool_]
+
+
+def connectivity(structure: Structure) -> Connectivity:
+    """Parts and links of a structure with its selected equations; all sets of equations if none is selected."""
+    grids = len(structure.nodes.ids)
+    count = grids + len(structure.nodes.scalar_points)
+    stiff, meshed = np.zeros(count, bool), np.zeros(count, bool)
+    links: list[tuple[Integers, Integers]] = [_of_equations(rows, grids) for rows in _equations(structure)]
+    links += [_of_matrix(sp.coo_array(matrix.upper), grids) for matrix in structure.assembled]
+    sides: list[tuple[Integers, Integers]] = []
+    for batch in structure.batches:
+        points = np.where(batch.dofs >= 0, _points(batch.dofs, grids), -1)
+        used = np.unique(points[points >= 0])
+        stiff[used] |= batch.kind not in _MASS_KINDS
+        of_mesh = batch.card in (*SHELLS, *SOLIDS)
+        meshed[used] |= of_mesh
+        (sides if of_mesh else links).append(_of_rows(points))
+    linked = _components(links, count)
+    return Connectivity(_components([*links, *sides], count), linked, stiff, meshed)
+
+
+def _equations(structure: Structure) -> Iterator[ConstraintRows]:
+    yield structure.rigid
+    chosen = structure.default_multipoint_set
+    yield from (rows for number, rows in structure.multipoint_sets.items() if chosen is None or number == chosen)
+
+
+def _points(dofs: Integers, grids: int) -> Integers:
+    return np.asarray(np.where(dofs < 6 * grids, dofs // 6, dofs - 5 * grids))
+
+
+def _of_rows(points: Integers) -> tuple[Integers, Integers]:
+    """Edges from the first point of each row to the others; −1 is no point."""
+    first = points[np.arange(len(points)), (points >= 0).argmax(axis=1)]
+    one, other = np.repeat(first, points.shape[1]), points.ravel()
+    known = (one >= 0) & (other >= 0)
+    return one[known], other[known]
+
+
+def _of_equations(rows: ConstraintRows, grids: int) -> tuple[Integers, Integers]:
+    return _points(rows.dependent[rows.row], grids), _points(rows.dof, grids)
+
+
+def _of_matrix(upper: sp.coo_array, grids: int) -> tuple[Integers, Integers]:
+    return _points(upper.row.astype(np.int64), grids), _points(upper.col.astype(np.int64), grids)
+
+
+def _components(edges: Sequence[tuple[Integers, Integers]], count: int) -> Integers:
+    one = np.concatenate([np.zeros(0, np.int64), *(a for a, _ in edges)])
+    other = np.concatenate([np.zeros(0, np.int64), *(b for _, b in edges)])
+    graph = sp.coo_array((np.ones(len(one), np.int8), (one, other)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+
+
+def coincident_pairs(structure: Structure, found: Connectivity) -> Integers:
+    """(m, 2) rows of grid points of shells and solids that are in one place without a connection between them."""
+    rows = np.flatnonzero(found.meshed[: len(structure.nodes.ids)])
+    if len(rows) < 2 or not structure.nodes.has_coordinates:
+        return np.zeros((0, 2), np.int64)
+    xyz = structure.nodes.xyz[rows]
+    reach = _SAME_PLACE * float(np.linalg.norm(np.ptp(xyz, axis=0)))
+    tree = cKDTree(xyz)
+    if reach <= 0.0 or int(tree.count_neighbors(tree, reach)) > len(rows) + 2 * _MOST_PAIRS:
+        return np.zeros((0, 2), np.int64)
+    pairs = np.sort(rows[tree.query_pairs(reach, output_type="ndarray")].reshape(-1, 2), axis=1)
+    pairs = pairs[np.lexsort(pairs.T[::-1])]
+    return np.asarray(pairs[found.linked[pairs[:, 0]] != found.linked[pairs[:, 1]]])
+
+
+def repeated_elements(batch: ElementBatch) -> Iterator[tuple[int, int, bool]]:
+    """Numbers of two elements of a batch with the same grid points, and whether all their values are the same."""
+    rows = np.sort(batch.nodes, axis=1)
+    order = np.lexsort(rows.T)
+    same = (rows[order[1:]] == rows[order[:-1]]).all(axis=1)
+    for k in np.flatnonzero(same).tolist():
+        one, other = sorted((int(order[k]), int(order[k + 1])))
+        alike = all(at[one] == at[other] for at in batch.roles.values())
+        yield int(batch.ids[one]), int(batch.ids[other]), alike
+
+
+def alternating_normals(structure: Structure) -> list[tuple[int, int]]:
+    """Numbers of neighbouring shells with an offset to their own upper side, whose upper sides are opposite.
+
+    Neighbours share one side; it is listed in opposite directions where their normals agree.
+    """
+    sides, numbers, offsets, normals = [], [], [], []
+    for batch in structure.batches:
+        if batch.card in SHELLS:
+            corners = batch.nodes[:, : 3 if batch.card in _TRIANGLES else 4]
+            offset = structure.values.values[batch.roles["z0"]]
+            some = offset != 0.0
+            xyz = structure.nodes.xyz[corners[some]]
+            normal = np.cross(xyz[:, 2] - xyz[:, 0], xyz[:, -1] - xyz[:, 1])
+            size = np.linalg.norm(normal, axis=1, keepdims=True)
+            normal = np.divide(normal, size, out=np.zeros_like(normal), where=size > 0.0)
+            each = corners.shape[1]
+            sides.append(np.stack([corners[some], np.roll(corners[some], -1, axis=1)], axis=2).reshape(-1, 2))
+            numbers.append(np.repeat(batch.ids[some], each))
+            offsets.append(np.repeat(offset[some], each))
+            normals.append(np.repeat(normal, each, axis=0))
+    if not sides:
+        return []
+    side, number, offset, normal = (np.concatenate(x) for x in (sides, numbers, offsets, normals))
+    key = np.sort(side, axis=1)
+    order = np.lexsort(key.T)
+    _, start, count = np.unique(key[order], axis=0, return_index=True, return_counts=True)
+    # a side of one shell is an edge, a side of three or more is a joint
+    a, b = order[start[count == 2]], order[start[count == 2] + 1]
+    opposite = (side[a, 0] == side[b, 0]) & (offset[a] * offset[b] > 0.0)
+    opposite &= np.abs((normal[a] * normal[b]).sum(axis=1)) > _COPLANAR
+    return [(int(number[i]), int(number[j])) for i, j in zip(a[opposite], b[opposite])]

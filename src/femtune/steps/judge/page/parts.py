@@ -1,0 +1,79 @@
+"""The residuals in parts, the shapes beside their neighbours, and the errors by kind: tables of the evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from femtune.document.document import Cell, Listing, Table, columns, row
+from femtune.document.numbers import NONE, short
+from femtune.steps.judge.reasons.parts import LEAST_SHARE, mixed_sentence
+from femtune.steps.judge.record.parts import RESERVED
+
+if TYPE_CHECKING:
+    from femtune.document.document import Block, Tone
+    from femtune.steps.judge.record.parts import KindOfErrors, NeighbourRecord, PartRecord
+    from femtune.steps.report_source import ReportSource
+
+_FURTHER_PARTS = 8
+"""Rows beyond those of all residuals and of each kind: what is not noise, and as much again for comparison."""
+_NOTE = (
+    "Chi-square is the sum of squares of what the parameters cannot change, in units of the standard deviations; for "
+    "noise of the stated size it is about its degrees of freedom. p is the probability of at least this chi-square, "
+    "corrected for the number of parts and of tests."
+)
+_NEIGHBOURS_NOTE = (
+    "The difference between the test shape and its model shape is split into its part in the shapes of the "
+    "neighbouring model modes and the rest. Noise gives both alike, whatever its size. A larger part is an error of "
+    "the model, or of the test: modes that its identification did not separate, a wrong gain or position of a sensor."
+)
+
+
+def parts_blocks(source: ReportSource) -> Iterable[Block]:
+    """Tables of the parts, of the neighbours, and of the errors by kind."""
+    found = None if source.results.judgement is None else source.results.judgement.parts
+    if found is None:
+        return
+    whole = [p for p in found.parts if p.family == "kinds"]
+    fine = sorted((p for p in found.parts if p.family != "kinds"), key=lambda p: (p.p_family_wise, p.p_value))
+    if found.parts:
+        heads = columns("Part of the residuals", ">Values", ">Chi-square", ">Degrees of freedom", ">p")
+        rows = tuple(_part(p) for p in (*whole, *fine[:_FURTHER_PARTS]))
+        left = len(fine) - _FURTHER_PARTS
+        more = f" {left} further parts, none with a smaller p, are in the results." if left > 0 else ""
+        yield Table("The residuals in parts", heads, rows, _NOTE + more)
+    if found.untested:
+        yield Listing(tuple(f"Not tested: {u.kind} residuals, because {u.reason}." for u in found.untested))
+    mixed = sorted(found.neighbours, key=lambda n: n.p_value)[:_FURTHER_PARTS]
+    if mixed:
+        heads = columns("Configuration", "Most of a neighbour", ">F", ">Degrees of freedom", ">p")
+        yield Table("Shapes beside their neighbours", heads, tuple(_neighbour(n) for n in mixed), _NEIGHBOURS_NOTE)
+    if found.kinds:
+        heads = columns("Residuals", "Standard deviation", ">Stated", ">Residuals show", ">Degrees of freedom")
+        yield Table("Size of the errors by kind", heads, tuple(_kind(k) for k in found.kinds))
+
+
+def _part(p: PartRecord) -> tuple[Cell, ...]:
+    tone: Tone = "poor" if p.p_family_wise < RESERVED else ""
+    return (
+        Cell(p.words), Cell(str(p.values)), Cell(short(p.chi_square)), Cell(short(p.degrees_of_freedom)),
+        Cell(_chance(p.p_family_wise), tone=tone),
+    )  # fmt: skip
+
+
+def _neighbour(n: NeighbourRecord) -> tuple[Cell, ...]:
+    tone: Tone = "poor" if n.p_family_wise < RESERVED and n.share >= LEAST_SHARE else ""
+    return (
+        Cell(n.configuration), Cell(mixed_sentence(n)), Cell(short(n.F)),
+        Cell(f"{n.degrees_of_freedom[0]}, {n.degrees_of_freedom[1]}"), Cell(_chance(n.p_family_wise), tone=tone),
+    )  # fmt: skip
+
+
+def _kind(k: KindOfErrors) -> tuple[Cell, ...]:
+    origin = "assumed" if k.assumed else "stated"
+    shown = NONE if k.factor is None else short(k.fits) if k.fits is not None else f"{short(k.factor)} times"
+    return row(k.kind, f"{k.key} ({origin})" if k.key else origin, short(k.stated), shown, short(k.degrees_of_freedom))
+
+
+def _chance(p: float) -> str:
+    return short(p) if p >= 1e-12 else "< 1e−12"

@@ -1,0 +1,88 @@
+"""Reasons from the residuals in parts, from the shapes beside their neighbours, and from the errors by kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from femtune.steps.judge.record.parts import NOT_ACCEPTED, RESERVED, chance_words
+from femtune.steps.judge.record.reason import reason
+
+if TYPE_CHECKING:
+    from femtune.steps.judge.record.parts import KindOfErrors, NeighbourRecord, PartRecord, PartsResults
+    from femtune.steps.judge.record.reason import ReasonRecord, Weight
+    from femtune.steps.results import Results
+
+LEAST_SHARE = 0.01
+"""Share of a neighbouring mode below which nothing is said: it changes the MAC by less than 0.0001, which no modal test
+resolves, and simulated shapes without noise differ by rounding alone."""
+_LEAST_TIMES = 1.5
+"""Ratio of stated and actual standard deviation up to which the stated one is not called too large: deviations are
+hardly known better than that, and many residuals show any difference."""
+
+
+def parts_reasons(results: Results) -> Iterable[ReasonRecord]:
+    """What noise of the stated size does not explain, and standard deviations that are stated too large."""
+    found = None if results.judgement is None else results.judgement.parts
+    goodness = None if results.update is None else results.update.goodness
+    if found is None:
+        return
+    misfit = [*_misfit(found), *_mixed(found)]
+    yield from misfit
+    if not misfit and goodness is not None and goodness.verdict == "fail":
+        yield reason("reservation", "judge.misfit/whole", outcome=goodness.sentence)
+    for kind in found.kinds:
+        yield from _of_errors(kind)
+
+
+def _weight(p: float) -> Weight:
+    return "not accepted" if p < NOT_ACCEPTED else "reservation"
+
+
+def _misfit(found: PartsResults) -> Iterable[ReasonRecord]:
+    """The part that is named; others follow from the same cause, and stand in the table."""
+    least = min((p.p_family_wise for p in found.parts), default=1.0)
+    level = NOT_ACCEPTED if least < NOT_ACCEPTED else RESERVED
+    part = found.named(level)
+    if part is None:
+        return
+    code = {"priors": "judge.misfit/prior", "bounds": "judge.misfit/held", "side constraint": "judge.misfit/held"}
+    yield reason(
+        _weight(part.p_family_wise), code.get(part.family, "judge.misfit"), _place(part), part=part.words,
+        ratio=part.ratio, numbers=part.numbers,
+    )  # fmt: skip
+
+
+def _place(part: PartRecord) -> str:
+    return " ".join(word for word in (part.configuration, part.kind, part.mode, part.sensor) if word)
+
+
+def _mixed(found: PartsResults) -> Iterable[ReasonRecord]:
+    """The mode that is most clearly mixed with its neighbours."""
+    felt = [n for n in found.neighbours if n.share >= LEAST_SHARE]
+    worst = min(felt, key=lambda n: n.p_value, default=None)
+    if worst is None or worst.p_family_wise >= RESERVED:
+        return
+    yield reason(
+        _weight(worst.p_family_wise), "judge.neighbour", f"{worst.configuration} mode {worst.test_label}",
+        sentence=mixed_sentence(worst), chance=chance_words(worst.p_family_wise),
+    )  # fmt: skip
+
+
+def mixed_sentence(n: NeighbourRecord) -> str:
+    """Which mode contains how much of which other."""
+    other = f"mode {n.other_label}" if n.other_label else f"model mode {n.other_number}"
+    return f"mode {n.test_label} contains {100.0 * n.share:.2g} % of {other}"
+
+
+def _of_errors(kind: KindOfErrors) -> Iterable[ReasonRecord]:
+    if kind.factor is None:
+        return
+    facts = {"kind": kind.kind, "ratio": kind.factor, "times": 1.0 / kind.factor, "key": kind.key,
+             "stated": kind.stated, "fits": kind.fits}  # fmt: skip
+    variant = "/with-key" if kind.key and kind.fits is not None else ""
+    small = not kind.assumed and kind.p_small is not None and kind.p_small < NOT_ACCEPTED
+    if small and kind.factor * _LEAST_TIMES < 1.0:
+        yield reason("reservation", f"judge.overstated{variant}", kind.kind, **facts)
+    if kind.assumed and kind.p_large is not None and kind.p_large < NOT_ACCEPTED:
+        yield reason("reservation", f"judge.larger-than-assumed{variant}", kind.kind, **facts)

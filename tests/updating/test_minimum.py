@@ -1,0 +1,133 @@
+"""A better minimum than that where an update ends: other pairings and starts, on cases whose best minimum is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femtune.modal import ModeSet
+from femtune.residuals import FrequencyResidual, ShapeResidual, UpdateProblem
+from femtune.residuals.pairing import completed, other_pairings
+from femtune.updating import (
+    GaussNewton,
+    MinimumRules,
+    SensitivityMethod,
+    UpdateResult,
+    look_further,
+    update,
+)
+from structures.springs import factor_model, simulated_case, spring_structure
+
+TWO = [(-1, 0, 100.0), (-1, 1, 110.0), (0, 1, 1.5)]
+"""Two masses on springs of their own with a weak link: close modes whose order is that of the springs."""
+
+
+def crossing(noise: float = 0.02, seed: int = 0) -> UpdateProblem:
+    """The truth has the springs the other way round, so that the modes of the model have to cross."""
+    model = factor_model(spring_structure(TWO, [1.0, 1.0]), {"a": [1], "b": [2]})
+    case = simulated_case(model, (0.35, -0.2), (0, 1), 2)
+    rng = np.random.default_rng(seed)
+    test = replace(case.test, shapes=case.test.shapes + noise * rng.standard_normal((2, 2)))
+    return UpdateProblem(
+        (replace(case, test=test),), model.model.parameters, (FrequencyResidual(0.003), ShapeResidual(0.03))
+    )
+
+
+def wrong_end(problem: UpdateProblem) -> UpdateResult:
+    """Where an update ends whose pairs are held in the order of the frequencies at the nominal values, swapped."""
+    held = replace(problem, pairing_held=True)
+    at = problem.start(np.zeros(2))
+    (state,) = at.states
+    (first, _), (second, _) = state.groups
+    swapped = tuple(sorted(((first, state.groups[1][1]), (second, state.groups[0][1]))))
+    found = update(held, start=held.assess(at.x, [state.with_groups(swapped)]))
+    return replace(found, before=at)
+
+
+@pytest.mark.slow
+def test_another_pairing_leads_out_of_a_wrong_minimum() -> None:
+    problem = crossing()
+    wrong, right = wrong_end(problem), update(problem)
+    assert wrong.objective > 10.0 * right.objective
+    found = look_further(problem, SensitivityMethod(), wrong, MinimumRules(starts=0))
+    assert found.minimum is not None
+    assert found.minimum.improved
+    assert found.minimum.first_chi_square == pytest.approx(2.0 * wrong.objective)
+    assert found.objective == pytest.approx(right.objective, rel=1e-6)
+    np.testing.assert_allclose(found.x, right.x, atol=1e-5)
+    # the way stands in the history, numbered on, with the event at its end
+    assert [i.number for i in found.history] == list(range(len(found.history)))
+    assert found.history[: len(wrong.history)] == wrong.history
+    assert sum("a better minimum was found" in i.better_minimum for i in found.history) == 1
+    assert found.history[found.number].objective == found.objective
+    np.testing.assert_array_equal(found.before.x, wrong.before.x)
+    # the same again
+    again = look_further(problem, SensitivityMethod(), wrong, MinimumRules(starts=0))
+    assert again.minimum == found.minimum
+    np.testing.assert_array_equal(again.x, found.x)
+
+
+def test_an_end_without_doubt_is_left_alone() -> None:
+    problem = crossing()
+    right = update(problem)
+    found = look_further(problem, SensitivityMethod(), right)
+    assert found.minimum is not None
+    assert not found.minimum.reasons
+    assert not found.minimum.trials
+    assert found.history == right.history
+
+
+@pytest.mark.slow
+def test_a_method_that_is_stated_step_by_step_is_left_alone() -> None:
+    problem = crossing()
+    method = SensitivityMethod(search=GaussNewton())
+    found = look_further(problem, method, wrong_end(problem))
+    assert found.minimum is not None
+    assert not found.minimum.trials
+
+
+@pytest.mark.slow
+def test_trials_stay_within_their_effort() -> None:
+    problem = crossing(noise=0.2, seed=3)
+    end = update(problem)
+    rules = MinimumRules(starts=50, small_effort=2.0)
+    found = look_further(problem, SensitivityMethod(), end, rules).minimum
+    assert found is not None
+    assert found.reasons
+    assert found.trials
+    # the last trial begins below the limit and ends on it, or after the least that a trial may take
+    assert found.iterations <= max(2 * found.update_iterations, 10) + 10
+    large = look_further(problem, SensitivityMethod(), end, MinimumRules(small_dofs=0)).minimum
+    assert large is not None
+    assert len(large.trials) <= 1
+    assert all(t.kind == "pairing" for t in large.trials)
+
+
+def test_points_with_different_pairs_are_compared_over_the_same_modes() -> None:
+    problem = crossing()
+    at = problem.start(np.zeros(2))
+    (state,) = at.states
+    whole = frozenset({0, 1})
+    one = replace(at, states=(state.with_groups(state.groups[:1]),))
+    one = problem.assess(one.x, one.states)
+    assert one.objective < at.objective
+    assert problem.over(one, (whole,)) == pytest.approx(at.objective)
+    assert problem.over(at, (frozenset(),)) == at.objective
+    # without a model mode for it there is nothing to compare
+    assert completed(state.case, (((0,), (0,)),), replace(state.solution, wanted=1), {0, 1}) is None
+
+
+def test_only_pairings_that_the_macs_leave_open_are_tried() -> None:
+    problem = crossing(noise=0.0)
+    (state,) = update(problem).after.states
+    assert not other_pairings(0, state.case, state.groups, state.solution)
+    # shapes between those of the two modes: either order will do
+    turned = state.case.test.shapes @ np.array([[1.0, 1.0], [1.0, -1.0]])
+    test = ModeSet(state.case.test.freq_hz, turned, state.case.test.dofs)
+    (other,) = other_pairings(0, replace(state.case, test=test), state.groups, state.solution)
+    assert set(other.groups) != set(state.groups)
+    assert "test mode 1 with model mode 2 and test mode 2 with model mode 1" in other.sentence
+    fixed = replace(state.case, test=test, fixed=((0, 0),))
+    assert not other_pairings(0, fixed, state.groups, state.solution)
