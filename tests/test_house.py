@@ -102,7 +102,9 @@ def _constants() -> set[str]:
 
 @pytest.mark.slow
 def test_codes_that_are_raised_are_in_the_registry_and_all_of_the_registry_is_used() -> None:
-    assert sorted(_constants() ^ set(_messages())) == []
+    # a reason of the verdict takes its words for the line beside its sentence
+    sentences = {code for code in _messages() if not code.endswith(("/brief", "-brief"))}
+    assert sorted(_constants() ^ sentences) == []
 
 
 @pytest.mark.slow
