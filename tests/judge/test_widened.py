@@ -43,7 +43,8 @@ def test_columns(model: ParametricModel) -> None:
     users = frozenset(int(n) for n in model.structure.users(model.structure.values.index(E) or 0))
     factors = [
         WideningFactor("q0", E, beam), WideningFactor("q1", E, users - beam),
-        WideningFactor("q2", inertia, frozenset({1})), WideningFactor("q3", FieldRef("CELAS2", 901, "K"), frozenset({901})),
+        WideningFactor("q2", inertia, frozenset({1})),
+        WideningFactor("q3", FieldRef("CELAS2", 901, "K"), frozenset({901})),
     ]  # fmt: skip
     wide = widened(model, factors)
     assert [p.name for p in wide.parameters.free] == ["E", "I", "q0", "q1", "q2", "q3"]
