@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.stats import binom, chi2, kstest
 
-from femtune.judge.parts import Part, holm, only_prior_contradicts, parts
+from femtune.judge.parts import ResidualPart, holm, only_prior_contradicts, parts
 from femtune.judge.whitened import Whitened, whitened
 from femtune.updating import Prior, SensitivityMethod, update
 from structures.coverage import spring_chain
@@ -32,7 +32,7 @@ def _noise(record: Whitened, rng: np.random.Generator) -> Whitened:
     return replace(record, r=e - record.lost @ (record.lost.T @ e) + record.range @ rng.normal(size=4) * 50.0)
 
 
-def _least(found: tuple[Part, ...]) -> float:
+def _least(found: tuple[ResidualPart, ...]) -> float:
     return min(p.p_family_wise for p in found)
 
 

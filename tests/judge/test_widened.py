@@ -10,7 +10,7 @@ import pytest
 from femtune.fem import FieldRef
 from femtune.files.nastran import build_structure, read_deck
 from femtune.judge.regions import mesh_of
-from femtune.judge.widened import Factor, widened
+from femtune.judge.widened import WideningFactor, widened
 from femtune.model import (
     Assignment,
     Configuration,
@@ -42,8 +42,9 @@ def test_columns(model: ParametricModel) -> None:
     beam = frozenset(range(101, 106))
     users = frozenset(int(n) for n in model.structure.users(model.structure.values.index(E) or 0))
     factors = [
-        Factor("q0", E, beam), Factor("q1", E, users - beam), Factor("q2", inertia, frozenset({1})),
-        Factor("q3", FieldRef("CELAS2", 901, "K"), frozenset({901})),
+        WideningFactor("q0", E, beam), WideningFactor("q1", E, users - beam),
+        WideningFactor("q2", inertia, frozenset({1})),
+        WideningFactor("q3", FieldRef("CELAS2", 901, "K"), frozenset({901})),
     ]  # fmt: skip
     wide = widened(model, factors)
     assert [p.name for p in wide.parameters.free] == ["E", "I", "q0", "q1", "q2", "q3"]

@@ -9,7 +9,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.steps.judge.reasons.minimum import minimum_reasons
-from femtune.steps.run.alerts import _of_pairing
+from femtune.steps.run.alerts import pairing_alerts
 from femtune.steps.update.page.convergence import minimum_sentences
 from femtune.steps.update.record.search import MinimumResults, TrialFacts
 from femtune.steps.update.record.update import PairingEvent
@@ -106,7 +106,7 @@ def test_merged_pairs_are_a_warning() -> None:
         PairingEvent(iteration=3, configuration="as built", sentence="test mode 4 with model mode 4 before, 5 now"),
         PairingEvent(iteration=9, configuration="as built", sentence=sentence, merged=True),
     ]
-    change, merged = _of_pairing(events)
+    change, merged = pairing_alerts(events)
     assert (change.level, merged.level) == ("info", "warning")
-    assert not [a for a in _of_pairing(events[:1]) if a.level == "warning"]
+    assert not [a for a in pairing_alerts(events[:1]) if a.level == "warning"]
     check_shown("update.pairs-merged", f"[{merged.code}] {merged.sentence}")

@@ -52,7 +52,7 @@ class AxisPoint:
 
 
 @dataclass(frozen=True)
-class Linearity:
+class ValleyLinearity:
     """True beside linear χ² along the principal axes.
 
     Parameters

@@ -99,7 +99,7 @@ def _positive(eigenvalue: float) -> float:
 
 
 @dataclass(frozen=True)
-class Projection:
+class ShapeProjection:
     """A shape beside its neighbours: see `NeighbourTest`; `tried` of the neighbours were looked for."""
 
     tried: int
@@ -110,7 +110,7 @@ class Projection:
     scatter: float
 
 
-def project(test: Reals, own: Reals, others: Reals, turned: int = 0) -> Projection | None:
+def project(test: Reals, own: Reals, others: Reals, turned: int = 0) -> ShapeProjection | None:
     """A test shape (s,) beside that of its model mode (s,) and those of other model modes (s, m), nearest first.
 
     None where there are too few sensors for the test, or no other modes.
@@ -151,4 +151,4 @@ def project(test: Reals, own: Reals, others: Reals, turned: int = 0) -> Projecti
     mixture = np.linalg.lstsq(np.column_stack([own, near]), test, rcond=_INDEPENDENT)[0]
     shares = np.abs(mixture[1:]) * size / (abs(mixture[0]) * np.linalg.norm(own))
     other = int(np.argmax(np.where(seen, shares, 0.0)))
-    return Projection(count, other, float(shares[other]), F, (first, second), noise)
+    return ShapeProjection(count, other, float(shares[other]), F, (first, second), noise)

@@ -35,7 +35,7 @@ certain."""
 
 
 @dataclass(frozen=True)
-class Part:
+class ResidualPart:
     """A part of the residuals and its test.
 
     Parameters
@@ -63,7 +63,7 @@ class Part:
     p_family_wise: float = 1.0
 
 
-def parts(record: Whitened, side_constraint: bool = False, estimated: Collection[str] = ()) -> tuple[Part, ...]:
+def parts(record: Whitened, side_constraint: bool = False, estimated: Collection[str] = ()) -> tuple[ResidualPart, ...]:
     """All parts with their tests, family by family.
 
     Parameters
@@ -139,7 +139,9 @@ def _of_labels(family: Family, word: str, labels: Sequence[str]) -> Iterator[tup
         yield (family, ""), [(np.flatnonzero(own == name), {word: name}) for name in names]
 
 
-def _tested(record: Whitened, family: Family, rows: NDArray[np.int64], labels: Mapping[str, str]) -> Part | None:
+def _tested(
+    record: Whitened, family: Family, rows: NDArray[np.int64], labels: Mapping[str, str]
+) -> ResidualPart | None:
     """The test of some rows; None where the parameters leave nothing of them."""
     first, second = record.degrees(rows)
     if first <= (_LEAST_OF_PRIOR if family == "priors" else _LEAST_DEGREES):
@@ -148,10 +150,10 @@ def _tested(record: Whitened, family: Family, rows: NDArray[np.int64], labels: M
     scaled = q * first / second
     large, small = gammaincc(0.5 * degrees, 0.5 * scaled), gammainc(0.5 * degrees, 0.5 * scaled)
     kind, configuration, mode, sensor = (labels.get(w, "") for w in ("kind", "configuration", "mode", "sensor"))
-    return Part(family, kind, configuration, mode, sensor, len(rows), q, first, float(large), float(small))
+    return ResidualPart(family, kind, configuration, mode, sensor, len(rows), q, first, float(large), float(small))
 
 
-def _held(record: Whitened) -> Part | None:
+def _held(record: Whitened) -> ResidualPart | None:
     """What parameters at a bound would remove beyond it.
 
     Where the true values are within the bounds this is a chi-square with as many degrees of freedom as directions are
@@ -167,7 +169,7 @@ def _held(record: Whitened) -> Part | None:
     return _of_held("bounds", float(np.sum((U.T @ record.r) ** 2)), U.shape[1])
 
 
-def _held_by_side_constraint(record: Whitened) -> Part | None:
+def _held_by_side_constraint(record: Whitened) -> ResidualPart | None:
     """What the parameters would remove without the side constraint: the data refute the values that it holds."""
     U = record.range
     if not record.optimum or not U.shape[1]:
@@ -175,8 +177,8 @@ def _held_by_side_constraint(record: Whitened) -> Part | None:
     return _of_held("side constraint", float(np.sum((U.T @ record.r) ** 2)), U.shape[1])
 
 
-def _of_held(family: Family, q: float, degrees: int) -> Part:
-    return Part(family, "", "", "", "", degrees, q, degrees, float(chdtrc(degrees, q)), float("nan"))
+def _of_held(family: Family, q: float, degrees: int) -> ResidualPart:
+    return ResidualPart(family, "", "", "", "", degrees, q, degrees, float(chdtrc(degrees, q)), float("nan"))
 
 
 def holm(p: Sequence[float]) -> list[float]:
@@ -194,7 +196,7 @@ def holm(p: Sequence[float]) -> list[float]:
     return out
 
 
-def family_wise(families: Mapping[_Key, tuple[Part, ...]], further: int = 0) -> list[tuple[Part, ...]]:
+def family_wise(families: Mapping[_Key, tuple[ResidualPart, ...]], further: int = 0) -> list[tuple[ResidualPart, ...]]:
     """The parts with their p-values corrected within and between families.
 
     The least p-value of each family is corrected by Holm's rule among the families; those of its other parts by the

@@ -32,7 +32,7 @@ _FRF_DOFS = 1_000
 
 
 @dataclass(frozen=True)
-class Factor:
+class WideningFactor:
     """A factor on a field for some of the elements that use it; factors of one field have no element in common.
 
     Parameters
@@ -48,7 +48,7 @@ class Factor:
     upper: float = 2.0
 
 
-def widened(model: ParametricModel, factors: Sequence[Factor]) -> ParametricModel:
+def widened(model: ParametricModel, factors: Sequence[WideningFactor]) -> ParametricModel:
     """The model with free factors after its own parameters; at their value of one it is the same.
 
     Raises
@@ -95,7 +95,7 @@ def _product(parameter: str, factor: str) -> Parameter:
 # The end of an update with further parameters.
 
 
-def widened_problem(result: UpdateResult, model: ParametricModel, factors: Sequence[Factor]) -> UpdateProblem:
+def widened_problem(result: UpdateResult, model: ParametricModel, factors: Sequence[WideningFactor]) -> UpdateProblem:
     """The comparisons at the end of an update on the full model, with free factors after the parameters.
 
     FRFs of models above 1,000 free DOFs are left out: their derivatives by many factors take too long.

@@ -109,7 +109,7 @@ def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:
             yield alert("info", "update.frfs-alone", missing="; ".join(missing))
 
 
-def _of_pairing(events: Sequence[PairingEvent]) -> Iterable[Alert]:
+def pairing_alerts(events: Sequence[PairingEvent]) -> Iterable[Alert]:
     if events:
         iterations = len({event.iteration for event in events})
         code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
@@ -136,7 +136,7 @@ def _of_update(results: Results) -> Iterable[Alert]:
         yield alert("problem", "update.no-weight", reason=update.weight_choice.sentence)
     if update.starts is not None and not update.starts.unique:
         yield alert("warning", "update.not-unique", sentences=" ".join(update.starts.sentences))
-    yield from _of_pairing(update.pairing_events)
+    yield from pairing_alerts(update.pairing_events)
     yield from _of_intervals(update)
     yield from _of_stages(update.stages)
     if update.goodness is not None:

@@ -364,7 +364,9 @@ def _verify(run: Run, outcomes: Outcomes, made: Made) -> Written:
     differences = [
         d for after, there in pairs for d in frequency_differences(there.configuration, after.freq_hz, there.freq_hz)
     ]
-    return replace(written, deck=named_if_same(written.deck, differences, run.folder))
+    return replace(
+        written, deck=replace(written.deck, record=named_if_same(written.deck.record, differences, run.folder))
+    )
 
 
 def _respond_as_written(run: Run, outcomes: Outcomes, made: Made) -> AsWritten:

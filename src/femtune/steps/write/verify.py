@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from femtune.arrays import Integers, Reals
     from femtune.fem import FieldRef, Structure
     from femtune.steps.write.record import WriteBackResults
-    from femtune.steps.write.run import WriteBack
 
 LARGEST_FREQUENCY_DIFFERENCE = 1e-3
 """Relative difference of a natural frequency between update and written deck above which they are different models.
@@ -88,16 +86,15 @@ def frequency_differences(configuration: str, after: Sequence[float], written: S
         yield f"mode {k + 1} ({configuration}) has {deck[k]:.5g} Hz instead of {update[k]:.5g} Hz"
 
 
-def named_if_same(deck: WriteBack, differences: Iterable[str], folder: Path) -> WriteBack:
+def named_if_same(record: WriteBackResults, differences: Iterable[str], folder: Path) -> WriteBackResults:
     """Give the written deck its name, unless it differs from the update."""
-    record = deck.record
     record = record.model_copy(update={"differences": (*record.differences, *differences)})
     if not record.differences:
         renamed = {name: str(PurePath(name).with_name(DECK_FILE)) for name in _unverified(record)}
         for name, new in renamed.items():
             (folder / name).replace(folder / new)
         record = record.model_copy(update={"files": tuple(renamed.get(name, name) for name in record.files)})
-    return replace(deck, record=record)
+    return record
 
 
 def _unverified(record: WriteBackResults) -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.judge.linearity import compare, principal_axes
-from femtune.steps.judge.record.linearity import AxisFacts, LinearityResults
+from femtune.steps.judge.record.linearity import AxisFacts, ValleyResults
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -27,12 +27,12 @@ _MOST_NAMED = 3
 """Parameters that name an axis."""
 
 
-def linearity(fit: FinishedUpdate) -> LinearityResults:
+def linearity(fit: FinishedUpdate) -> ValleyResults:
     """The points, or the reason why there are none."""
     result, dofs = fit.result, sum(state.case.configured.n_free for state in fit.result.after.states)
     reason = _not_tested(fit, dofs)
     if reason:
-        return LinearityResults(reason=reason)
+        return ValleyResults(reason=reason)
     side = result.side
     values, rows = side.rows(result.x)
     residuals = np.concatenate([result.after.residuals, values])
@@ -51,7 +51,7 @@ def linearity(fit: FinishedUpdate) -> LinearityResults:
     fit.progress.step("χ² along the principal axes of the covariance", 0, None)
     most = _MOST_POINTS if dofs <= SMALL_DOFS else 2
     points, left = compare(result.x, residuals, jacobian, axes, result.parameters.bounds, chi_square, most)
-    return LinearityResults(points=tuple(_facts(p, axes[p.axis - 1] / spread, names) for p in points), axes_left=left)
+    return ValleyResults(points=tuple(_facts(p, axes[p.axis - 1] / spread, names) for p in points), axes_left=left)
 
 
 def _not_tested(fit: FinishedUpdate, dofs: int) -> str:

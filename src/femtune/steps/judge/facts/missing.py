@@ -13,7 +13,7 @@ from femtune.files.nastran.field_refs import resolve
 from femtune.judge.missing import SUSPECTED, ScoreTest, p_of_refit, score_test
 from femtune.judge.regions import mesh_of
 from femtune.judge.whitened import Whitened, prior_blocks, whitened, whitened_blocks
-from femtune.judge.widened import Factor, freed, widened_end, widened_problem
+from femtune.judge.widened import WideningFactor, freed, widened_end, widened_problem
 from femtune.status import Status
 from femtune.steps.init.proposed_parameters import FieldCandidate, ProposalKind, candidates
 from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
@@ -127,7 +127,7 @@ def _not_tested(study: Study, result: UpdateResult) -> str:
 # Which fields are tested, and for which elements.
 
 
-def tested_fields(study: Study) -> tuple[list[TestedField], list[Factor], int]:
+def tested_fields(study: Study) -> tuple[list[TestedField], list[WideningFactor], int]:
     """The fields that can be parameters, those that are parameters among them, since the test itself tells what the
     parameters represent; the factors that they are sums of; and how many fields are left out.
 
@@ -145,11 +145,11 @@ def tested_fields(study: Study) -> tuple[list[TestedField], list[Factor], int]:
     while sum(map(len, parts)) > MOST_FACTORS:
         left_out += 1
         known, sets, parts = known[:-1], sets[:-1], parts[:-1]
-    fields, factors = list[TestedField](), list[Factor]()
+    fields, factors = list[TestedField](), list[WideningFactor]()
     for candidate, of_one, atoms in zip(known, sets, parts):
         first, kind = len(factors), candidate.kind
         names = (f"q{first + i}_" for i in range(len(atoms)))
-        factors += [Factor(n, candidate.ref, atom, kind.lower, kind.upper) for n, atom in zip(names, atoms)]
+        factors += [WideningFactor(n, candidate.ref, atom, kind.lower, kind.upper) for n, atom in zip(names, atoms)]
         for elements, place, region in of_one:
             own = tuple(first + i for i, atom in enumerate(atoms) if atom <= elements)
             fields.append(TestedField(candidate, elements, place, own, region))
@@ -374,7 +374,7 @@ class _Found:
 
     def _refit(self, field: TestedField, most: int, large: bool) -> UpdateResult:
         study, result, kind = self.fit.study, self.fit.result, field.candidate.kind
-        factor = Factor("q_", field.candidate.ref, field.elements, kind.lower, kind.upper)
+        factor = WideningFactor("q_", field.candidate.ref, field.elements, kind.lower, kind.upper)
         problem = widened_problem(result, study.model, [factor])
         end = widened_end(result, problem)
         method = freed(result, method_of(study.file.update, study.parameters), 1)

@@ -25,7 +25,7 @@ from femtune.steps.judge.record.parts import (
 if TYPE_CHECKING:
     from femtune.files.study_file.residual import Comparison
     from femtune.judge.neighbours import NeighbourTest
-    from femtune.judge.parts import Part
+    from femtune.judge.parts import ResidualPart
     from femtune.judge.whitened import Whitened
     from femtune.steps.judge.finished_update import FinishedUpdate
     from femtune.study.study import Study
@@ -85,7 +85,7 @@ def _scaled(record: Whitened, assumed: frozenset[str]) -> tuple[Whitened, frozen
     return found.weighted, present - few.keys()
 
 
-def _part(p: Part) -> PartRecord:
+def _part(p: ResidualPart) -> PartRecord:
     return PartRecord(
         family=p.family,
         kind=p.kind,
@@ -121,7 +121,7 @@ def _neighbour(t: NeighbourTest, result: UpdateResult) -> NeighbourRecord:
     )
 
 
-def _kinds(study: Study, record: Whitened, tested: tuple[Part, ...]) -> Iterator[KindOfErrors]:
+def _kinds(study: Study, record: Whitened, tested: tuple[ResidualPart, ...]) -> Iterator[KindOfErrors]:
     """The factor of each kind: of all kinds together, so that one that is wrong does not falsify the others."""
     assumed = assumed_kinds(study)
     of_kind = {p.kind: p for p in tested if p.family == "kinds" and p.kind}

@@ -80,9 +80,10 @@ def _of_errors(kind: KindOfErrors) -> Iterable[ReasonRecord]:
         return
     facts = {"kind": kind.kind, "ratio": kind.factor, "times": 1.0 / kind.factor, "key": kind.key,
              "stated": kind.stated, "fits": kind.fits}  # fmt: skip
-    variant = "/with-key" if kind.key and kind.fits is not None else ""
+    keyed = kind.key and kind.fits is not None
     small = not kind.assumed and kind.p_small is not None and kind.p_small < NOT_ACCEPTED
     if small and kind.factor * _LEAST_TIMES < 1.0:
-        yield reason("reservation", f"judge.overstated{variant}", kind.kind, **facts)
+        yield reason("reservation", "judge.overstated/with-key" if keyed else "judge.overstated", kind.kind, **facts)
     if kind.assumed and kind.p_large is not None and kind.p_large < NOT_ACCEPTED:
-        yield reason("reservation", f"judge.larger-than-assumed{variant}", kind.kind, **facts)
+        code = "judge.larger-than-assumed/with-key" if keyed else "judge.larger-than-assumed"
+        yield reason("reservation", code, kind.kind, **facts)

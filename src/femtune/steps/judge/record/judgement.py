@@ -6,7 +6,7 @@ from typing import Literal
 
 from femtune.steps.judge.record.acceptance import AcceptanceResults
 from femtune.steps.judge.record.coverage import CoverageResults
-from femtune.steps.judge.record.linearity import LinearityResults
+from femtune.steps.judge.record.linearity import ValleyResults
 from femtune.steps.judge.record.missing import MissingResults
 from femtune.steps.judge.record.parts import PartsResults
 from femtune.steps.judge.record.reason import ReasonRecord
@@ -32,7 +32,7 @@ class JudgementResults(Record):
     """Frequency errors beside the repeatability of the test; None if that is not known."""
     usual_ranges: UsualRanges | None = None
     """Parameters beyond their usual range; None if no parameter has one."""
-    linearity: LinearityResults | None = None
+    linearity: ValleyResults | None = None
     """Whether χ² is a parabola over the distribution of the parameters; None in older results."""
     missing: MissingResults | None = None
     """Fields of the deck that no parameter represents and that the residuals ask for; None in older results."""

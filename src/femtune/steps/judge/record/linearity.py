@@ -20,7 +20,7 @@ class AxisFacts(Record):
     """True if both differ so much that the standard deviations do not apply there."""
 
 
-class LinearityResults(Record):
+class ValleyResults(Record):
     """Whether χ² is a parabola over the distribution of the parameters."""
 
     reason: str = ""
