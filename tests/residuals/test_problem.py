@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
@@ -184,6 +185,16 @@ def test_a_paired_mode_does_not_leave_the_residual():
 def test_tracking_of_nothing():
     solution = solve_modes(chain_case().configured.at(np.zeros(3)), 2)
     assert track((), solution, solution) == ()
+
+
+def test_more_paired_modes_than_the_model_has_are_an_error():
+    configured = chain_case().configured
+    many, few = (solve_modes(configured.at(np.zeros(3)), count) for count in (3, 1))
+    groups = (((0,), (0,)), ((1,), (1,)), ((2,), (2,)))
+    few = replace(few, eigenvalues=few.eigenvalues[:1], shapes=few.shapes[:, :1])
+    with pytest.raises(FemtuneError) as error:
+        track(groups, many, few)
+    check_shown("residual.modes-lost", error.value)
 
 
 def test_a_point_without_residuals_has_none_by_any_parameter():

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.correlation import Pairing, pair_modes
 from femtune.correlation.pairing import closeness, visible_modes
+from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.model import EigenSolution
@@ -48,10 +49,17 @@ def groups_of(pairing: Pairing) -> tuple[Group, ...]:
 
 
 def track(groups: tuple[Group, ...], old: EigenSolution, new: EigenSolution) -> tuple[Group, ...]:
-    """The same motions at another point: each old model mode is followed to the new one nearest to it (by M)."""
+    """The same motions at another point: each old model mode is followed to the new one nearest to it (by M).
+
+    Raises
+    ------
+    FemtuneError : ``residual.modes-lost`` if the model has fewer modes there than are followed
+    """
     members = [j for _, models in groups for j in models]
     if not members:
         return groups
+    if new.shapes.shape[1] < len(members):
+        raise FemtuneError("residual.modes-lost", modes=new.shapes.shape[1], paired=len(members))
     overlap = old.shapes[:, members].T @ (new.point.mass @ new.shapes)
     followed = dict(zip(members, linear_sum_assignment(-(overlap**2))[1].tolist()))
     return tuple((tests, tuple(followed[j] for j in models)) for tests, models in groups)

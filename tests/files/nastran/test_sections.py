@@ -243,6 +243,27 @@ def _jets_at(x: np.ndarray) -> list[jet.Jet]:
     return [every[i] for i in range(len(x))]
 
 
+@pytest.mark.quick(6)
+@pytest.mark.parametrize("name", SHAPES)
+def test_sections_of_several_cards_are_those_of_each(name: str):
+    one = np.array(TYPICAL[name])
+    # width and height in the other order, and thicker walls: each takes its own branch
+    cards = np.array([one, one * np.linspace(1.0, 0.9, len(one)), one * np.linspace(0.9, 1.0, len(one))])
+    if name in ("BAR", "BOX"):
+        cards = np.vstack([cards, one[[1, 0, *range(2, len(one))]]])
+    every = jet.variables(one)
+    of_all = [every[i][None] * (cards[:, i] / one[i]) for i in range(len(one))]
+    found = SHAPES[name].properties(*of_all)
+    for row in range(len(cards)):
+        alone = SHAPES[name].properties(*(every[i] * (cards[row, i] / one[i]) for i in range(len(one))))
+        for role in SECTION_ROLES:
+            here = found[role][row]
+            np.testing.assert_allclose(here.value, alone[role].value, rtol=1e-12)
+            np.testing.assert_allclose(
+                here.grad, alone[role].grad, rtol=1e-9, atol=1e-12 * np.abs(alone[role].grad).max() + 1e-14
+            )
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_impossible_dimensions(name: str):
     shape = SHAPES[name]

@@ -20,15 +20,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
+
+def ordered(a: Any, b: Any) -> tuple[Any, Any]:
+    """The larger and the smaller of two numbers or jets, entry by entry where they have several entries."""
+    first = getattr(a, "value", a).real >= getattr(b, "value", b).real
+    if not np.ndim(first):
+        return (a, b) if first else (b, a)
+    of_first = np.asarray(first, dtype=float)
+    return a * of_first + b * (1.0 - of_first), b * of_first + a * (1.0 - of_first)
+
 
 def larger(a: Any, b: Any) -> Any:
-    """The larger of two numbers or jets."""
-    return a if getattr(a, "value", a).real >= getattr(b, "value", b).real else b
+    """The larger of two numbers or jets, entry by entry."""
+    return ordered(a, b)[0]
 
 
 def rectangle_torsion(w: Any, h: Any) -> Any:
     """Torsion constant of a solid rectangle, a b³ (1/3 − 0.21 b/a (1 − b⁴/12a⁴)) with a ≥ b (Roark, table 10.7)."""
-    a, b = (w, h) if larger(w, h) is w else (h, w)
+    a, b = ordered(w, h)
     return a * b**3 * (1 / 3 - 0.21 * b / a * (1.0 - b**4 / (12.0 * a**4)))
 
 
