@@ -17,7 +17,8 @@ _PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tutorial.md").read_text
 def _run(command: str, capsys: pytest.CaptureFixture[str]) -> str:
     with pytest.raises(SystemExit) as end:
         main(shlex.split(command))
-    assert end.value.code == 0, command
+    # the verdict on the run is that of the page: its mesh is too coarse
+    assert end.value.code == (4 if command.startswith("run ") else 0), command
     return capsys.readouterr().out
 
 
@@ -36,8 +37,9 @@ def test_the_tutorial_as_written(
     assert [c.split()[1] for c in commands] == ["modes", "init", "check", "run"]
     printed = [_run(c.removeprefix("femtune "), capsys) for c in commands]
     shown = re.findall(r"```text\n(.*?)```", _PAGE, re.S)
-    assert len(shown) == 2
-    for text, output in zip(shown, (printed[1], printed[3]), strict=True):
+    assert len(shown) == 3
+    assert shown[2].strip() in printed[3].splitlines()
+    for text, output in zip(shown[:2], (printed[1], printed[3]), strict=True):
         missing = [n for n in _numbers(text) if n not in _numbers(output)]
         assert not missing, output
 

@@ -61,7 +61,7 @@ def _test_written(folder: Path, **changed: object) -> None:
     test = ft.read_test(folder / "cantilever.uff")
     places = np.array(changed["places"](test.geometry.coordinates))  # type: ignore[operator]
     geometry = replace(test.geometry, coordinates=places)
-    ft.write_test(replace(test, geometry=geometry), folder / "cantilever.uff")
+    ft.write_test(replace(test, geometry=geometry), folder / "changed.uff").replace(folder / "cantilever.uff")
 
 
 def _in_millimetres(folder: Path) -> None:

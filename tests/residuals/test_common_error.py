@@ -80,7 +80,7 @@ def test_a_wrong_mass_is_covered_where_it_is_allowed_for(common_sd: float) -> No
         result = update(problem, SensitivityMethod())
         intervals = result.interval()
         held += [intervals[n][0] <= 1.0 + t <= intervals[n][1] for n, t in zip("abc", truth)]
-        passed += goodness_of_fit(result.after.weighted).outcome is Outcome.PASS
+        passed += goodness_of_fit(result.after.weighted).outcome is not Outcome.FAIL
     # the wrong mass is taken up by the stiffnesses: the residuals cannot show it
     assert passed > 33
     if common_sd:

@@ -111,15 +111,18 @@ def test_newcomers_run_to_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (tmp_path / "empty").mkdir()
     monkeypatch.chdir(tmp_path / "empty")
 
-    def call(*words: str) -> str:
+    def call(*words: str, code: int = 0) -> str:
         result = CliRunner().invoke(main, words)
-        assert result.exit_code == 0, result.output
+        assert result.exit_code == code, result.output
         return result.stdout
 
     assert "10 test modes, 10 paired" in call("init", "../plate.bdf", "../test.uff")
     assert "no errors" in call("check", "study.toml")
-    assert "report:" in call("run", "study.toml")
+    # not accepted: the error of the mesh is 4 % in the highest mode
+    assert "report:" in call("run", "study.toml", code=4)
     results = ft.read_results("run").results
+    assert results.judgement is not None
+    assert [r.code for r in results.judgement.reasons if r.weight == "not accepted"] == ["model.mesh-coarse"]
     assert len(results.correlations[-1].pairs) == 10
     # the thickness takes the error of the modulus over: f ∝ t √E of a thin plate
     (found,) = results.update.parameters

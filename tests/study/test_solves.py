@@ -29,7 +29,12 @@ def test_start_and_end_are_solved_once(beam: Bench, monkeypatch: pytest.MonkeyPa
     update = run.results.update
     assert update is not None
     # each point of the way once, and the written deck, which has no parameters; the last trial may be refused
-    assert len(update.history) + 1 <= len(solved) <= len(update.history) + 3
+    judgement = run.results.judgement
+    assert judgement is not None
+    assert judgement.linearity is not None
+    beside = len(judgement.linearity.points)
+    assert beside == 4  # two on each principal axis
+    assert len(update.history) + 1 <= len(solved) - beside <= len(update.history) + 3
     assert solved.count((0.0, 0.0)) == 1
     assert solved.count(()) == 1
 

@@ -76,7 +76,7 @@ def mixed_sentence(n: NeighbourRecord) -> str:
 
 
 def _of_errors(kind: KindOfErrors) -> Iterable[ReasonRecord]:
-    if kind.factor is None:
+    if not kind.factor:  # unknown, or 0: exact data have no errors of any size
         return
     facts = {"kind": kind.kind, "ratio": kind.factor, "times": 1.0 / kind.factor, "key": kind.key,
              "stated": kind.stated, "fits": kind.fits}  # fmt: skip
