@@ -126,7 +126,8 @@ def test_progress_names_the_steps_in_their_order(beam: Bench) -> None:
         "reading the deck", "configuration as the deck", "mass and rigid-body check", "solving and pairing the modes",
         "modes and correlation, before", "sensitivities", "measures of the parameters", "mass and mesh", "update",
         "modes and correlation, after", "writing the updated deck", "modes and correlation, after as written",
-        "χ² along the principal axes of the covariance", "fields that are no parameters", "writing the report", "drawing the pictures of the page",
+        "χ² along the principal axes of the covariance", "fields that are no parameters",
+        "writing the report", "drawing the pictures of the page",
     ]  # fmt: skip
     iterations = [done for text, done, _ in told.lines if text.startswith("update: weighted mean error")]
     assert iterations == list(range(len(iterations)))
