@@ -39,7 +39,7 @@ _CASES: dict[str, Notice] = {
     "judge.missing, suspected": Notice(
         "judge.missing/suspected", field="CELAS2 903 K", chance="p = 0.03", tested="105 fields"
     ),
-    "judge.missing, implausible": Notice("judge.missing/implausible", chance="p < 0.002", tested="105 fields"),
+    "judge.missing, implausible": Notice("judge.missing/implausible", chance="p = 0.003", tested="105 fields"),
     "judge.misfit": Notice(
         "judge.misfit", part="the shape residual of mode 6 (free)", ratio=3.2,
         numbers="chi-square 113 on 11 degrees of freedom, p = 2.1e-09",
@@ -50,6 +50,9 @@ _CASES: dict[str, Notice] = {
     ),
     "judge.misfit, whole": Notice(
         "judge.misfit/whole", outcome="the residuals have the stated size, but they are not random"
+    ),
+    "judge.fit-not-tested": Notice(
+        "judge.fit-not-tested", kinds="MAC", why="a MAC near 1 has no normal distribution"
     ),
     "judge.neighbour": Notice("judge.neighbour", sentence="mode 6 contains 7 % of mode 8", chance="p = 0.0003"),
     "judge.overstated": Notice("judge.overstated", kind="frequency", times=112.0),

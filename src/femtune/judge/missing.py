@@ -27,16 +27,12 @@ from femtune.arrays import Flags, Integers, Reals
 from femtune.judge.scales import FEWEST_DEGREES, scales
 from femtune.judge.whitened import PRIOR, Whitened
 
-SUSPECTED = 0.05
-"""Adjusted p value below which something is suspected to be missing."""
-MISSING = 0.01
-"""Adjusted p value below which something is missing, if an update with the field as a parameter confirms it."""
 INVISIBLE = 1e-4
 """|Pc|² relative to |c|² below which the parameters represent a field: the data cannot tell them apart."""
 LOOKS_ALIKE = 0.95
 """|cos| of the columns Pc of two fields from which the data hardly tell them apart."""
 DRAWS = 1_000
-"""Draws of noise for the adjusted p values: the level of 1 % is then known to 0.3 %, that of 5 % to 0.7 %."""
+"""Draws of noise for the adjusted p values: a level of 1 % is then known to 0.3 %, one of 5 % to 0.7 %."""
 SEED = 2026
 """Of these draws, so that a result can be repeated."""
 _ROUNDING = 1e-6

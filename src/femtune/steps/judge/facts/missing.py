@@ -10,13 +10,15 @@ import numpy as np
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran.field_refs import resolve
-from femtune.judge.missing import SUSPECTED, ScoreTest, p_of_refit, score_test
+from femtune.judge.missing import ScoreTest, p_of_refit, score_test
+from femtune.judge.parts import TESTS_OF_A_FIT
 from femtune.judge.regions import mesh_of
 from femtune.judge.whitened import Whitened, prior_blocks, whitened, whitened_blocks
 from femtune.judge.widened import WideningFactor, freed, widened_end, widened_problem
 from femtune.status import Status
 from femtune.steps.init.proposed_parameters import FieldCandidate, ProposalKind, candidates
 from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
+from femtune.steps.judge.record.parts import RESERVED
 from femtune.study.stages import reduction_rules
 from femtune.study.update_method import method_of
 from femtune.updating import update, update_reduced
@@ -101,6 +103,8 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
     test = score_test(rows, np.hstack([bounded, of_fields]), plausible)
     if test is None:
         return MissingResults(reason="too few degrees of freedom are left, or the parameters represent all fields")
+    # the tests of one fit share its level
+    test = replace(test, p=np.minimum(1.0, TESTS_OF_A_FIT * test.p))
     return _Found(fit, [*at_bound, *fields], test, rows, left_out).results()
 
 
@@ -287,10 +291,10 @@ class _Found:
     def results(self) -> MissingResults:
         """The record, with the first groups refitted if something is suspected to be missing."""
         test, groups = self.test, self._groups()
-        refits = self._refitted([g[0] for g in groups]) if test.p.min() < SUSPECTED else {}
+        refits = self._refitted([g[0] for g in groups]) if test.p.min() < RESERVED else {}
         # the lowest misfit decides between those that were refitted
         groups.sort(key=lambda g: refits[g[0]].chi_square if g[0] in refits else np.inf)
-        corners, gain = self._drawing() if test.p.min() < SUSPECTED else (None, None)
+        corners, gain = self._drawing() if test.p.min() < RESERVED else (None, None)
         return MissingResults(
             tested=len(test.order),
             invisible=int(test.invisible.sum()),

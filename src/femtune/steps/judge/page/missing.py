@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 from femtune.document.document import Cell, Details, Figure, Heading, Paragraph, Table, columns, row
 from femtune.document.figures.elements import elements_svg
 from femtune.document.numbers import NONE, counted, short, signed_percent
+from femtune.steps.judge.record.parts import RESERVED
 
 if TYPE_CHECKING:
     from femtune.document.document import Block
     from femtune.steps.judge.record.missing import MissingField, MissingResults
     from femtune.steps.report_source import ReportSource
 
-_SUSPECTED = 0.05
-"""Adjusted p value from which no lines for the study are offered."""
 _MOST_ALIKE = 3
 """Fields that look alike, in a row of the table."""
 
@@ -35,7 +34,7 @@ def missing_blocks(source: ReportSource) -> Iterable[Block]:
     heads = columns("Field", "Kind", ">Change %", ">Usual range %", ">p value", ">Factor if freed", ">χ² if freed")
     note = (
         "Each field is tested by itself, by linear extrapolation from the end of the update. The p value takes account "
-        "of the number of fields. A change beyond the usual range is not shown. "
+        "of the number of fields, and of the two other tests of the fit. A change beyond the usual range is not shown. "
         f"χ² without any of them: {short(found.chi_square)}."
     )
     yield Table("", heads, tuple(map(_row, found.fields)), note)
@@ -48,7 +47,7 @@ def missing_blocks(source: ReportSource) -> Iterable[Block]:
             f"mesh coloured by what a change of each element explains; most: {found.fields[0].name}",
         )  # fmt: skip
     lines = "\n\n".join(f.lines for f in found.fields if f.refit is not None and f.lines)
-    if lines and found.p_value < _SUSPECTED:
+    if lines and found.p_value < RESERVED:
         yield Details("Lines for the study that make these fields parameters; take one, and run again", lines)
 
 
@@ -63,7 +62,7 @@ def _sentence(found: MissingResults) -> str:
     unseen = f"; {found.invisible} more have no effect that the parameters do not represent" if found.invisible else ""
     left = f"; {found.left_out} were left out because there are too many" if found.left_out else ""
     assert found.p_value is not None
-    if found.p_value >= _SUSPECTED:
+    if found.p_value >= RESERVED:
         return f"{tested}{unseen}{left}. None would explain the residuals better than noise does."
     return f"{tested}{unseen}{left}. The first ones explain more of the residuals than noise does."
 
@@ -75,9 +74,8 @@ def _row(f: MissingField) -> tuple[Cell, ...]:
     change = (
         signed_percent(f.change_percent) if f.change_percent is not None else "increase" if f.increase else "decrease"
     )
-    p = "< 0.002" if f.p_value < 0.002 else short(f.p_value)
     usual = f"{signed_percent(f.lower_percent)} … {signed_percent(f.upper_percent)}"
     if f.refit is None:
-        return row(name, f.what, change, usual, p, NONE, NONE)
+        return row(name, f.what, change, usual, short(f.p_value), NONE, NONE)
     factor = f"{f.refit.factor:.3f}" + (" (limit)" if f.refit.at_bound else "")
-    return row(name, f.what, change, usual, p, factor, short(f.refit.chi_square))
+    return row(name, f.what, change, usual, short(f.p_value), factor, short(f.refit.chi_square))

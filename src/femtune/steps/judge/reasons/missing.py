@@ -6,16 +6,13 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from femtune.document.numbers import counted, listed, short
+from femtune.steps.judge.record.parts import NOT_ACCEPTED, RESERVED
 from femtune.steps.judge.record.reason import ReasonRecord, reason
 
 if TYPE_CHECKING:
     from femtune.steps.judge.record.missing import MissingField, MissingResults
     from femtune.steps.results import Results
 
-SUSPECTED = 0.05
-"""Adjusted p value below which something may be missing."""
-MISSING = 0.01
-"""Adjusted p value below which something is missing, if the update with the field as a parameter confirms it."""
 _PLAUSIBLE_SHARE = 0.5
 """Part of the statistic that a change inside the usual range must reach, for a field to be named as the cause."""
 _MOST_ALIKE = 2
@@ -25,7 +22,7 @@ _MOST_ALIKE = 2
 def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
     """One reason, for the field that explains most."""
     found = results.judgement and results.judgement.missing
-    if not found or found.p_value is None or found.p_value >= SUSPECTED or not found.fields:
+    if not found or found.p_value is None or found.p_value >= RESERVED or not found.fields:
         return
     first = found.fields[0]
     if confirmed(found, first):
@@ -51,17 +48,16 @@ def confirmed(found: MissingResults, field: MissingField) -> bool:
     refit = field.refit
     return (
         found.p_value is not None
-        and found.p_value < MISSING
+        and found.p_value < NOT_ACCEPTED
         and refit is not None
         and refit.p_value is not None
-        and refit.p_value < MISSING
+        and refit.p_value < NOT_ACCEPTED
     )
 
 
 def chance(found: MissingResults) -> str:
     """The probability of such a finding where nothing is missing: "p = 0.02"."""
-    p = found.p_value
-    return "" if p is None else "p < 0.002" if p < 0.002 else f"p = {short(p)}"
+    return "" if found.p_value is None else f"p = {short(found.p_value)}"
 
 
 def _tested(found: MissingResults) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from femtune.document.numbers import listed
 from femtune.steps.judge.record.parts import NOT_ACCEPTED, RESERVED, chance_words
 from femtune.steps.judge.record.reason import reason
 
@@ -31,6 +32,9 @@ def parts_reasons(results: Results) -> Iterable[ReasonRecord]:
     yield from misfit
     if not misfit and goodness is not None and goodness.verdict == "fail":
         yield reason("reservation", "judge.misfit/whole", outcome=goodness.sentence)
+    if found.untested:
+        kinds = listed([u.kind for u in found.untested])
+        yield reason("reservation", "judge.fit-not-tested", kinds=kinds, why=found.untested[0].reason)
     for kind in found.kinds:
         yield from _of_errors(kind)
 

@@ -50,7 +50,8 @@ class MissingField(Record):
     degrees_of_freedom: float
     """Degrees of freedom of its denominator."""
     p_value: float
-    """Probability of such a statistic in any of the fields if nothing is missing."""
+    """Probability of such a statistic in any field, or of a finding of the two other tests of the fit, if nothing is
+    missing."""
     alike: tuple[str, ...] = ()
     """Other fields that the data hardly tell from it."""
     refit: RefittedField | None = None
