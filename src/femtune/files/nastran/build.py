@@ -31,6 +31,7 @@ from femtune.files.nastran.control import (
 )
 from femtune.files.nastran.damping import damping_notices, damping_tables, modal_damping, overall_damping
 from femtune.files.nastran.deck import Deck, DeckParameter
+from femtune.files.nastran.doubtful_values import value_notices
 from femtune.files.nastran.general import read_general_elements
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
 from femtune.files.nastran.health import health_notices
@@ -159,6 +160,7 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
         raise FemtuneError("deck.no-points", where=where, values={"cards": len(deck.cards)})
     notices = (*deck.notices, *building.notices, *_without_point(deck))
     notices += tuple(_health(deck, structure, element_cards))
+    notices += tuple(value_notices(deck, structure.values, building.places, tables))
     return BuiltDeck(
         files=tuple(file.file for file in deck.files), structure=structure, notices=notices, modal_damping=damping,
         damping_tables=tables, cards=cards, fields=building.places, element_cards=element_cards,
