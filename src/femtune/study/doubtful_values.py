@@ -72,14 +72,12 @@ def _bounds(file: StudyFile, structure: Structure, targets: Sequence[Target]) ->
             continue
         for key in ("lower", "nominal", "upper"):
             given = getattr(entry, key)
-            found = (
-                None if given is None else next(_problems(structure, target.refs, float(given), entry.absolute), None)
-            )
+            found = None if given is None else next(_problems(structure, target, float(given), key), None)
             if found is not None:
                 ref, value, problem = found
                 yield Notice(
-                    f"parameter.meaningless-bound{_in_percent(entry)}", where=target.where, parameter=entry.name, key=key,
-                    given=float(given), field=ref, value=value, problem=problem, **_as_factors(entry),
+                    f"parameter.meaningless-bound{_in_percent(entry)}", where=target.where, parameter=entry.name,
+                    key=key, given=float(given), field=ref, value=value, problem=problem, **_as_factors(entry),
                 )  # fmt: skip
                 break
 
@@ -97,30 +95,28 @@ def _as_factors(entry: object) -> dict[str, float]:
     return {"low": 1.0 + entry.lower / 100.0, "high": 1.0 + entry.upper / 100.0}
 
 
-def _problems(
-    structure: Structure, refs: Sequence[FieldRef], given: float, absolute: bool
-) -> Iterator[tuple[FieldRef, float, str]]:
+def _problems(structure: Structure, target: Target, given: float, key: str) -> Iterator[tuple[FieldRef, float, str]]:
     """Fields that have no meaning at a value of the parameter, with their values."""
-    for ref in refs:
+    for ref in target.refs:
         at = structure.values.index(ref)
         if at is None or (not field_nature(ref).positive and ref.name != "NU"):
             continue
         in_deck = float(structure.values.values[at])
-        value = given if absolute else given * in_deck
-        problem = _problem(ref, value, in_deck)
+        value = given if target.entry.absolute else given * in_deck
+        problem = _problem(ref, value, in_deck, key)
         if problem:
             yield ref, value, problem
 
 
-def _problem(ref: FieldRef, value: float, in_deck: float) -> str:
+def _problem(ref: FieldRef, value: float, in_deck: float, key: str) -> str:
     if ref.name == "NU":
         return "" if _POISSON[0] < value < _POISSON[1] else "no isotropic material has it"
     if value < 0.0 <= in_deck:
         return "it must not be negative"
     if value == 0.0 and in_deck > 0.0 and field_nature(ref).unit in _ELEMENT_NEEDS:
         return "the elements then have no stiffness or no mass"
-    if _is_ratio(ref) and value >= 1.0:
-        return "a mode with this damping ratio does not vibrate"
+    if _is_ratio(ref) and value >= (LARGEST_RATIO if key == "nominal" else 1.0):
+        return "no structure has this damping ratio; it is a fraction, not a percentage"
     if _is_loss_factor(ref) and value > LARGEST_LOSS_FACTOR:
         return "no material has such a loss factor; it is a fraction, not a percentage"
     return ""

@@ -160,9 +160,9 @@ class FromDeck(ModelSource[BuiltDeck]):
     def doubts(self, built: BuiltDeck) -> tuple[Notice, ...]:
         """Warnings of units and dimensions that contradict each other."""
         from femtune.study.plausible_sections import section_notices  # noqa: PLC0415
-        from femtune.study.plausible_units import unit_notices  # noqa: PLC0415
+        from femtune.study.plausible_units import unit_notices, weight_densities  # noqa: PLC0415
 
-        of_units = unit_notices(self.file, built) if self.file.given.units_known else ()
+        of_units = unit_notices(self.file, built) if self.file.given.units_known else weight_densities(built)
         return (*of_units, *section_notices(built.structure))
 
     def mesh(self, nodes: NodeTable) -> DrawnMesh | None:

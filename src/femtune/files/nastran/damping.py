@@ -68,7 +68,7 @@ def _is_loss(ref: FieldRef) -> bool:
 
 
 def _is_large(value: float) -> bool:
-    return abs(value) > _LARGEST_LOSS_FACTOR
+    return value > _LARGEST_LOSS_FACTOR
 
 
 def _matrix_notices(deck: Deck) -> list[Notice]:

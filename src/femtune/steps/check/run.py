@@ -14,6 +14,7 @@ from femtune.files.nastran.deck import read_deck
 from femtune.files.study_file.reading import is_deck, study_from_data, toml_data, toml_text
 from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
 from femtune.files.uff import read_uff
+from femtune.steps.info.checks import mass_checks
 from femtune.steps.result import StepResult
 from femtune.steps.write.run import check_writable_fields
 from femtune.study.progress import silent
@@ -190,6 +191,11 @@ class _Checked:
             if study.file.output.vtu and all(case.used is None for case in study.cases):
                 self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
+            self.notices += [
+                Notice("model.mass-differs", configuration=check.configuration, found=check.sentence)
+                for check in mass_checks(study)
+                if check.verdict == "fail"
+            ]
             if study.file.quantify is not None:
                 read_repeats(study, study.file.quantify)
             if study.writes_deck and any(case.used is not None for case in study.cases):

@@ -56,6 +56,17 @@ class UnpairedTestMode(Record):
     """The reason why it has no partner."""
 
 
+class SuspensionMode(Record):
+    """A mode of the suspension of a free structure, which is set apart."""
+
+    test_label: str
+    """Label of the test mode."""
+    test_freq_hz: float
+    """Frequency in Hz."""
+    reason: str
+    """How it was recognised."""
+
+
 class UnpairedModelMode(Record):
     """A model mode within the range of the test without a partner."""
 
@@ -142,6 +153,8 @@ class CorrelationResults(Record):
     """Modes left out by the study."""
     unpaired_test: tuple[UnpairedTestMode, ...]
     """Test modes without a partner."""
+    suspension: tuple[SuspensionMode, ...] = ()
+    """Modes of the suspension, which have no partner and decide no criterion; empty in older results."""
     unpaired_model: tuple[UnpairedModelMode, ...]
     """Model modes without a partner, including rigid-body modes."""
     clusters: tuple[ClusterRecord, ...]
