@@ -58,7 +58,7 @@ def with_suspension(test: ModeSet, model: ModeSet, pairing: Pairing, rigid: int)
         possible = [i for i in found if test.freq_hz[i] <= _SOFT * lowest]
         told = (Notice("correlate.suspension/unclear", modes=_named(test, possible), problem=problem),)
         return replace(pairing, notices=(*pairing.notices, *(told if possible else ())))
-    facts = {"modes": _named(test, list(found)), "share": min(found.values()), "lowest": lowest}
+    facts = {"modes": _named(test, list(found)), "percent": 100.0 * min(found.values()), "lowest": lowest}
     notice = Notice("correlate.suspension", level="info", **facts)
     unpaired = tuple(_marked(u, found) for u in pairing.unpaired_test)
     return replace(pairing, unpaired_test=unpaired, notices=(*pairing.notices, notice))

@@ -204,7 +204,7 @@ def _large_sd(
 ) -> Iterator[Notice]:
     stated = getattr(table, key, None)
     if isinstance(stated, float | int) and stated >= limit:
-        facts = {"key": name, "value": stated, "percent": 100.0 * stated, "meant": stated / 100.0}
+        facts = {"key": name, "word": key, "value": stated, "percent": 100.0 * stated, "meant": stated / 100.0}
         of = "shape" if "shape" in name else "frequency"
         yield Notice(
             "study.large-sd" if of == "frequency" else "study.large-sd/shape", where=file.where(*place), **facts

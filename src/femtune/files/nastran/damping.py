@@ -64,7 +64,8 @@ def _large_losses(building: Building) -> list[Notice]:
 
 
 def _is_loss(ref: FieldRef) -> bool:
-    return ref.name.startswith("GE") or ref == FieldRef("PARAM", 0, "G")
+    """A loss factor of a part; that of the whole model (PARAM G) is judged with the damping ratios."""
+    return ref.name.startswith("GE")
 
 
 def _is_large(value: float) -> bool:
