@@ -209,7 +209,7 @@ def _shapes(test: ModeSet, model: ModeSet, pairing: Pairing, phi: Reals) -> Shap
     seen = visible_modes(model)
     allowed = np.hstack([(error <= pairing.frequency_gate) & seen, own])
     allowed[[u.test for u in pairing.unpaired_test if u.left_out or u.suspension]] = False
-    return Shapes(test.shapes, np.hstack([np.where(seen, model.shapes, 0.0), phi]), allowed, own.any(axis=1))
+    return Shapes(test.shapes, np.hstack([np.where(seen, model.shapes, 0.0), phi]), allowed, np.any(own, axis=1))
 
 
 def _orthogonality(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from femtune.arrays import Reals
@@ -58,13 +60,17 @@ def with_suspension(test: ModeSet, model: ModeSet, pairing: Pairing, rigid: int)
         possible = [i for i in found if test.freq_hz[i] <= _SOFT * lowest]
         told = (Notice("correlate.suspension/unclear", modes=_named(test, possible), problem=problem),)
         return replace(pairing, notices=(*pairing.notices, *(told if possible else ())))
-    facts = {"modes": _named(test, list(found)), "percent": 100.0 * min(found.values()), "lowest": lowest}
+    facts: dict[str, Any] = {
+        "modes": _named(test, list(found)),
+        "percent": 100.0 * min(found.values()),
+        "lowest": lowest,
+    }
     notice = Notice("correlate.suspension", level="info", **facts)
     unpaired = tuple(_marked(u, found) for u in pairing.unpaired_test)
     return replace(pairing, unpaired_test=unpaired, notices=(*pairing.notices, notice))
 
 
-def _cannot_tell(test: ModeSet, model: ModeSet, motions: Reals, near: Sequence[int]) -> str:
+def _cannot_tell(test: ModeSet, model: ModeSet, motions: Reals, near: NDArray[np.int64]) -> str:
     """Why the sensors do not tell rigid-body motions from elastic ones; "" if they do."""
     entries = int(np.sum(~np.isnan(test.shapes), axis=0).min())
     sizes = np.linalg.svd(motions, compute_uv=False)

@@ -4,7 +4,7 @@ model, percentages that were written as fractions, added masses as heavy as the 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from femtune.model import grid_matrix
 if TYPE_CHECKING:
     from femtune.fem.structure import Structure
     from femtune.files.study_file import StudyFile
+    from femtune.files.study_file.parameter import Parameter as ParameterEntry
     from femtune.model import ParametricModel
     from femtune.study.cases import StudyCase
     from femtune.study.parameters import Target
@@ -82,15 +83,15 @@ def _bounds(file: StudyFile, structure: Structure, targets: Sequence[Target]) ->
                 break
 
 
-def _in_percent(entry: object) -> str:
+def _in_percent(entry: ParameterEntry) -> str:
     """The variant of the message for bounds that are plausible as changes in percent."""
-    lower, upper = getattr(entry, "lower", None), getattr(entry, "upper", None)
+    lower, upper = entry.lower, entry.upper
     percent = lower is not None and upper is not None and -100.0 < lower <= -1.0 and upper >= 1.0
-    return "/percent" if percent and not getattr(entry, "absolute", True) else ""
+    return "/percent" if percent and not entry.absolute else ""
 
 
-def _as_factors(entry: object) -> dict[str, float]:
-    if not _in_percent(entry):
+def _as_factors(entry: ParameterEntry) -> dict[str, Any]:
+    if not _in_percent(entry) or entry.lower is None or entry.upper is None:
         return {}
     return {"low": 1.0 + entry.lower / 100.0, "high": 1.0 + entry.upper / 100.0}
 
@@ -176,7 +177,7 @@ def _ratios(file: StudyFile) -> Iterator[Notice]:
             values = [v for v in (given if isinstance(given, tuple) else (given,)) if isinstance(v, float | int)]
             worst = max(values, default=0.0)
             if worst >= LARGEST_RATIO:
-                facts = {"key": key, "value": worst, "percent": 100.0 * worst, "meant": worst / 100.0}
+                facts: dict[str, Any] = {"key": key, "value": worst, "percent": 100.0 * worst, "meant": worst / 100.0}
                 yield Notice("study.damping-doubtful", where=file.where(*place, key), **facts)
 
 
@@ -188,14 +189,13 @@ def _deviations(file: StudyFile) -> Iterator[Notice]:
         for key, limit in LARGEST_SD.items():
             yield from _large_sd(file, table, (*place, key), key, key, limit)
     for i, residual in enumerate(file.residual):
-        limit = LARGEST_SD.get(f"{residual.kind}_sd")
-        if limit is not None:
-            yield from _large_sd(
-                file, residual, ("residual", i, "sd"), "sd", f"sd of the {residual.kind} residual", limit
-            )
+        known = LARGEST_SD.get(f"{residual.kind}_sd")
+        if known is not None:
+            name = f"sd of the {residual.kind} residual"
+            yield from _large_sd(file, residual, ("residual", i, "sd"), "sd", name, known)
     for i, parameter in enumerate(file.parameter):
         if not parameter.absolute and parameter.sd is not None and parameter.sd >= LARGEST_PRIOR_SD:
-            facts = {"parameter": parameter.name, "value": parameter.sd, "meant": parameter.sd / 100.0}
+            facts: dict[str, Any] = {"parameter": parameter.name, "value": parameter.sd, "meant": parameter.sd / 100.0}
             yield Notice("study.large-sd/prior", where=file.where("parameter", i, "sd"), **facts)
 
 
@@ -204,7 +204,13 @@ def _large_sd(
 ) -> Iterator[Notice]:
     stated = getattr(table, key, None)
     if isinstance(stated, float | int) and stated >= limit:
-        facts = {"key": name, "word": key, "value": stated, "percent": 100.0 * stated, "meant": stated / 100.0}
+        facts: dict[str, Any] = {
+            "key": name,
+            "word": key,
+            "value": stated,
+            "percent": 100.0 * stated,
+            "meant": stated / 100.0,
+        }
         of = "shape" if "shape" in name else "frequency"
         yield Notice(
             "study.large-sd" if of == "frequency" else "study.large-sd/shape", where=file.where(*place), **facts

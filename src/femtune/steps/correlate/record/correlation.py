@@ -56,15 +56,8 @@ class UnpairedTestMode(Record):
     """The reason why it has no partner."""
 
 
-class SuspensionMode(Record):
-    """A mode of the suspension of a free structure, which is set apart."""
-
-    test_label: str
-    """Label of the test mode."""
-    test_freq_hz: float
-    """Frequency in Hz."""
-    reason: str
-    """How it was recognised."""
+class SuspensionMode(UnpairedTestMode):
+    """A mode of the suspension of a free structure, which is set apart; the reason says how it was recognised."""
 
 
 class UnpairedModelMode(Record):
