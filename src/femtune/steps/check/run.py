@@ -14,6 +14,7 @@ from femtune.files.nastran.deck import read_deck
 from femtune.files.study_file.reading import is_deck, study_from_data, toml_data, toml_text
 from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
 from femtune.files.uff import read_uff
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.result import StepResult
 from femtune.steps.write.run import check_writable_fields
 from femtune.study.progress import silent
@@ -182,7 +183,8 @@ class _Checked:
     def _whole(self, source: Path | StudyFile, progress: Progress, aside: bool = False) -> None:
         """The study put together: deck, fields, configurations, tests and sensors."""
         with self.catching(follows=aside):
-            study = load_study(source, progress)
+            with held_for_solver(source, "check"):
+                study = load_study(source, progress)
             self.notices += [
                 n for n in (*study.built.notices, *study.notices) if not (aside and n.code in _UNIT_ERRORS)
             ]
