@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from femtune.steps.check.run import FoundProblem, check_study
+from femtune.steps.check.run import check_study
+from femtune.steps.problem import FoundProblem
 from femtune.testing import example_deck, example_test
 
 HEAD = '[study]\ntitle = "x"\ndeck = "{deck}"\nunits = "m-kg-s"\n'
