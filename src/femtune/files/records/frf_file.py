@@ -113,9 +113,9 @@ def read_function_files(files: Sequence[Path], layout: FunctionLayout) -> FrfSet
         sets.append(read_frfs(path, replace(layout, functions=own)))
     first = sets[0]
     for path, other in zip(dict.fromkeys(files), sets):
-        one, two = first.freq_hz, other.freq_hz
-        if len(one) != len(two) or not np.allclose(one, two, rtol=_SAME_LINES, atol=0.0):
-            lines = {name: f"{len(x)}, {x[0]:g} to {x[-1]:g} Hz" for name, x in (("first", one), ("here", two))}
+        both = {"first": first.freq_hz, "here": other.freq_hz}
+        if len({len(x) for x in both.values()}) > 1 or not np.allclose(*both.values(), rtol=_SAME_LINES, atol=0.0):
+            lines = {name: f"{len(x)}, {x[0]:g} to {x[-1]:g} Hz" for name, x in both.items()}
             raise problem(path, "frf.layout/other-lines", values=lines)
     at = {(a, b): (s, i, j) for s in sets for i, a in enumerate(s.responses) for j, b in enumerate(s.references)}
     rows, coherences = [], []
@@ -239,7 +239,7 @@ def _of_vectors(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) -
     def vector(name: int | str) -> NDArray:
         return _array(path, arrays, str(name)).ravel()
 
-    rows = []
+    rows: list[NDArray] = []
     for one in layout.functions:
         row = vector(one.column)
         if one.imaginary is not None:

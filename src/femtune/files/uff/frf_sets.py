@@ -139,7 +139,7 @@ def _add(
             reference=reference,
             response=response,
         )
-    pairs[response, reference] = factor * function.values
+    pairs[response, reference] = np.asarray(factor * function.values, dtype=complex)
 
 
 def _frf_set(kind: str, lines: NDArray[np.float64], pairs: Pairs, source: str, coherences: Coherences) -> FrfSet:

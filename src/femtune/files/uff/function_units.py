@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,7 @@ def _label_of_axis(function: MeasuredFunction) -> str:
     return label
 
 
-def _notice(code: str, label: str, functions: Sequence[MeasuredFunction], **facts: object) -> Notice:
+def _notice(code: str, label: str, functions: Sequence[MeasuredFunction], **facts: Any) -> Notice:
     return Notice(code, where=functions[0].where, label=label, n_functions=len(functions), **facts)
 
 

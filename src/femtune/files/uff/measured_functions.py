@@ -280,7 +280,8 @@ def _wild(values: NDArray[np.float64], size: int) -> float:
 def _function(data_set: DataSet, header: FunctionHeader, body: _Body) -> MeasuredFunction:
     each = _wanted(header) // header.points
     table = body.numbers[: _wanted(header)].reshape(header.points, each)
-    x = header.start + header.step * np.arange(header.points) if header.even else table[:, 0]
+    lines = header.start + header.step * np.arange(header.points) if header.even else table[:, 0]
+    x = np.asarray(lines, dtype=float)
     parts = table if header.even else table[:, 1:]
     values = parts[:, 0] + 1j * parts[:, 1] if header.value_type in _COMPLEX else parts[:, 0]
     at_zero = (x == 0.0) & (header.kinds[0] == FREQUENCY)
