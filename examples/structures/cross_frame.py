@@ -307,8 +307,8 @@ class IdentifiedCampaigns:
         """The test with one damping ratio."""
         return equalised_test(self.test(seed), EQUAL, InputKnown(largest_order=26))
 
-    def bootstrap(self, seed: int, method: Drawing = "lines", runs: int = 1000) -> Bootstrap:
-        """The bootstrap of a test about its calibration."""
+    def calibrated(self, seed: int) -> Bootstrap:
+        """The calibration of a test by one of its bootstraps: lines are drawn."""
         test, model = self.identified(seed), self.frame.model
         way = ModelWay("real-modes", (MODES, None), constant_damping(EQUAL))
         residual, _ = frf_residual(self.frame.at_truth, test.frfs, scatter=FrfScatter(0.0, 0.003), way=way)
@@ -316,10 +316,10 @@ class IdentifiedCampaigns:
         case = case_without_modes(model, (residual,), count=MODES, solver=DenseModes())
         problem = UpdateProblem((case,), model.model.parameters)
         start, names = problem.start(TRUTH), [p.name for p in problem.parameters.free]
-        side, rules = NoRegularisation().side(len(TRUTH)), BootstrapRules(method, runs)
-        x = bootstrap_of(problem, start, side, names, replace(rules, tolerance=1e-3)).optimum().x
-        return bootstrap_of(problem, problem.follow(x, start), side, names, rules)
+        side = NoRegularisation().side(len(TRUTH))
+        x = bootstrap_of(problem, start, side, names, BootstrapRules(tolerance=1e-3)).optimum().x
+        return bootstrap_of(problem, problem.follow(x, start), side, names, BootstrapRules())
 
     def __call__(self, seed: int) -> Reals:
         """The calibrated parameters."""
-        return self.bootstrap(seed, runs=10).at.x
+        return self.calibrated(seed).at.x

@@ -135,7 +135,8 @@ ft.bootstrap(study)
 @pytest.mark.parametrize(
     ("how", "moments"),
     [
-        ("serial", [("before", 1, 0), ("amid", 7, 6), ("after", 12, 12)]),
+        ("serial", [("amid", 7, 6), ("after", 12, 12)]),
+        pytest.param("serial", [("before", 1, 0)], marks=pytest.mark.long),
         ("processes", [("amid", 5, 4)]),
     ],
 )
