@@ -51,7 +51,7 @@ def by_chance(tests: int) -> tuple[float, float]:
     return binom.ppf(5e-5, tests, LEVEL) / tests, binom.ppf(1 - 5e-5, tests, LEVEL) / tests
 
 
-QUICK = Size(1, 10, 10, 8, 1, 5, 5, 0.9, *by_chance(8))
+QUICK = Size(1, 20, 16, 8, 1, 5, 5, 0.9, *by_chance(8))
 FULL = Size(10, 1000, 1000, 2000, 2, 100, 120, 0.15, 0.93, 0.97)
 
 
