@@ -308,7 +308,13 @@ class IdentifiedCampaigns:
         return equalised_test(self.test(seed), EQUAL, InputKnown(largest_order=26))
 
     def calibrated(self, seed: int) -> Bootstrap:
-        """The calibration of a test by one of its bootstraps: lines are drawn."""
+        """The bootstrap of a test about its calibration: lines are drawn."""
+        work = self._search(seed)
+        problem = work.problem
+        return replace(work, at=problem.unsolved(problem.follow(work.optimum().x, work.at)), rules=BootstrapRules())
+
+    def _search(self, seed: int) -> Bootstrap:
+        """What finds the calibration of a test from the truth."""
         test, model = self.identified(seed), self.frame.model
         way = ModelWay("real-modes", (MODES, None), constant_damping(EQUAL))
         residual, _ = frf_residual(self.frame.at_truth, test.frfs, scatter=FrfScatter(0.0, 0.003), way=way)
@@ -317,9 +323,8 @@ class IdentifiedCampaigns:
         problem = UpdateProblem((case,), model.model.parameters)
         start, names = problem.start(TRUTH), [p.name for p in problem.parameters.free]
         side = NoRegularisation().side(len(TRUTH))
-        x = bootstrap_of(problem, start, side, names, BootstrapRules(tolerance=1e-3)).optimum().x
-        return bootstrap_of(problem, problem.follow(x, start), side, names, BootstrapRules())
+        return bootstrap_of(problem, start, side, names, BootstrapRules(tolerance=1e-3))
 
     def __call__(self, seed: int) -> Reals:
         """The calibrated parameters."""
-        return self.calibrated(seed).at.x
+        return self._search(seed).optimum().x
