@@ -149,7 +149,7 @@ class Laboratory:
     ----------
     n_dofs : of the mesh
     parameters : 9 or 15
-    channels : 24, 47 or 56: triaxial accelerometers and single ones
+    channels : 47 or 56: triaxial accelerometers and single ones
     exciters : 1 or 2
     common : parameters that all components have alike, those of the first
     """

@@ -328,17 +328,16 @@ def _family_cells(hertz: Sequence[float | None]) -> list[str]:
 def main() -> None:
     """Simulate, calibrate, report, check."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="two components, 24 channels, 5,000 DOFs, 5 bootstraps")
+    parser.add_argument("--quick", action="store_true", help="two components, 5,000 degrees of freedom, 10 bootstraps")
     parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     # two of a kind are the fewest that have a spread
-    dofs, effort = (SMALL[0], replace(SMALL[1], components=2, bootstraps=5)) if options.quick else LARGE
-    lab = Laboratory(dofs, channels=24 if options.quick else 47, common=COMMON)
-    one = calibrated(lab, effort, HERE / "run" / f"family_{dofs}")
+    dofs, effort = (SMALL[0], replace(SMALL[1], components=2)) if options.quick else LARGE
+    one = calibrated(Laboratory(dofs, common=COMMON), effort, HERE / "run" / f"family_{dofs}")
     other = None
     if not options.quick:
-        lab_of_one = Laboratory(SMALL[0], channels=56, exciters=1, common=COMMON)
-        other = calibrated(lab_of_one, SMALL[1], HERE / "run" / "one_input")
+        lab = Laboratory(SMALL[0], channels=56, exciters=1, common=COMMON)
+        other = calibrated(lab, SMALL[1], HERE / "run" / "one_input")
     text = page(one, other)
     print(text)
     if options.evidence:
