@@ -75,7 +75,7 @@ _CASES: dict[str, Notice] = {
     "judge.no-optimum": Notice("judge.no-optimum", ending="the largest number of iterations was reached"),
     "judge.not-computed": Notice("judge.not-computed", failure="scatter: no frequency is known"),
     "judge.modes-not-compared": Notice(
-        "judge.modes-not-compared", compared=3, total=8, modes="4 (79.848 Hz) and 5 (139.99 Hz)"
+        "judge.modes-not-compared", compared=3, total=8, modes="4 (79.848 Hz) and 5 (139.99 Hz)", suspension=""
     ),
     "judge.target-mode": Notice("judge.target-mode", mode="2", hz="18.300"),
     "judge.model-mode-unpaired": Notice(
