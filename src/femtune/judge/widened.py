@@ -20,7 +20,7 @@ from femtune.parameters import Parameter, ParameterSet, parse_expression
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
 from femtune.residuals.frf.residual import FrfResidual
-from femtune.updating import NoRegularisation, SensitivityMethod, UpdateResult
+from femtune.updating import UpdateResult
 
 _TOLERANCE = 1e-4
 """Error of the derivatives of a shape at the sensors: far below what noise leaves of a column, and above what many
@@ -140,17 +140,3 @@ def widened_end(result: UpdateResult, problem: UpdateProblem) -> Evaluation:
         solution = None if known is None else replace(known, point=point)
         states.append(CaseState(case, point, state.groups, solution))
     return problem.assess(x, states)
-
-
-def freed(result: UpdateResult, method: SensitivityMethod, count: int) -> SensitivityMethod:
-    """The method of an update with `count` further parameters, on which its side constraint does not act.
-
-    The minimum itself is looked for, not the smallest change near it.
-    """
-    side = result.side
-    if side.renewed is not None:
-        return replace(method, regularisation=NoRegularisation(), adapt=False, smallest_change=0.0)
-    more = np.zeros((len(side.matrix), count))
-    held = np.hstack([side.held, np.zeros((len(side.held), count))])
-    wide = replace(side, matrix=np.hstack([side.matrix, more]), held=held)
-    return replace(method, regularisation=wide, adapt=False, smallest_change=0.0)

@@ -12,22 +12,20 @@ from femtune.errors import FemtuneError
 from femtune.files.nastran.field_refs import resolve
 from femtune.judge.missing import ScoreTest, p_of_refit, score_test
 from femtune.judge.parts import TESTS_OF_A_FIT
+from femtune.judge.refit import Refit, refitted
 from femtune.judge.regions import mesh_of
-from femtune.judge.whitened import Whitened, prior_blocks, whitened, whitened_blocks
-from femtune.judge.widened import WideningFactor, freed, widened_end, widened_problem
+from femtune.judge.whitened import Whitened, prior_blocks, whitened_blocks, whitened_values
+from femtune.judge.widened import WideningFactor, widened_end, widened_problem
 from femtune.status import Status
 from femtune.steps.init.proposed_parameters import FieldCandidate, ProposalKind, candidates
 from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
 from femtune.steps.judge.record.parts import RESERVED
-from femtune.study.stages import reduction_rules
-from femtune.study.update_method import method_of
-from femtune.updating import update, update_reduced
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.files.built_model import BuiltModel
     from femtune.judge.regions import Mesh
-    from femtune.residuals import Evaluation, ResidualBlock
+    from femtune.residuals import Evaluation, ResidualBlock, UpdateProblem
     from femtune.steps.judge.finished_update import FinishedUpdate
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
@@ -44,8 +42,8 @@ MOST_DRAWN = 40_000
 """Elements of a mesh that is drawn: more are smaller than the dots of a printed page."""
 REFITTED_FROM_DOFS = 10_000
 """Free DOFs from which one group is refitted only, since an iteration on a full model is expensive."""
-_FEWEST_ITERATIONS = 6
-"""Iterations that refits may take together, even if the update took fewer."""
+_FEWEST_SOLUTIONS = 12
+"""Points that refits may solve together, even if the update took fewer iterations: they need no derivatives."""
 _DEPTH = 2
 """How often a set of elements is divided: into halves, or pieces, and their halves."""
 
@@ -89,9 +87,10 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
     fit.progress.step("fields that are no parameters", 0, None)
     fields, factors, left_out = tested_fields(study)
     try:
-        end = widened_end(result, widened_problem(result, study.model, factors))
-    except FemtuneError as problem:
-        return MissingResults(reason=f"the model could not be extended by fields as parameters: {problem.what}")
+        problem = widened_problem(result, study.model, factors)
+        end = widened_end(result, problem)
+    except FemtuneError as error:
+        return MissingResults(reason=f"the model could not be extended by fields as parameters: {error.what}")
     record = _record(result, end)
     if record is None:
         return MissingResults(reason="no residual has a known distribution, or only FRFs are compared")
@@ -105,7 +104,7 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
         return MissingResults(reason="too few degrees of freedom are left, or the parameters represent all fields")
     # the tests of one fit share its level
     test = replace(test, p=np.minimum(1.0, TESTS_OF_A_FIT * test.p))
-    return _Found(fit, [*at_bound, *fields], test, rows, left_out).results()
+    return _Found(fit, problem, end, [*at_bound, *fields], test, rows, columns, left_out).results()
 
 
 def _not_tested(study: Study, result: UpdateResult) -> str:
@@ -278,14 +277,19 @@ class _Found:
 
     Parameters
     ----------
+    problem, end : the widened problem, and the end of the update there
     fields : in the order of the columns of the test
     rows : the residuals that were tested
+    columns : (n, factors) their derivatives by the factors
     """
 
     fit: FinishedUpdate
+    problem: UpdateProblem
+    end: Evaluation
     fields: Sequence[TestedField | BoundedParameter]
     test: ScoreTest
     rows: Whitened
+    columns: Reals
     left_out: int
 
     def results(self) -> MissingResults:
@@ -356,37 +360,42 @@ class _Found:
         return _CORNERS, _GAIN
 
     def _refitted(self, first: Sequence[int]) -> dict[int, RefittedField]:
-        """Refits of the first groups, whose iterations together are at most those of the update."""
+        """Refits of the first groups."""
         result, out = self.fit.result, dict[int, RefittedField]()
         large = any(s.case.on_full_model.configured.n_free >= REFITTED_FROM_DOFS for s in result.after.states)
-        left = max(len(result.history) - 1, _FEWEST_ITERATIONS)
+        left = max(len(result.history) - 1, _FEWEST_SOLUTIONS)
         for i in first[: 1 if large else MOST_REFITTED]:
             field = self.fields[i]
-            if left < 1:
-                break
             if isinstance(field, BoundedParameter):
                 continue
+            if left < 1:
+                break
             self.fit.progress.step(f"update with {self._name(i)} as a further parameter", 0, None)
-            try:
-                found = self._refit(field, left, large)
-            except FemtuneError:
-                # a model that cannot be solved there confirms nothing
-                continue
-            left -= len(found.history) - 1
-            out[i] = _refitted_field(found, self.rows)
+            found = self._refit(field, left)
+            left -= found.solutions
+            out[i] = self._refitted_field(field, found)
         return out
 
-    def _refit(self, field: TestedField, most: int, large: bool) -> UpdateResult:
-        study, result, kind = self.fit.study, self.fit.result, field.candidate.kind
-        factor = WideningFactor("q_", field.candidate.ref, field.elements, kind.lower, kind.upper)
-        problem = widened_problem(result, study.model, [factor])
-        end = widened_end(result, problem)
-        method = freed(result, method_of(study.file.update, study.parameters), 1)
-        method, active = replace(method, max_iterations=most), [*result.active, factor.name]
-        rules = reduction_rules(study)
-        if rules is not None and large:
-            return update_reduced(problem, method, rules, start=end, active=active).result
-        return update(problem, method, start=end, active=active)
+    def _refit(self, field: TestedField, most: int) -> Refit:
+        result, wide = self.fit.result, self.end.states[0].case.configured.model.parameters
+        moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
+        kind, direction = field.candidate.kind, np.zeros(len(wide.free))
+        direction[len(result.x) + np.array(field.factors)] = 1.0
+        side = None if result.side.renewed is not None else result.side
+        within = (kind.lower - 1.0, kind.upper - 1.0)
+        return refitted(self.problem, self.end, side, moving, direction, within, most)
+
+    def _refitted_field(self, field: TestedField, found: Refit) -> RefittedField:
+        column = self.columns[:, list(field.factors)].sum(axis=1)
+        values = whitened_values((*found.evaluation.weighted, *prior_blocks(self.fit.result, found.x)))
+        p = None
+        if len(values) == len(self.rows.r):
+            p = p_of_refit(self.rows, replace(self.rows, r=values, J=np.column_stack([self.rows.J, column])))
+        sd = 1.0 / max(float(np.linalg.norm(self.rows.across(column))), np.finfo(float).tiny)
+        return RefittedField(
+            factor=1.0 + found.change, sd=None if found.at_bound else sd, at_bound=found.at_bound,
+            converged=found.converged, iterations=found.iterations, chi_square=found.chi_square, p_value=p,
+        )  # fmt: skip
 
 
 _CORNERS, _GAIN = "judgement/missing_corners", "judgement/missing_gain"
@@ -398,17 +407,3 @@ def _lines(field: TestedField) -> str:
     name = c.name if not field.place else f"{c.name}_part_{min(field.elements)}"
     lines = ["[[parameter]]", f'name = "{name}"', f'fields = ["{c.ref}"]', *([field.region] if field.region else [])]
     return "\n".join([*lines, f"lower = {c.kind.lower:g}", f"upper = {c.kind.upper:g}"])
-
-
-def _refitted_field(found: UpdateResult, before: Whitened) -> RefittedField:
-    after, name = whitened(found), found.parameters.free[-1].name
-    sd = float(found.sd[name])
-    return RefittedField(
-        factor=found.values[name],
-        sd=sd if np.isfinite(sd) else None,
-        at_bound=name in found.at_bound,
-        converged=found.status.ok,
-        iterations=len(found.history) - 1,
-        chi_square=2.0 * found.objective,
-        p_value=None if after is None else p_of_refit(before, after),
-    )
