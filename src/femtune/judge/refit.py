@@ -1,8 +1,8 @@
 """The update continued with one further parameter, at the cost of a few solutions without derivatives.
 
-Gauss-Newton steps with the Jacobian at the end of the update, which Broyden's rank-one formula corrects by the residuals
-that each step finds: no derivatives are computed again. The residuals are those of the model itself, so that the misfit
-at the end is one that the model has; a minimum that is missed makes it larger, never smaller.
+Gauss-Newton steps with the Jacobian at the end of the update, which Broyden's rank-one formula corrects by the
+residuals that each step finds: no derivatives are computed again. The residuals are those of the model itself, so that
+the misfit at the end is one that the model has; a minimum that is missed makes it larger, never smaller.
 
 Source: C. G. Broyden, A class of methods for solving nonlinear simultaneous equations, Mathematics of Computation 19,
 1965; P. B. Stark, R. L. Parker, Bounded-variable least squares, Computational Statistics 10, 1995.
