@@ -37,15 +37,15 @@ if TYPE_CHECKING:
 
 MOST_SHOWN = 8
 """Groups of fields in the record: beyond the first few, the order says little."""
-MOST_REFITTED = 3
-"""Groups that are refitted: the culprit is among the first three in 95 % of wrong models."""
+MOST_REFITTED = 5
+"""Groups that are refitted: a large error is extrapolated badly, and something near it may stand before it."""
 MOST_DOFS = 250_000
 """Free DOFs of a model whose fields are tested: the test needs as much memory as an iteration with derivatives."""
 MOST_DRAWN = 40_000
 """Elements of a mesh that is drawn: more are smaller than the dots of a printed page."""
 REFITTED_FROM_DOFS = 10_000
 """Free DOFs from which one group is refitted only, since an iteration on a full model is expensive."""
-_FEWEST_SOLUTIONS = 12
+_FEWEST_SOLUTIONS = 20
 """Points that refits may solve together, even if the update took fewer iterations: they need no derivatives."""
 
 
