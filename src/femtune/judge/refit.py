@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from femtune.arrays import Reals
+from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.residuals import Evaluation, UpdateProblem
 from femtune.updating.regularisation import SideConstraint
@@ -55,7 +55,7 @@ def refitted(
     problem: UpdateProblem,
     end: Evaluation,
     side: SideConstraint | None,
-    moving: Reals,
+    moving: Integers,
     direction: Reals,
     within: tuple[float, float],
     most: int,

@@ -67,8 +67,8 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
     if record is None:
         return MissingResults(reason="no residual has a known distribution, or only FRFs are compared")
     rows, columns, bounded = record
-    of_factors = [*fields, *masses]
-    tested = [*bounded_parameters(result), *of_factors]
+    of_factors: list[TestedField | TestedMass] = [*fields, *masses]
+    tested: list[Tested] = [*bounded_parameters(result), *of_factors]
     C = np.column_stack([bounded, *(columns[:, list(f.factors)].sum(axis=1) for f in of_factors)])
     test = score_test(rows, C, np.array([(-f.usual[0], f.usual[1]) for f in tested]).reshape(-1, 2))
     if test is None:

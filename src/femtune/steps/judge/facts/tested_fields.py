@@ -249,7 +249,8 @@ def tested_masses(study: Study, result: UpdateResult, first: int) -> list[Tested
         centre = xyz.mean(axis=0)
         nearest = int(points[np.argmin(np.linalg.norm(xyz - centre, axis=1))])
         mass = PointMass(f"m{first + k}_", tuple(int(n) for n in points), largest / structure.mass_factor)
-        out.append(TestedMass(mass, tuple(map(float, centre)), nearest, (first + k,), largest, number))
+        x, y, z = map(float, centre)
+        out.append(TestedMass(mass, (x, y, z), nearest, (first + k,), largest, number))
     return out
 
 
