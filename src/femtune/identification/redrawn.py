@@ -190,7 +190,7 @@ class RedrawnTest:
     def _slopes_at(self, freq_hz: Reals) -> tuple[Complexes, Complexes]:
         """(M, lines) derivatives of 1/(iω − λ) and of 1/(iω − λ*) by the pole and by its conjugate."""
         i_omega, poles = 2j * np.pi * freq_hz, self.system.poles[:, None]
-        return 1.0 / (i_omega - poles) ** 2, 1.0 / (i_omega - poles.conj()) ** 2
+        return np.asarray(1.0 / (i_omega - poles) ** 2), np.asarray(1.0 / (i_omega - poles.conj()) ** 2)
 
     @cached_property
     def _poles(self) -> _PoleSteps:
