@@ -43,11 +43,13 @@ class CoverageProblem:
     problem: Callable[[int], UpdateProblem]
 
 
-def spring_chain(unmodelled: float = 0.0, frequency_sd: float = FREQUENCY_SD, shape_sd: float = SHAPE_SD) -> CoverageProblem:
+def spring_chain(
+    unmodelled: float = 0.0, frequency_sd: float = FREQUENCY_SD, shape_sd: float = SHAPE_SD
+) -> CoverageProblem:
     """Six masses and seven springs; four factors by five frequencies and shapes at all masses; known scatter.
 
     `unmodelled` is a spring from the fourth mass to the ground that the test has and the model lacks, in units of
-    the others. `frequency_sd` and `shape_sd` are the standard deviations that are stated; those of the noise do not change.
+    the others. `frequency_sd` and `shape_sd` are the standard deviations that are stated, whatever the noise.
     """
     springs = [(-1, 0, 1e4), (0, 1, 1e4), (1, 2, 1e4), (2, 3, 1e4), (3, 4, 1e4), (4, 5, 1e4), (5, -1, 1e4)]
     groups = {"ka": [1, 2], "kb": [3, 4], "kc": [5, 6], "kd": [7]}

@@ -139,11 +139,11 @@ def test_chance_widens_nothing():
     found = parameter_covariance(r, J, ["frequency"] * 6, NONE, FREE, np.ones(3))
     assert found.misfit["frequency"] == pytest.approx(1.2)
     assert found.freedom == {"frequency": pytest.approx(3.0)}
-    assert found.widened == {}
+    assert found.factors == {}
     assert found.coverage_factor() == pytest.approx(1.959964)
     np.testing.assert_allclose(found.sd, np.sqrt(0.5))
     large = parameter_covariance(2.0 * r, J, ["frequency"] * 6, NONE, FREE, np.ones(3))
-    assert large.widened == {"frequency": pytest.approx(2.4)}
+    assert large.factors == {"frequency": pytest.approx(2.4)}
     # Student's t with three degrees of freedom
     assert large.coverage_factor() == pytest.approx(3.182446)
     np.testing.assert_allclose(large.sd, 2.4 * np.sqrt(0.5))
@@ -158,8 +158,8 @@ def test_degrees_of_freedom_are_those_of_the_variance(rng: np.random.Generator):
     assert alone.degrees_of_freedom == pytest.approx(4.0)
     J[5] = 10.0
     both = parameter_covariance(e, J, ["shape"] * 5 + ["frequency"], NONE[:, :1], FREE[:1], np.ones(1))
-    s, nu = both.widened["shape"], both.freedom["shape"]
-    of_shape, of_frequency = 5.0 * s**2, 100.0 * both.widened.get("frequency", 1.0) ** 2
+    s, nu = both.factors["shape"], both.freedom["shape"]
+    of_shape, of_frequency = 5.0 * s**2, 100.0 * both.factors.get("frequency", 1.0) ** 2
     assert both.degrees_of_freedom == pytest.approx((of_shape + of_frequency) ** 2 / (of_shape**2 / nu))
 
 
@@ -173,8 +173,8 @@ def test_a_kind_of_the_right_size_is_not_widened_by_one_of_the_wrong_size(rng: n
         e = sizes * rng.standard_normal(n)
         r = e - J @ np.linalg.lstsq(J, e)[0]
         found = parameter_covariance(r, J, kinds, np.zeros((0, 4)), np.zeros(4, bool), np.ones(4))
-        frequency.append(found.widened.get("frequency", 1.0))
-        shape.append(found.widened["shape"])
+        frequency.append(found.factors.get("frequency", 1.0))
+        shape.append(found.factors["shape"])
     assert np.mean(shape) == pytest.approx(3.0, rel=0.05)
     assert np.mean(frequency) < 1.1
 

@@ -32,8 +32,8 @@ _UNDETERMINED_SHARE = 0.05
 _WIDENED_BELOW = 0.2
 """p value of the size of a kind's residuals below which its factor widens the intervals.
 
-A stated deviation that is three times too small escapes with four degrees of freedom in 4 % of all tests, and then its
-intervals hold the truth in one of two; widening at 1 % only would miss 26 %. Where the stated deviations are right the
+A stated deviation that is three times too small escapes with three degrees of freedom in 8 % of all tests, and then its
+intervals hold the truth in one of two; a level of 1 % would miss 26 %. Where the stated deviations are right the
 intervals hold the truth in at most 0.8·95 + 20 = 96 % of all tests."""
 _BY_CHANCE = 0.01
 """The same with fewer degrees of freedom than a factor needs: the estimate is too poor to act on less than that."""
@@ -53,8 +53,8 @@ class ParameterCovariance:
     misfit : by kind of residual, the root mean square of the residuals in units of their stated standard deviations,
         corrected for the fitted parameters: 1 if the stated standard deviations are correct
     degrees_of_freedom : of the variance estimate; infinite for stated standard deviations
-    widened : kinds whose residuals are larger than stated, with the factor by which their errors count
-    narrowed : True if estimated errors are smaller than the stated ones, so that the intervals are narrower
+    factors : actual over stated standard deviation with which errors of a kind count; kinds that count as stated are
+        not in it
     freedom : by kind of residual, how many residuals the parameters leave free
     posterior : distribution within the bounds; None if it is not known
     """
@@ -63,10 +63,14 @@ class ParameterCovariance:
     reasons: dict[int, str]
     misfit: dict[str, float]
     degrees_of_freedom: float = np.inf
-    widened: Mapping[str, float] = field(default_factory=dict)
-    narrowed: bool = False
+    factors: Mapping[str, float] = field(default_factory=dict)
     freedom: dict[str, float] = field(default_factory=dict)
     posterior: BoxPosterior | None = field(default=None, repr=False)
+
+    @property
+    def narrowed(self) -> bool:
+        """True if errors count with less than their stated standard deviations."""
+        return min(self.factors.values(), default=1.0) < 1.0
 
     @cached_property
     def matrix(self) -> Reals:
@@ -190,10 +194,7 @@ def parameter_covariance(
         None if box is None
         else _posterior(r, J, kinds, extra, prior_sd, moving, estimated, lost, box, size, noise, may_narrow)
     )  # fmt: skip
-    return ParameterCovariance(
-        matrix, reasons, misfit, size.degrees, {} if estimated else size.by_kind,
-        estimated and min(size.by_kind.values(), default=1.0) < 1.0, freedom, posterior,
-    )  # fmt: skip
+    return ParameterCovariance(matrix, reasons, misfit, size.degrees, size.by_kind, freedom, posterior)
 
 
 def _posterior(
@@ -240,21 +241,29 @@ def _size(
     fit: _Fit, r: Reals, kinds: Sequence[str], prior_residuals: Reals, freedom: dict[str, float],
     lost: Mapping[str, int], scatter: Scatter, noise: Reals | None, may_narrow: bool,
 ) -> _Size | None:  # fmt: skip
-    """The rule: sizes as stated if the noise is known, one for all kinds if it is asked for, and never below one else."""
+    """The rule: as stated if the noise is known, one size for all kinds if it is asked for, else never below one."""
     if noise is not None:
         return _Size({}, np.inf)
     if scatter == "estimated":
         return _estimated(r, freedom, may_narrow)
     names = np.asarray(kinds)
     places = {kind: np.flatnonzero(names == kind) for kind in freedom}
-    factors, degrees = estimated_factors(places, _projection(fit, np.concatenate([r, prior_residuals]), places, lost))
-    large = dict[str, float]()
-    for kind, at in places.items():
-        q, few = float(np.sum(r[at] ** 2)), degrees[kind] < FEWEST_DEGREES
-        level = _BY_CHANCE if few else _WIDENED_BELOW
-        if freedom[kind] > _LEAST_FREEDOM and q > chdtri(freedom[kind], level):
-            large[kind] = max(1.0, np.sqrt(q / freedom[kind]) if few else factors[kind])
+    large = {
+        kind: max(1.0, float(np.sqrt(np.sum(r[at] ** 2) / freedom[kind])))
+        for kind, at in places.items()
+        if _larger_than_stated(float(np.sum(r[at] ** 2)), freedom[kind])
+    }
+    if large:
+        factors, degrees = estimated_factors(
+            places, _projection(fit, np.concatenate([r, prior_residuals]), places, lost)
+        )
+        large |= {kind: max(1.0, factors[kind]) for kind in large if degrees[kind] >= FEWEST_DEGREES}
     return _Size(large, _degrees(fit, places, large, freedom))
+
+
+def _larger_than_stated(q: float, freedom: float) -> bool:
+    level = _BY_CHANCE if freedom < FEWEST_DEGREES else _WIDENED_BELOW
+    return freedom > _LEAST_FREEDOM and q > chdtri(freedom, level)
 
 
 def _estimated(r: Reals, freedom: dict[str, float], may_narrow: bool) -> _Size | None:

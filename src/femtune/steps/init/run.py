@@ -553,8 +553,8 @@ class _Draft:
         text.say(
             "Parameters: factors on fields of the deck, within bounds that are usual for materials, properties, joints "
             "and masses. The order is that of the information that the test modes give (with errors of "
-            f"{100 * FREQUENCY_SD:g} % in frequencies and {100 * SHAPE_SD:g} % in shapes); ± is the expected standard deviation beside "
-            "the other parameters of the study."
+            f"{100 * FREQUENCY_SD:g} % in frequencies and {100 * SHAPE_SD:g} % in shapes); ± is the expected standard "
+            "deviation beside the other parameters of the study."
         )
         if not taken:
             text.say("No field of the deck is determined by the test modes: add [[parameter]] tables of your own.")
