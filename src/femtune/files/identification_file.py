@@ -10,11 +10,21 @@ from pydantic import Field, PrivateAttr, ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.formats import RecordFormatKey
-from femtune.files.study_file.kinds import DofLabel, NamesFile, Positive, SchemaVersion, Text, TomlTable, Units
+from femtune.files.study_file.kinds import (
+    DofLabel,
+    Fraction,
+    Hertz,
+    NamesFile,
+    Positive,
+    SchemaVersion,
+    Text,
+    TomlTable,
+    Units,
+)
+from femtune.files.study_file.output import OutputTable
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
-from femtune.files.study_file.step_tables import OutputTable
 from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY, FrfEstimator, MethodWord
 
 # ----------------------------------------------------------------------------------------------------
@@ -22,7 +32,6 @@ from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY, FrfEstimator,
 
 
 NodePath = Annotated[tuple[Annotated[int, Field(ge=1, le=2**31)], ...], Field(min_length=2)]
-Hertz = Annotated[float, Field(ge=0, le=1e12)]
 RecordName = Annotated[Text, NamesFile("record")]
 FrfsName = Annotated[Text, NamesFile("file of FRFs")]
 
@@ -209,11 +218,11 @@ class LinearityTable(TomlTable):
 
     force: Positive | None = None
     """Level of the force of the measurement in `[identify]`. Required with `[[level]]`. Example: `1.0`"""
-    largest_frequency_change: Annotated[float, Field(gt=0, lt=1)] = 0.005
+    largest_frequency_change: Fraction = 0.005
     """Accepted relative change of a natural frequency between the levels. Example: `0.002`"""
     largest_damping_change: Positive = 0.2
     """Accepted relative change of a damping ratio. Example: `0.1`"""
-    least_frac: Annotated[float, Field(gt=0, lt=1)] = 0.9
+    least_frac: Fraction = 0.9
     """Accepted FRAC of FRFs between the levels. Example: `0.95`"""
 
 

@@ -19,7 +19,7 @@ from femtune.files.study_file import ConfigurationSolver
 from femtune.files.study_file.matrices import MatrixEntry
 from femtune.files.study_file.runs import RunsModelTable
 from femtune.files.study_file.solver import SolverTable
-from femtune.files.study_file.step_tables import StudyTable
+from femtune.files.study_file.study_table import StudyTable
 from femtune.study.cases import ModesOfDeck
 
 if TYPE_CHECKING:
