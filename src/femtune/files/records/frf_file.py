@@ -24,7 +24,6 @@ from femtune.modal import FrfSet
 
 _LARGEST_COHERENCE = 1.0 + 1e-3
 """Coherence above which a value is wrong; single precision and averaging leave values slightly above 1."""
-AXES = ("frequency", "response", "reference", "function", "part")
 
 
 @dataclass(frozen=True)
