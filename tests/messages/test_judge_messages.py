@@ -72,7 +72,6 @@ _CASES: dict[str, Notice] = {
     ),
     "judge.too-few-modes": Notice("judge.too-few-modes", test="shaker", last_hz=812.0, highest_hz=2000.0),
     "judge.truncated": Notice("judge.truncated", test="shaker", last_hz=5820.0, percent=1.8),
-    "judge.reduced-not-compared": Notice("judge.reduced-not-compared"),
     "judge.no-optimum": Notice("judge.no-optimum", ending="the largest number of iterations was reached"),
     "judge.not-computed": Notice("judge.not-computed", failure="scatter: no frequency is known"),
     "judge.modes-not-compared": Notice(

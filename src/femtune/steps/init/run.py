@@ -20,6 +20,7 @@ from femtune.fem.checks import mass_properties
 from femtune.files.study_file import Given, frozen, study_from_data
 from femtune.files.study_file.source import StudyLines
 from femtune.files.uff import read_uff
+from femtune.files.uff.scan import names_universal
 from femtune.files.whole_file import write_whole
 from femtune.modal import ModeSet
 from femtune.model.configured import grid_matrix
@@ -55,7 +56,6 @@ if TYPE_CHECKING:
 STUDY_FILE = "study.toml"
 IDENTIFY_FILE = "identify.toml"
 IDENTIFIED_FOLDER = "identified"
-_UFF_SUFFIXES = (".uff", ".unv")
 """Suffixes of Universal Files."""
 _MOST_GRIDS = 60
 """Grid points at which shapes are taken as measured if no sensor could be assigned.
@@ -229,7 +229,7 @@ class _Measured:
 def _measured(
     path: Path, folder: Path, force: bool, units: str | None, inputs: Sequence[Input], progress: Progress
 ) -> _Measured:
-    if path.suffix.lower() in _UFF_SUFFIXES:
+    if names_universal(path):
         test, stated = _read(path)
         if test.modes is not None:
             return _Measured(test, path, stated, f"the modes of {path.name}")
@@ -269,7 +269,7 @@ def _identified(
     text.say(f"Identification of modes from {path.name}: femtune identify {IDENTIFY_FILE}")
     text.table("[identify]")
     text.key(kind, _relative(path, folder))
-    if units is not None and path.suffix.lower() not in _UFF_SUFFIXES:
+    if units is not None and not names_universal(path):
         text.key("units", units.name)
     text.off(["band_hz = [2.0, 60.0]    # frequency range of the modes", "largest_order = 40"])
     if kind == "record":

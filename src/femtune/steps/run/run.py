@@ -416,7 +416,8 @@ def _judge(run: Run, outcomes: Outcomes, made: Made) -> JudgedTopics:
     updated = outcomes.of(Updated)
     study, result, results = updated.study(run.study), updated.parameters.result, run.results(outcomes)
     made.arrays.update(outcomes.arrays)
-    return judged_topics(FinishedUpdate(study, outcomes.of(Initial).at, result, results, made.arrays, run.progress))
+    initial, search = outcomes.of(Initial).at, updated.parameters.search
+    return judged_topics(FinishedUpdate(study, initial, result, results, made.arrays, run.progress, search))
 
 
 JUDGE = RunStep("judge", _judge)

@@ -34,6 +34,7 @@ WEIGHTS: Mapping[str, Weight] = {
     "model.grounded": "reservation",
     "model.element-degenerate": "reservation",
     "residual.frf-truncated": "reservation",
+    "response.truncated": "reservation",
     "residual.left-out-mode-lost": "reservation",
     "write.rounding": "reservation",
     "study.test-counted-twice": "reservation",
