@@ -181,7 +181,7 @@ def far_ends(structure: Structure) -> list[tuple[str, int, int, int, float]]:
     for batch in structure.batches:
         if batch.card in _SPRINGS:
             ends = batch.nodes[:, :2]
-            between = ((ends >= 0) & (ends < grids)).all(axis=1)
+            between = np.asarray(((ends >= 0) & (ends < grids)).all(axis=1))
             line = np.diff(nodes.xyz[np.where(between[:, None], ends, 0)], axis=1)[:, 0]
             distance = np.linalg.norm(line, axis=1)
             for i in np.flatnonzero(between & (distance > limit)).tolist():
