@@ -9,13 +9,13 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
 
-from decks import DECKS
+from decks import DECKS, Model
 from faults import FAULTS, Fault, sound
 
 from femtune.errors import FemtuneError
@@ -56,10 +56,10 @@ def trials(folder: Path) -> Iterator[Trial]:
                 yield found
 
 
-def alarms_of_sound_decks(folder: Path) -> dict[str, list[str]]:
+def alarms_of_sound_decks(folder: Path, decks: Sequence[Callable[[], Model]] = DECKS) -> dict[str, list[str]]:
     """Alarms of the ten decks as they are."""
     found: dict[str, list[str]] = {}
-    for i, build in enumerate(DECKS):
+    for i, build in enumerate(decks):
         model = build()
         problems = check_study(sound(model, folder / str(i)).write(folder / str(i))).record.problems
         found[model.name] = [p.code for p in problems if p.code in ALARMS]
@@ -94,8 +94,7 @@ def page(tried: Sequence[Trial], sound_decks: dict[str, list[str]], files: dict[
         "",
         f"{len(FAULTS)} kinds of faults were planted in ten small decks, each in every deck that can have it.",
         f"`femtune check` named the cause in {found} of {len(tried)} ({100 * found / len(tried):.1f} %).",
-        f"Of {count} sound models {len(false)}",
-        f"raised an alarm{': ' + ', '.join(false) if false else ''}.",
+        f"Of {count} sound models {len(false)} raised an alarm{': ' + ', '.join(false) if false else ''}.",
         "",
         "| fault | told as | found | missed in |",
         "| --- | --- | --- | --- |",
