@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from femtune.correlation.guessed_sensors import GuessedSensors, guess_sensors
+from femtune.correlation.suspension import with_suspension
 from femtune.correlation.unit_factor import unit_factor
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, FemtuneErrors, Where
@@ -350,7 +351,8 @@ class _Draft:
         self._describe(study)
         if case.compared is not None and len(case.compared.test):
             model_modes = modes_at_sensors(case.compared, solution)
-            self.pairing = pair_case(case.compared, solution)
+            paired = pair_case(case.compared, solution)
+            self.pairing = with_suspension(case.compared.test, model_modes, paired, self.rigid)
             self.notices = tuple(n.what for n in unit_factor(case.compared.test, model_modes, self.pairing))
             self.range = _agreement(self.pairing, case.compared.test, model_modes)
         if fields:
@@ -423,7 +425,7 @@ class _Draft:
         assert self.units is not None
         assert self.sensors is not None
         few: tuple[str, ...] = ()
-        if self.pairing is not None and 2 * len(self.pairing.pairs) < self._test_modes:
+        if self.pairing is not None and 2 * len(self.pairing.pairs) < self._test_modes - self.pairing.suspension_count:
             few = (
                 f"only {len(self.pairing.pairs)} of {self._test_modes} test modes are paired: compare the pictures of "
                 "femtune correlate before the update",
@@ -620,7 +622,10 @@ def _agreement(pairing: Pairing, test: ModeSet, model: ModeSet) -> str:
     if not pairs:
         return f"no test mode of {len(test)} is paired."
     errors = [100.0 * (model.freq_hz[p.model] / test.freq_hz[p.test] - 1.0) for p in pairs]
+    count = pairing.suspension_count
+    suspension = f", and {count} of the suspension {'are' if count > 1 else 'is'} set apart" if count else ""
     return (
-        f"{len(pairs)} of {len(test)} test modes are paired; errors of the frequencies {min(errors):+.2g} to "
-        f"{max(errors):+.2g} %, MAC {min(p.mac for p in pairs):.2f} to {max(p.mac for p in pairs):.2f}."
+        f"{len(pairs)} of {len(test) - count} test modes are paired{suspension}; errors of the "
+        f"frequencies {min(errors):+.2g} to {max(errors):+.2g} %, "
+        f"MAC {min(p.mac for p in pairs):.2f} to {max(p.mac for p in pairs):.2f}."
     )
