@@ -80,7 +80,7 @@ def heading_notices(record: TimeSeries, file: IdentifyFile) -> Iterable[Notice]:
     if file.channel or not any(c.name for c in forces):
         return
     others = {c.quantity for c in record.channels if c.role != "input"}
-    responses, quantities = ", ".join(map(str, record.dofs("response")[:5])), ", ".join(sorted(others))
+    responses, quantities = ", ".join(record.dofs("response").labels()[:5]), ", ".join(sorted(others))
     names = ", ".join(f"'{c}'" for c in forces)
     yield Notice("record.headings", forces=names, responses=responses, quantities=quantities)
 
