@@ -26,7 +26,6 @@ _LARGEST_COHERENCE = 1.0 + 1e-3
 """Coherence above which a value is wrong; single precision and averaging leave values slightly above 1."""
 _SAME_LINES = 1e-6
 """Relative difference up to which frequency lines of two files are the same: text has six digits and more."""
-AXES = ("frequency", "response", "reference", "function", "part")
 
 
 @dataclass(frozen=True)
