@@ -164,6 +164,8 @@ class TimeSeries:
     def _gaps(self) -> dict[str, str]:
         """Place and size of the longest step between two samples, for a message."""
         steps = np.diff(self.time_s)
+        if not len(steps):
+            return {}
         usual, at = float(np.median(steps)), int(np.argmax(steps))
         long = int((steps > _GAP * usual).sum())
         longest = f"{steps[at]:.6g} s after {self.time_s[at]:.6g} s (sample {at + 1})"
