@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
+from femtune.modal.kinds import FrfKind
 from femtune.modal.mode_set import read_only
 
-KINDS = ("receptance", "mobility", "accelerance")
+KINDS: tuple[str, ...] = get_args(FrfKind)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,6 +110,16 @@ def as_kind(frfs: FrfSet, kind: str) -> FrfSet:
     if power:
         factor[still] = 0.0 if power > 0 else np.nan
     return replace(frfs, values=frfs.values * factor, kind=kind)
+
+
+def inward_power(mobility: NDArray) -> float:
+    """Part of Σ|Re Y||Y| that is positive, Y (k,) the mobility at a driving point: 1 for a passive structure.
+
+    Weighted by |Y|, so that resonances count and noise between them does not; NaN without any power.
+    """
+    inward = mobility.real * np.abs(mobility)
+    total = np.abs(inward).sum()
+    return float(np.clip(inward, 0.0, None).sum() / total) if total else float("nan")
 
 
 def frac(a: NDArray, b: NDArray) -> float | None:

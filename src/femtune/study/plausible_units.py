@@ -44,7 +44,9 @@ COMMON = {
 
 _METALS = ("steel", "aluminium", "titanium", "magnesium", "copper or brass", "cast iron")
 """Materials whose modulus and density are so narrowly known that they tell systems of units apart."""
-SYSTEMS = ("m-kg-s", "mm-t-s", "mm-kg-s", "cm-kg-s", "in-slinch-s", "in-lbm-s", "ft-slug-s", "ft-lbm-s")
+SYSTEMS = (
+    "m-kg-s", "mm-t-s", "mm-kg-s", "cm-kg-s", "in-slinch-s", "in-lbm-s", "ft-slug-s", "ft-lbm-s", "in-kip-s", "ft-kip-s"
+)  # fmt: skip
 """Systems that a deck is compared with."""
 
 _GRAVITY = 9.80665
@@ -111,6 +113,26 @@ def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
                     **facts,
                 ),
             )
+    return ()
+
+
+def weight_densities(built: BuiltModel) -> tuple[Notice, ...]:
+    """A warning if the density of a metal is a weight per volume, for a deck whose units nobody has declared.
+
+    The material is then a metal in none of the systems, and one with its weight density in some of them.
+    """
+    systems = [unit_system(name) for name in SYSTEMS]
+    materials = list(materials_of(built.structure))
+    if any(material.common(units) for material in materials for units in systems):
+        return ()
+    for material in materials:
+        for units in systems:
+            if material.common_weight(units) in _METALS:
+                facts: dict[str, Any] = {"material": material.name, "modulus": material.modulus}
+                facts["density"] = material.density
+                facts |= {"fitting": units.name, "common": material.common_weight(units)}
+                factor = f"{units.length / _GRAVITY:.5g}"
+                return (Notice("deck.weight-density", level="info", **facts, factor=factor),)
     return ()
 
 
