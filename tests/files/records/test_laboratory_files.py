@@ -235,7 +235,8 @@ def lvm(
     gap = "\t\t" if x_columns == "Multi" else "\t"
     header = [
         "Channels\t2", f"Samples\t64{gap}64", f"Y_Unit_Label\t{units.replace(chr(9), gap)}",
-        f"X_Dimension\tTime{gap}Time", f"X0\t0.0E+0{gap}0.0E+0", f"Delta_X\t{step.replace(chr(9), gap)}", "***End_of_Header***\t\t",
+        f"X_Dimension\tTime{gap}Time", f"X0\t0.0E+0{gap}0.0E+0", f"Delta_X\t{step.replace(chr(9), gap)}",
+        "***End_of_Header***\t\t",
     ]  # fmt: skip
     names = {"One": "Hammer\tTop\tComment", "No": "Hammer\tTop\tComment", "Multi": "Hammer\tX_Value\tTop\tComment"}
     cells = {
