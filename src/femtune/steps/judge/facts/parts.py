@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chdtrc
 
+from femtune.judge.mac_noise import mac_parts
 from femtune.judge.neighbours import neighbour_tests
 from femtune.judge.parts import TESTS_OF_A_FIT, holm, only_prior_contradicts, parts
 from femtune.judge.scales import FEWEST_DEGREES, scales
 from femtune.judge.whitened import whitened
 from femtune.kinds import loaded
+from femtune.residuals.mac import MacResidual
 from femtune.steps.judge.record.parts import (
     NOT_ACCEPTED,
     KindOfErrors,
@@ -48,13 +50,17 @@ def parts_results(study: Study, result: UpdateResult) -> PartsResults | None:
     side = result.side
     opinion = bool(len(side.held)) or not np.all(np.broadcast_to(side.informative, len(side.target)))
     found, estimated = _scaled(record, assumed_kinds(study))
-    tested = parts(found, opinion, estimated)
+    of_macs = mac_parts(result)
+    tested = parts(found, opinion, estimated, of_macs)
+    untested = dict(found.untested)
+    if len(of_macs) == sum(b.kind == MacResidual.label for b in result.after.blocks):
+        untested.pop(MacResidual.label, None)
     return PartsResults(
         parts=tuple(_part(p) for p in tested),
         neighbours=tuple(_neighbour(t, result) for t in neighbour_tests(result.after)),
         kinds=tuple(_kinds(study, record, tested)),
         only_prior=only_prior_contradicts(found, NOT_ACCEPTED),
-        untested=tuple(UntestedKind(kind=k, reason=why) for k, why in found.untested.items()),
+        untested=tuple(UntestedKind(kind=k, reason=why) for k, why in untested.items()),
     )
 
 
