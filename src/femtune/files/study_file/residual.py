@@ -34,7 +34,8 @@ from femtune.files.study_file.kinds import (
 from femtune.files.study_file.python_table import PythonTable
 from femtune.files.study_file.source import Data, Place, Problems, StudyLines, number, table, tables, texts
 from femtune.files.study_file.specimens import specimens_of
-from femtune.residuals.kinds import FrequencyForm, FrfForm, FrfMethodWord, MacForm, Scatter, ShapeScaling
+from femtune.model.kinds import FrfMethodWord
+from femtune.residuals.kinds import FrequencyForm, FrfForm, MacForm, Scatter, ShapeScaling
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
+from femtune.judge.kinds import PartFamily
 from femtune.study.record import Record
 
 NOT_ACCEPTED, RESERVED = 0.01, 0.05
@@ -11,9 +10,6 @@ NOT_ACCEPTED, RESERVED = 0.01, 0.05
 LEAST_SHARE = 0.01
 """Share of a neighbouring mode below which nothing is said: it changes the MAC by less than 0.0001, which no modal test
 resolves, and simulated shapes without noise differ by rounding alone."""
-PartFamily = Literal[
-    "kinds", "modes", "comparisons", "sensors", "configurations", "priors", "bounds", "side constraint"
-]
 
 
 class PartRecord(Record):
