@@ -15,7 +15,7 @@ from femtune.steps.judge.facts.parts import scaled_by_residuals
 from femtune.updating import update
 from structures.coverage import spring_chain
 
-_TESTS = 60
+_TESTS = 40
 _KINDS = ("frequency", "shape")
 
 
@@ -44,7 +44,7 @@ def test_level(record: Whitened, frequency: float, shape: float) -> None:
     found = np.zeros(2, int)
     for _ in range(_TESTS):
         one = drawn(record, {"frequency": frequency, "shape": shape}, rng)
-        score = score_test(one, columns, np.full((6, 2), 0.2), draws=100)
+        score = score_test(one, columns, np.full((6, 2), 0.2), draws=80)
         assert score is not None
         tested = parts(*_scaled_parts(one))
         least = (float(score.p.min()), min((p.p_family_wise for p in tested), default=1.0))
