@@ -132,7 +132,10 @@ def check_length(record: TimeSeries, asked: Operational, file: IdentifyFile) -> 
     FemtuneError : ``identify.short-record``, ``identify.band``
     """
     fragments = file.identify.fragments
-    if record.samples // fragments >= LEAST_SAMPLES:
+    low, high = asked.band_hz
+    # a rate that is far too high makes the record too short for any line, and its filters too long for any machine
+    long_enough = record.duration_s * (high - low) >= LEAST_LINES * fragments
+    if long_enough and record.samples // fragments >= LEAST_SAMPLES:
         piece = prepared(record.select_samples(0, record.samples // fragments), asked)
         lags = 2 * asked.rows(piece)
         if piece.samples > 2 * lags + asked.pieces:
