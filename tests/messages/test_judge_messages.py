@@ -85,7 +85,7 @@ _CASES: dict[str, Notice] = {
     "judge.no-optimum": Notice("judge.no-optimum", ending="the largest number of iterations was reached"),
     "judge.not-computed": Notice("judge.not-computed", failure="scatter: no frequency is known"),
     "judge.modes-not-compared": Notice(
-        "judge.modes-not-compared", compared=3, total=8, modes="4 (79.848 Hz) and 5 (139.99 Hz)"
+        "judge.modes-not-compared", compared=3, total=8, modes="4 (79.848 Hz) and 5 (139.99 Hz)", suspension=""
     ),
     "judge.target-mode": Notice("judge.target-mode", mode="2", hz="18.300"),
     "judge.model-mode-unpaired": Notice(
@@ -113,6 +113,9 @@ _CASES: dict[str, Notice] = {
     "judge.undetermined-changed": Notice("judge.undetermined-changed", parameters="k1 and k2"),
     "study.validation-used": FemtuneError(
         "study.validation-used", configuration="check", used="free", shared="modes 1, 2 and 3"
+    ),
+    "study.bounds-beyond-runs": Notice(
+        "study.bounds-beyond-runs", parameter="k1", variable="k1", value=3.2e4, low=5e3, high=1.6e4
     ),
     "study.test-counted-twice": Notice(
         "study.test-counted-twice", first="a", second="b", shared="modes 1, 2 and 3"

@@ -5,16 +5,18 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
+from femtune.modal.kinds import Quantity, Role
 from femtune.modal.mode_set import read_only
 
-QUANTITIES = ("displacement", "velocity", "acceleration", "force", "strain", "pressure", "voltage", "unknown")
-ROLES = ("response", "reference", "input")
+QUANTITIES: tuple[str, ...] = get_args(Quantity)
+ROLES: tuple[str, ...] = get_args(Role)
 
 STEP_TOLERANCE = 1e-3
 """Relative deviation of time steps from the mean up to which samples are evenly spaced.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +14,10 @@ from femtune.files.nastran.deck import read_deck
 from femtune.files.study_file.reading import is_deck, study_from_data, toml_data, toml_text
 from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
 from femtune.files.uff import read_uff
+from femtune.steps.check.beyond_runs import bounds_beyond_runs
 from femtune.steps.held_folder import held_for_solver
+from femtune.steps.info.checks import mass_checks
+from femtune.steps.judge.same_data import check_independent
 from femtune.steps.problem import FoundProblem, problem_of_error, problem_of_notice
 from femtune.steps.result import StepResult
 from femtune.steps.write.run import check_writable_fields
@@ -24,6 +27,7 @@ from femtune.study.repeats import read_repeats
 from femtune.study.residuals import modes_without_sd
 from femtune.study.rows import Rows, rows_of
 from femtune.study.study import load_study
+from femtune.testdata.checks import check_test
 from femtune.units import SI
 
 if TYPE_CHECKING:
@@ -173,6 +177,14 @@ class _Checked:
             if study.file.output.vtu and all(case.used is None for case in study.cases):
                 self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
+            self.notices += bounds_beyond_runs(study)
+            with self.catching():
+                check_independent(study)
+            self.notices += [
+                Notice("model.mass-differs", configuration=check.configuration, found=check.sentence)
+                for check in mass_checks(study)
+                if check.verdict == "fail"
+            ]
             if study.file.quantify is not None:
                 read_repeats(study, study.file.quantify)
             if study.writes_deck and any(case.used is not None for case in study.cases):
@@ -186,13 +198,17 @@ class _Checked:
             with self.catching():
                 names = table(data, "study").get("allow_ignored")
                 allowed = [str(name) for name in names] if isinstance(names, list) else []
-                build_allowing(read_deck(self.path.parent / deck), allowed)
+                self._tell(build_allowing(read_deck(self.path.parent / deck), allowed).notices)
         names = [table(data, "test").get("file"), *(entry.get("test") for _, entry in tables(data, "configuration"))]
         for name in dict.fromkeys(n for n in names if isinstance(n, str)):
             if (self.path.parent / name).is_file():
                 progress.step(f"reading {name}", 0, None)
                 with self.catching():
-                    _read_test(self.path.parent / name)
+                    self._tell(_notices_of_test(self.path.parent / name))
+
+    def _tell(self, notices: Iterable[Notice]) -> None:
+        """Notices that the whole study could not tell, because it has errors."""
+        self.notices += [n for n in notices if n not in self.notices]
 
 
 _MOST_ROUNDS = 20
@@ -202,14 +218,15 @@ Every reading removes at least one table; the limit ends the check of a file who
 """
 
 
-def _read_test(path: Path) -> None:
-    """A test in units that do not matter here, where its file states none."""
+def _notices_of_test(path: Path) -> tuple[Notice, ...]:
+    """Notices of a test, read in units that do not matter here where its file states none."""
     try:
-        read_uff(path, units=None)
+        content = read_uff(path, units=None)
     except FemtuneError as error:
         if error.code != "uff.no-units":
             raise
-        read_uff(path, units=None, file_units=SI)
+        content = read_uff(path, units=None, file_units=SI)
+    return (*content.notices, *check_test(content.test))
 
 
 def _without(

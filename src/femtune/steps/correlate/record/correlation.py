@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from femtune.steps.correlate.record.expansion import ExpansionResults
 from femtune.steps.correlate.record.placement import PlacementResults
-from femtune.study.record import Alert, ModelVersion, Record, VerdictWord
+from femtune.study.record import Alert, LimitSense, ModelVersion, Record, VerdictWord
 
 if TYPE_CHECKING:
     pass
@@ -54,6 +54,10 @@ class UnpairedTestMode(Record):
     """Frequency in Hz."""
     reason: str
     """The reason why it has no partner."""
+
+
+class SuspensionMode(UnpairedTestMode):
+    """A mode of the suspension of a free structure, which is set apart; the reason says how it was recognised."""
 
 
 class UnpairedModelMode(Record):
@@ -115,7 +119,7 @@ class CriterionRecord(Record):
     """Quantity and standard: "frequency error, NASA-STD-5002"."""
     limit: float
     """The limit, in `unit`."""
-    sense: Literal["at most", "at least"]
+    sense: LimitSense
     """Which side of the limit passes."""
     measured: float | None
     """The worst measured value, in `unit`; None where not tested."""
@@ -142,6 +146,8 @@ class CorrelationResults(Record):
     """Modes left out by the study."""
     unpaired_test: tuple[UnpairedTestMode, ...]
     """Test modes without a partner."""
+    suspension: tuple[SuspensionMode, ...] = ()
+    """Modes of the suspension, which have no partner and decide no criterion; empty in older results."""
     unpaired_model: tuple[UnpairedModelMode, ...]
     """Model modes without a partner, including rigid-body modes."""
     clusters: tuple[ClusterRecord, ...]

@@ -39,6 +39,7 @@ WEIGHTS: Mapping[str, Weight] = {
     "write.rounding": "reservation",
     "study.test-counted-twice": "reservation",
     "correlate.sensor-inverted": "reservation",
+    "correlate.sensors-exchanged": "reservation",
     "correlate.unit-factor": "reservation",
     "correlate.axes": "reservation",
 }
