@@ -112,10 +112,9 @@ def read_function_files(files: Sequence[Path], layout: FunctionLayout) -> FrfSet
         sets.append(read_frfs(path, replace(layout, functions=own)))
     first = sets[0]
     for path, other in zip(dict.fromkeys(files), sets):
-        both = {"first": first.freq_hz, "here": other.freq_hz}
-        if len({len(x) for x in both.values()}) > 1 or not np.allclose(
-            first.freq_hz, other.freq_hz, rtol=_SAME_LINES, atol=0.0
-        ):
+        own_hz, first_hz = other.freq_hz, first.freq_hz
+        if len(own_hz) != len(first_hz) or not np.allclose(own_hz, first_hz, rtol=_SAME_LINES, atol=0.0):
+            both = {"first": first_hz, "here": own_hz}
             lines = {name: f"{len(x)}, {x[0]:g} to {x[-1]:g} Hz" for name, x in both.items()}
             raise problem(path, "frf.layout/other-lines", values=lines)
     at = {(a, b): (s, i, j) for s in sets for i, a in enumerate(s.responses) for j, b in enumerate(s.references)}
