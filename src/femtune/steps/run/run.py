@@ -30,6 +30,7 @@ from femtune.steps.correlate.versions import as_written, model_records, start
 from femtune.steps.equalise.run import mapped_damping
 from femtune.steps.info.facts import alert_of, model_facts, sensor_results
 from femtune.steps.judge.finished_update import FinishedUpdate
+from femtune.steps.judge.narrowing import with_honest_intervals
 from femtune.steps.judge.run import JudgedTopics, judged_topics
 from femtune.steps.judge.same_data import check_independent
 from femtune.steps.judge.verdict import judgement
@@ -185,7 +186,8 @@ class Run:
     def results(self, outcomes: Outcomes) -> Results:
         """All outcomes as one record, without alerts and verdict."""
         updated, final, unused = outcomes.of(Updated), outcomes.of(Final), outcomes.of(Unused)
-        parameters, result = updated.parameters, updated.parameters.result
+        parameters = updated.parameters
+        result = with_honest_intervals(updated.study(self.study), parameters.result, outcomes.find(JudgedTopics))
         written, as_written = outcomes.find(Written), outcomes.find(AsWritten)
         truncated = outcomes.find(TruncationErrors)
         versions = [outcomes.of(Initial).records, final.records, *([] if as_written is None else [as_written.records])]
