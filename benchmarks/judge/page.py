@@ -174,7 +174,8 @@ def page(rows: Sequence[Row], started: Sequence[Row], planned: int) -> str:
     """The whole text; `started` are the rows of the updates from many starts."""
     return "\n".join([
         *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_named(rows),
-        *_culprits(rows), *_masses(rows), *_coverage(rows), *_by_structure(rows, started), *_reasons(rows), *_failures(rows),
+        *_culprits(rows), *_masses(rows), *_coverage(rows), *_by_structure(rows, started), *_reasons(rows),
+        *_failures(rows),
     ])  # fmt: skip
 
 
@@ -275,8 +276,8 @@ def _culprits(rows: Sequence[Row]) -> Iterator[str]:
 
 def _masses(rows: Sequence[Row]) -> Iterator[str]:
     yield from ("## Forgotten masses", "",
-                "Of the harmful models that lack a mass: how often a mass at its grid point, or at a neighbourhood with "
-                "it, is a suspect.", "")  # fmt: skip
+                "Of the harmful models that lack a mass: how often a mass at its grid point, or at a neighbourhood "
+                "with it, is a suspect.", "")  # fmt: skip
     yield from _table(
         ["stated σ", "first", "in the first three"],
         [[WORDS[s], mass_ranks(rows, s, 1), mass_ranks(rows, s, 3)] for s in STATED],
