@@ -223,11 +223,11 @@ def test_axes_and_origin_are_found(tmp_path: Path, turn: np.ndarray, shift: floa
 
 def test_points_between_grid_points_get_a_tolerance(tmp_path: Path) -> None:
     deck = plate(tmp_path, 6, 4)
-    test = _moved(plate_test(deck, 35), lambda x: x + np.array([7.0, 5.0, 0.0]), np.eye(3))
+    test = plate_test(deck, 35)
     from femtune.testdata.convert import renumber  # noqa: PLC0415
 
-    wild = np.random.default_rng(1).uniform(-3.0, 3.0, (35, 3))
-    test = replace(test, geometry=replace(test.geometry, coordinates=test.geometry.coordinates + wild))
+    wild = np.random.default_rng(1).uniform(-6.0, 6.0, (35, 3))
+    test = _moved(test, lambda x: x + wild, np.eye(3))
     far = renumber(test, {n: 5000 + n for n in range(1, 36)})
     made = ft.init(deck, ft.write_test(far, tmp_path / "far.uff"), tmp_path / "new")
     tolerance = tomllib.loads(made.path.read_text())["sensors"]["tolerance"]
@@ -239,7 +239,7 @@ def test_points_between_grid_points_get_a_tolerance(tmp_path: Path) -> None:
 def test_points_without_place_are_told(tmp_path: Path) -> None:
     """The study is written, and check says what is missing."""
     deck = plate(tmp_path, 6, 4)
-    test = _moved(plate_test(deck, 35), lambda x: 3.3 * x + 10_000.0, np.eye(3))
+    test = _moved(plate_test(deck, 35), lambda x: 5.0 * x + 10_000.0, np.eye(3))
     from femtune.testdata.convert import renumber  # noqa: PLC0415
 
     far = renumber(test, {n: 5000 + n for n in range(1, 36)})

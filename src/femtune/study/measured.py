@@ -26,7 +26,7 @@ from femtune.study.error_places import errors_at, place_of
 from femtune.study.sensor_hints import with_keys
 from femtune.testdata import convert_units, sensors_at
 from femtune.testdata.checks import check_test, real_modes
-from femtune.testdata.convert import place
+from femtune.testdata.convert import place, scaled_coordinates
 from femtune.units import unit_system
 
 if TYPE_CHECKING:
@@ -256,8 +256,8 @@ def _read_test(
             unplaced = described_test(paths[0], entry.name, file.study.unit_system)
         else:
             unplaced = _content(file, entry, _parsed(paths, tests)).test
-        unplaced = _with_deviations(file, entry, unplaced)
-        test = place(unplaced, entry.rotation, entry.origin)
+        unplaced = scaled_coordinates(_with_deviations(file, entry, unplaced), entry.coordinate_factor)
+        test = place(unplaced, entry.rotation, entry.origin, allow_mirrored=entry.left_handed)
         notices = (*unplaced.notices, *check_test(test))
     if test.modes is None:
         return test, notices
@@ -327,6 +327,7 @@ def sensor_map(file: StudyFile, test: ModalTest, structure: Structure) -> Sensor
         by_id=file.sensors.by_id,
         given=file.sensors.nodes,
         combinations=[c for c in combinations(file, structure) if (c.dof.node, c.dof.direction) not in unused],
+        leave_out=file.sensors.leave_out,
     )
 
 

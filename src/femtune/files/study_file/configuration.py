@@ -96,6 +96,11 @@ class TestKeys(TomlTable):
     `[[0,-1,0],[1,0,0],[0,0,1]]`"""
     origin: Vector = (0.0, 0.0, 0.0)
     """Position of the origin of the test in the model's coordinate system, length. Example: `[0.0, 0.0, 0.5]`"""
+    left_handed: bool = False
+    """The axes of the test are left-handed: `rotation` has the determinant −1. Example: `true`"""
+    coordinate_factor: Positive = 1.0
+    """Factor on the coordinates of the test, where its file states a wrong unit for them; dimensionless; shapes are not
+    changed. Example: `0.001`"""
     leave_out: tuple[LeaveOutEntry, ...] = ()
     """Test modes that are excluded from the comparison, each with the reason; they are still listed in the report.
     Example: `[{ mode = "4a", reason = "braces" }]`"""
