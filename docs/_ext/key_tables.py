@@ -7,6 +7,8 @@ A page has a marker where the keys of a table are put in: the kind of file and t
 
 For a table whose kind is chosen by a key, ``study residual`` stands for the keys of all kinds, and
 ``study residual.mac`` for the other keys of one kind.
+
+A marker ``{tables-of-steps}`` stands for the list of the steps with their tables.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -23,12 +25,16 @@ from femtune.files.study_file.json_schema import SCHEMAS, file_schema
 from femtune.files.study_file.keys import keys_of
 from femtune.files.study_file.kinds import tables_by_kind, tables_in
 from femtune.files.study_file.source import spelled
+from femtune.steps import all_steps
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
+    from femtune.steps.step import Step
+
 PAGES = ("study-file", "identify-file")
 MARKER = re.compile(r"^```\{keys\} (\w+) ([\w.-]+)\n```$", re.MULTILINE)
+STEPS_MARKER = "```{tables-of-steps}\n```\n"
 _REQUIRED = "*required*"
 _OF_ALL_KINDS = ("kind", "configuration", "modes")
 """Keys that the section of a list of tables explains for all kinds."""
@@ -38,7 +44,25 @@ _LARGEST_SHOWN = 1e9
 
 def with_tables(page: str) -> str:
     """The text of a page with a table of keys in place of each marker."""
+    page = page.replace(STEPS_MARKER, tables_of_steps())
     return MARKER.sub(lambda marker: key_table(marker[1], marker[2]), page)
+
+
+def tables_of_steps() -> str:
+    """Each step that has options, with links to its tables, in Markdown."""
+    rows = (
+        f"| {_step_words(step)} | {', '.join(map(_table_link, step.tables))} |\n" for step in all_steps() if step.tables
+    )
+    return "".join(("| step | tables |\n| --- | --- |\n", *rows))
+
+
+def _step_words(step: Step) -> str:
+    return f"`femtune {step.name}`" if step.command is not None else f"{step.name}, in `femtune run`"
+
+
+def _table_link(name: str) -> str:
+    repeated = get_origin(_field(SCHEMAS["study"][0], name).annotation) is tuple
+    return f"[`[[{name}]]`](#{name})" if repeated else f"[`[{name}]`](#{name})"
 
 
 def key_table(kind: str, place: str) -> str:

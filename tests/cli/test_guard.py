@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sqlite3
@@ -17,7 +18,10 @@ from click.testing import Result
 
 from femtune.cli import running
 from femtune.cli.guard import CRASH_FILE, coloured
-from femtune.errors import FemtuneError, FemtuneErrors
+from femtune.errors import FemtuneError, FemtuneErrors, Notice, Where
+from femtune.steps import all_steps
+from femtune.steps.problem import Failure
+from femtune.steps.step import JSON
 
 Invoke = Callable[..., Result]
 
@@ -173,3 +177,93 @@ def test_ctrl_c_before_the_file_was_read(
     monkeypatch.setattr(running, "load", _raise(KeyboardInterrupt()))
     monkeypatch.setattr("femtune.files.study_file.reading.read_study_file", _raise(KeyboardInterrupt()))
     assert invoke("run", study).stderr == "stopped by Ctrl-C; nothing was written\n"
+
+
+def _error_of(result: Result) -> dict[str, Any]:
+    ((key, error),) = json.loads(result.stdout).items()
+    assert key == "error"
+    assert error["exit_code"] == result.exit_code
+    return error
+
+
+def test_an_error_is_one_json_object_beside_its_sentence(invoke: Invoke, steps: Any, study: Path) -> None:
+    error = FemtuneError("a.b", "what", where=Where("deck.bdf", 7, "CBAR 3"), values={"length": 0.0}, hint="fix")
+    error.notices = (Notice("c.d", "seen before"),)
+    error.add_note("[e.f] a card was ignored")
+    steps.run = _raise(error)
+    result, plain = invoke("run", study, "--json"), invoke("run", study)
+    assert (result.stderr, result.exit_code) == (plain.stderr, plain.exit_code)
+    assert plain.stdout == ""
+    assert _error_of(result) == {
+        "exit_code": 2,
+        "code": "a.b",
+        "message": "what",
+        "file": "deck.bdf",
+        "line": 7,
+        "record": "CBAR 3",
+        "values": {"length": "0.0"},
+        "hint": "fix",
+        "notes": ["[c.d] seen before", "[e.f] a card was ignored"],
+        "problems": [],
+    }
+
+
+def test_several_errors_are_listed_in_one_object(invoke: Invoke, steps: Any, study: Path) -> None:
+    both = [FemtuneError("a.b", "x", where=Where("s.toml", 2)), FemtuneError("c.d", "y", hint="fix")]
+    steps.run = _raise(FemtuneErrors(both))
+    error = _error_of(invoke("run", study, "--json"))
+    assert (error["code"], error["message"], error["line"]) == ("a.b", "2 problems found", 2)
+    listed = [(p["level"], p["code"], p["file"], p["line"], p["hint"]) for p in error["problems"]]
+    assert listed == [("error", "a.b", "s.toml", 2, ""), ("error", "c.d", "", None, "fix")]
+
+
+def test_bytes_that_are_no_text_do_not_spoil_the_object(invoke: Invoke, steps: Any, study: Path) -> None:
+    steps.run = _raise(FemtuneError("a.b", "\x1b[31m", where=Where("a\udcff.bdf"), values={"name": "\udcff"}))
+    error = _error_of(invoke("run", study, "--json"))
+    assert (error["message"], error["file"], error["values"]) == ("\\x1b[31m", "a\\udcff.bdf", {"name": "\\udcff"})
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "message"),
+    [
+        (ZeroDivisionError("by zero"), 70, "internal error of femtune"),
+        (KeyboardInterrupt(), 130, "stopped by Ctrl-C; nothing was written"),
+        (MemoryError(), 2, "memory"),
+    ],
+)
+def test_what_is_no_error_of_the_input_is_an_object_too(
+    invoke: Invoke, steps: Any, study: Path, fault: BaseException, code: int, message: str
+) -> None:
+    steps.run = _raise(fault)
+    error = _error_of(invoke("run", study, "--json"))
+    assert error["exit_code"] == code
+    assert message in error["message"]
+
+
+@pytest.mark.parametrize("words", [("info", "--nothing"), ("nothing",), ("info",), ("modes", "x.toml", "--count", "a")])
+def test_wrong_options_are_an_object_too(invoke: Invoke, words: tuple[str, ...]) -> None:
+    result = invoke(*words, "--json")
+    error = _error_of(result)
+    assert (error["exit_code"], error["code"]) == (2, "")
+    assert error["message"] in result.stderr
+    assert invoke(*words).stdout == ""
+
+
+def test_every_command_that_prints_json_prints_its_errors_so(invoke: Invoke, tmp_path: Path) -> None:
+    # what `check` prints is a list of errors in any case
+    with_json = (step for step in all_steps() if step.command is not None and JSON in step.command.params)
+    commands = [step for step in with_json if step.name != "check"]
+    assert len(commands) > 15
+    for step in commands:
+        assert step.command is not None
+        files = [p for p in step.command.params if isinstance(p, click.Argument)]
+        result = invoke(step.name, *[tmp_path / "absent.toml"] * len(files), "--json")
+        assert _error_of(result)["message"], step.name
+        assert result.exit_code == 2, step.name
+
+
+def test_the_guide_shows_all_fields_of_a_failure() -> None:
+    guide = (Path(__file__).resolve().parents[2] / "docs/guide/index.md").read_text(encoding="utf-8")
+    shown = json.loads(guide.partition("```json\n")[2].partition("```")[0])
+    assert Failure.model_validate(shown["error"]).model_dump() == {**shown["error"], "notes": (), "problems": ()}
+    assert list(shown["error"]) == list(Failure.model_fields)

@@ -62,6 +62,21 @@ def test_a_change_that_is_not_plausible_names_no_field() -> None:
     assert "PSHELL" not in said
 
 
+def test_reason_of_a_mass() -> None:
+    """Its place and size; what a refit does not confirm is a suspicion."""
+    facts = {
+        "field": "mass", "place": "at grid point 306", "what": "mass that the deck does not have",
+        "largest_mass": 0.5, "mass_unit": "kg", "points": (306,), "lower_percent": 0.0, "upper_percent": 100.0,
+    }  # fmt: skip
+    mass = _refit(1e-6).model_copy(update={"factor": 0.4})
+    ((weight, said),) = _reasons(0.001, _field(**facts, refit=mass))
+    assert weight == "not accepted"
+    assert "a mass of about 0.2 kg is probably missing in the model at grid point 306" in said
+    ((weight, said),) = _reasons(0.001, _field(**facts, alike=("mass, at grid point 7",), refit=_refit(0.2)))
+    assert weight == "reservation"
+    assert "at grid point 306 (or what looks like it: mass, at grid point 7)" in said
+
+
 def test_no_reason_without_a_finding() -> None:
     assert _reasons(0.06, _field()) == []
     results = Results.model_construct(judgement=JudgementResults(verdict="accepted", line=""))
@@ -100,6 +115,8 @@ def test_a_wrong_property_that_is_no_parameter(
     assert "judge.missing" in {r.code for r in judged.reasons}
     healed = _run(structure, tmp_path / "healed", {wrong: factor}, more=(wrong,)).results
     assert healed.update is not None
+    # a few solutions without derivatives find the minimum of a whole update
+    assert first.refit.chi_square == pytest.approx(healed.update.chi_square, rel=0.01)
     for p in healed.update.parameters[:-1]:
         assert p.sd is not None
         assert abs(p.value - 1.0) < 3.5 * p.sd

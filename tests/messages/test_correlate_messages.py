@@ -57,6 +57,18 @@ def _crowded() -> tuple[Notice, ...]:
     return pair_modes(_modes([10.0], _EYE[:, :1]), _modes([10.0, 10.05, 10.1], _EYE[:, :3])).notices
 
 
+def _exchanged() -> tuple[Notice, ...]:
+    shapes = np.array([[1.0, 1.0, 0.2], [2, -1, 0.7], [3, 0.5, -1], [2.5, 2, 0.4], [-1.5, 1, 1], [0.3, -2, -0.5]])
+    model = _modes([10.0, 20.0, 30.0], shapes)
+    return correlate(_modes([10.0, 20.0, 30.0], shapes[[0, 3, 2, 1, 4, 5]]), model).notices
+
+
+def _suspension() -> tuple[Notice, ...]:
+    x = np.linspace(-1.0, 1.0, 9)
+    shapes = np.column_stack([np.ones(9), x, x**2 - 0.4, x**3 - 0.6 * x])
+    return correlate(_modes([1.2, 1.9, 20.0, 48.0], shapes), _modes([0.0, 0.0, 20.0, 50.0], shapes), rigid=2).notices
+
+
 _CASES: dict[str, Callable[[], object]] = {
     "modal.zero-shape": lambda: mac(_EYE, _EYE * [1, 0, 1, 0]),
     "modal.rows-differ": lambda: mac(_EYE, np.eye(6)),
@@ -72,6 +84,8 @@ _CASES: dict[str, Callable[[], object]] = {
     "correlate.no-pairs": _none_paired,
     "correlate.crowded-cluster": _crowded,
     "correlate.sensor-inverted": _inverted,
+    "correlate.sensors-exchanged": _exchanged,
+    "correlate.suspension": _suspension,
     "sensor.unmatched": lambda: _map(_test(n1=(0.0, 0.0, 0.0), n7=(2.0, 0.0, 0.4))),
     "sensor.no-position": lambda: _map(
         ModalTest("bench", SI, modes=ModeSet(np.ones(1), np.ones((1, 1)), DofSet.parse(["12Z+"])))

@@ -36,6 +36,16 @@ _CASES: dict[str, Notice] = {
     "judge.missing, limit": Notice(
         "judge.missing/at-limit", field="PSHELL 2 T", change="an increase by 25 %", before="1025", after="181"
     ),
+    "judge.missing, mass": Notice(
+        "judge.missing/mass", position="at grid point 306", mass="0.23 kg", before="301.6", after="177"
+    ),
+    "judge.missing, mass at its limit": Notice(
+        "judge.missing/mass-at-limit", position="near (0.8, 0.6, 0.9), grid points 304, 305", mass="0.9 kg",
+        before="301.6", after="177",
+    ),
+    "judge.missing, mass suspected": Notice(
+        "judge.missing/mass-suspected", position="at grid point 306", chance="p = 0.03", tested="105 candidates"
+    ),
     "judge.missing, suspected": Notice(
         "judge.missing/suspected", field="CELAS2 903 K", chance="p = 0.03", tested="105 fields"
     ),
@@ -72,11 +82,10 @@ _CASES: dict[str, Notice] = {
     ),
     "judge.too-few-modes": Notice("judge.too-few-modes", test="shaker", last_hz=812.0, highest_hz=2000.0),
     "judge.truncated": Notice("judge.truncated", test="shaker", last_hz=5820.0, percent=1.8),
-    "judge.reduced-not-compared": Notice("judge.reduced-not-compared"),
     "judge.no-optimum": Notice("judge.no-optimum", ending="the largest number of iterations was reached"),
     "judge.not-computed": Notice("judge.not-computed", failure="scatter: no frequency is known"),
     "judge.modes-not-compared": Notice(
-        "judge.modes-not-compared", compared=3, total=8, modes="4 (79.848 Hz) and 5 (139.99 Hz)"
+        "judge.modes-not-compared", compared=3, total=8, modes="4 (79.848 Hz) and 5 (139.99 Hz)", suspension=""
     ),
     "judge.target-mode": Notice("judge.target-mode", mode="2", hz="18.300"),
     "judge.model-mode-unpaired": Notice(

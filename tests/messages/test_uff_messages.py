@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.files.uff import test_variants as variants
 from tests.messages.shown import check_shown
 
 from femtune.dofs import DofSet
@@ -69,3 +70,37 @@ def test_mirrored_frame() -> None:
     with pytest.raises(FemtuneError) as caught:
         place(ModalTest("BC", SI), np.diag([1.0, -1.0, 1.0]), np.zeros(3))
     check_shown("test.mirrored", str(caught.value))
+
+
+_LABEL = ("Hz", "m/s", "N")
+_BODY = variants.singles(*variants.pairs(variants.ACCELERANCE))
+_REMARKS = {
+    "uff.byte-order": variants.UNITS.encode() + variants.binary("<", 2),
+    "uff.delimiter": variants.FILE.replace("    -1\n", "-1\n"),
+    "uff.free-columns": variants.block("58", *variants.head(), *(" ".join(x.split()) for x in _BODY)),
+    "uff.kind-contradicts, decided by the driving point": variants.frf(labels=_LABEL),
+    "uff.mode-numbers": variants.mode(0, 4.0) + variants.mode(0, 6.0),
+    "uff.modes-differ, a node is missing": variants.mode(1, 4.0) + variants.mode(2, 6.0, nodes=(3, 7)),
+    "uff.not-closed": variants.FILE.removesuffix("    -1\n"),
+    "uff.pole, conjugates": variants.pole(1, -0.5 - 20j, 1.0) + variants.pole(2, -0.5 + 40j, 1.0),
+    "uff.remark": variants.FILE.replace("    -1\n    -1\n", "    -1\nmeasured in hall 7\n    -1\n", 1),
+    "uff.undefined-at-zero": variants.frf(start=0.0).replace(
+        variants.singles(variants.ACCELERANCE[0].real)[0], "          NaN", 1
+    ),
+    "uff.unit-label": variants.frf(labels=("Hz", "g/N", "N")),
+    "uff.unit-label, of the frequency axis": variants.frf(labels=("rad/s", "m/s2", "N")),
+    "uff.unit-label, unknown": variants.frf(labels=("Hz", "EU", "N")),
+}
+
+
+@pytest.mark.parametrize("name", _REMARKS)
+def test_what_is_read_with_a_notice(tmp_path: Path, name: str) -> None:
+    path, given = tmp_path / "test.uff", _REMARKS[name]
+    path.write_bytes(given if isinstance(given, bytes) else given.encode())
+    stated = None if b"   164" in path.read_bytes() else SI
+    notices = read_uff(path, units=SI, file_units=stated).notices
+    check_shown(name, next(str(n) for n in notices if n.code == name.partition(",")[0]).replace(f"{tmp_path}/", ""))
+
+
+def test_a_kind_that_nothing_decides(tmp_path: Path) -> None:
+    check_shown("uff.kind-contradicts", _message(tmp_path, variants.frf(labels=_LABEL, response=5)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,9 @@ import pytest
 
 import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.steps.run_lock import locked
+from femtune.journal.run_files import HOLDING
+from femtune.steps import all_steps
+from femtune.steps.run_lock import LOCK_FILE, locked
 
 from .runs_of_chain import prepared as prepared_table
 from .two_masses import TRUTH, exact, prepared, started, write_study
@@ -107,12 +111,47 @@ def test_a_search_on_the_solver_finds_the_truth_and_a_second_one_costs_nothing(s
     assert started(study) > before
 
 
-@pytest.mark.parametrize("step", ["screen", "search"])
-def test_runs_of_a_solver_hold_the_run_folder(study: Path, step: str) -> None:
+@pytest.mark.parametrize("step", HOLDING)
+def test_no_step_starts_the_solver_in_a_run_folder_that_is_in_use(study: Path, step: str) -> None:
     (study.parent / "run").mkdir()
-    with locked(study.parent / "run"), pytest.raises(FemtuneError) as caught:
-        getattr(ft, step)(study)
+    with locked(study.parent / "run"):
+        if step == "check":
+            assert [problem.code for problem in ft.check(study).problems] == ["run.locked"]
+        else:
+            with pytest.raises(FemtuneError) as caught:
+                getattr(ft, step)(*[study] * (2 if step == "compare" else 1))
+            assert caught.value.code == "run.locked"
+    assert started(study) == 0
+
+
+def test_every_step_on_a_study_is_known_to_hold_its_folder() -> None:
+    without_model = {"init", "view", "identify", "report"}
+    assert {step.name for step in all_steps() if step.command is not None} - without_model == set(HOLDING)
+
+
+def test_models_that_share_a_run_folder_are_read_one_after_the_other(study: Path) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        ft.compare(study, study)
+    # the masses have no coordinates, which is found once both are read
+    assert caught.value.code == "correlate.no-common-points"
+    assert not (study.parent / "run" / LOCK_FILE).exists()
+
+
+@pytest.mark.slow
+def test_two_steps_at_once_do_not_use_the_same_folder(study: Path) -> None:
+    """The second one starts while the solver of the first one is at work."""
+    write_study(study.parent, FAKE_S="0.3")
+    first = threading.Thread(target=ft.modes, args=(study,))
+    first.start()
+    while not started(study) and first.is_alive():
+        time.sleep(0.01)
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    first.join()
     assert caught.value.code == "run.locked"
+    runs = started(study)
+    assert ft.info(study).record is not None
+    assert started(study) == runs
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from tests.messages.shown import check_shown
 import femtune as ft
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.study_file.reading import read_study_file
-from femtune.files.study_file.validation import ValidateTable
+from femtune.files.study_file.validate import ValidateTable
 from femtune.model import solve_modes
 from femtune.model.damping import constant_damping
 from femtune.model.response import make_ports

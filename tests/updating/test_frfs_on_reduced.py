@@ -127,21 +127,33 @@ def test_the_shift_is_the_step_that_the_full_model_makes(problem: UpdateProblem)
 
 
 @pytest.mark.slow
-def test_models_that_are_compared_with_themselves_are_no_evidence(problem: UpdateProblem) -> None:
-    """Nothing that the full model has here is above the threshold, so that the enriched models are the same ones."""
+def test_models_are_not_compared_with_themselves(problem: UpdateProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing of the full model is above the threshold of an enrichment, all that is independent is kept."""
     search = train(problem, replace(RULES, order=10), problem.start(np.zeros(3)), NOBODY)
     x = np.array([-0.2, 0.15, -0.1])
     solutions = search.solutions(problem.solved(x))
-    better = search.agreement(x, solutions, search.enriched(x, solutions))
-    itself = search.agreement(x, solutions, search.trained)
-    assert better.functions is not None
-    assert better.functions.compared
+    kept = search.enriched(x, solutions)
+    usual = search.agreement(x, solutions, kept).functions
+    monkeypatch.setattr(on_reduced_model, "_finer", lambda trainer, _: on_reduced_model._keeping(trainer, 1e9, 1e9))
+    whole = search.enriched(x, solutions)
+    assert whole[0].model.order > kept[0].model.order > search.trained[0].model.order
+    found = search.agreement(x, solutions, whole).functions
+    assert usual is not None
+    assert found is not None
+    assert usual.compared
+    assert found.compared
+    assert found.shift == pytest.approx(usual.shift, rel=0.01)
+    # the same models again have nothing to add, and are the full model there
+    search.trained = whole
+    again = search.enriched(x, solutions)
+    itself = search.agreement(x, solutions, again)
     assert itself.functions is not None
-    assert itself.functions.shift == 0.0
     assert not itself.functions.compared
-    said = round_sentence(1, search, itself)
-    assert said.endswith("could not be compared with better ones")
-    assert "standard deviations" not in said
+    assert itself.functions.shift == 0.0
+    assert round_sentence(1, search, itself).endswith("which need no others for the FRFs")
+    full, near = problem.assess(x, problem.solved(x)), search.reduced_problem().start(x)
+    # the full model's own FRFs leave modes out
+    assert np.abs(full.residuals - near.residuals).max() < 0.005
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import platform
 import signal
@@ -112,8 +113,28 @@ class GuardedGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
+        # known before the words of the command are parsed, which may fail
+        ctx.meta[_JSON_KEY] = "--json" in ctx.args
         with _ends_when_asked(), _guarded(ctx):
             return super().invoke(ctx)
+
+
+_JSON_KEY = "femtune.json"
+"""Where the context of a command keeps whether JSON is asked for."""
+
+
+def _as_json(ctx: click.Context, error: FemtuneError | str, exit_code: int) -> None:
+    """A failure on standard output, if the command was asked for JSON; a sentence if it is no error of the input."""
+    if not ctx.find_root().meta[_JSON_KEY]:
+        return
+    # help does without records
+    from femtune.steps.problem import Failure, failure_of  # noqa: PLC0415
+
+    if isinstance(error, str):
+        failure = Failure(exit_code=exit_code, code="", message=printable(error))
+    else:
+        failure = failure_of(error, exit_code)
+    click.echo(json.dumps({"error": failure.model_dump()}, indent=1))
 
 
 @contextmanager
@@ -130,7 +151,10 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
     except click.exceptions.Exit as end:
         _log_end(end.exit_code)
         raise
-    except (click.ClickException, click.Abort):
+    except click.ClickException as wrong:
+        _as_json(ctx, wrong.format_message(), wrong.exit_code)
+        raise
+    except click.Abort:
         raise
     except Exception as fault:
         if isinstance(fault, OSError) and fault.errno == errno.EPIPE:
@@ -153,6 +177,7 @@ def _end(ctx: click.Context, code: int) -> NoReturn:
 def _refused(ctx: click.Context, error: FemtuneError) -> NoReturn:
     RESULTS.error("%s", error)
     click.echo(coloured(error), err=True)
+    _as_json(ctx, error, BAD_INPUT)
     _end(ctx, BAD_INPUT)
 
 
@@ -188,7 +213,9 @@ def _interrupted(ctx: click.Context, asked: KeyboardInterrupt) -> NoReturn:
     told = f"stopped by {'SIGTERM' if by_signal else 'Ctrl-C'}; {kept}"
     RESULTS.error(told)
     click.echo(printable(told), err=True)
-    _end(ctx, TERMINATED if by_signal else INTERRUPTED)
+    exit_code = TERMINATED if by_signal else INTERRUPTED
+    _as_json(ctx, told, exit_code)
+    _end(ctx, exit_code)
 
 
 def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:
@@ -198,6 +225,7 @@ def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:
     what = f"internal error of femtune, not caused by your input ({kind}); please report it and send {name}"
     RESULTS.error(what)
     click.echo(printable(what), err=True)
+    _as_json(ctx, what, FAULT)
     _end(ctx, FAULT)
 
 

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.correlation.exchanged import Shapes, exchange_notices
 from femtune.correlation.noise import NoiseShare, noise_share, orthogonality_noise
-from femtune.correlation.pairing import ClusterMatch, Pairing, pair_modes, visible_modes
+from femtune.correlation.pairing import ClusterMatch, Pairing, frequency_errors, pair_modes, visible_modes
 from femtune.correlation.reduced_mass import NotTested, ReducedMass
+from femtune.correlation.suspension import with_suspension
 from femtune.correlation.unit_factor import unit_factor
 from femtune.dofs import DofSet
 from femtune.errors import Notice
@@ -105,6 +107,7 @@ def correlate(
     fixed: Sequence[tuple[int, int]] = (),
     left_out: Mapping[int, str] | None = None,
     relative_gap: float = 0.01,
+    rigid: int = 0,
 ) -> Correlation:
     """Compare modes of a test and of a model given at the same DOFs; no pair at all is a result, not an error.
 
@@ -113,6 +116,7 @@ def correlate(
     test : shapes real or complex, NaN where not measured
     model : real, mass-normalised over the whole model, sampled at the sensors
     mass : mass reduced to the sensors by `reduce_mass`, or the reason why there is none
+    rigid : number of rigid-body modes of the model, its first modes, see `with_suspension`
     others : see `pair_modes`
 
     Raises
@@ -128,6 +132,7 @@ def correlate(
         left_out=left_out,
         relative_gap=relative_gap,
     )
+    pairing = with_suspension(test, model, pairing, rigid)
     psi, phi = paired_shapes(test, model, pairing)
     seen = np.where(visible_modes(model), model.shapes, 0.0)
     cross, self_ = _orthogonality(psi, phi, mass, pairing)
@@ -147,7 +152,7 @@ def correlate(
         self_,
         mass.dropped if isinstance(mass, ReducedMass) and not isinstance(cross, NotTested) else (),
         _noise(test, pairing),
-        (*pairing.notices, *unit_factor(test, model, pairing), *_inverted(test.dofs, psi, phi)),
+        (*pairing.notices, *unit_factor(test, model, pairing), *_doubtful_sensors(test, model, pairing, psi, phi)),
         *_orthogonality_sd(test, psi, phi, mass if not isinstance(cross, NotTested) else None, pairing),
     )
 
@@ -183,14 +188,28 @@ def _enhanced_comac(psi: NDArray, phi: Reals) -> Reals:
     return enhanced_comac(psi[:, keep], phi[:, keep]) if keep.any() else np.full(len(psi), np.nan)
 
 
-def _inverted(dofs: DofSet, psi: NDArray, phi: Reals) -> tuple[Notice, ...]:
-    """Sensors that move against the model in every one of several pairs: mounted or wired the other way round."""
+def _doubtful_sensors(test: ModeSet, model: ModeSet, pairing: Pairing, psi: NDArray, phi: Reals) -> tuple[Notice, ...]:
+    """Sensors that move against the model in every one of several pairs, mounted or wired the other way round, and
+    sensors whose channels were exchanged."""
     keep = _defined(psi, phi)
     if keep.sum() < 2:
         return ()
     agreement = motion_agreement(psi[:, keep], phi[:, keep])
-    labels = [str(dofs[int(k)]) for k in np.flatnonzero(np.nan_to_num(agreement) < _INVERTED)]
-    return (Notice("correlate.sensor-inverted", pairs=keep.sum(), sensors=", ".join(labels)),) if labels else ()
+    inverted = [int(k) for k in np.flatnonzero(np.nan_to_num(agreement) < _INVERTED)]
+    labels = ", ".join(str(test.dofs[k]) for k in inverted)
+    told = (Notice("correlate.sensor-inverted", pairs=keep.sum(), sensors=labels),) if inverted else ()
+    return (*told, *exchange_notices(test.dofs, _shapes(test, model, pairing, phi), inverted))
+
+
+def _shapes(test: ModeSet, model: ModeSet, pairing: Pairing, phi: Reals) -> Shapes:
+    """Test shapes with the model modes that the frequency gate allows, and with the partners that they have."""
+    error = np.abs(frequency_errors(test.freq_hz, model.freq_hz))
+    own = np.zeros((len(test), len(pairing.pairs)), bool)
+    own[list(pairing.test_indices), np.arange(len(pairing.pairs))] = True
+    seen = visible_modes(model)
+    allowed = np.hstack([(error <= pairing.frequency_gate) & seen, own])
+    allowed[[u.test for u in pairing.unpaired_test if u.left_out or u.suspension]] = False
+    return Shapes(test.shapes, np.hstack([np.where(seen, model.shapes, 0.0), phi]), allowed, np.any(own, axis=1))
 
 
 def _orthogonality(

@@ -182,8 +182,8 @@ class _Placed:
                 "test points onto it as well; if this is the wrong one, state rotation and origin of [test]"
             )
         return (
-            f"the motion is not unique: {_times(len(others), 'another one', 'others')}{hands} would put the test points "
-            "onto the mesh nearly as well; state rotation and origin of [test] if you know them"
+            f"the motion is not unique: {_times(len(others), 'another one', 'others')}{hands} would put the test "
+            "points onto the mesh nearly as well; state rotation and origin of [test] if you know them"
         )
 
     def _with_motion(self, one: Motion, by_number: bool) -> GuessedSensors:

@@ -243,11 +243,13 @@ class Pair:
 
 @dataclass(frozen=True)
 class Unpaired:
-    """A test mode without partner and the reason in words; `left_out` where the user decided so."""
+    """A test mode without partner and the reason in words; `left_out` where the user decided so, `suspension` where it
+    is a mode of the suspension of a free structure."""
 
     test: int
     reason: str
     left_out: bool = False
+    suspension: bool = False
 
 
 @dataclass(frozen=True)
@@ -284,6 +286,11 @@ class Pairing:
     def model_indices(self) -> tuple[int, ...]:
         """Model positions of the pairs, in the order of `test_indices`."""
         return tuple(pair.model for pair in self.pairs)
+
+    @property
+    def suspension_count(self) -> int:
+        """Number of modes of the suspension."""
+        return sum(u.suspension for u in self.unpaired_test)
 
     @property
     def key(self) -> tuple[tuple[int, int], ...]:

@@ -11,19 +11,17 @@ import numpy as np
 
 from femtune.dofs import Dof, parse_dof
 from femtune.errors import FemtuneError, Notice, Where
-from femtune.files.formats import RECORD_FORMATS
 from femtune.files.points_table import read_points
-from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs
-from femtune.files.uff import UffFile, read_uff
+from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs, read_function_files
+from femtune.files.uff import UffContent, UffFile, read_uff
+from femtune.files.uff.function_units import StatedOfFunctions
+from femtune.files.uff.scan import names_universal
 from femtune.modal import FrfSet
 from femtune.testdata import NO_GEOMETRY, ModalTest, WireFrame, convert_units, sensors_at
 from femtune.units import UnitSystem, unit_system
 
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
-
-UNIVERSAL = RECORD_FORMATS["uff"].suffixes
-"""Extensions of Universal Files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +42,11 @@ def read_described(file: IdentifyFile) -> DescribedFunctions:
         over force, or with several kinds of them
     """
     paths, units = file.measured_paths, unit_system(file.identify.units)
-    universal = [path.suffix.lower() in UNIVERSAL or file.identify.format == "uff" for path in paths]
+    universal = [file.identify.format == "uff" or names_universal(path) for path in paths]
     if not all(universal):
-        functions = DescribedFunctions(read_frfs(paths[0], _layout(file)))
-        if len(paths) > 1:
-            raise FemtuneError("identify.several-arrays", where=file.where("identify", "frfs"))
+        functions = DescribedFunctions(_of_tables(file))
     else:
-        content = read_universal(UffFile(paths[0], paths[1:]), units)
+        content = read_universal(UffFile(paths[0], paths[1:]), units, _stated(file))
         frfs = _only(content.frf_sets, ", ".join(map(str, paths)))
         functions = DescribedFunctions(frfs, content.test.geometry, content.notices)
     stated = read_described_geometry(file)
@@ -74,14 +70,42 @@ def _same_values(frfs: FrfSet) -> Iterator[Notice]:
         yield Notice("frf.same-values", pairs=", ".join(same[:5]) + (" …" if len(same) > 5 else ""))
 
 
-def read_universal(file: UffFile, units: UnitSystem):  # type: ignore[no-untyped-def]
+def _of_tables(file: IdentifyFile) -> FrfSet:
+    """The functions of one file of arrays or columns, or of one file for each function or several.
+
+    Raises
+    ------
+    FemtuneError : ``identify.several-arrays`` for several files without the functions of each
+    """
+    paths, layout, named = file.measured_paths, _layout(file), [entry.file for entry in file.function]
+    if any(named):
+        return read_function_files([file.path.parent / (name or paths[0]) for name in named], layout)
+    if len(paths) > 1 and len(paths) == len(file.function):
+        return read_function_files(paths, layout)
+    if len(paths) > 1:
+        raise FemtuneError("identify.several-arrays", where=file.where("identify", "frfs"))
+    return read_frfs(paths[0], layout)
+
+
+def _stated(file: IdentifyFile) -> StatedOfFunctions:
+    """What [functions] states of the functions of Universal Files, whose other properties they state themselves."""
+    table = file.functions
+    if table is None:
+        return StatedOfFunctions()
+    more = sorted(table.model_fields_set - {"kind", "factor"}) + ["function"] * bool(file.function)
+    if more:
+        raise FemtuneError("frf.layout/universal", where=file.where("functions"), keys=", ".join(more))
+    return StatedOfFunctions(table.kind, table.factor if "factor" in table.model_fields_set else None)
+
+
+def read_universal(file: UffFile, units: UnitSystem, functions: StatedOfFunctions | None = None) -> UffContent:
     """The content of Universal Files that may state no units: then theirs are `units`."""
     try:
-        return read_uff(file, units=units)
+        return read_uff(file, units=units, functions=functions)
     except FemtuneError as error:
         if error.code != "uff.no-units":
             raise
-        return read_uff(file, units=units, file_units=units)
+        return read_uff(file, units=units, file_units=units, functions=functions)
 
 
 def read_described_geometry(file: IdentifyFile) -> WireFrame | None:
@@ -89,9 +113,7 @@ def read_described_geometry(file: IdentifyFile) -> WireFrame | None:
     path, units = file.geometry_path, unit_system(file.identify.units)
     if path is None:
         return None
-    frame = (
-        read_universal(UffFile(path), units).test.geometry if path.suffix.lower() in UNIVERSAL else read_points(path)
-    )
+    frame = read_universal(UffFile(path), units).test.geometry if names_universal(path) else read_points(path)
     return WireFrame(
         frame.nodes, frame.coordinates, frame.axes, (*frame.lines, *file.identify.lines), frame.elements
     )  # fmt: skip
@@ -126,6 +148,8 @@ def _layout(file: IdentifyFile) -> FunctionLayout:
     stated = file.functions
     if stated is None:
         raise FemtuneError("frf.layout", where=file.where("identify", "frfs"))
+    if stated.kind is None:
+        raise FemtuneError("frf.layout/no-kind", where=file.where("functions"))
     columns = tuple(
         FunctionColumn(parse_dof(f.response), parse_dof(f.reference), f.column, f.imaginary, f.coherence)
         for f in file.function

@@ -315,7 +315,7 @@ RECORD_FORMATS = Formats(
     ),
     RecordFormat(
         key="uff",
-        suffixes=(".uff", ".unv"),
+        suffixes=(".uff", ".unv", ".ufb", ".bunv"),
         written_by="programs for modal tests: Universal Files, data set 58",
         content="time records with their DOFs, quantities and units",
         reader="records.waves.read_uff_time",

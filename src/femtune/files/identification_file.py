@@ -6,15 +6,25 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationError
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.formats import RecordFormatKey
-from femtune.files.study_file.kinds import DofLabel, NamesFile, Positive, SchemaVersion, Text, TomlTable, Units
+from femtune.files.study_file.kinds import (
+    DofLabel,
+    Fraction,
+    Hertz,
+    NamesFile,
+    Positive,
+    SchemaVersion,
+    Text,
+    TomlTable,
+    Units,
+)
+from femtune.files.study_file.output import OutputTable
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
-from femtune.files.study_file.step_tables import OutputTable
 from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY, FrfEstimator, MethodWord
 
 # ----------------------------------------------------------------------------------------------------
@@ -22,7 +32,7 @@ from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY, FrfEstimator,
 
 
 NodePath = Annotated[tuple[Annotated[int, Field(ge=1, le=2**31)], ...], Field(min_length=2)]
-Hertz = Annotated[float, Field(ge=0, le=1e12)]
+Rate = Annotated[float, Field(gt=0, le=1e9)]
 RecordName = Annotated[Text, NamesFile("record")]
 FrfsName = Annotated[Text, NamesFile("file of FRFs")]
 
@@ -51,7 +61,7 @@ class IdentifyTable(TomlTable):
     Example: `"text"`"""
     variable: Text | None = None
     """Name of the array in a file with several arrays. Example: `"acc"`"""
-    sampling_hz: Positive | None = None
+    sampling_hz: Rate | None = None
     """Sampling frequency, if the file does not state it; if it does, both values must agree. Example: `200.0`"""
     band_hz: tuple[Hertz, Hertz] | None = None
     """Frequency band of the identification, Hz; required for time histories. Default for FRFs: all lines. Example:
@@ -119,7 +129,7 @@ class SetupEntry(TomlTable):
     """Time histories of this set-up; either this or `frfs`. Example: `"setup1.npy"`"""
     frfs: FrfsName | None = None
     """FRFs of this set-up; either this or `record`. Example: `"setup1.unv"`"""
-    sampling_hz: Positive | None = None
+    sampling_hz: Rate | None = None
     """Sampling frequency of this set-up, Hz. Default: that of `[identify]`. Example: `200.0`"""
     variable: Text | None = None
     """Name of the array of this set-up in a file with several arrays. Default: that of `[identify]`. Example:
@@ -146,10 +156,11 @@ class RigidBodyEntry(TomlTable):
 
 
 class FunctionsTable(TomlTable):
-    """[functions]: what the axes of a file of FRFs mean, if it is not a Universal File."""
+    """[functions]: what the axes of a file of FRFs mean; of a Universal File only `kind` and `factor`."""
 
-    kind: Literal["receptance", "mobility", "accelerance"]
-    """`"receptance"`, `"mobility"` or `"accelerance"`. Example: `"accelerance"`"""
+    kind: Literal["receptance", "mobility", "accelerance"] | None = None
+    """`"receptance"`, `"mobility"` or `"accelerance"`. Required, unless the file is a Universal File: there it replaces
+    the data types and unit labels of the file. Example: `"accelerance"`"""
     responses: tuple[DofLabel, ...] = ()
     """Response DOFs in the order of the array. Required without `[[function]]`. Example: `["1Z+", "2Z+"]`"""
     references: tuple[DofLabel, ...] = ()
@@ -171,19 +182,23 @@ class FunctionsTable(TomlTable):
     step_hz: Positive | None = None
     """Distance of the frequency lines, Hz, instead of `frequency`. Example: `0.25`"""
     factor: float = 1.0
-    """Factor on the values, for example for responses in g. Example: `9.80665`"""
+    """Factor on the values, for example for responses in g; unit labels of a Universal File are not used then. Example:
+    `9.80665`"""
 
 
 class FunctionEntry(TomlTable):
     """[[function]]: DOFs of one function of a table, or along the axis "function" of an array."""
 
+    file: FrfsName | None = None
+    """File of the function, if each function has its own; then `frfs` may be left out. Default: the file in `frfs`, or
+    the files in `frfs` in the order of the functions. Example: `"frf_3Z.csv"`"""
     column: Column
-    """Column of the real part, number from 1 or name in the heading; position from 1 along the axis `"function"`.
-    Example: `2`"""
+    """Column of the real part, number from 1 or name in the heading; position from 1 along the axis `"function"`, or
+    the name of an array of this function. Example: `2`"""
     imaginary: Column | None = None
-    """Column of the imaginary part. Example: `3`"""
+    """Column or array of the imaginary part. Example: `3`"""
     coherence: Column | None = None
-    """Column of the coherence. Example: `"coh 1"`"""
+    """Column or array of the coherence. Example: `"coh 1"`"""
     response: DofLabel
     """Response DOF of the function. Example: `"12Z-"`"""
     reference: DofLabel
@@ -209,11 +224,11 @@ class LinearityTable(TomlTable):
 
     force: Positive | None = None
     """Level of the force of the measurement in `[identify]`. Required with `[[level]]`. Example: `1.0`"""
-    largest_frequency_change: Annotated[float, Field(gt=0, lt=1)] = 0.005
+    largest_frequency_change: Fraction = 0.005
     """Accepted relative change of a natural frequency between the levels. Example: `0.002`"""
     largest_damping_change: Positive = 0.2
     """Accepted relative change of a damping ratio. Example: `0.1`"""
-    least_frac: Annotated[float, Field(gt=0, lt=1)] = 0.9
+    least_frac: Fraction = 0.9
     """Accepted FRAC of FRFs between the levels. Example: `0.95`"""
 
 
@@ -244,6 +259,19 @@ class IdentifyFile(TomlTable):
 
     _path: Path = PrivateAttr(default=Path("identify.toml"))
     _source: StudyLines = PrivateAttr(default=StudyLines("identify.toml"))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _files_of_functions(cls, data: Any) -> Any:
+        """Files that are named with their functions are the FRFs."""
+        asked = data.get("identify") if isinstance(data, dict) else None
+        entries = data.get("function") if isinstance(asked, dict) else None
+        if not (isinstance(asked, dict) and isinstance(entries, list | tuple)) or "frfs" in asked or "record" in asked:
+            return data
+        files = [entry.get("file") for entry in entries if isinstance(entry, dict)]
+        if not files or len(files) < len(entries) or not all(isinstance(file, str) for file in files):
+            return data
+        return {**data, "identify": {**asked, "frfs": tuple(dict.fromkeys(files))}}
 
     @property
     def path(self) -> Path:
@@ -313,15 +341,21 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
 def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     asked = table(data, "identify")
     yield from _setups(data, asked, source)
-    if "identify" in data and "setup" not in data and ("record" in asked) == ("frfs" in asked):
+    if "identify" in data and "setup" not in data and ("record" in asked) == _has_frfs(data, asked):
         hint = 'write record = "ambient.csv" or frfs = "frf.unv"'
         yield source.error(("identify",), "identify.source", {}, hint=hint)
     yield from _layout(data, asked, source)
-    yield from _methods(asked, source)
+    yield from _methods(data, asked, source)
     yield from _levels(data, source)
     if falls(asked.get("band_hz")):
         shown = {"band_hz": asked["band_hz"]}
         yield source.error(("identify", "band_hz"), "study.value/empty-band", shown)
+
+
+def _has_frfs(data: dict[str, Any], asked: dict[str, Any]) -> bool:
+    """Whether FRFs are named: in [identify], or in every [[function]]."""
+    entries = [entry for _, entry in tables(data, "function")]
+    return "frfs" in asked or (bool(entries) and all("file" in entry for entry in entries))
 
 
 def _setups(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
@@ -336,7 +370,7 @@ def _setups(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> 
 def _layout(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """[functions] belongs to functions; its axes are named once, and the lines are given in one way."""
     stated = table(data, "functions")
-    if ("functions" in data or "function" in data) and "frfs" not in asked:
+    if ("functions" in data or "function" in data) and not _has_frfs(data, asked):
         yield source.error(("functions",), "identify.layout", {})
     axes = texts(stated.get("axes"))
     if len(set(axes)) < len(axes) or (axes and "frequency" not in axes) or {"function", "response"} <= set(axes):
@@ -350,7 +384,7 @@ def _layout(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> 
 def _levels(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """Levels are measured as the first one is, whose force is stated; without levels there is nothing to compare."""
     entries = list(tables(data, "level"))
-    kind = "frfs" if "frfs" in table(data, "identify") else "record"
+    kind = "frfs" if _has_frfs(data, table(data, "identify")) else "record"
     for place, entry in entries:
         if kind not in entry or ("record" in entry) == ("frfs" in entry):
             yield source.error(place, "identify.level", entry, key=kind)
@@ -360,9 +394,9 @@ def _levels(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
         yield source.error(("linearity",), "identify.level/none", {})
 
 
-def _methods(asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+def _methods(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """Methods must suit what was measured; with measured forces in a record those for FRFs do too."""
-    known = KNOWN_INPUT if "frfs" in asked else (*KNOWN_INPUT, *OUTPUT_ONLY)
+    known = KNOWN_INPUT if _has_frfs(data, asked) else (*KNOWN_INPUT, *OUTPUT_ONLY)
     for word in texts(asked.get("methods")):
         if word not in known and word in OUTPUT_ONLY:
             yield source.error(

@@ -12,7 +12,7 @@ from femtune.errors import FemtuneError, Notice
 from femtune.identification.shapes import DrivingPoint, driving_points
 from femtune.modal import FrfSet, as_kind
 from femtune.modal.assignment import linear_sum_assignment
-from femtune.modal.frf_set import KINDS
+from femtune.modal.frf_set import KINDS, inward_power
 
 POWER_IN = 0.95
 """Part of a driving point's power that must go into the structure, lines weighted by their mobility."""
@@ -79,9 +79,7 @@ def dead_responses(frfs: FrfSet) -> Flags:
 
 
 def power_in(frfs: FrfSet, point: DrivingPoint, kind: str | None = None) -> float:
-    """Part of Σ|Re Y||Y| that is positive, Y the mobility at a driving point: 1 for a passive structure.
-
-    Weighted by |Y|, so that resonances count and noise between them does not.
+    """`femtune.modal.frf_set.inward_power` at a driving point.
 
     Parameters
     ----------
@@ -91,10 +89,7 @@ def power_in(frfs: FrfSet, point: DrivingPoint, kind: str | None = None) -> floa
     used = frfs.freq_hz > 0.0
     power = 1 - KINDS.index(kind or frfs.kind)
     mobility = point.sign * frfs.values[point.response, point.reference, used] * i_omega[used] ** power
-    mobility = mobility[np.isfinite(mobility)]
-    inward = mobility.real * np.abs(mobility)
-    total = np.abs(inward).sum()
-    return float(np.clip(inward, 0.0, None).sum() / total) if total else float("nan")
+    return inward_power(mobility[np.isfinite(mobility)])
 
 
 def reciprocity(frfs: FrfSet) -> tuple[Reciprocity, ...]:

@@ -43,8 +43,12 @@ OWNER_FILE = "owner.json"
 UPDATES = ("update", "validate", "bootstrap", "run")
 """Steps that update the model, and write all that follows from that."""
 
-HOLDING = (*UPDATES, "candidates", "screen", "search")
-"""Steps that hold the run folder while they are at work; the last two for the runs of an external solver only."""
+RUNNING_SOLVER = (
+    "check", "info", "modes", "respond", "plan", "correlate", "compare", "select", "quantify", "screen", "search",
+)  # fmt: skip
+"""Steps that write nothing into the run folder but the runs of an external solver."""
+HOLDING = (*UPDATES, "candidates", *RUNNING_SOLVER)
+"""Steps that hold the run folder: the last ones for a model of an external solver, while it may be run."""
 
 
 class Role(StrEnum):

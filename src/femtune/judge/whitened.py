@@ -163,10 +163,21 @@ def whitened(result: UpdateResult, untested: str = "") -> Whitened | None:
     )  # fmt: skip
 
 
-def prior_blocks(result: UpdateResult) -> tuple[ResidualBlock, ...]:
-    """The rows of a prior as blocks, one a parameter; none where the update has no prior."""
+def whitened_values(blocks: Sequence[ResidualBlock]) -> Reals:
+    """(n,) the values alone, as in `whitened_blocks`: of blocks that need no derivatives."""
+    kept = (b for b in blocks if not _why_not(b, ""))
+    return np.concatenate([np.zeros(0), *(b.whitened().values for b in kept)])
+
+
+def prior_blocks(result: UpdateResult, x: Reals | None = None) -> tuple[ResidualBlock, ...]:
+    """The rows of a prior as blocks, one a parameter; none where the update has no prior.
+
+    Parameters
+    ----------
+    x : the parameters, and others after them; those at the end of the update without it
+    """
     side, parameters = result.side, result.parameters
-    values, rows = side.rows(result.x)
+    values, rows = side.rows(result.x if x is None else x[: len(result.x)])
     known = np.flatnonzero(np.broadcast_to(side.informative, len(values)))
     if not len(known):
         return ()

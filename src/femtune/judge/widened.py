@@ -1,4 +1,6 @@
-"""A model with further fields as parameters: factors of one, which move nothing and whose derivatives are exact.
+"""A model with further parameters at its own values, which move nothing and whose derivatives are exact.
+
+They are factors of one on fields, and masses of zero at grid points.
 
 A field that a parameter already sets, on all elements or in a region, is multiplied by the factor there too: the
 parameter p becomes p·c on the elements of the factor c.
@@ -13,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from femtune.fem.fields import FieldRef
+from femtune.judge.point_masses import PointMass, with_point_masses
 from femtune.model import Assignment, EigenSolution, ParametricModel, SubspaceDerivative, configure, parametric_model
 from femtune.model.derivatives.sensors import sensor_derivatives
 from femtune.model.full_model import ModelSolver, direct
@@ -20,7 +23,7 @@ from femtune.parameters import Parameter, ParameterSet, parse_expression
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
 from femtune.residuals.frf.residual import FrfResidual
-from femtune.updating import NoRegularisation, SensitivityMethod, UpdateResult
+from femtune.updating import UpdateResult
 
 _TOLERANCE = 1e-4
 """Error of the derivatives of a shape at the sensors: far below what noise leaves of a column, and above what many
@@ -48,8 +51,10 @@ class WideningFactor:
     upper: float = 2.0
 
 
-def widened(model: ParametricModel, factors: Sequence[WideningFactor]) -> ParametricModel:
-    """The model with free factors after its own parameters; at their value of one it is the same.
+def widened(
+    model: ParametricModel, factors: Sequence[WideningFactor], masses: Sequence[PointMass] = ()
+) -> ParametricModel:
+    """The model with free factors and masses after its own parameters; at their values of one and zero it is the same.
 
     Raises
     ------
@@ -75,7 +80,10 @@ def widened(model: ParametricModel, factors: Sequence[WideningFactor]) -> Parame
             assignments.append(replace(a, elements=users))
     own = ((f, f.elements - taken[f.ref]) for f in factors)
     assignments += [Assignment(f.name, f.ref, True, elements) for f, elements in own if elements]
-    free = tuple(Parameter(f.name, 1.0, f.lower, f.upper) for f in factors)
+    if masses:
+        given, of_masses = with_point_masses(given, masses)
+        assignments += of_masses
+    free = (*(Parameter(f.name, 1.0, f.lower, f.upper) for f in factors), *(m.parameter for m in masses))
     parameters = ParameterSet((*model.parameters.parameters, *free, *products.values()))
     return parametric_model(given, parameters, assignments, model.tables)
 
@@ -95,8 +103,10 @@ def _product(parameter: str, factor: str) -> Parameter:
 # The end of an update with further parameters.
 
 
-def widened_problem(result: UpdateResult, model: ParametricModel, factors: Sequence[WideningFactor]) -> UpdateProblem:
-    """The comparisons at the end of an update on the full model, with free factors after the parameters.
+def widened_problem(
+    result: UpdateResult, model: ParametricModel, factors: Sequence[WideningFactor], masses: Sequence[PointMass] = ()
+) -> UpdateProblem:
+    """The comparisons at the end of an update on the full model, with free factors and masses after the parameters.
 
     FRFs of models above 1,000 free DOFs are left out: their derivatives by many factors take too long.
 
@@ -104,7 +114,7 @@ def widened_problem(result: UpdateResult, model: ParametricModel, factors: Seque
     ------
     FemtuneError : as `parametric_model` and `configure`
     """
-    wide = widened(model, factors)
+    wide = widened(model, factors, masses)
     after = result.after
     solver: ModelSolver = _BySensors()
     cases = tuple(
@@ -140,17 +150,3 @@ def widened_end(result: UpdateResult, problem: UpdateProblem) -> Evaluation:
         solution = None if known is None else replace(known, point=point)
         states.append(CaseState(case, point, state.groups, solution))
     return problem.assess(x, states)
-
-
-def freed(result: UpdateResult, method: SensitivityMethod, count: int) -> SensitivityMethod:
-    """The method of an update with `count` further parameters, on which its side constraint does not act.
-
-    The minimum itself is looked for, not the smallest change near it.
-    """
-    side = result.side
-    if side.renewed is not None:
-        return replace(method, regularisation=NoRegularisation(), adapt=False, smallest_change=0.0)
-    more = np.zeros((len(side.matrix), count))
-    held = np.hstack([side.held, np.zeros((len(side.held), count))])
-    wide = replace(side, matrix=np.hstack([side.matrix, more]), held=held)
-    return replace(method, regularisation=wide, adapt=False, smallest_change=0.0)

@@ -110,6 +110,16 @@ def as_kind(frfs: FrfSet, kind: str) -> FrfSet:
     return replace(frfs, values=frfs.values * factor, kind=kind)
 
 
+def inward_power(mobility: NDArray) -> float:
+    """Part of Σ|Re Y||Y| that is positive, Y (k,) the mobility at a driving point: 1 for a passive structure.
+
+    Weighted by |Y|, so that resonances count and noise between them does not; NaN without any power.
+    """
+    inward = mobility.real * np.abs(mobility)
+    total = np.abs(inward).sum()
+    return float(np.clip(inward, 0.0, None).sum() / total) if total else float("nan")
+
+
 def frac(a: NDArray, b: NDArray) -> float | None:
     """Frequency response assurance criterion |aᴴb|²/(aᴴa · bᴴb) of two functions (k,) at the same lines.
 

@@ -156,7 +156,11 @@ class ModelPoint:
     @cached_property
     def _values(self) -> list[NDArray | None]:
         """Values of the coefficients: much less work than with derivatives if there are many parameters."""
-        table = self._table.without_derivatives()
+        model = self.configured.model
+        if np.iscomplexobj(self.x):
+            table = self._table.without_derivatives()
+        else:
+            table = model.table_of_values(self.x, () if self.at_hz is None else model.factors(self.at_hz))
         terms = (p.term for p in self.configured.projected)
         return [t.coefficient(table).value if t.coefficient else None for t in terms]
 

@@ -104,8 +104,12 @@ class ParametricModel:
 
     def values(self, x: NDArray, factors: Sequence[float] = ()) -> NDArray[np.float64]:
         """(n,) the value table without derivatives, which take most of the time if there are many parameters."""
+        return np.asarray(self.table_of_values(x, factors).value)
+
+    def table_of_values(self, x: NDArray, factors: Sequence[float] = ()) -> TableJet:
+        """The same as jets of no variables."""
         values = self.parameters.values(x)
-        return np.asarray(self._table({n: constant(v, 0) for n, v in values.items()}, 0, factors).value)
+        return self._table({n: constant(v, 0) for n, v in values.items()}, 0, factors)
 
     def _table(self, jets: Mapping[str, Jet], k: int, factors: Sequence[float]) -> TableJet:
         """The value table from the parameters with their derivatives by k variables."""

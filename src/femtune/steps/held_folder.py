@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from femtune.files.study_file.reading import is_file
+from femtune.files.study_file.reading import is_deck, is_file, read_study_file
+from femtune.files.study_file.study import StudyFile
 from femtune.journal.finished import is_of_runs
 from femtune.journal.owner import Owner, check_foreign, check_owner, digests, sign
 from femtune.journal.run_files import JOURNAL_FOLDER, OWNER_FILE, REPORT_FILE, VTU_FILE, Role, forget, made_by
@@ -20,7 +21,6 @@ from femtune.steps.run_lock import locked
 from femtune.study.inputs import check_outputs, inputs_of_study, named_inputs
 
 if TYPE_CHECKING:
-    from femtune.files.study_file import StudyFile
     from femtune.study.inputs import Input
     from femtune.study.study import Study
 
@@ -146,14 +146,26 @@ def held(file: StudyFile, folder: Path, step: str) -> Iterator[RunFolder]:
 
 
 @contextmanager
-def held_for_solver(file: StudyFile, step: str) -> Iterator[None]:
+def held_for_solver(source: Path | str | StudyFile, step: str) -> Iterator[None]:
     """Hold the run folder for a step that writes nothing there but the runs of an external solver, if there is one.
+
+    To be entered before the model is read, since this runs the solver.
+
+    Parameters
+    ----------
+    source : a study, or the path of a study or of a deck
+    step : one of `femtune.journal.run_files.RUNNING_SOLVER`
 
     Raises
     ------
-    FemtuneError : as `held`
+    FemtuneError : as `held`, and as `read_study_file`
     """
-    with contextlib.nullcontext() if file.solver is None else held(file, file.output_folder, step):
+    if not isinstance(source, StudyFile):
+        if is_deck(source):
+            yield
+            return
+        source = read_study_file(source)
+    with contextlib.nullcontext() if source.solver is None else held(source, source.output_folder, step):
         yield
 
 

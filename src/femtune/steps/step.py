@@ -192,12 +192,15 @@ class Step:
     Parameters
     ----------
     name : name of its folder, of its command and of its function
+    tables : tables of the study file with its options; the module of their class in `femtune.files.study_file` has the
+        name of the step or of the table
     command : its command; None for a step that is part of a run only
     sections : its sections of the report of a run
     page : its page if it runs alone; None without one
     """
 
     name: str
+    tables: tuple[str, ...] = ()
     command: Command | None = None
     sections: tuple[ReportSection, ...] = ()
     page: Page | None = None

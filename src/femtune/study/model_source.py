@@ -19,7 +19,7 @@ from femtune.files.study_file import ConfigurationSolver
 from femtune.files.study_file.matrices import MatrixEntry
 from femtune.files.study_file.runs import RunsModelTable
 from femtune.files.study_file.solver import SolverTable
-from femtune.files.study_file.step_tables import StudyTable
+from femtune.files.study_file.study_table import StudyTable
 from femtune.study.cases import ModesOfDeck
 
 if TYPE_CHECKING:
@@ -109,10 +109,6 @@ def model_source(file: StudyFile) -> ModelSource[Any]:
     return SOURCES[type(file.source)](file)
 
 
-LARGE_DEVIATION = 0.2
-"""Relative standard deviation of a frequency from which a message asks whether per cent was meant."""
-
-
 _MOST_MODES = 100_000
 _HIGHEST_HZ = 1e12
 """Largest values of `count` and `max_hz` in [modes]; METHOD of a deck may state larger ones."""
@@ -164,17 +160,10 @@ class FromDeck(ModelSource[BuiltDeck]):
     def doubts(self, built: BuiltDeck) -> tuple[Notice, ...]:
         """Warnings of units and dimensions that contradict each other."""
         from femtune.study.plausible_sections import section_notices  # noqa: PLC0415
-        from femtune.study.plausible_units import unit_notices  # noqa: PLC0415
+        from femtune.study.plausible_units import unit_notices, weight_densities  # noqa: PLC0415
 
-        of_units = unit_notices(self.file, built) if self.file.given.units_known else ()
-        return (*of_units, *section_notices(built.structure), *self._large_deviation())
-
-    def _large_deviation(self) -> tuple[Notice, ...]:
-        stated = self.file.residuals.frequency_sd
-        if not isinstance(stated, float | int) or stated < LARGE_DEVIATION:
-            return ()
-        where, meant = self.file.where("residuals", "frequency_sd"), stated / 100.0
-        return (Notice("study.large-sd", where=where, value=stated, percent=100.0 * stated, meant=meant),)
+        of_units = unit_notices(self.file, built) if self.file.given.units_known else weight_densities(built)
+        return (*of_units, *section_notices(built.structure))
 
     def mesh(self, nodes: NodeTable) -> DrawnMesh | None:
         """None: the elements are drawn."""

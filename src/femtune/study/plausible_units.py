@@ -114,6 +114,26 @@ def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
     return ()
 
 
+def weight_densities(built: BuiltModel) -> tuple[Notice, ...]:
+    """A warning if the density of a metal is a weight per volume, for a deck whose units nobody has declared.
+
+    The material is then a metal in none of the systems, and one with its weight density in some of them.
+    """
+    systems = [unit_system(name) for name in SYSTEMS]
+    materials = list(materials_of(built.structure))
+    if any(material.common(units) for material in materials for units in systems):
+        return ()
+    for material in materials:
+        for units in systems:
+            if material.common_weight(units) in _METALS:
+                facts: dict[str, Any] = {"material": material.name, "modulus": material.modulus}
+                facts["density"] = material.density
+                facts |= {"fitting": units.name, "common": material.common_weight(units)}
+                factor = f"{units.length / _GRAVITY:.5g}"
+                return (Notice("deck.weight-density", level="info", **facts, factor=factor),)
+    return ()
+
+
 def _of_metal(file: StudyFile, materials: list[Material], declared: UnitSystem) -> tuple[Notice, ...]:
     """A warning if no material is common in the declared units, and in other units all are possible and one is a
     metal."""

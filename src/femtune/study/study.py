@@ -20,6 +20,7 @@ from femtune.model.full_model import direct
 from femtune.model.solvers.factorise import solver_asked
 from femtune.parameters import DerivedQuantity, ParameterSet, parse_expression
 from femtune.study.cases import States, on_model
+from femtune.study.doubtful_values import value_doubts
 from femtune.study.model_source import model_source
 from femtune.study.parameters import assignments, parameter_set, targets, with_parameters_of_modes
 from femtune.study.progress import silent
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from femtune.residuals import UpdateProblem
     from femtune.study.cases import StudyCase
     from femtune.study.model_source import ModelSource
+    from femtune.study.parameters import Target
     from femtune.study.progress import Progress
     from femtune.study.specimens import Specimens
 
@@ -186,6 +188,7 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     """Parameters, configurations and tests on a deck that was built."""
     errors = ErrorCollector()
     model, specimens = None, None
+    moved: tuple[Target, ...] = ()
     with errors.catch():
         moved = targets(file, built)
         model = parametric_model(built.structure, parameter_set(moved, built), assignments(moved), tables_of(file))
@@ -210,6 +213,7 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
 
         check_placement(file, cases)
     assert model is not None
+    notices += value_doubts(file, model, moved, cases)
     model = model if specimens is None else specimens.models[specimens.names[0]]
     return Study(
         file, built, model, tuple(cases), tuple(dict.fromkeys(notices)),

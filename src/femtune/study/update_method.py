@@ -9,7 +9,7 @@ from femtune.updating.asked import regularisation_of
 from femtune.updating.kinds import SEARCH_METHODS
 
 if TYPE_CHECKING:
-    from femtune.files.study_file.step_tables import UpdateTable
+    from femtune.files.study_file.update import UpdateTable
     from femtune.parameters import ParameterSet
 
 

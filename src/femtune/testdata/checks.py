@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice
 from femtune.modal import ModeSet
+from femtune.modal.plausible_damping import doubtful_ratios
 from femtune.modal.shape_criteria import turn_to_real_axis
 from femtune.testdata.modal_test import ModalTest
 
@@ -63,7 +64,7 @@ def check_modes(modes: ModeSet, *, allow_missing: bool = False) -> tuple[Notice,
         with errors.catch():
             _check_nan(modes)
     errors.raise_if_any()
-    return (*_order(modes), *_repeated(modes), *_complexity(modes))
+    return (*_order(modes), *_repeated(modes), *_complexity(modes), *_damping(modes))
 
 
 def _check_nan(modes: ModeSet) -> None:
@@ -128,6 +129,27 @@ def _complexity(modes: ModeSet) -> Iterator[Notice]:
         if collinearity < LOW_COLLINEARITY:
             deviation = mean_phase_deviation_deg(shape)
             yield Notice("test.complex-shape", mode=label, collinearity=collinearity, deviation_deg=deviation)
+
+
+def _damping(modes: ModeSet) -> Iterator[Notice]:
+    """Damping ratios that are negative or larger than those of any structure, told once with the first of them."""
+    if modes.damping_ratio is None:
+        return
+    doubtful = doubtful_ratios(modes.damping_ratio)
+    if not len(doubtful):
+        return
+    values = modes.damping_ratio[doubtful]
+    problem = "it is negative"
+    if values[0] > 0.0:
+        problem = f"more than any structure has; if {values[0]:g} % is meant, write {values[0] / 100.0:g}"
+    others = [modes.labels[i] for i in doubtful[1:]]
+    shown = ", ".join(others[:_MOST_NAMED]) + (" …" if len(others) > _MOST_NAMED else "")
+    more = f" (mode{'s' if len(others) > 1 else ''} {shown} likewise)" if others else ""
+    yield Notice("test.damping-doubtful", mode=modes.labels[doubtful[0]], value=values[0], more=more, problem=problem)
+
+
+_MOST_NAMED = 8
+"""Modes that a notice names."""
 
 
 def phase_collinearity(shape: NDArray) -> float:

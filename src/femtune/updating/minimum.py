@@ -31,6 +31,11 @@ _SUSPECT = 0.05
 """Probability of χ² by chance below which the residuals are reason enough to look for another minimum."""
 _LEAST_EFFORT = 10
 """Iterations that trials may take at least, where the update itself took few."""
+_FIRST_STEPS = 10
+"""Iterations after which a start is given up if the linear model does not expect a better minimum: most starts that
+find one are near it by then."""
+_CURVED_GAIN = 3.0
+"""Decrease of the objective that may be left, relative to that which the linear model expects, where it is curved."""
 
 _MOST_RANKED = 40
 """Other pairings that are assessed by the linear model: each costs the derivatives of one or two pairs."""
@@ -45,15 +50,17 @@ class MinimumRules:
     Parameters
     ----------
     swaps : other pairings at most
-    starts : other initial values at most, where a model is cheap
-    effort : iterations of all trials, as a multiple of those of the update
+    samples : points over the bounds at which χ² is evaluated, where a model is cheap
+    starts : of these points, those with the least χ² from which the update is repeated
+    effort : iterations with other pairings, and once more with other starts, as a multiple of those of the update
     small_effort : the same where the model is small
     small_dofs : free DOFs of all full models together up to which a model is small. There and on reduced models starts
         are tried, and on larger ones a single pairing; the others are named
     """
 
     swaps: int = 4
-    starts: int = 6
+    samples: int = 40
+    starts: int = 4
     effort: float = 1.0
     small_effort: float = 4.0
     small_dofs: int = 1_000
@@ -103,7 +110,10 @@ class _Search:
         if reasons:
             left = self._pairings() if self._compares_modes else []
             if self._small or self._reduced:
+                before_starts = self.best
                 self._starts()
+                if self._compares_modes and self.best is not before_starts:
+                    left = self._pairings()
         before = now = 2.0 * first.objective
         if self.best is not first:
             tests = united([first.after.tests, self.best.after.tests])
@@ -140,20 +150,18 @@ class _Search:
             out.append("a frequency is worse than at the start")
         return out
 
-    @property
-    def _spare(self) -> int:
-        """Iterations that are left for trials."""
+    def _spare(self, kind: TrialKind) -> int:
+        """Iterations that are left for trials of a kind."""
         effort = self.rules.small_effort if self._small else self.rules.effort
         allowed = max(int(effort * self.used), _LEAST_EFFORT)
-        return allowed - sum(trial.iterations for trial in self.trials)
+        return allowed - sum(trial.iterations for trial in self.trials if trial.kind == kind)
 
     def _pairings(self) -> list[str]:
         """Other pairings from the best end, again from every better one; those that are left, in words."""
-        most = self.rules.swaps if self._small or self._reduced else 1
-        tried: set[str] = set()
+        most, tried = self.rules.swaps if self._small or self._reduced else 1, set[str]()
         while True:
             open_ = [one for one in self._ranked() if one.sentence not in tried]
-            if not open_ or len(tried) == most or self._spare <= 0:
+            if not open_ or len(tried) == most or self._spare("pairing") <= 0:
                 return [one.sentence for one in open_]
             tried.add(open_[0].sentence)
             self._judge("pairing", open_[0].sentence, partial(self._swapped, open_[0]))
@@ -187,34 +195,56 @@ class _Search:
     def _swapped(self, one: OtherPairing) -> _Way:
         """The update with other pairs that are held, and from its end with pairs by their MACs."""
         held = replace(self.problem, pairing_held=True)
-        way = self._update(held, held.assess(self.best.x, self._states(one)), smallest=False)
+        way = self._update("pairing", held, held.assess(self.best.x, self._states(one)), smallest=False)
         tests = united([self.best.after.tests, way.after.tests])
         reached, before = (2.0 * objective_over(self.problem, r, tests) for r in (way, self.best))
         if not _lower(reached, before):
             return _Way(way, way.history, ends_held=True)
-        found = self._update(self.problem, self.problem.start(way.x))
+        found = self._update("pairing", self.problem, self.problem.start(way.x))
         return _Way(found, (*way.history, *found.history[1:]), held=reached)
 
-    def _update(self, problem: UpdateProblem, start: Evaluation, smallest: bool = True) -> UpdateResult:
-        most = min(self.method.max_iterations, max(self._spare, _LEAST_EFFORT))
+    def _update(
+        self, kind: TrialKind, problem: UpdateProblem, start: Evaluation, smallest: bool = True, most: int = 0
+    ) -> UpdateResult:
+        most = min(self.method.max_iterations, most or max(self._spare(kind), _LEAST_EFFORT))
         change = self.method.smallest_change if smallest else 0.0
         method = replace(self.method, max_iterations=most, smallest_change=change)
         return update(problem, method, start=start, active=self.best.active)
 
     def _starts(self) -> None:
-        """A few initial values spread over the bounds."""
+        """Those points with the least χ² of many that are spread over the bounds."""
+        if not self.rules.starts:
+            return
         moving = moving_parameters(self.problem, self.best.active)
-        points = starting_points(self.problem.parameters, StartRules(self.rules.starts))
-        nominal = self.best.before.x
-        for i, point in enumerate(points, start=1):
-            if self._spare <= 0:
+        points = starting_points(self.problem.parameters, StartRules(self.rules.starts, samples=self.rules.samples))
+        points = np.where(moving, points, self.best.before.x)
+        heights = np.array([self._height(x) for x in points])
+        order = [int(i) for i in np.argsort(heights, kind="stable") if np.isfinite(heights[i])][: self.rules.starts]
+        for i, at in enumerate(order, start=1):
+            if self._spare("start") <= 0:
                 return
-            x = np.where(moving, point, nominal)
-            self._judge("start", f"start {i} of {len(points)}", partial(self._from, x))
+            sentence = f"start {i} of {len(order)}, chosen from {len(points)} points"
+            self._judge("start", sentence, partial(self._from, points[at]))
+
+    def _height(self, x: Reals) -> float:
+        """½ rᵀr of a point over the test modes that the best end compares; infinite where it is not solved."""
+        try:
+            at = self.problem.assess(x, self.problem.solved(x), derivatives=False)
+            values, _ = self.best.side.rows(x)
+            return self.problem.over(at, united([self.best.after.tests, at.tests])) + 0.5 * float(values @ values)
+        except FemtuneError:
+            return np.inf
 
     def _from(self, x: Reals) -> _Way:
-        found = self._update(self.problem, self.problem.start(x))
-        return _Way(found, found.history)
+        """The update from a point, given up after some steps where the linear model expects no better minimum."""
+        first = self._update("start", self.problem, self.problem.start(x), smallest=False, most=_FIRST_STEPS)
+        if not first.status.ok:
+            tests, walk = united([self.best.after.tests, first.after.tests]), self._walk()
+            new, old = (objective_over(self.problem, r, tests) for r in (first, self.best))
+            if new - _CURVED_GAIN * walk.best_gain(walk.point(first.after)) > old:
+                return _Way(first, first.history)
+        found = self._update("start", self.problem, first.after)
+        return _Way(found, (*first.history, *found.history[1:]))
 
     def _judge(self, kind: TrialKind, sentence: str, trial: Callable[[], _Way]) -> None:
         """Make a trial, and keep the better end."""

@@ -28,6 +28,7 @@ from femtune.model.reduce import (
     divide,
     modes_nearby,
 )
+from femtune.model.reduce.estimate import DEPENDENT
 from femtune.residuals import CaseState, ComparedCase, Evaluation, FrfResidual, ResidualBlock, UpdateProblem
 from femtune.residuals.frf.model_way import settle_all
 from femtune.residuals.frf.on_reduced import ReducedFrfs, modes_for, port_rows, served, wanted_of
@@ -172,8 +173,8 @@ class FrfAgreement:
     mean, largest : root mean square and largest difference of their values, in standard deviations
     shift : how far the difference moves the combination of parameters that it moves most, in its standard deviation
         as the FRFs determine it
-    compared : False where the full models' modes and responses lie within the bases up to the threshold of an
-        enrichment, so that the reduced models were compared with themselves and no difference says nothing
+    compared : False where the full models' modes and responses lie within the bases up to linear dependence, so that
+        there is no difference
     """
 
     mean: float
@@ -338,8 +339,7 @@ class ReducedSearch:
             return Agreement(tuple(errors), None)
         pair = ([b for _, blocks in self._functions(x, of) for b in blocks] for of in (self.trained, better))
         found = frf_agreement(*pair)
-        larger = any(b.model.order > t.model.order for t, b in zip(self.trained, better, strict=True))
-        return Agreement(tuple(errors), replace(found, compared=larger))
+        return Agreement(tuple(errors), replace(found, compared=self._enlarged(better)))
 
     def _functions(
         self, x: Reals, trained: Sequence[Trained]
@@ -372,12 +372,23 @@ class ReducedSearch:
         return found
 
     def enriched(self, x: Reals, solutions: Sequence[EigenSolution]) -> list[Trained]:
-        """The models with the full modes, and the static responses that FRFs need, at a point where they are solved."""
+        """The models with the full modes, and the static responses that FRFs need, at a point where they are solved.
+
+        Parts of them below a threshold are left out. If that leaves nothing of those for FRFs, all that is linearly
+        independent is kept, since the models would be compared with themselves otherwise.
+        """
         if not any(self.functions) and all(e <= self.rules.tolerance for e in self.errors(x, solutions)):
             # nothing would use them
             return self.trained
         finer = [_finer(t, self.rules.tolerance) for t in self.trainers]
-        return [t.enriched(m, x, s) for t, m, s in zip(finer, self.trained, solutions)]
+        better = [t.enriched(m, x, s) for t, m, s in zip(finer, self.trained, solutions)]
+        if any(self.functions) and not self._enlarged(better):
+            whole = [_keeping(t, DEPENDENT, DEPENDENT) for t in self.trainers]
+            better = [t.enriched(m, x, s) for t, m, s in zip(whole, self.trained, solutions)]
+        return better
+
+    def _enlarged(self, better: Sequence[Trained]) -> bool:
+        return any(b.model.order > t.model.order for t, b in zip(self.trained, better, strict=True))
 
     def look(self, x: Reals, rounds: list[str]) -> Look:
         """The full models solved where a search has ended, beside the reduced ones; `rounds` gets a sentence."""
@@ -628,10 +639,14 @@ def _nearly(
 def _finer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | ComponentTrainer:
     """A trainer that keeps smaller parts of new modes: at an end shapes count, whose error is that of a root."""
     negligible = min(trainer.rules.negligible, 1e-2 * float(np.sqrt(tolerance)))
-    responses = _FINER_RESPONSES * trainer.rules.responses
-    finer = replace(trainer.rules, negligible=negligible, responses=responses)
+    return _keeping(trainer, negligible, _FINER_RESPONSES * trainer.rules.responses)
+
+
+def _keeping(trainer: Trainer | ComponentTrainer, negligible: float, responses: float) -> Trainer | ComponentTrainer:
+    """A trainer with other thresholds of an enrichment."""
+    rules = replace(trainer.rules, negligible=negligible, responses=responses)
     # full solutions where a search ends are told as such
-    return replace(trainer, rules=finer, report=lambda trained: None)
+    return replace(trainer, rules=rules, report=lambda trained: None)
 
 
 def _solve(
@@ -684,8 +699,8 @@ def round_sentence(number: int, search: ReducedSearch, there: Agreement) -> str:
         return sentence
     if not frfs.compared:
         return (
-            f"{sentence}; the full model's modes and static responses there lie within the bases, up to the threshold "
-            "of an enrichment, so that the FRFs could not be compared with better ones"
+            f"{sentence}; the full model's modes and static responses there lie within the bases, which need "
+            "no others for the FRFs"
         )
     verdict = _verdict(frfs.shift <= search.rules.frf_tolerance)
     return (

@@ -60,7 +60,7 @@ class Evidence:
     def missing(self) -> list[str]:
         """Labels of the test modes that should have a partner and have none."""
         c = self.correlation
-        unpaired = [u for u in c.pairing.unpaired_test if not u.left_out]
+        unpaired = [u for u in c.pairing.unpaired_test if not (u.left_out or u.suspension)]
         return [c.test.labels[u.test] for u in unpaired if self.tests is None or u.test in self.tests]
 
 
@@ -74,7 +74,7 @@ def assess(
     """A verdict on each criterion.
 
     A test mode that should have a partner and has none fails every criterion that can be tested on pairs, for it
-    cannot be within any limit; a mode that was left out with a reason is not counted.
+    cannot be within any limit; a mode that was left out with a reason, and a mode of the suspension, are not counted.
 
     Parameters
     ----------

@@ -146,7 +146,7 @@ def test_a_broken_table_is_not_called_missing(deck_of: DeckOf) -> None:
 
 
 def test_large_loss_factors_are_told_once(deck_of: DeckOf) -> None:
-    text = BASE + "PELAS,3,1.,2.5,,4,1.,-3.\nCELAS1,3,3,1\nCELAS1,4,4,1\nPELAS,5,1.,1.9\nCELAS1,5,5,1\n"
+    text = BASE + "PELAS,3,1.,2.5,,4,1.,3.\nCELAS1,3,3,1\nCELAS1,4,4,1\nPELAS,5,1.,1.9\nCELAS1,5,5,1\n"
     (notice,) = build_structure(deck_of(text)).notices
     assert notice.code == "deck.large-loss-factor"
     assert "PELAS 3 GE = 2.5 (and 1 more)" in notice.what

@@ -20,6 +20,8 @@ from femtune.files.study_file.json_schema import SCHEMAS, file_schema, tables_of
 from femtune.files.study_file.keys import Key, keys_of
 from femtune.files.study_file.kinds import tables_by_kind, tables_in
 from femtune.files.study_file.residual import TABLES
+from femtune.steps import all_steps
+from femtune.steps.step import Step
 
 _DOCS = Path(__file__).resolve().parents[3] / "docs"
 _PAGES = {"study": "study-file.md", "identify": "identify-file.md"}
@@ -135,6 +137,45 @@ def test_a_section_has_the_keys_of_its_table(kind: str, key_tables: ModuleType) 
             assert field.is_required() == (default == "*required*")
             if default not in ("*required*", "—"):
                 assert frozen(_value(default.strip("`"))) == field.get_default(call_default_factory=True)
+
+
+def test_a_table_has_the_options_of_one_step_or_describes_structure_and_tests() -> None:
+    owned = [table for step in all_steps() for table in step.tables]
+    assert len(set(owned)) == len(owned)
+    of_the_study = set(dict(_places(SCHEMAS["study"][0]))) - set(owned)
+    # what is tested and compared, and how a study is run
+    assert {place for place in of_the_study if "." not in place} == {
+        *("study", "model", "matrix", "variable", "runs", "solver", "configuration", "component", "test", "sensors"),
+        *("sensor", "rigid_floor", "parameter", "generic", "distribution", "frequency_table", "derived"),
+        *("residuals", "residual", "parallel", "output"),
+    }
+
+
+@pytest.mark.parametrize("step", [step for step in all_steps() if step.tables], ids=lambda step: step.name)
+def test_tables_of_a_step_are_in_the_module_of_its_name(step: Step) -> None:
+    places = dict(_places(SCHEMAS["study"][0]))
+    for table in step.tables:
+        assert places[table].__module__.rpartition(".")[2] in (step.name, table)
+
+
+def test_no_module_has_tables_of_two_steps() -> None:
+    places, steps = dict(_places(SCHEMAS["study"][0])), dict[str, set[str]]()
+    for step in all_steps():
+        for table in step.tables:
+            steps.setdefault(places[table].__module__, set()).add(step.name)
+    assert len(steps) > 10
+    assert [module for module, names in steps.items() if len(names) > 1] == []
+
+
+def test_the_page_has_the_tables_of_the_steps_in_their_order(key_tables: ModuleType) -> None:
+    page = (_DOCS / _PAGES["study"]).read_text(encoding="utf-8")
+    marked = [place for _, place in key_tables.MARKER.findall(page) if "." not in place]
+    owned = [table for step in all_steps() for table in step.tables]
+    assert [place for place in marked if place in owned] == owned
+    rows = key_tables.tables_of_steps().splitlines()
+    assert "| `femtune validate` | [`[validate]`](#validate), [`[[hold_out]]`](#hold_out) |" in rows
+    assert key_tables.STEPS_MARKER in page
+    assert key_tables.STEPS_MARKER not in key_tables.with_tables(page)
 
 
 def test_rows_of_the_page_show_types_in_words(key_tables: ModuleType) -> None:

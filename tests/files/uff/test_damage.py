@@ -90,14 +90,19 @@ def same(a: UffContent, b: UffContent) -> bool:
 
 
 def whole_ends(data: bytes) -> set[int]:
-    """Cuts after which only whole data sets are left: behind a closing delimiter, its line end or part of it."""
-    ends, position, closing = set(), 0, False
+    """Cuts after which only whole data sets are left: behind a closing delimiter, its line end or part of it.
+
+    A function declares its points, and is whole at the last of them without its delimiter.
+    """
+    ends, position, closing, head = set(), 0, False, b""
     for line in data.splitlines(keepends=True):
         position += len(line)
         if line.rstrip(b"\r\n").endswith(b"    -1"):
             if closing:
                 ends |= {position - 1, position} | {position + k for k in range(5)}
+                ends |= set(range(position - len(b"    -1\n") - 1, position - 2)) if head[:2] == b"58" else set()
             closing = not closing
+            head = data[position : position + 10].lstrip()
     return ends
 
 

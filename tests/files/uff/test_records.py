@@ -226,7 +226,7 @@ def test_component_that_is_zero_in_one_mode_only_stays(tmp_path: Path) -> None:
         (mode(VALUES[0], singles(0.0, 0.0, 0.0)), "uff.no-dofs"),
         (mode(*VALUES, head=(1, 2, 2, 8, 2, 6)), "uff.count"),
         (mode(*VALUES, reals=singles(-5, 0, 0, 0)), "uff.value"),
-        (mode(*VALUES, head=(1, 3, 2, 8, 2, 3), reals=singles(-1, -40, 0, 0)), "uff.pole"),
+        (mode(*VALUES, head=(1, 3, 2, 8, 2, 3), reals=singles(0, 0, 0, 0)), "uff.pole"),
     ],
 )
 def test_modes_that_are_refused(tmp_path: Path, text: str, code: str) -> None:
@@ -263,7 +263,7 @@ def test_scan_gives_lines(tmp_path: Path) -> None:
 
 def test_frame_of_the_file(tmp_path: Path) -> None:
     cases = {
-        "uff.outside": NODE + "remark\n" + NODE,
+        "uff.outside": NODE + NODE.partition("\n")[2],
         "uff.syntax": "    -1\n" + NODE,
         "uff.truncated": NODE + "    -1\n",
         "uff.not-uff": "1 2 3\n",
@@ -310,12 +310,6 @@ def test_frfs_of_two_kinds_or_lines_stay_apart(tmp_path: Path) -> None:
 
 def test_frf_twice(tmp_path: Path) -> None:
     assert refused(tmp_path, frf() + frf()).code == "uff.duplicate-frf"
-
-
-@pytest.mark.parametrize(("label", "force"), [("mm/s2", "N"), ("m/s2", "lbf"), ("g", "N"), ("m/s2", "kN")])
-def test_unit_labels_must_not_contradict(tmp_path: Path, label: str, force: str) -> None:
-    assert refused(tmp_path, frf(label=label, force=force)).code == "uff.units-contradict"
-    assert read(tmp_path, frf(label="odd", force="odd")).test.frfs is not None
 
 
 def test_padding_must_be_zero(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from femtune.files.nastran.control import (
 )
 from femtune.files.nastran.damping import damping_notices, damping_tables, modal_damping, overall_damping
 from femtune.files.nastran.deck import Deck, DeckParameter
+from femtune.files.nastran.doubtful_values import value_notices
 from femtune.files.nastran.general import read_general_elements
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
 from femtune.files.nastran.health import health_notices
@@ -62,6 +63,7 @@ from femtune.files.nastran.superelements import (
     superelement_notices,
 )
 from femtune.files.nastran.surplus import surplus_fields
+from femtune.model.damping import ModalDamping
 
 _MOST_SHOWN = 20
 """Number of errors that are reported together; more fill the screen and often have one cause."""
@@ -158,7 +160,7 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
         where = Where(str(deck.files[0].file))
         raise FemtuneError("deck.no-points", where=where, values={"cards": len(deck.cards)})
     notices = (*deck.notices, *building.notices, *_without_point(deck))
-    notices += tuple(_health(deck, structure, element_cards))
+    notices += tuple(_health(deck, building, structure, element_cards, tables))
     return BuiltDeck(
         files=tuple(file.file for file in deck.files), structure=structure, notices=notices, modal_damping=damping,
         damping_tables=tables, cards=cards, fields=building.places, element_cards=element_cards,
@@ -166,7 +168,13 @@ def build_structure(deck: Deck, allow_missing: bool = False, preloaded: bool = T
     )  # fmt: skip
 
 
-def _health(deck: Deck, structure: Structure, element_cards: Mapping[int, int]) -> list[Notice]:
+def _health(
+    deck: Deck,
+    building: Building,
+    structure: Structure,
+    element_cards: Mapping[int, int],
+    tables: Mapping[int, ModalDamping],
+) -> list[Notice]:
     """Doubts about the model; a remark if they cannot be told, because they must not cost the model."""
     main = Where(str(deck.path))
 
@@ -175,8 +183,11 @@ def _health(deck: Deck, structure: Structure, element_cards: Mapping[int, int]) 
         return main if card is None else card.where()
 
     try:
-        return health_notices(structure, lambda n: deck.cards[element_cards[n]].where(), place_of_grid)
-    except (ValueError, LookupError, ArithmeticError) as error:
+        return [
+            *health_notices(structure, lambda n: deck.cards[element_cards[n]].where(), place_of_grid),
+            *value_notices(deck, structure.values, building.places, tables),
+        ]
+    except (FemtuneError, ValueError, LookupError, ArithmeticError) as error:
         return [Notice("deck.health-unknown", where=main, level="info", problem=type(error).__name__)]
 
 

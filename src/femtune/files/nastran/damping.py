@@ -64,11 +64,12 @@ def _large_losses(building: Building) -> list[Notice]:
 
 
 def _is_loss(ref: FieldRef) -> bool:
-    return ref.name.startswith("GE") or ref == FieldRef("PARAM", 0, "G")
+    """A loss factor of a part; that of the whole model (PARAM G) is judged with the damping ratios."""
+    return ref.name.startswith("GE")
 
 
 def _is_large(value: float) -> bool:
-    return abs(value) > _LARGEST_LOSS_FACTOR
+    return value > _LARGEST_LOSS_FACTOR
 
 
 def _matrix_notices(deck: Deck) -> list[Notice]:

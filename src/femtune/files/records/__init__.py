@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from femtune.files.records.frf_file import FunctionColumn, FunctionLayout, read_frfs
+    from femtune.files.records.frf_file import FunctionColumn, FunctionLayout, read_frfs, read_function_files
     from femtune.files.records.read import ChannelColumn, read_record
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
-__all__ = ["ChannelColumn", "FunctionColumn", "FunctionLayout", "read_frfs", "read_record"]
+__all__ = ["ChannelColumn", "FunctionColumn", "FunctionLayout", "read_frfs", "read_function_files", "read_record"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,8 @@ from femtune.modal import FrfSet
 
 _LARGEST_COHERENCE = 1.0 + 1e-3
 """Coherence above which a value is wrong; single precision and averaging leave values slightly above 1."""
+_SAME_LINES = 1e-6
+"""Relative difference up to which frequency lines of two files are the same: text has six digits and more."""
 AXES = ("frequency", "response", "reference", "function", "part")
 
 
@@ -93,8 +95,38 @@ def read_frfs(path: Path, layout: FunctionLayout) -> FrfSet:
         return _of_text(format.read_table(path), layout, path)
     if format.has != "arrays":
         raise problem(path, "frf.layout/format", format=format.key)
+    named_functions = any(isinstance(one.column, str) for one in layout.functions)
     with format.open_arrays(path) as arrays:
-        return _of_arrays(arrays, layout, path)
+        return (_of_vectors if named_functions else _of_arrays)(arrays, layout, path)
+
+
+def read_function_files(files: Sequence[Path], layout: FunctionLayout) -> FrfSet:
+    """The functions of several files with the same frequency lines; `files` has that of each function of the layout.
+
+    Raises
+    ------
+    FemtuneError : as `read_frfs`; ``frf.layout/other-lines`` where the frequency lines of two files differ
+    """
+    sets = []
+    for path in dict.fromkeys(files):
+        own = tuple(one for one, file in zip(layout.functions, files) if file == path)
+        sets.append(read_frfs(path, replace(layout, functions=own)))
+    first = sets[0]
+    for path, other in zip(dict.fromkeys(files), sets):
+        both = {"first": first.freq_hz, "here": other.freq_hz}
+        if len({len(x) for x in both.values()}) > 1 or not np.allclose(*both.values(), rtol=_SAME_LINES, atol=0.0):
+            lines = {name: f"{len(x)}, {x[0]:g} to {x[-1]:g} Hz" for name, x in both.items()}
+            raise problem(path, "frf.layout/other-lines", values=lines)
+    at = {(a, b): (s, i, j) for s in sets for i, a in enumerate(s.responses) for j, b in enumerate(s.references)}
+    rows, coherences = [], []
+    for one in layout.functions:
+        s, i, j = at[one.response, one.reference]
+        rows.append(s.values[i, j])
+        coherences.append(np.full(len(first.freq_hz), np.nan) if s.coherence is None else s.coherence[i, j])
+    values, coherence = np.array(rows), np.array(coherences)
+    some = coherence if np.isfinite(coherence).any() else None
+    made = _by_function(first.freq_hz, values, some, replace(layout, factor=1.0), files[0])
+    return replace(made, source=", ".join(dict.fromkeys(map(str, files))))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -199,6 +231,37 @@ def _of_arrays(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) ->
         _check_length(name, values.shape[axes.index(name)] if name in axes else 1, len(dofs), path)
     bounded = None if coherence is None else _in_order(coherence, axes)
     return _made(freq, _in_order(values, axes), bounded, layout.responses, layout.references, layout, path)
+
+
+def _of_vectors(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) -> FrfSet:
+    """An array for each function, which `column` names; another one for its imaginary part if it is real."""
+
+    def vector(name: int | str) -> NDArray:
+        return _array(path, arrays, str(name)).ravel()
+
+    rows: list[NDArray] = []
+    for one in layout.functions:
+        row = vector(one.column)
+        if one.imaginary is not None:
+            other = vector(one.imaginary)
+            if np.iscomplexobj(row) or np.iscomplexobj(other) or len(row) != len(other):
+                raise problem(path, "frf.layout/parts", values={"real": row.shape, "imaginary": other.shape})
+            row = row + 1j * other
+        if not np.iscomplexobj(row):
+            raise problem(path, "frf.layout/real", values={"without imaginary: column": one.column})
+        _check_length("frequency", len(row), len(rows[0]) if rows else len(row), path)
+        rows.append(row)
+    lines = len(rows[0])
+    freq = _even_lines(layout, lines, path) if layout.frequency is None else vector(layout.frequency).real
+    _check_length("frequency", lines, len(freq), path)
+    coherence = np.full((len(rows), lines), np.nan)
+    for i, one in enumerate(layout.functions):
+        if one.coherence is not None:
+            known = vector(one.coherence)
+            if np.iscomplexobj(known) or len(known) != lines:
+                raise problem(path, "frf.layout/coherence", values={"functions": lines, "coherence": known.shape})
+            coherence[i] = known
+    return _by_function(freq, np.array(rows), coherence if np.isfinite(coherence).any() else None, layout, path)
 
 
 def _array(path: Path, arrays: Mapping[str, Any], name: str) -> NDArray:

@@ -13,6 +13,7 @@ from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.formats import RECORD_FORMATS, RecordFormat
 from femtune.files.records.arrays import table_of
 from femtune.files.records.table import RecordTable, problem
+from femtune.files.uff.scan import is_universal
 from femtune.modal import Channel, TimeSeries
 
 _RATE_TOLERANCE = 1e-3
@@ -82,7 +83,9 @@ def _read(path: Path, format: RecordFormat, variable: str | None) -> RecordTable
 
 
 def format_named(path: Path, key: str | None) -> RecordFormat:
-    """The format that was named, or the one that the extension tells (error ``record.format``)."""
+    """The format that was named, or the one that the content or the extension tells (error ``record.format``)."""
+    if key is None and is_universal(path):
+        key = "uff"
     format = RECORD_FORMATS.of_suffix(path) if key is None else RECORD_FORMATS[key]
     if format is None:
         known = ", ".join(RECORD_FORMATS.suffixes)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.kinds import Expression, Text, TomlTable
+from femtune.errors import did_you_mean
+from femtune.files.study_file.kinds import Expression, Fraction, Seed, Text, TomlTable
 from femtune.files.study_file.parameter import expression_names
-from femtune.files.study_file.source import Place, StudyLines, named_twice, number, table, tables, texts
+from femtune.files.study_file.source import Data, Place, Problems, StudyLines, named_twice, number, table, tables, texts
 
 Names = tuple[Text, ...]
 
@@ -62,7 +61,7 @@ class CandidatesTable(TomlTable):
     """Points of a generation of this search. Example: `100`"""
     generations: Annotated[int, Field(ge=1, le=100_000)] = 25
     """Largest number of generations. Example: `60`"""
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    seed: Seed = 0
     """Seed of the points, or of the first population. Example: `7`"""
     leave_one_out: bool = True
     """Each configuration is left out once and predicted, if there are several; not in a study of
@@ -70,7 +69,7 @@ class CandidatesTable(TomlTable):
     threshold: Annotated[float, Field(ge=1, le=1e6)] | None = None
     """Largest weighted mean error of an admissible model, relative to the smallest. Default: limit of the largest
     residual. Example: `1.1`"""
-    probability: Annotated[float, Field(gt=0, lt=1)] = 0.95
+    probability: Fraction = 0.95
     """Probability with which a right model has no residual above the default of `threshold`. Example: `0.99`"""
     cluster_distance: Annotated[float, Field(gt=0, le=100)] = 0.05
     """Clusters of admissible models are joined if the mean distance of their parameters is smaller, relative to the
@@ -79,10 +78,6 @@ class CandidatesTable(TomlTable):
 
 # ----------------------------------------------------------------------------------------------------
 # Rules between their keys.
-
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
 
 
 def candidate_rules(data: Data, source: StudyLines) -> Problems:

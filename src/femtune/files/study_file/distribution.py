@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -11,11 +10,8 @@ from femtune.errors import FemtuneError, did_you_mean
 from femtune.fem.fields import AMPLITUDE
 from femtune.files.study_file.kinds import Elements, Expression, FieldText, GroupName, TomlTable
 from femtune.files.study_file.parameter import RegionTable
-from femtune.files.study_file.source import Place, StudyLines, named_twice, tables, texts
+from femtune.files.study_file.source import Data, Place, Problems, StudyLines, named_twice, tables, texts
 from femtune.parameters import parse_expression
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
 
 POSITION = ("x", "y", "z", "u", "v", "w")
 """Variables of the functions: the position of an element, and the same scaled to −1 … 1 over the region."""

@@ -9,9 +9,9 @@ from pydantic import Field, StringConstraints
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.formats import MatrixFormatKey
-from femtune.files.study_file.kinds import Components, Elements, GroupName, NamesFile, Number, Text, TomlTable
+from femtune.files.study_file.kinds import Components, Elements, Fraction, GroupName, NamesFile, Number, Text, TomlTable
 from femtune.files.study_file.runs import is_of_runs
-from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
+from femtune.files.study_file.source import Data, Place, Problems, StudyLines, named_twice, table, tables, texts
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
 
@@ -33,9 +33,9 @@ class ModelTable(TomlTable):
     listing: Annotated[Text, NamesFile("list of modes")] | None = None
     """Listing file of the solver with its natural frequencies, instead of `listed_hz`: f06 of Nastran, .dat of CalculiX
     or Abaqus. Example: `"frame.f06"`"""
-    listed_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    listed_tolerance: Fraction = 1e-4
     """Largest relative difference between a frequency and the listed one. Example: `1e-3`"""
-    polynomial_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    polynomial_tolerance: Fraction = 1e-4
     """Largest error of a polynomial at the additional set, relative to the change between the sets. Example: `1e-6`"""
 
 
@@ -77,10 +77,6 @@ class VariableEntry(TomlTable):
     crossed: bool = False
     """Include products with other crossed variables: needed if two variables act on the same elements. Example:
     `true`"""
-
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
 
 
 def matrix_rules(data: Data, source: StudyLines) -> Problems:

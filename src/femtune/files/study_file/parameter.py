@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
@@ -25,7 +24,7 @@ from femtune.files.study_file.kinds import (
     field_reference,
 )
 from femtune.files.study_file.python_table import PythonTable
-from femtune.files.study_file.source import Place, StudyLines, named_twice, number, tables
+from femtune.files.study_file.source import Data, Place, Problems, StudyLines, named_twice, number, tables
 from femtune.parameters import parse_expression
 
 # ----------------------------------------------------------------------------------------------------
@@ -149,9 +148,6 @@ _DAMPING = re.compile(r"GE\d?|B\d?|ZETA|G")
 # ----------------------------------------------------------------------------------------------------
 # Rules between the keys of the parameters of a study.
 
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
 
 _SMALLEST_PRIOR = 1e-9
 """Smallest prior standard deviation over the width of the bounds: its square exceeds rounding errors."""

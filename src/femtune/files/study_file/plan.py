@@ -11,15 +11,18 @@ from femtune.errors import FemtuneError
 from femtune.files.study_file.kinds import (
     DofLabel,
     Elements,
+    Fraction,
+    Hertz,
+    HertzAboveZero,
     NotNegative,
     Numbers,
+    Seed,
     Spread,
     Text,
     TomlTable,
     read_by,
 )
 from femtune.files.study_file.parameter import RegionTable
-from femtune.files.study_file.response import Hertz, HertzAboveZero
 from femtune.files.study_file.source import StudyLines, falls, number, table
 from femtune.planning.kinds import Average, Criterion, PlacementMethod, Weighting
 from femtune.residuals.kinds import FrfForm
@@ -114,7 +117,7 @@ class PlanTable(TomlTable):
     Latin hypercube within the bounds. Example: `5`"""
     average: Average = "mean"
     """`"mean"` or `"worst"` of the points. Example: `"worst"`"""
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    seed: Seed = 0
     """Seed of the Latin hypercube. Example: `3`"""
     data: Literal["modes", "frfs"] = "modes"
     """What the calibration compares, for the expected standard deviations and `aim = "parameters"`: `"modes"`,
@@ -144,7 +147,7 @@ class PlanTable(TomlTable):
     exciter_level: Annotated[float, Field(ge=0, le=1)] = 0.1
     """Driving-point residue relative to that at the best candidate, below which a target mode counts as not excited.
     Example: `0.2`"""
-    damping_ratio: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    damping_ratio: Fraction = 0.01
     """Damping ratio of all modes, for frequency lines, mode indicator and FRFs. Example: `0.002`"""
     lines_per_half_band: Annotated[int, Field(ge=1, le=100)] = 3
     """Number of frequency lines per half bandwidth 2ξf. Example: `5`"""

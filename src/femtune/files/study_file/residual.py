@@ -8,32 +8,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from femtune.errors import FemtuneError, did_you_mean
+from femtune.errors import did_you_mean
 from femtune.files.study_file.kinds import (
     ByNode,
     Covariance,
     DofLabel,
+    Fraction,
     FrequencySd,
+    Hertz,
+    HertzAboveZero,
+    Labels,
     Listed,
     NotNegative,
     Positive,
+    Ratio,
     Text,
     TomlTable,
     Vector,
     tables_by_kind,
 )
 from femtune.files.study_file.python_table import PythonTable
-from femtune.files.study_file.response import Hertz, HertzAboveZero, Labels, Ratio
-from femtune.files.study_file.source import Place, StudyLines, number, table, tables, texts
+from femtune.files.study_file.source import Data, Place, Problems, StudyLines, number, table, tables, texts
 from femtune.files.study_file.specimens import specimens_of
 from femtune.residuals.kinds import FrequencyForm, FrfForm, FrfMethodWord, MacForm, Scatter, ShapeScaling
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,7 @@ class FrfResidual(MeasuredFunctionsTable):
     aligned: bool = False
     """Evaluate the FRFs of the model at scaled frequencies, so that its peaks coincide with those of the test: for
     updating damping with fixed stiffness and mass. Example: `true`"""
-    region_ratio: Annotated[float, Field(gt=0, lt=1)] | None = None
+    region_ratio: Fraction | None = None
     """Damping ratio for the width of the ranges, for modes without damping ratio in the test. Example: `0.01`"""
     sd: NotNegative | None = None
     """Relative standard deviation of a value. Default: 0.05, or 0 if there is a `floor`. Example: `0.03`"""
@@ -234,11 +235,11 @@ class AntiresonanceResidual(MeasuredFunctionsTable):
     mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
     """Smallest MAC of the responses at the antiresonances, 0 … 1, if three or more responses are measured. Example:
     `0.0`"""
-    depth: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    depth: Fraction = 0.5
     """Largest ratio of the magnitude at a minimum to that of the smaller adjacent peak. Example: `0.3`"""
     half_width: Annotated[int, Field(ge=2, le=1000)] = 4
     """Smallest number of lines that are fitted on each side of a minimum. Example: `6`"""
-    most_damping: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    most_damping: Fraction = 0.05
     """Largest loss factor of the fitted zero. Example: `0.02`"""
     above_noise: Annotated[float, Field(ge=0, le=1e6)] = 8.0
     """Smallest ratio of the peaks on both sides of a minimum to the noise of the lines there; 0:

@@ -6,32 +6,29 @@ values of the wrong type are left to the types.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
-
-from femtune.errors import FemtuneError, did_you_mean
+from femtune.errors import did_you_mean
 from femtune.files.study_file.candidates import candidate_rules
 from femtune.files.study_file.component import component_rules
 from femtune.files.study_file.derived import derived_rules
 from femtune.files.study_file.distribution import distribution_rules
-from femtune.files.study_file.experiments import experiment_rules
+from femtune.files.study_file.equalise import equalise_rules
 from femtune.files.study_file.matrices import generic_rules, matrix_rules
+from femtune.files.study_file.modes import modes_rules
 from femtune.files.study_file.over_frequency import frequency_table_rules
 from femtune.files.study_file.parameter import parameter_rules
 from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.residual import residual_rules
-from femtune.files.study_file.response import response_rules
+from femtune.files.study_file.respond import response_rules
 from femtune.files.study_file.runs import configuration_rules, is_of_runs, runs_rules
+from femtune.files.study_file.screen import screen_rules
+from femtune.files.study_file.search import search_rules
 from femtune.files.study_file.solver import solver_rules
-from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, table, tables, texts
+from femtune.files.study_file.source import Data, Place, Problems, StudyLines, named_twice, table, tables, texts
 from femtune.files.study_file.specimens import specimen_rules
 from femtune.files.study_file.stage import stage_rules
-from femtune.files.study_file.update_rules import update_rules
-from femtune.files.study_file.validation import validation_rules
+from femtune.files.study_file.update import update_rules
+from femtune.files.study_file.validate import validation_rules
 from femtune.files.study_file.vibration import vibration_rules
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
 
 _KEYS_OF_TEST = (
     "records", "test_units", "mode_labels", "rotation", "origin", "left_handed", "coordinate_factor", "leave_out",
@@ -46,14 +43,15 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from runs_rules(data, source)
     yield from configuration_rules(data, source)
     yield from solver_rules(data, source)
-    yield from _modes(data, source)
+    yield from modes_rules(data, source)
     yield from _configurations(data, source)
     yield from component_rules(data, source)
     yield from _sensors(data, source)
     yield from parameter_rules(data, source)
     yield from candidate_rules(data, source)
     yield from specimen_rules(data, source)
-    yield from experiment_rules(data, source)
+    yield from screen_rules(data, source)
+    yield from search_rules(data, source)
     yield from vibration_rules(data, source)
     yield from generic_rules(data, source)
     yield from distribution_rules(data, source)
@@ -61,30 +59,11 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from frequency_table_rules(data, source)
     yield from residual_rules(data, source)
     yield from update_rules(data, source)
-    yield from _equalised_bands(data, source)
+    yield from equalise_rules(data, source)
     yield from plan_rules(data, source)
     yield from response_rules(data, source)
     yield from stage_rules(data, source)
     yield from validation_rules(data, source)
-
-
-def _equalised_bands(data: Data, source: StudyLines) -> Problems:
-    """Bands of [equalise] must have a lower and an upper end."""
-    equalise = table(data, "equalise")
-    if falls(equalise.get("band_hz")):
-        shown = {"band_hz": equalise["band_hz"]}
-        yield source.error(("equalise", "band_hz"), "study.value/empty-band", shown)
-    left_out = equalise.get("leave_out_hz")
-    for k, band in enumerate(left_out if isinstance(left_out, tuple | list) else ()):
-        if falls(band):
-            place: Place = ("equalise", "leave_out_hz", k)
-            yield source.error(place, "study.value/empty-band", {"leave_out_hz": band})
-
-
-def _modes(data: Data, source: StudyLines) -> Problems:
-    modes = table(data, "modes")
-    if "count" in modes and "max_hz" in modes:
-        yield source.error(("modes", "max_hz"), "study.modes", modes)
 
 
 def _configurations(data: Data, source: StudyLines) -> Problems:

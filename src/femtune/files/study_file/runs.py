@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import RunsName, TomlTable
+from femtune.files.study_file.kinds import Fraction, RunsName, TomlTable
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables
-from femtune.files.study_file.validation import FRF_LIMITS
+from femtune.files.study_file.validate import FRF_LIMITS
 from femtune.surrogates.kinds import SurrogateMethod
 
 
@@ -35,7 +35,7 @@ class RunsModelTable(TomlTable):
     """Correlation of Kriging: `"gaussian"` or `"matern-5/2"`. Example: `"matern-5/2"`"""
     kernel: Literal["cubic", "quintic"] = "cubic"
     """Radial basis functions: `"cubic"` or `"quintic"`. Example: `"quintic"`"""
-    tolerance: Annotated[float, Field(gt=0, lt=1)] = 0.005
+    tolerance: Fraction = 0.005
     """Relative error of a frequency of a run that is left out (standard deviation) from which a warning is given.
     Example: `0.001`"""
 

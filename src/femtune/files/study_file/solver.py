@@ -11,6 +11,7 @@ from femtune.errors import FemtuneError
 from femtune.files.formats import ModesFormatKey
 from femtune.files.study_file.kinds import (
     Command,
+    Fraction,
     NotNegative,
     Positive,
     SolverFileName,
@@ -64,12 +65,12 @@ class SolverTable(TomlTable):
     """With `keep = "failed"`: number of folders of failed runs that are kept, the newest. Example: `200`"""
     mass: Positive | None = None
     """Mass that the output must state. Example: `12.5`"""
-    mass_tolerance: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    mass_tolerance: Fraction = 0.01
     """Largest relative difference allowed between `mass` and the mass in the output. Example: `1e-4`"""
     step: Annotated[float, Field(gt=0, le=0.5)] | None = None
     """Distance of the runs for the differences, relative to half the range of the bounds. Default: chosen from the
     noise. Example: `0.05`"""
-    repeat_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-6
+    repeat_tolerance: Fraction = 1e-6
     """Relative difference allowed between the frequencies of two runs with the same input. Example: `1e-4`"""
     moves: Annotated[int, Field(ge=1, le=1000)] = 20
     """How often the update may run the solver around another point. Example: `50`"""

@@ -19,6 +19,8 @@ from femtune.errors import FemtuneError, Where
 # tomllib does not state lines. The scanner walks a text that tomllib has accepted, so it checks nothing itself.
 
 
+Data = dict[str, Any]
+Problems = Iterator[FemtuneError]
 Place = tuple[str | int, ...]
 """Keys and positions (from 0) that lead to a value: ``("parameter", 1, "lower")``."""
 
@@ -200,9 +202,6 @@ def spelled(value: object, longest: int = 300) -> str:
 
 # ----------------------------------------------------------------------------------------------------
 # Access to plain TOML data whose types have not been checked yet.
-
-
-Data = dict[str, Any]
 
 
 def is_integer(value: object) -> bool:

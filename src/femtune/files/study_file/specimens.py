@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
-
-from femtune.errors import FemtuneError
-from femtune.files.study_file.source import StudyLines, tables, texts
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
+from femtune.files.study_file.source import Data, Problems, StudyLines, tables, texts
 
 
 def specimens_of(data: Data) -> list[str]:

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
-from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.kinds import NotNegative, Positive, Text, TomlTable
-from femtune.files.study_file.response import Hertz, HertzAboveZero
-from femtune.files.study_file.source import Place, StudyLines, is_number, named_twice, number, table, tables, texts
+from femtune.errors import did_you_mean
+from femtune.files.study_file.kinds import Fraction, Hertz, HertzAboveZero, NotNegative, Positive, Text, TomlTable
+from femtune.files.study_file.source import (
+    Data,
+    Place,
+    Problems,
+    StudyLines,
+    is_number,
+    named_twice,
+    number,
+    table,
+    tables,
+    texts,
+)
 from femtune.files.study_file.specimens import bounds_of, free_names
 
 Names = Annotated[tuple[Text, ...], Field(min_length=1)]
@@ -65,7 +74,7 @@ class StageEntry(TomlTable):
     Example: `false`"""
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     """Iteration limit of the stage. Default: the value in `[update]`. Example: `30`"""
-    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    tolerance: Fraction | None = None
     """Relative change below which the iteration of the stage has converged. Default: the value in `[update]`. Example:
     `1e-6`"""
 
@@ -80,9 +89,6 @@ class StageEntry(TomlTable):
 # ----------------------------------------------------------------------------------------------------
 # Rules between [[stage]] and the tables that it names.
 
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
 
 RESONANCES = "resonances"
 """Name for measured FRFs in the resonance regions of paired modes, which a stage may compare besides residuals."""

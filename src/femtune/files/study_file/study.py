@@ -10,41 +10,39 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, PrivateAttr
 
 from femtune.errors import Where
+from femtune.files.study_file.bootstrap import BootstrapTable
 from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
 from femtune.files.study_file.component import ComponentEntry
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
+from femtune.files.study_file.correlate import CorrelateTable
 from femtune.files.study_file.derived import DerivedEntry
 from femtune.files.study_file.distribution import DistributionEntry
-from femtune.files.study_file.experiments import ScreenTable, SearchTable
+from femtune.files.study_file.equalise import EqualiseTable
+from femtune.files.study_file.info import ChecksTable
 from femtune.files.study_file.kinds import SchemaVersion, TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
+from femtune.files.study_file.modes import ModesTable
+from femtune.files.study_file.output import StudyOutputTable
 from femtune.files.study_file.over_frequency import FrequencyTableEntry
+from femtune.files.study_file.parallel import ParallelTable
 from femtune.files.study_file.parameter import Parameter
 from femtune.files.study_file.plan import PlanTable
-from femtune.files.study_file.quantify import QuantifyTable, SelectTable
+from femtune.files.study_file.quantify import QuantifyTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
-from femtune.files.study_file.response import LoadEntry, ResponseTable
+from femtune.files.study_file.respond import LoadEntry, ResponseTable
 from femtune.files.study_file.runs import RunsModelTable
+from femtune.files.study_file.screen import ScreenTable
+from femtune.files.study_file.search import SearchTable
+from femtune.files.study_file.select import SelectTable
+from femtune.files.study_file.sensors import RigidFloorEntry, SensorEntry, SensorsTable
 from femtune.files.study_file.solver import SolverTable
 from femtune.files.study_file.source import StudyLines
 from femtune.files.study_file.stage import StageEntry
-from femtune.files.study_file.step_tables import (
-    BootstrapTable,
-    CorrelateTable,
-    EqualiseTable,
-    ModesTable,
-    ParallelTable,
-    ReductionTable,
-    RigidFloorEntry,
-    SensorEntry,
-    SensorsTable,
-    StudyOutputTable,
-    StudyTable,
-    UpdateTable,
-    WriteTable,
-)
-from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
+from femtune.files.study_file.study_table import StudyTable
+from femtune.files.study_file.update import ReductionTable, UpdateTable
+from femtune.files.study_file.validate import HoldOutEntry, ValidateTable
 from femtune.files.study_file.vibration import VibrationEntry
+from femtune.files.study_file.write import WriteTable
 
 if TYPE_CHECKING:
     from femtune.files.built_model import BuiltModel

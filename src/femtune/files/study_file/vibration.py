@@ -6,15 +6,19 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
-
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.configuration import ConfigurationSolver
-from femtune.files.study_file.kinds import DofLabel, NamesFile, Positive, Text, TomlTable
-from femtune.files.study_file.response import HertzAboveZero, Labels
+from femtune.files.study_file.kinds import (
+    DofLabel,
+    Fraction,
+    HertzAboveZero,
+    Labels,
+    NamesFile,
+    Positive,
+    Text,
+    TomlTable,
+)
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, tables
-
-Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
 class VibrationEntry(TomlTable):

@@ -40,6 +40,15 @@ def as_float(text: str, data_set: DataSet, i: int) -> float:
     return value
 
 
+def free_numbers(line: str) -> list[float] | None:
+    """The numbers of a line that is not in the columns of the format, separated by blanks; None where one is none."""
+    texts = with_e_exponents(line).split()
+    if not texts or not all(_FLOAT.fullmatch(text) for text in texts):
+        return None
+    numbers = [float(text) for text in texts]
+    return numbers if all(map(math.isfinite, numbers)) else None
+
+
 def as_int(text: str, data_set: DataSet, i: int, *, blank: int | None = None) -> int:
     """An integer below 2³¹; an empty field is `blank` where that is given (error ``uff.value``)."""
     stripped = text.strip()
@@ -80,13 +89,14 @@ def check_count(data_set: DataSet, what: str, expected: int, found: int, i: int 
 # ----------------------------------------------------------------------------------------------------
 # One data set at a time through pyuff, whose errors become ours.
 #
-# pyuff is used for 15, 18, 58, 58b, 82, 164, 2411 and 2420, where its values are right once the frame of the data set
+# pyuff is used for 15, 18, 82, 164, 2411 and 2420, where its values are right once the frame of the data set
 # is known to be whole. It is given a clean copy (line ends, trailing blanks, D exponents), and what comes back is
 # counted by the callers. It is not used for 55 (it cannot hold complex rotations, shifts where a record takes two
-# lines, and refuses D exponents), for 2412 (elements of more than eight nodes go wrong), nor for 151.
+# lines, and refuses D exponents), for 58 (numbers of other columns, orders of bytes), for 2412 (elements of more than
+# eight nodes go wrong), nor for 151.
 
 
-_VERBATIM = {18: lambda i: i % 4 == 1, 58: lambda i: i < 11 and i != 6, 82: lambda i: i == 1}
+_VERBATIM = {18: lambda i: i % 4 == 1, 82: lambda i: i == 1}
 """Lines that hold names, not numbers, by data set."""
 
 

@@ -1,28 +1,30 @@
 """Data set 58 and 58b: functions at nodal DOFs.
 
-pyuff reads the values; header, counts and kinds are checked here, because pyuff turns unreadable header fields
-into zeros and returns the padding behind the declared points as data. Writers disagree whether the abscissa of
-the double-precision binary form is single or double: the length decides, and only the double one is read.
+Header, counts and values are read strictly: other readers turn unreadable fields of the header into zeros and return
+the padding behind the declared points as data. Writers disagree whether the abscissa of the double-precision binary
+form is single or double: the length decides, and only the double one is read. The order of the bytes that a header
+states is wrong in some files: if the values make no sense in this order, and do in the other one, the other is taken.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.dofs import DIRECTIONS, Dof, DofSet
-from femtune.errors import FemtuneError, Notice, Where
-from femtune.files.uff.fields import as_float, as_int, check_count, fixed, line_at, through_pyuff, with_e_exponents
+from femtune.dofs import DIRECTIONS, Dof
+from femtune.errors import Notice, Where
+from femtune.files.uff.fields import as_float, as_int, check_count, fixed, free_numbers, line_at, with_e_exponents
 from femtune.files.uff.scan import DataSet
-from femtune.modal import FrfSet
-from femtune.units import UnitSystem
 
 _HEADER_LINES = 11
 """Lines before the values of data set 58."""
+FREQUENCY = 18
+"""Specific data type of an abscissa of frequencies."""
 # ordinate data types of data set 58
 _REAL = (2, 4)
 _COMPLEX = (5, 6)
@@ -32,7 +34,7 @@ _SINGLE_PRECISION = (2, 5)
 @dataclass(frozen=True)
 class FunctionHeader:
     """What the header of a data set 58 says; `kinds` are the specific data types of abscissa, ordinate
-    numerator and denominator, `unit_labels` their texts."""
+    numerator and denominator, `axis_labels` and `unit_labels` their texts."""
 
     id_lines: tuple[str, ...]
     function_type: int
@@ -45,6 +47,7 @@ class FunctionHeader:
     step: float
     kinds: tuple[int, int, int]
     unit_labels: tuple[str, str, str]
+    axis_labels: tuple[str, str, str] = ("", "", "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,22 +68,37 @@ def read_functions(sets: Iterable[DataSet]) -> tuple[tuple[MeasuredFunction, ...
     FemtuneError : ``uff.truncated`` for fewer points than declared, ``uff.count`` for more (zeros behind the
         declared points are padding), ``uff.value``, ``uff.unreadable``
     """
-    functions, padded, misstated = [], [], []
+    functions, padded, misstated, swapped, free = [], [], [], [], []
     for data_set in (one for one in sets if one.number == 58):
         header = read_header(data_set)
-        stored = _stored(data_set, header)
-        functions.append(_function(data_set, header, stored))
-        if stored > _wanted(header):
-            padded.append(data_set)
-        if data_set.binary and int(data_set.head[31:43]) != len(data_set.payload):
+        body = _binary_body(data_set, header) if data_set.binary else _text_body(data_set, header)
+        functions.append(_function(data_set, header, body))
+        padded += [data_set] if len(body.numbers) > _wanted(header) else []
+        swapped += [data_set] if body.swapped else []
+        free += [data_set] if body.free else []
+        if data_set.binary and int(data_set.binary_form[3]) != len(data_set.payload):
             misstated.append(data_set)
-    return tuple(functions), (*_padding_notice(padded), *_length_notice(misstated))
+    told = (*_padding_notice(padded), *_length_notice(misstated), *_order_notice(swapped), *_free_notice(free))
+    return tuple(functions), told
 
 
 def _length_notice(misstated: list[DataSet]) -> tuple[Notice, ...]:
     if not misstated:
         return ()
     return (Notice("uff.binary-length", where=misstated[0].where(), level="info", n_misstated=len(misstated)),)
+
+
+def _order_notice(swapped: list[DataSet]) -> tuple[Notice, ...]:
+    if not swapped:
+        return ()
+    stated = "little-endian" if swapped[0].binary_form[0] == "1" else "big-endian"
+    return (Notice("uff.byte-order", where=swapped[0].where(), n_swapped=len(swapped), stated=stated),)
+
+
+def _free_notice(free: list[DataSet]) -> tuple[Notice, ...]:
+    if not free:
+        return ()
+    return (Notice("uff.free-columns", where=free[0].where(), level="info", n_free=len(free)),)
 
 
 def _padding_notice(padded: list[DataSet]) -> tuple[Notice, ...]:
@@ -113,6 +131,7 @@ def read_header(data_set: DataSet) -> FunctionHeader:
         step=step,
         kinds=(kinds[0], kinds[1], kinds[2]),
         unit_labels=(axes[0][5], axes[1][5], axes[2][5]),
+        axis_labels=(axes[0][4], axes[1][4], axes[2][4]),
     )
     _check_header(data_set, header, spacing)
     return header
@@ -130,24 +149,29 @@ def _wanted(header: FunctionHeader) -> int:
     return each * header.points
 
 
-def _stored(data_set: DataSet, header: FunctionHeader) -> int:
-    """How many numbers the data set holds; at least as many as it declares, and only padding behind them."""
-    wanted = _wanted(header)
-    if data_set.binary:
-        return _stored_binary(data_set, header, wanted)
-    numbers = _numbers(data_set, header)
-    last = len(data_set.lines) - 1
-    if len(numbers) < wanted:
-        _check_points(data_set, header, wanted, len(numbers), last)
-    if any(numbers[wanted:]):
-        _check_points(data_set, header, wanted, len(numbers), last)
-    return len(numbers)
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """Every number of a data set, padding among them.
+
+    Parameters
+    ----------
+    numbers : as they stand in the file
+    swapped : whether the bytes are in the other order than stated
+    free : whether numbers are not in the columns of the format
+    """
+
+    numbers: NDArray[np.float64]
+    swapped: bool = False
+    free: bool = False
 
 
-def _check_points(data_set: DataSet, header: FunctionHeader, wanted: int, stored: int, i: int) -> None:
-    each = wanted // header.points
-    check_count(data_set, "points", header.points, stored // each, i)
-    check_count(data_set, "values", wanted, stored, i)
+def _check_stored(data_set: DataSet, header: FunctionHeader, numbers: NDArray[np.float64]) -> None:
+    """At least as many numbers as the header declares, and only padding behind them."""
+    wanted, last = _wanted(header), len(data_set.lines) - 1
+    if len(numbers) < wanted or np.any(numbers[wanted:] != 0.0):
+        each = wanted // header.points
+        check_count(data_set, "points", header.points, len(numbers) // each, last)
+        check_count(data_set, "values", wanted, len(numbers), last)
 
 
 def _columns(header: FunctionHeader) -> list[int]:
@@ -158,51 +182,113 @@ def _columns(header: FunctionHeader) -> list[int]:
     return [13, 20, 20] if header.value_type == 6 else [13, 20, 13, 20]
 
 
-def _numbers(data_set: DataSet, header: FunctionHeader) -> list[float]:
+def _text_body(data_set: DataSet, header: FunctionHeader) -> _Body:
     """Every number of an ASCII body; only the last line may hold fewer than its columns."""
     columns = _columns(header)
     numbers: list[float] = []
+    free = False
     last = len(data_set.lines) - 1
     for i, line in enumerate(data_set.lines[_HEADER_LINES:], start=_HEADER_LINES):
         texts = fixed(with_e_exponents(line), columns)
-        numbers += _line_numbers(data_set, i, [text for text in texts if text] if i == last else texts)
-        if len(line) > sum(columns):
-            check_count(data_set, "columns in a line", sum(columns), len(line), i)
-    return numbers
+        found = _quick([text for text in texts if text] if i == last else texts)
+        if found is None or len(line) > sum(columns):
+            free_line = free_numbers(line)
+            free = free or free_line is not None
+            found = free_line if free_line is not None else _strict(data_set, i, texts, header, not numbers)
+            if free_line is None and len(line) > sum(columns):
+                check_count(data_set, "columns in a line", sum(columns), len(line), i)
+        numbers += found
+    body = _Body(np.array(numbers), free=free)
+    _check_stored(data_set, header, body.numbers)
+    return body
 
 
-def _line_numbers(data_set: DataSet, i: int, texts: list[str]) -> list[float]:
-    """The numbers of a line; read strictly, which is slow, only if the quick way finds something odd."""
+def _quick(texts: list[str]) -> list[float] | None:
+    """The numbers of a line in the usual way, None if anything about them is odd."""
     try:
         quick = [float(text) for text in texts]
     except ValueError:
-        return [as_float(text, data_set, i) for text in texts]
-    odd = not math.isfinite(sum(quick)) or any("_" in text for text in texts)
-    return [as_float(text, data_set, i) for text in texts] if odd else quick
+        return None
+    return None if not math.isfinite(sum(quick)) or any("_" in text for text in texts) else quick
 
 
-def _stored_binary(data_set: DataSet, header: FunctionHeader, wanted: int) -> int:
-    if as_int(data_set.head[13:19], data_set, 0) != 2 or data_set.head[7:13].strip() not in ("1", "2"):
-        raise data_set.error("uff.value/binary-format")
+_NOT_A_NUMBER = re.compile(r"[+-]?(nan(\(\w*\))?|inf(inity)?|\d\.#\w+|\*+)", re.IGNORECASE)
+"""What programs write in place of the quotient of zeros at 0 Hz."""
+
+
+def _strict(data_set: DataSet, i: int, texts: list[str], header: FunctionHeader, first: bool) -> list[float]:
+    """The numbers of a line as Fortran writes them; values of the first line of frequency may be undefined at 0 Hz."""
+    undefined = _wanted(header) // header.points if first and _begins_at_zero(header, texts[0]) else 0
+    return [
+        math.nan if k < undefined and _NOT_A_NUMBER.fullmatch(text) else as_float(text, data_set, i)
+        for k, text in enumerate(texts)
+    ]
+
+
+def _begins_at_zero(header: FunctionHeader, first: str) -> bool:
+    if header.kinds[0] != FREQUENCY:
+        return False
+    return header.start == 0.0 if header.even else _quick([first]) == [0.0]
+
+
+# ----------------------------------------------------------------------------------------------------
+# Binary bodies.
+
+
+_WILD = {4: 18.0, 8: 30.0}
+"""Decimal exponents, by bytes of a number, that no measured value has; of bytes in the wrong order most values have
+larger ones."""
+_FEW_WILD = 0.02
+"""Part of the values that may have such an exponent in the right order: lines that an integration has spoilt."""
+_MANY_WILD = 0.25
+"""Part of the values beyond which the order of the bytes is doubted."""
+
+
+def _binary_body(data_set: DataSet, header: FunctionHeader) -> _Body:
+    order, form = data_set.binary_form[:2]
     check_count(data_set, "header lines", _HEADER_LINES, len(data_set.lines), 0)
+    wanted = _wanted(header)
     size = 4 if header.value_type in _SINGLE_PRECISION else 8
     stored, rest = divmod(len(data_set.payload), size)
     if stored < wanted or data_set.payload[size * wanted :].strip(b"\x00\r\n") or (rest and stored == wanted):
         check_count(data_set, "bytes for its points", size * wanted, len(data_set.payload), 6)
-    return stored
+    stated, other = ("<", ">") if order == "1" else (">", "<")
+    raw = data_set.payload[: size * stored]
+    with np.errstate(all="ignore"):  # bytes in the wrong order are any number, signalling NaN among them
+        values, opposite = (np.frombuffer(raw, f"{one}f{size}").astype(float) for one in (stated, other))
+    wild, opposite_wild = (_wild(one[:wanted], size) for one in (values, opposite))
+    known = order in ("1", "2") and form == "2"
+    if opposite_wild <= _FEW_WILD and wild > max(_MANY_WILD, 2.0 * opposite_wild):
+        return _Body(opposite, swapped=True)
+    # of an unknown format the values must speak for IEEE numbers
+    if not known and wild > _FEW_WILD:
+        raise data_set.error("uff.value/binary-format")
+    if wild > 0.5 and len(raw) > 8 * size:
+        raise data_set.error("uff.value/binary-values", values={"implausible": f"{wild:.0%}"})
+    return _Body(values)
 
 
-def _function(data_set: DataSet, header: FunctionHeader, stored: int) -> MeasuredFunction:
-    raw = through_pyuff(data_set)
-    x, values = np.asarray(raw["x"], dtype=float), np.asarray(raw["data"])
+def _wild(values: NDArray[np.float64], size: int) -> float:
+    """Part of the values that are not finite, or of a magnitude that nobody measures."""
+    with np.errstate(all="ignore"):
+        exponent = np.abs(np.log10(np.abs(values)))
+    # zero is measured wherever a channel is off
+    odd = ~np.isfinite(values) | ((values != 0.0) & (exponent > _WILD[size]))
+    return float(np.mean(odd)) if len(values) else 0.0
+
+
+def _function(data_set: DataSet, header: FunctionHeader, body: _Body) -> MeasuredFunction:
     each = _wanted(header) // header.points
-    if not len(x) == len(values) == stored // each:
-        check_count(data_set, "points that pyuff returns", stored // each, min(len(x), len(values)))
-    x, values = x[: header.points], values[: header.points]
-    if not (np.isfinite(x).all() and np.isfinite(values).all()):
-        bad = int(np.flatnonzero(~np.isfinite(x) | ~np.isfinite(values))[0])
-        raise data_set.error("uff.value/function-point", point=bad + 1)
-    return MeasuredFunction(header, x, values, data_set.where())
+    table = body.numbers[: _wanted(header)].reshape(header.points, each)
+    lines = header.start + header.step * np.arange(header.points) if header.even else table[:, 0]
+    x = np.asarray(lines, dtype=float)
+    parts = table if header.even else table[:, 1:]
+    values = parts[:, 0] + 1j * parts[:, 1] if header.value_type in _COMPLEX else parts[:, 0]
+    at_zero = (x == 0.0) & (header.kinds[0] == FREQUENCY)
+    bad = ~np.isfinite(x) | (~np.isfinite(values) & ~at_zero)
+    if bad.any():
+        raise data_set.error("uff.value/function-point", point=int(np.flatnonzero(bad)[0]) + 1)
+    return MeasuredFunction(header, x, np.where(np.isfinite(values), values, np.nan), data_set.where())
 
 
 def dof_of(node: int, direction: int) -> Dof | None:
@@ -210,160 +296,3 @@ def dof_of(node: int, direction: int) -> Dof | None:
     if node <= 0 or abs(direction) > 6:
         return None
     return Dof(node, DIRECTIONS[abs(direction)], -1 if direction < 0 else 1)
-
-
-# ----------------------------------------------------------------------------------------------------
-# Measured functions as FrfSets: which of them are FRFs, of which kind, on which lines.
-
-
-_KINDS = {8: "receptance", 11: "mobility", 12: "accelerance"}
-# specific data types
-_FREQUENCY = 18
-_FORCE = 13
-# function types
-_UNKNOWN = 0
-_FRF = 4
-_COHERENCE = 6
-_LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
-_FORCES = {"n": 1.0, "mn": 1e-3, "kn": 1e3, "lbf": 4.4482216152605, "lb": 4.4482216152605}
-_UNIT_TOLERANCE = 1e-3
-"""Relative difference up to which two units are the same: files round factors to four digits and more."""
-_LARGEST_COHERENCE = 1.0 + 1e-3
-"""Coherence above which a value is wrong; single precision and averaging leave values slightly above 1."""
-
-Pairs = dict[tuple[Dof, Dof], MeasuredFunction]
-Coherences = dict[tuple[object, ...], NDArray]
-
-
-def frf_sets(
-    functions: Sequence[MeasuredFunction], units: UnitSystem, source: str
-) -> tuple[tuple[FrfSet, ...], tuple[Notice, ...]]:
-    """The FRFs, one FrfSet for each kind and set of frequency lines, in the file's units.
-
-    Raises
-    ------
-    FemtuneError : ``uff.duplicate-frf``; ``uff.units-contradict`` where a unit label contradicts `units`
-    """
-    groups: dict[tuple[object, ...], Pairs] = {}
-    unused: dict[str, list[MeasuredFunction]] = {}
-    untyped = []
-    coherences = _coherences(functions)
-    for function in functions:
-        if _is_coherence(function):
-            continue
-        if why := _why_no_frf(function):
-            unused.setdefault(why, []).append(function)
-            continue
-        _check_labels(function, units)
-        untyped += [function] if function.header.function_type == _UNKNOWN else []
-        _add(groups.setdefault(_group(function), {}), function)
-    sets = tuple(_frf_set(str(key[0]), pairs, source, coherences) for key, pairs in groups.items())
-    used = {_place(function) for pairs in groups.values() for function in pairs.values()}
-    alone = [one for one in functions if _is_coherence(one) and _place(one) not in used]
-    return sets, (*_unused(unused), *_untyped(untyped), *_unused_coherence(alone))
-
-
-def _is_coherence(function: MeasuredFunction) -> bool:
-    """True for a coherence between two DOFs over frequency, with values from 0 to 1."""
-    header, values = function.header, function.values
-    places = dof_of(*header.response), dof_of(*header.reference)
-    right = header.function_type == _COHERENCE and header.kinds[0] == _FREQUENCY and None not in places
-    return (
-        right and not np.iscomplexobj(values) and bool((values >= 0.0).all() and (values <= _LARGEST_COHERENCE).all())
-    )
-
-
-def _coherences(functions: Sequence[MeasuredFunction]) -> Coherences:
-    """By node and direction of response and reference, whatever their signs, and frequency lines."""
-    return {_place(one): one.values for one in functions if _is_coherence(one)}
-
-
-def _place(function: MeasuredFunction) -> tuple[object, ...]:
-    (response, at), (reference, driven) = function.header.response, function.header.reference
-    return response, abs(at), reference, abs(driven), function.x.tobytes()
-
-
-def _why_no_frf(function: MeasuredFunction) -> str:
-    header = function.header
-    abscissa, numerator, denominator = header.kinds
-    if header.function_type not in (_FRF, _UNKNOWN):
-        return f"of function type {header.function_type}, not an FRF"
-    if abscissa != _FREQUENCY or not np.iscomplexobj(function.values):
-        return "not complex functions of frequency"
-    if numerator not in _KINDS or denominator != _FORCE:
-        return f"not motion over force (data types {numerator} over {denominator})"
-    if None in (dof_of(*header.response), dof_of(*header.reference)):
-        return "without response or reference node"
-    return ""
-
-
-def _unused(unused: dict[str, list[MeasuredFunction]]) -> Iterable[Notice]:
-    for why, functions in unused.items():
-        yield Notice("uff.not-an-frf", where=functions[0].where, n_functions=len(functions), reason=why)
-
-
-def _unused_coherence(functions: Sequence[MeasuredFunction]) -> Iterable[Notice]:
-    if functions:
-        yield Notice("uff.unused-coherence", where=functions[0].where, n_functions=len(functions))
-
-
-def _untyped(functions: Sequence[MeasuredFunction]) -> Iterable[Notice]:
-    if functions:
-        yield Notice("uff.function-type", where=functions[0].where, level="info", n_functions=len(functions))
-
-
-def _group(function: MeasuredFunction) -> tuple[object, ...]:
-    kind = _KINDS[function.header.kinds[1]]
-    return kind, len(function.x), function.x.tobytes()
-
-
-def _add(pairs: Pairs, function: MeasuredFunction) -> None:
-    response, reference = dof_of(*function.header.response), dof_of(*function.header.reference)
-    assert response is not None
-    assert reference is not None
-    first = pairs.setdefault((response, reference), function)
-    if first is not function:
-        raise FemtuneError(
-            "uff.duplicate-frf",
-            where=function.where,
-            values={"first": first.where},
-            reference=reference,
-            response=response,
-        )
-
-
-def _frf_set(kind: str, pairs: Pairs, source: str, coherences: Coherences) -> FrfSet:
-    responses = list(dict.fromkeys(response for response, _ in pairs))
-    references = list(dict.fromkeys(reference for _, reference in pairs))
-    lines = next(iter(pairs.values())).x
-    values = np.full((len(responses), len(references), len(lines)), complex(np.nan, np.nan))
-    coherence = np.full(values.shape, np.nan)
-    for (response, reference), function in pairs.items():
-        at = responses.index(response), references.index(reference)
-        values[at] = function.values
-        coherence[at] = np.minimum(coherences.get(_place(function), coherence[at]), 1.0)
-    some = coherence if np.isfinite(coherence).any() else None
-    return FrfSet(lines, values, DofSet(responses), DofSet(references), kind, some, source)
-
-
-def _check_labels(function: MeasuredFunction, units: UnitSystem) -> None:
-    """Unit labels such as m/s2 and N are words, but where they are understood they must not contradict."""
-    _, motion, force = function.header.unit_labels
-    length = _LENGTHS.get(motion.lower().split("/")[0].strip())
-    if abs(function.header.response[1]) > 3:
-        length = None
-    _check_label(function, motion, length, units.length, "m")
-    moment = abs(function.header.reference[1]) > 3
-    _check_label(function, force, None if moment else _FORCES.get(force.lower().strip()), units.force, "N")
-    if motion.lower().strip() == "g":
-        _check_label(function, motion, 9.80665, units.length, "m")
-
-
-def _check_label(function: MeasuredFunction, label: str, stated: float | None, used: float, unit: str) -> None:
-    if stated is not None and abs(stated / used - 1) > _UNIT_TOLERANCE:
-        raise FemtuneError(
-            "uff.units-contradict",
-            where=function.where,
-            values={"label means": f"{stated:g} {unit}", "units of the file": f"{used:g} {unit}"},
-            label=label,
-        )

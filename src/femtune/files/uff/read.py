@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from femtune.dofs import Dof
-from femtune.errors import FemtuneError, Notice, Where
+from femtune.errors import FemtuneError, Notice, Where, folded
+from femtune.files.uff.frf_sets import frf_sets
+from femtune.files.uff.function_units import StatedOfFunctions
 from femtune.files.uff.geometry import read_geometry
-from femtune.files.uff.measured_functions import MeasuredFunction, frf_sets, read_functions
+from femtune.files.uff.measured_functions import MeasuredFunction, read_functions
 from femtune.files.uff.mode_records import ModeRecord, mode_set, read_mode_records
 from femtune.files.uff.scan import DataSet, scan_uff
 from femtune.files.uff.unit_records import file_unit_system
@@ -21,13 +23,12 @@ from femtune.modal import FrfSet, ModeSet
 from femtune.testdata import ModalTest, WireFrame, convert_frfs, convert_units, sensors_at
 from femtune.units import UnitSystem
 
-READ = (15, 18, 55, 58, 82, 151, 164, 2411, 2412, 2420)
+READ = (15, 18, 55, 58, 82, 151, 164, 2411, 2412, 2414, 2420)
 """The data sets that are understood."""
 
 _REASONS = {
     1858: "qualifiers of functions; data set 58 has all that is needed",
     2400: "names of a finite element model, not test data",
-    2414: "results of an analysis, not test data",
     2429: "groups of nodes and elements",
     2467: "groups of nodes and elements",
 }
@@ -42,7 +43,7 @@ class UffContent:
     test : geometry, sensors, modes and FRFs in the units asked for
     frf_sets : one for each kind and set of frequency lines; ``test.frfs`` is the only one, or None
     functions : every data set 58 as it stands in the file, in the file's units
-    mode_records : every data set 55 that was read, likewise
+    mode_records : every data set 55 and 2414 that was read, likewise
     file_units : the system of the file
     data_sets : how many of each number the file has
     notices : everything remarkable, data sets left out among it
@@ -90,8 +91,9 @@ def read_uff(
     file_units: UnitSystem | None = None,
     records: str | None = None,
     name: str = "",
+    functions: StatedOfFunctions | None = None,
 ) -> UffContent:
-    """Read a Universal File (UFF, UNV) with data sets 15, 18, 55, 58, 58b, 82, 151, 164, 2411, 2412, 2420.
+    """Read a Universal File (UFF, UNV) with data sets 15, 18, 55, 58, 58b, 82, 151, 164, 2411, 2412, 2414, 2420.
 
     Parameters
     ----------
@@ -100,6 +102,7 @@ def read_uff(
     file_units : the system of the file where it has no data set 164
     records : read only the modes whose ID lines contain this word
     name : of the test; by default `records`, or the name of the file
+    functions : kind and factor of the functions, in place of their data types and unit labels
 
     Raises
     ------
@@ -108,7 +111,7 @@ def read_uff(
     """
     file = path if isinstance(path, UffFile) else UffFile(path)
     with np.errstate(all="ignore"):  # overflow becomes infinity, which the checks refuse by name
-        return _content(file, units, file_units, records, name or records or Path(file.path).stem)
+        return _content(file, units, file_units, records, name or records or Path(file.path).stem, functions)
 
 
 def _content(
@@ -117,19 +120,21 @@ def _content(
     file_units: UnitSystem | None,
     records: str | None,
     name: str,
+    stated: StatedOfFunctions | None,
 ) -> UffContent:
     sets, source = file.sets, str(file.path)
-    _refuse_useless(sets, source)
     system, unit_notices = file_unit_system(sets, file_units, source)
     units = units or system
     geometry, geometry_notices = file.geometry
     mode_records, record_notices = read_mode_records(sets, records)
+    _refuse_useless(sets, mode_records, source)
     modes, mode_notices = mode_set(mode_records, source)
     functions, function_notices = file.functions
-    frfs, frf_notices = frf_sets(functions, system, source)
+    frfs, frf_notices = frf_sets(functions, system, source, stated)
     of_records = (*geometry_notices, *record_notices, *mode_notices, *function_notices, *frf_notices)
     about = (*_several(frfs, source), *_unplaced(geometry, modes, frfs, source))
-    notices = (*_ignored(sets), *unit_notices, *of_records, *about)
+    of_frame = folded(notice for one in sets for notice in one.notices)
+    notices = (*of_frame, *_ignored(sets), *unit_notices, *of_records, *about)
     only = frfs[0] if len(frfs) == 1 else None
     sensors = sensors_at(geometry, _dofs(modes, frfs))
     test = ModalTest(
@@ -154,9 +159,9 @@ def _content(
     )
 
 
-def _refuse_useless(sets: Iterable[DataSet], source: str) -> None:
+def _refuse_useless(sets: Iterable[DataSet], modes: Sequence[ModeRecord], source: str) -> None:
     numbers = Counter(one.number for one in sets)
-    if not set(numbers) & {15, 55, 58, 2411}:
+    if not set(numbers) & {15, 55, 58, 2411} and not modes:
         raise FemtuneError("uff.nothing-usable", where=Where(source), values={"data sets": _listed(numbers)})
 
 

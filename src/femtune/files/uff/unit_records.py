@@ -81,7 +81,7 @@ def _differ(a: float, b: float) -> bool:
 def _check_same(data_set: DataSet, found: UnitSystem, other: UnitSystem, other_statement: str) -> None:
     if _differ(found.length, other.length) or _differ(found.force, other.force):
         raise data_set.error(
-            "uff.units-contradict/data-set",
+            "uff.units-contradict",
             values={
                 "length in data set 164": f"{found.length:.6g} m",
                 "length otherwise": f"{other.length:.6g} m",

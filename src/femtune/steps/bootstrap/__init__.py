@@ -26,6 +26,7 @@ def _end(result: Any) -> End:
 
 STEP = Step(
     "bootstrap",
+    tables=("bootstrap",),
     command=Command(
         help=(
             "Spread of the updated parameters by a bootstrap of the measured FRFs.\n\n"

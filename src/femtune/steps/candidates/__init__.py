@@ -8,6 +8,7 @@ from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, OUTPUT, STU
 
 STEP = Step(
     "candidates",
+    tables=("candidates", "candidate"),
     command=Command(
         help=(
             "Update several sets of parameters and compare these candidate models.\n\n"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from femtune.errors import FemtuneError, FemtuneErrors, Notice, folded
 from femtune.files.nastran.build import build_allowing
@@ -14,6 +14,9 @@ from femtune.files.nastran.deck import read_deck
 from femtune.files.study_file.reading import is_deck, study_from_data, toml_data, toml_text
 from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
 from femtune.files.uff import read_uff
+from femtune.steps.held_folder import held_for_solver
+from femtune.steps.info.checks import mass_checks
+from femtune.steps.problem import FoundProblem, problem_of_error, problem_of_notice
 from femtune.steps.result import StepResult
 from femtune.steps.write.run import check_writable_fields
 from femtune.study.progress import silent
@@ -22,6 +25,7 @@ from femtune.study.repeats import read_repeats
 from femtune.study.residuals import modes_without_sd
 from femtune.study.rows import Rows, rows_of
 from femtune.study.study import load_study
+from femtune.testdata.checks import check_test
 from femtune.units import SI
 
 if TYPE_CHECKING:
@@ -32,25 +36,6 @@ _CONSEQUENT_ERRORS = frozenset({"study.missing-key", "tie.unknown", "study.no-te
 """Errors that may only be the consequence of tables that were set aside because of their own mistakes."""
 _UNIT_ERRORS = frozenset({"study.units-doubtful", "sensor.units"})
 """Remarks about units, which mean nothing if tables of the study were set aside."""
-
-
-class FoundProblem(Record):
-    """A mistake, or a remark."""
-
-    level: Literal["error", "warning", "info"]
-    """An error stops every step; a warning should be looked at."""
-    code: str
-    """Stable code; `femtune explain` explains it."""
-    message: str
-    """What is wrong, in one sentence."""
-    file: str
-    """The file; "" if it is in none."""
-    line: int | None
-    """Line of the file, from 1; None if it has none."""
-    values: dict[str, str]
-    """The values at fault, by name."""
-    hint: str
-    """The smallest fix; "" if none is known."""
 
 
 class CheckedStudy(Record):
@@ -116,7 +101,7 @@ def check_study(path: Path, progress: Progress = silent) -> CheckResult:
         checked.look(progress)
     errors = checked.errors
     notices = [n for n in checked.notices if n.level != "info"]
-    problems = [*map(_of_error, errors), *map(_of_notice, notices)]
+    problems = [*map(problem_of_error, errors), *map(problem_of_notice, notices)]
     record = CheckedStudy(study=str(path), errors=len(errors), warnings=len(notices), problems=tuple(problems))
     return CheckResult(record, tuple(errors), tuple(folded(notices)))
 
@@ -182,13 +167,19 @@ class _Checked:
     def _whole(self, source: Path | StudyFile, progress: Progress, aside: bool = False) -> None:
         """The study put together: deck, fields, configurations, tests and sensors."""
         with self.catching(follows=aside):
-            study = load_study(source, progress)
+            with held_for_solver(source, "check"):
+                study = load_study(source, progress)
             self.notices += [
                 n for n in (*study.built.notices, *study.notices) if not (aside and n.code in _UNIT_ERRORS)
             ]
             if study.file.output.vtu and all(case.used is None for case in study.cases):
                 self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
+            self.notices += [
+                Notice("model.mass-differs", configuration=check.configuration, found=check.sentence)
+                for check in mass_checks(study)
+                if check.verdict == "fail"
+            ]
             if study.file.quantify is not None:
                 read_repeats(study, study.file.quantify)
             if study.writes_deck and any(case.used is not None for case in study.cases):
@@ -202,13 +193,17 @@ class _Checked:
             with self.catching():
                 names = table(data, "study").get("allow_ignored")
                 allowed = [str(name) for name in names] if isinstance(names, list) else []
-                build_allowing(read_deck(self.path.parent / deck), allowed)
+                self._tell(build_allowing(read_deck(self.path.parent / deck), allowed).notices)
         names = [table(data, "test").get("file"), *(entry.get("test") for _, entry in tables(data, "configuration"))]
         for name in dict.fromkeys(n for n in names if isinstance(n, str)):
             if (self.path.parent / name).is_file():
                 progress.step(f"reading {name}", 0, None)
                 with self.catching():
-                    _read_test(self.path.parent / name)
+                    self._tell(_notices_of_test(self.path.parent / name))
+
+    def _tell(self, notices: Iterable[Notice]) -> None:
+        """Notices that the whole study could not tell, because it has errors."""
+        self.notices += [n for n in notices if n not in self.notices]
 
 
 _MOST_ROUNDS = 20
@@ -218,14 +213,15 @@ Every reading removes at least one table; the limit ends the check of a file who
 """
 
 
-def _read_test(path: Path) -> None:
-    """A test in units that do not matter here, where its file states none."""
+def _notices_of_test(path: Path) -> tuple[Notice, ...]:
+    """Notices of a test, read in units that do not matter here where its file states none."""
     try:
-        read_uff(path, units=None)
+        content = read_uff(path, units=None)
     except FemtuneError as error:
         if error.code != "uff.no-units":
             raise
-        read_uff(path, units=None, file_units=SI)
+        content = read_uff(path, units=None, file_units=SI)
+    return (*content.notices, *check_test(content.test))
 
 
 def _without(
@@ -279,18 +275,3 @@ def _mend(study: dict[str, Any], key: str) -> None:
         study |= {name: word for name, word in _STAND_INS.items() if name == key or name not in study}
     elif key != "deck":
         study.pop(key.partition("[")[0].partition(".")[0], None)
-
-
-def _of_error(error: FemtuneError) -> FoundProblem:
-    return FoundProblem(
-        level="error", code=error.code, message=error.what, file=error.where.file if error.where else "",
-        line=error.where.line if error.where else None, values={k: str(v) for k, v in error.values.items()},
-        hint=error.hint,
-    )  # fmt: skip
-
-
-def _of_notice(notice: Notice) -> FoundProblem:
-    return FoundProblem(
-        level="warning", code=notice.code, message=notice.what, file=notice.where.file if notice.where else "",
-        line=notice.where.line if notice.where else None, values={}, hint="",
-    )  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 from femtune.arguments import checked
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.steps.correlate.result import CorrelateResult
+from femtune.steps.held_folder import held_for_solver
 from femtune.study.described import Model, source_of, units_word
 from femtune.study.progress import silent
 from femtune.study.study import load_study
@@ -66,7 +67,11 @@ def compare(
     from femtune.steps.compare.run import MORE_MODES, mapped_meshes, modes_on_other_mesh  # noqa: PLC0415
 
     sides = [source_of(source) for source in (first, second)]
-    one, other = (load_study(side, progress) for side in sides)
+    loaded = []
+    for side in sides:
+        with held_for_solver(side, "compare"):
+            loaded.append(load_study(side, progress))
+    one, other = loaded
     found = mapped_meshes(one, other, tolerance, points)
     word = units_word(units) or None
     if word is None and not one.units_known:

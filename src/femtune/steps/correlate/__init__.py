@@ -19,6 +19,7 @@ from femtune.steps.step import (
 
 STEP = Step(
     "correlate",
+    tables=("correlate",),
     command=Command(
         help=(
             "Compare the model with the test: frequencies, MAC, mode pairs.\n\n"

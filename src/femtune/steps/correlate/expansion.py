@@ -35,7 +35,7 @@ def expansion_results(
     """The record; None if the study does not request it or no shapes were measured. Its arrays go into `arrays`."""
     if table.expand == "none" or case.modal is None or not len(case.modal.test.dofs):
         return None
-    left = {u.test for u in correlation.pairing.unpaired_test if u.left_out}
+    left = {u.test for u in correlation.pairing.unpaired_test if u.left_out or u.suspension}
     kept = [i for i in range(len(case.modal.test)) if i not in left]
     test = case.modal.test.select_modes(kept)
     basis = _basis(table, correlation, solution)

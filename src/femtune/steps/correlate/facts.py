@@ -29,6 +29,7 @@ from femtune.steps.correlate.record.correlation import (
     LeftOutMode,
     ModePairRecord,
     SensorContribution,
+    SuspensionMode,
     UnpairedModelMode,
     UnpairedTestMode,
 )
@@ -39,8 +40,8 @@ Arrays = dict[str, NDArray]
 _NOT_IN_KEYS = re.compile(r"[^\w +-]")
 
 
-def correlate_case(case: ComparedCase, solution: EigenSolution) -> Correlation:
-    """All comparisons of a case at its solved modes."""
+def correlate_case(case: ComparedCase, solution: EigenSolution, rigid: int = 0) -> Correlation:
+    """All comparisons of a case at its solved modes, of which the first `rigid` are rigid-body modes."""
     model = modes_at_sensors(case, solution)
     point = solution.point
     # a static reduction, with the stiffness at rest
@@ -55,6 +56,7 @@ def correlate_case(case: ComparedCase, solution: EigenSolution) -> Correlation:
         relative_gap=case.rules.relative_gap,
         fixed=case.fixed,
         left_out=case.left_out,
+        rigid=rigid,
     )
 
 
@@ -93,7 +95,12 @@ def correlation_results(
         pairs=tuple(_pair(c, p) for p in c.pairing.pairs),
         left_out=tuple(LeftOutMode(**_unpaired(c, u.test, u.reason)) for u in c.pairing.unpaired_test if u.left_out),
         unpaired_test=tuple(
-            UnpairedTestMode(**_unpaired(c, u.test, u.reason)) for u in c.pairing.unpaired_test if not u.left_out
+            UnpairedTestMode(**_unpaired(c, u.test, u.reason))
+            for u in c.pairing.unpaired_test
+            if not u.left_out and not u.suspension
+        ),
+        suspension=tuple(
+            SuspensionMode(**_unpaired(c, u.test, u.reason)) for u in c.pairing.unpaired_test if u.suspension
         ),
         unpaired_model=tuple(_unpaired_model(c, rigid)),
         rigid_body_modes=rigid,

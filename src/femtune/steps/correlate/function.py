@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from femtune.arguments import checked
 from femtune.errors import Notice
 from femtune.files.study_file import with_expansion
+from femtune.journal.run_files import numbered
 from femtune.steps.correlate.expanded_files import check_expansion_asked, write_expanded_files
 from femtune.steps.correlate.result import CorrelateResult
 from femtune.steps.correlate.versions import model_records
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.judge.facts.acceptance import acceptance
 from femtune.steps.judge.verdict import judgement_of_comparisons
-from femtune.steps.respond.run import check_places, uff_paths
+from femtune.steps.respond.run import check_places
 from femtune.study.described import StudySource, Test, source_of
 from femtune.study.progress import silent
 from femtune.study.solutions import looking_up
@@ -72,11 +74,13 @@ def correlate(
     >>> expanded.expanded["as the deck"].shapes.shape, [path.name for path in expanded.files]
     ((16, 4), ['expanded.uff'])
     """
-    study = read_study(source_of(source, test=test, **tables), progress)
+    given = source_of(source, test=test, **tables)
+    with held_for_solver(given, "correlate"):
+        study = read_study(given, progress)
     study = replace(study, file=with_expansion(study.file, expand))
     if all(case.modal is None for case in study.cases):
         raise study.no_test("can be compared")
-    files = [] if uff is None else uff_paths(Path(uff), study)
+    files = [] if uff is None else numbered(Path(uff), len(study.cases))
     if uff is not None:
         check_expansion_asked(study, Path(uff))
         check_places(study, files, Path(uff))

@@ -45,7 +45,7 @@ class CorrelateResult(OfConfigurations[CorrelationResults]):
         return Rows.of(
             {"configuration": c.configuration, **row}
             for c in self.records
-            for row in rows_of((*c.unpaired_test, *c.left_out), "test_label", "test_freq_hz", "reason")
+            for row in rows_of((*c.unpaired_test, *c.suspension, *c.left_out), "test_label", "test_freq_hz", "reason")
         )
 
     @property
@@ -125,6 +125,8 @@ class CorrelateResult(OfConfigurations[CorrelationResults]):
             worst = max(c.pairs, key=lambda p: abs(p.freq_error_percent), default=None)
             macs = [p.mac for p in c.pairs if p.mac is not None]
             text = f"{c.configuration}: {len(c.pairs)} of {tests} test modes paired"
+            if c.suspension:
+                text += f", and {len(c.suspension)} of the suspension set apart"
             if worst is not None:
                 text += f"; largest frequency error {worst.freq_error_percent:+.3g} % (mode {worst.test_label})"
             sentences.append(text + (f"; lowest MAC {min(macs):.3f}" if macs else ""))

@@ -86,7 +86,7 @@ def _pair(p: ModePairRecord) -> tuple[Cell, ...]:
 
 
 def _unpaired_test(c: CorrelationResults) -> list[Block]:
-    rows = tuple(row(m.test_label, freq(m.test_freq_hz), m.reason) for m in c.unpaired_test)
+    rows = tuple(row(m.test_label, freq(m.test_freq_hz), m.reason) for m in (*c.unpaired_test, *c.suspension))
     return [Table("Test modes without a partner", columns("Test mode", ">Hz", "Reason"), rows)] if rows else []
 
 

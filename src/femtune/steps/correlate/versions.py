@@ -123,7 +123,7 @@ def model_records(
             shapes.append(mode_shapes(case, version, solution, prefix, arrays))
         if case.modal is not None:
             with errors_at_configuration(study.file, case.entry, "test"):
-                raw[case.name] = correlate_case(case.modal, solution)
+                raw[case.name] = correlate_case(case.modal, solution, natural_modes[-1].rigid_body_modes)
             rigid, notices = natural_modes[-1].rigid_body_modes, solution.notices
             if words := fitting_axes(study.file, case, solution):
                 notices = (*notices, Notice("correlate.axes", configuration=case.name, change=words))

@@ -9,6 +9,7 @@ from femtune.steps.step import (
 
 STEP = Step(
     "equalise",
+    tables=("equalise",),
     sections=(
         ReportSection(
             "measured_damping",

@@ -18,7 +18,7 @@ from femtune.files.identification_file import (
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.source import StudyLines
 from femtune.files.uff.measured_functions import read_header
-from femtune.files.uff.scan import scan_uff
+from femtune.files.uff.scan import names_universal, scan_uff
 from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY
 from femtune.identification.operational import prepared, segment_of
 from femtune.identification.record_checks import dead_channels
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from femtune.identification.operational import Operational
     from femtune.modal import TimeSeries
 
-_UFF_SUFFIXES = (".uff", ".unv")
-"""Suffixes of Universal Files."""
 _TIME_RESPONSE = 1
 """Function type of a time response in dataset 58."""
 
@@ -65,7 +63,7 @@ def _checked(data: dict[str, Any], path: Path) -> IdentifyFile:
 
 def _kind_of(path: Path) -> str:
     """ "frfs" for a Universal File, unless its functions are records in time."""
-    if path.suffix.lower() not in _UFF_SUFFIXES:
+    if not names_universal(path):
         return "record"
     types = [read_header(one).function_type for one in scan_uff(path) if one.number == 58]
     return "record" if types and all(t == _TIME_RESPONSE for t in types) else "frfs"

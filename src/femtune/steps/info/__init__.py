@@ -33,6 +33,7 @@ def _solvers(asked: dict[str, Any], as_json: bool) -> bool:
 
 STEP = Step(
     "info",
+    tables=("checks",),
     command=Command(
         help=(
             "Summary of the deck: cards, mass, rigid-body check, supports, shapes of elements, mesh "

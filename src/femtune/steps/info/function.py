@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.arguments import checked
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.info.checks import checks_of_modes
 from femtune.steps.info.facts import alert_of, model_facts
 from femtune.steps.info.result import InfoResult
@@ -41,7 +42,9 @@ def info(source: Path | str | Study | Model, *, progress: Progress = silent) -> 
     InfoResult: 15 cards used, 0 not used
       as the deck: 5 points, 24 free DOFs, mass 9.85, rigid-body check: pass
     """
-    study = load_study(source_of(source), progress)
+    given = source_of(source)
+    with held_for_solver(given, "info"):
+        study = load_study(given, progress)
     progress.step("mass and rigid-body check", 0, None)
     facts = model_facts(study)
     progress.step("errors due to the mesh", 0, None)

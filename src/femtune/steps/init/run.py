@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 from femtune.correlation.guessed_sensors import AskedSensors, GuessedSensors, guess_sensors
 from femtune.correlation.sensor_map import map_sensors
+from femtune.correlation.suspension import with_suspension
 from femtune.correlation.unit_factor import unit_factor
 from femtune.document.figures.sensors import TestPoint, test_points_svg
 from femtune.document.figures.shapes import Wireframe
@@ -23,6 +24,7 @@ from femtune.fem.checks import mass_properties
 from femtune.files.study_file import Given, frozen, study_from_data
 from femtune.files.study_file.source import StudyLines
 from femtune.files.uff import read_uff
+from femtune.files.uff.scan import names_universal
 from femtune.files.whole_file import write_whole
 from femtune.modal import ModeSet
 from femtune.model.configured import grid_matrix
@@ -67,8 +69,6 @@ PICTURE_FILE = "sensors.svg"
 """Picture of the test points on the mesh."""
 IDENTIFY_FILE = "identify.toml"
 IDENTIFIED_FOLDER = "identified"
-_UFF_SUFFIXES = (".uff", ".unv")
-"""Suffixes of Universal Files."""
 _MOST_GRIDS = 60
 """Grid points at which shapes are taken as measured if no sensor could be assigned.
 
@@ -269,7 +269,7 @@ class _Measured:
 def _measured(
     path: Path, folder: Path, force: bool, units: str | None, inputs: Sequence[Input], progress: Progress
 ) -> _Measured:
-    if path.suffix.lower() in _UFF_SUFFIXES:
+    if names_universal(path):
         test, stated = _read(path)
         if test.modes is not None:
             return _Measured(test, path, stated, f"the modes of {path.name}")
@@ -309,7 +309,7 @@ def _identified(
     text.say(f"Identification of modes from {path.name}: femtune identify {IDENTIFY_FILE}")
     text.table("[identify]")
     text.key(kind, _relative(path, folder))
-    if units is not None and path.suffix.lower() not in _UFF_SUFFIXES:
+    if units is not None and not names_universal(path):
         text.key("units", units.name)
     text.off(["band_hz = [2.0, 60.0]    # frequency range of the modes", "largest_order = 40"])
     if kind == "record":
@@ -406,7 +406,8 @@ class _Draft:
         self._describe(study)
         if case.compared is not None and len(case.compared.test):
             model_modes = modes_at_sensors(case.compared, solution)
-            self.pairing = pair_case(case.compared, solution)
+            paired = pair_case(case.compared, solution)
+            self.pairing = with_suspension(case.compared.test, model_modes, paired, self.rigid)
             self.notices = tuple(n.what for n in unit_factor(case.compared.test, model_modes, self.pairing))
             self.range = _agreement(self.pairing, case.compared.test, model_modes)
         if fields:
@@ -533,7 +534,7 @@ class _Draft:
         assert self.units is not None
         assert self.sensors is not None
         few: tuple[str, ...] = ()
-        if self.pairing is not None and 2 * len(self.pairing.pairs) < self._test_modes:
+        if self.pairing is not None and 2 * len(self.pairing.pairs) < self._test_modes - self.pairing.suspension_count:
             few = (
                 f"only {len(self.pairing.pairs)} of {self._test_modes} test modes are paired: compare the pictures of "
                 "femtune correlate before the update",
@@ -770,7 +771,10 @@ def _agreement(pairing: Pairing, test: ModeSet, model: ModeSet) -> str:
     if not pairs:
         return f"no test mode of {len(test)} is paired."
     errors = [100.0 * (model.freq_hz[p.model] / test.freq_hz[p.test] - 1.0) for p in pairs]
+    count = pairing.suspension_count
+    suspension = f", and {count} of the suspension {'are' if count > 1 else 'is'} set apart" if count else ""
     return (
-        f"{len(pairs)} of {len(test)} test modes are paired; errors of the frequencies {min(errors):+.2g} to "
-        f"{max(errors):+.2g} %, MAC {min(p.mac for p in pairs):.2f} to {max(p.mac for p in pairs):.2f}."
+        f"{len(pairs)} of {len(test) - count} test modes are paired{suspension}; errors of the "
+        f"frequencies {min(errors):+.2g} to {max(errors):+.2g} %, "
+        f"MAC {min(p.mac for p in pairs):.2f} to {max(p.mac for p in pairs):.2f}."
     )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from femtune.steps.results import Results
     from femtune.study.progress import Progress
     from femtune.study.study import Study
-    from femtune.updating import UpdateResult
+    from femtune.updating import ReducedSearch, UpdateResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +28,7 @@ class FinishedUpdate:
     results : the records of all steps so far
     arrays : arrays of the records, by key; a topic may add its own
     progress : receives progress reports
+    search : the reduced models of the update, accurate at its end; None without reduced models
     """
 
     study: Study
@@ -36,3 +37,4 @@ class FinishedUpdate:
     results: Results
     arrays: MutableMapping[str, NDArray]
     progress: Progress
+    search: ReducedSearch | None = None

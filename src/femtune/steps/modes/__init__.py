@@ -29,6 +29,7 @@ def _asked(options: dict[str, Any], path: Path) -> dict[str, Any]:
 
 STEP = Step(
     "modes",
+    tables=("modes",),
     command=Command(
         help=(
             "Compute the natural frequencies and modes of each configuration.\n\n"

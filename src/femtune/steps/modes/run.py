@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import NDArray
 
+from femtune.journal.run_files import numbered
 from femtune.modal import ModeSet
 from femtune.model import EigenSolution
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.info.checks import mesh_check
 from femtune.steps.info.facts import model_facts, model_modes, shapes_remark
 from femtune.steps.modes.result import ModesResult
-from femtune.steps.respond.run import check_places, uff_paths
+from femtune.steps.respond.run import check_places
 from femtune.study.cases import StudyCase
 from femtune.study.progress import silent
 from femtune.study.provenance import Stopwatch, call, inputs_of, provenance, study_facts
@@ -68,11 +70,12 @@ def solve_modes(
 
     watch = Stopwatch(call("modes", source))
     with watch.step("read"):
-        loaded = with_modes_asked(load_study(source, progress), count, max_hz)
+        with held_for_solver(source, "modes"):
+            loaded = with_modes_asked(load_study(source, progress), count, max_hz)
         if simulate is not None:
             check_simulated(loaded, simulate)
         asked = [path for path in (vtu, None if simulate is None else simulate.path) if path is not None]
-        several = [file for path in asked for file in uff_paths(path, loaded)]
+        several = [file for path in asked for file in numbered(path, len(loaded.cases))]
         check_places(loaded, [*([] if page is None else [page]), *several], None if simulate is None else simulate.path)
         if vtu is not None:
             check_vtu(loaded, vtu)
@@ -114,7 +117,8 @@ def simulate_tests(
     """The tests that the modes of a study or deck would give, one a configuration; parameters as of `solve_modes`."""
     from femtune.steps.modes.simulated_test import check_simulated, simulated  # noqa: PLC0415
 
-    loaded = with_modes_asked(load_study(source, progress), count, max_hz)
+    with held_for_solver(source, "modes"):
+        loaded = with_modes_asked(load_study(source, progress), count, max_hz)
     check_simulated(loaded, wanted)
     with looking_up(loaded, fresh) as found:
         return simulated(loaded, wanted, list(solved_cases(found.study, progress)))

@@ -14,9 +14,10 @@ from femtune.dofs import DIRECTIONS, Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Where
 from femtune.files.study_file.kinds import support
 from femtune.files.uff import write_uff_modes
+from femtune.journal.run_files import numbered
 from femtune.modal import ModeSet, entry_deviations, largest_entries
 from femtune.model.response.rigid import is_rigid
-from femtune.steps.respond.run import id_line, uff_paths
+from femtune.steps.respond.run import id_line
 from femtune.testdata import ModalTest, WireFrame, sensors_at
 from femtune.units import unit_system
 
@@ -98,7 +99,7 @@ def _measured(nodes: NodeTable, dofs: DofSet) -> DofSet:
 def write_simulated(study: Study, wanted: SimulatedTest, solutions: Sequence[tuple[StudyCase, EigenSolution]]) -> None:
     """A Universal File of each configuration's modes (error ``uff.cannot-write``); rigid-body motions are left out."""
     assert wanted.path is not None
-    for path, test in zip(uff_paths(wanted.path, study), simulated(study, wanted, solutions)):
+    for path, test in zip(numbered(wanted.path, len(study.cases)), simulated(study, wanted, solutions)):
         write_uff_modes(path, test, ("simulated by femtune",))
 
 

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from femtune._optional import require
 from femtune.errors import FemtuneError, Where
 from femtune.files.whole_file import write_whole
-from femtune.journal.run_files import VTU_FILE
+from femtune.journal.run_files import VTU_FILE, numbered
 from femtune.model.response.rigid import is_rigid
 from femtune.steps.modes.shapes import grid_translations
-from femtune.steps.respond.run import uff_paths
 from femtune.study.vtk_cells import vtk_cells
 
 if TYPE_CHECKING:
@@ -65,7 +64,7 @@ def write_vtu_files(study: Study, x: NDArray, solved: Mapping[str, EigenSolution
     FemtuneError : ``write.vtu``, ``install.missing``
     """
     written = []
-    for case, file in zip(study.cases, uff_paths(path, study)):
+    for case, file in zip(study.cases, numbered(path, len(study.cases))):
         if case.name in solved:
             _write(case, x, solved[case.name], file)
             written.append(file)

@@ -8,6 +8,7 @@ from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, Command, Page, Re
 
 STEP = Step(
     "plan",
+    tables=("plan",),
     command=Command(
         help=(
             "Plan a test: sensors for target modes of the model.\n\n"

@@ -19,6 +19,7 @@ from femtune.model.response.rigid import is_rigid
 from femtune.planning import information_of, mesh_distances, outcome_of, rank_of, set_independence, trace_lines
 from femtune.planning.kinds import PLACEMENT_METHODS
 from femtune.residuals.frf.scatter import relative_sd
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.info.facts import model_modes
 from femtune.steps.modes.shapes import grid_translations, mode_shapes
 from femtune.steps.plan.candidates import Sites, SiteSensor, accessible_rows, moving, sites_of, surface_mesh
@@ -140,7 +141,8 @@ def _papers(record: PlanResults) -> list[str]:
 
 def _read(source: Path | str | StudyFile, options: Mapping[str, Any], units: str | None, progress: Progress) -> Study:
     """The study with the configuration that is planned alone, and as many modes as its targets need."""
-    study = load_study(source, progress)
+    with held_for_solver(source, "plan"):
+        study = load_study(source, progress)
     file = study.file
     if units is not None:
         if study.units_known:

@@ -6,6 +6,7 @@ from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, STUDY, Command, R
 
 STEP = Step(
     "quantify",
+    tables=("quantify",),
     command=Command(
         help="Estimate mean and covariance of the parameters from repeated tests.",
         params=(

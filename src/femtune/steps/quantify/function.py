@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.arguments import checked
 from femtune.errors import FemtuneError
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.quantify.result import QuantifyResult
 from femtune.study.described import StudySource, Test, source_of
 from femtune.study.progress import silent
@@ -69,7 +70,8 @@ def quantify(
     from femtune.study.executor import with_jobs  # noqa: PLC0415
 
     given = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
-    study = read_study(with_jobs(given, jobs), progress)
+    with held_for_solver(given, "quantify"):
+        study = read_study(with_jobs(given, jobs), progress)
     check_parameters(study)
     repeats = repeats_of(study)
     if repeats is None:

@@ -18,6 +18,7 @@ def _asked(options: dict[str, Any], path: Path) -> dict[str, Any]:
 
 STEP = Step(
     "respond",
+    tables=("response", "load"),
     command=Command(
         help=(
             "Compute frequency responses, complex modes and static displacements.\n\n"

@@ -15,6 +15,7 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.study_file import with_response
 from femtune.files.uff import write_uff_frfs
 from femtune.journal.run_files import numbered
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.respond.facts import response_results
 from femtune.steps.respond.result import RespondResult, frf_set
 from femtune.steps.results import Results
@@ -106,7 +107,7 @@ def solve_responses(
     arrays: Arrays = {}
     with watch.step("read"):
         loaded = _read(source, options, units, progress)
-        files = [] if uff is None else uff_paths(uff, loaded)
+        files = [] if uff is None else numbered(uff, len(loaded.cases))
         _check_files(loaded, [*([] if page is None else [page]), *files], uff)
         inputs = inputs_of(loaded)
     with watch.step("respond"), looking_up(loaded, fresh) as looked_up:
@@ -123,7 +124,8 @@ def solve_responses(
 
 
 def _read(source: Path | str | StudyFile, options: Mapping[str, Any], units: str | None, progress: Progress) -> Study:
-    study = load_study(source, progress)
+    with held_for_solver(source, "respond"):
+        study = load_study(source, progress)
     file = study.file
     if units is not None:
         if study.units_known:
@@ -146,11 +148,6 @@ def responses_at(
         progress.step(f"responses, {stage}: {case.name}", i, len(study.cases))
         records.append(response_results(study, case, stage, x, i + 1, arrays, progress))
     return tuple(r for r in records if r is not None)
-
-
-def uff_paths(path: Path, study: Study) -> list[Path]:
-    """A file for each configuration: the path itself, or with several its name and a number."""
-    return numbered(path, len(study.cases))
 
 
 def _check_files(study: Study, files: Sequence[Path], uff: Path | None) -> None:

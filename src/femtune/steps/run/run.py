@@ -21,6 +21,7 @@ from femtune.journal.run_files import (
     VTU_FILE,
     Role,
     made_by,
+    numbered,
 )
 from femtune.steps.bootstrap.record import BootstrapResults
 from femtune.steps.bootstrap.run import bootstrap_at, check_bootstrap
@@ -35,7 +36,7 @@ from femtune.steps.judge.verdict import judgement
 from femtune.steps.modes.vtu_files import write_vtu_files
 from femtune.steps.quantify.record import QuantifyResults
 from femtune.steps.quantify.run import check_quantify, quantify_at, repeats_of
-from femtune.steps.respond.run import responses_at, uff_paths, write_frf_files
+from femtune.steps.respond.run import responses_at, write_frf_files
 from femtune.steps.results import Results
 from femtune.steps.run.alerts import alerts_of
 from femtune.steps.run.outcomes import (
@@ -373,14 +374,15 @@ def _respond_as_written(run: Run, outcomes: Outcomes, made: Made) -> AsWritten:
     study, deck = outcomes.of(Written).study, outcomes.of(AsWritten)
     # the written deck has no parameters
     responses = responses_at(study, "after as written", np.zeros(0), made.arrays, run.progress)
-    _add(made, write_frf_files(study, responses, made.arrays, uff_paths(run.folder / FRFS_FILE, study)))
+    _add(made, write_frf_files(study, responses, made.arrays, numbered(run.folder / FRFS_FILE, len(study.cases))))
     return replace(deck, records=replace(deck.records, responses=responses))
 
 
 def _respond_after(run: Run, outcomes: Outcomes, made: Made) -> Final:
     final, x = outcomes.of(Final), outcomes.of(Updated).parameters.result.x
     responses = responses_at(run.study, "after", x, made.arrays, run.progress)
-    _add(made, write_frf_files(run.study, responses, made.arrays, uff_paths(run.folder / FRFS_FILE, run.study)))
+    files = numbered(run.folder / FRFS_FILE, len(run.study.cases))
+    _add(made, write_frf_files(run.study, responses, made.arrays, files))
     return replace(final, records=replace(final.records, responses=responses))
 
 
@@ -393,7 +395,7 @@ def _write_expanded(run: Run, outcomes: Outcomes, made: Made) -> None:
     """The test shapes expanded to the model at its last version."""
     study = outcomes.of(Updated).study(run.study)
     records = (outcomes.find(AsWritten) or outcomes.of(Final)).records
-    paths = uff_paths(run.folder / EXPANDED_FILE, study)
+    paths = numbered(run.folder / EXPANDED_FILE, len(study.cases))
     _add(made, write_expanded_files(study, records.correlations, outcomes.arrays, paths))
 
 
@@ -414,7 +416,8 @@ def _judge(run: Run, outcomes: Outcomes, made: Made) -> JudgedTopics:
     updated = outcomes.of(Updated)
     study, result, results = updated.study(run.study), updated.parameters.result, run.results(outcomes)
     made.arrays.update(outcomes.arrays)
-    return judged_topics(FinishedUpdate(study, outcomes.of(Initial).at, result, results, made.arrays, run.progress))
+    initial, search = outcomes.of(Initial).at, updated.parameters.search
+    return judged_topics(FinishedUpdate(study, initial, result, results, made.arrays, run.progress, search))
 
 
 JUDGE = RunStep("judge", _judge)

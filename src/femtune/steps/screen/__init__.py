@@ -8,6 +8,7 @@ from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, STUDY, Comm
 
 STEP = Step(
     "screen",
+    tables=("screen",),
     command=Command(
         help=(
             "Which parameters matter for which mode, by designed runs of the model.\n\n"

@@ -67,31 +67,31 @@ def screen_parameters(
     FemtuneError : ``screen.*``, ``design.*``, ``study.no-parameters``, ``run.unwritable``
     """
     watch = Stopwatch(call("screen", source))
-    with watch.step("read"):
-        study = load_study(with_jobs(source, jobs), progress, fresh=fresh, around=False)
-        check_parameters(study)
-        file = with_screen(study.file, options)
-        asked = file.screen
-        assert asked is not None
-        study = alone(study, asked.configuration)
-        with errors_at(file.where("screen")):
-            method = method_of_screen(asked, len(study.parameters.free))
+    with held_for_solver(source, "screen"):
+        with watch.step("read"):
+            study = load_study(with_jobs(source, jobs), progress, fresh=fresh, around=False)
+            check_parameters(study)
+            file = with_screen(study.file, options)
+            asked = file.screen
+            assert asked is not None
+            study = alone(study, asked.configuration)
+            with errors_at(file.where("screen")):
+                method = method_of_screen(asked, len(study.parameters.free))
+            if table is not None:
+                check_places(study, [table], None)
+            check_executor(study)
+            inputs = inputs_of(study)
+        with (
+            watch.step("runs"),
+            looking_up(study, fresh) as looked_up,
+            opened_solver(looked_up.study, progress) as solver,
+        ):
+            runs = _Runs.of(looked_up.study, method, progress, solver)
+            with errors_at(file.where("screen")):
+                record = runs.record()
+        arrays = {"screen_runs": runs.table}
         if table is not None:
-            check_places(study, [table], None)
-        check_executor(study)
-        inputs = inputs_of(study)
-    with (
-        watch.step("runs"),
-        held_for_solver(study.file, "screen"),
-        looking_up(study, fresh) as looked_up,
-        opened_solver(looked_up.study, progress) as solver,
-    ):
-        runs = _Runs.of(looked_up.study, method, progress, solver)
-        with errors_at(file.where("screen")):
-            record = runs.record()
-    arrays = {"screen_runs": runs.table}
-    if table is not None:
-        write_csv(table, [*(p.name for p in study.parameters.free), *runs.labels], runs.table)
+            write_csv(table, [*(p.name for p in study.parameters.free), *runs.labels], runs.table)
     results = Results(
         provenance=provenance(inputs, watch),
         study=study_facts(study),

@@ -8,6 +8,7 @@ from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JOBS, JSON, STUDY, Comm
 
 STEP = Step(
     "search",
+    tables=("search",),
     command=Command(
         help=(
             "Search the whole box for the minimum of the residuals, and confirm it on the model.\n\n"

@@ -120,35 +120,35 @@ def search_minimum(
     FemtuneError : ``search.*``, ``surrogate.*``, ``study.no-test``, ``study.no-parameters``
     """
     watch = Stopwatch(call("search", source))
-    with watch.step("read"):
-        study = read_study(with_jobs(source, jobs), progress, fresh=fresh, around=False)
-        check_parameters(study)
-        study.problem()
-        table = with_search(study.file, options).search
-        assert table is not None
+    with held_for_solver(source, "search"):
+        with watch.step("read"):
+            study = read_study(with_jobs(source, jobs), progress, fresh=fresh, around=False)
+            check_parameters(study)
+            study.problem()
+            table = with_search(study.file, options).search
+            assert table is not None
+            if table_of_front is not None:
+                if not table.front:
+                    raise FemtuneError("search.front/csv")
+                check_places(study, [table_of_front], None)
+            check_executor(study)
+            inputs = inputs_of(study)
+        arrays: dict[str, Any] = {}
+        with (
+            looking_up(study, fresh) as looked_up,
+            opened_solver(looked_up.study, progress) as solver,
+        ):
+            search = _Search.begin(looked_up.study, table, progress, solver)
+            if table.front:
+                # what it cannot compare is said before the first run
+                _ = search.parts
+            with watch.step("search"):
+                ended = search.on_model() if table.on == "model" else search.on_surrogate()
+            with watch.step("least squares"):
+                record = search.record(ended, arrays)
         if table_of_front is not None:
-            if not table.front:
-                raise FemtuneError("search.front/csv")
-            check_places(study, [table_of_front], None)
-        check_executor(study)
-        inputs = inputs_of(study)
-    arrays: dict[str, Any] = {}
-    with (
-        held_for_solver(study.file, "search"),
-        looking_up(study, fresh) as looked_up,
-        opened_solver(looked_up.study, progress) as solver,
-    ):
-        search = _Search.begin(looked_up.study, table, progress, solver)
-        if table.front:
-            # what it cannot compare is said before the first run
-            _ = search.parts
-        with watch.step("search"):
-            ended = search.on_model() if table.on == "model" else search.on_surrogate()
-        with watch.step("least squares"):
-            record = search.record(ended, arrays)
-    if table_of_front is not None:
-        heads = [*(p.name for p in record.parameters), "frequency_error_squared", "other_error"]
-        write_csv(table_of_front, heads, arrays[_FRONT])
+            heads = [*(p.name for p in record.parameters), "frequency_error_squared", "other_error"]
+            write_csv(table_of_front, heads, arrays[_FRONT])
     results = Results(
         provenance=provenance(inputs, watch),
         study=study_facts(study),

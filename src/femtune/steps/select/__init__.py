@@ -6,6 +6,7 @@ from femtune.steps.step import EIGENSOLVER, FRESH, JSON, STUDY, Command, ReportS
 
 STEP = Step(
     "select",
+    tables=("select",),
     command=Command(
         help="Which parameters and combinations of parameters the data determine.",
         params=(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from femtune.arguments import checked
 from femtune.steps.correlate.versions import start
+from femtune.steps.held_folder import held_for_solver
 from femtune.steps.select.result import SelectResult
 from femtune.study.described import StudySource, Test, source_of
 from femtune.study.progress import silent
@@ -61,7 +62,9 @@ def select(
     # imported here, because the other steps do not need it
     from femtune.steps.select.run import check_parameters, select_at  # noqa: PLC0415
 
-    study = read_study(source_of(source, test=test, parameters=parameters, residuals=residuals, **tables), progress)
+    given = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
+    with held_for_solver(given, "select"):
+        study = read_study(given, progress)
     check_parameters(study)
     arrays: dict[str, NDArray[Any]] = {}
     with looking_up(study, fresh) as found:

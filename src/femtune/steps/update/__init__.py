@@ -20,6 +20,7 @@ from femtune.steps.step import (
 
 STEP = Step(
     "update",
+    tables=("update", "reduction", "stage"),
     command=Command(
         help=(
             "Update the parameters and write the updated deck.\n\n"

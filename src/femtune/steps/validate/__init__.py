@@ -18,6 +18,7 @@ from femtune.steps.step import (
 
 STEP = Step(
     "validate",
+    tables=("validate", "hold_out"),
     command=Command(
         help=(
             "Compare the updated model with data that the update did not use.\n\n"

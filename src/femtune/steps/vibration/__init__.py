@@ -8,4 +8,5 @@ from femtune.steps.step import (
 
 STEP = Step(
     "vibration",
+    tables=("vibration",),
 )

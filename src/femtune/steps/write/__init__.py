@@ -9,5 +9,6 @@ from femtune.steps.step import (
 
 STEP = Step(
     "write",
+    tables=("write",),
     sections=(ReportSection("write_back", "Changes in the deck", "write.page:write_back", optional=True, place=180),),
 )

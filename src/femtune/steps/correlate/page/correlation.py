@@ -215,7 +215,7 @@ def unpaired_test(source: ReportSource, names: list[str]) -> list[Block]:
     modes: dict[tuple[str, str, float, str], list[str]] = {}
     for name in names:
         for comparison in source.shown(name):
-            for m in comparison.unpaired_test:
+            for m in (*comparison.unpaired_test, *comparison.suspension):
                 key = (name, m.test_label, m.test_freq_hz, m.reason)
                 modes.setdefault(key, []).append(VERSION_HEADS[comparison.stage])
     rows = [

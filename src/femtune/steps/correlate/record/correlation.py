@@ -56,6 +56,10 @@ class UnpairedTestMode(Record):
     """The reason why it has no partner."""
 
 
+class SuspensionMode(UnpairedTestMode):
+    """A mode of the suspension of a free structure, which is set apart; the reason says how it was recognised."""
+
+
 class UnpairedModelMode(Record):
     """A model mode within the range of the test without a partner."""
 
@@ -142,6 +146,8 @@ class CorrelationResults(Record):
     """Modes left out by the study."""
     unpaired_test: tuple[UnpairedTestMode, ...]
     """Test modes without a partner."""
+    suspension: tuple[SuspensionMode, ...] = ()
+    """Modes of the suspension, which have no partner and decide no criterion; empty in older results."""
     unpaired_model: tuple[UnpairedModelMode, ...]
     """Model modes without a partner, including rigid-body modes."""
     clusters: tuple[ClusterRecord, ...]

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.judge.linearity import compare, principal_axes
+from femtune.residuals import OfPairs, state_at
+from femtune.residuals.frf.on_reduced import ReducedFrfs
 from femtune.steps.judge.record.linearity import AxisFacts, ValleyResults
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.judge.linearity import AxisPoint
+    from femtune.residuals import ComparedCase, Evaluation, UpdateProblem
     from femtune.steps.judge.finished_update import FinishedUpdate
     from femtune.updating import UpdateResult
 
@@ -29,22 +32,24 @@ _MOST_NAMED = 3
 
 def linearity(fit: FinishedUpdate) -> ValleyResults:
     """The points, or the reason why there are none."""
-    result, dofs = fit.result, sum(state.case.configured.n_free for state in fit.result.after.states)
-    reason = _not_tested(fit, dofs)
+    result = fit.result
+    reason = _not_applicable(fit)
     if reason:
         return ValleyResults(reason=reason)
+    problem, at = _cheapest(fit)
+    dofs = sum(_full_dofs(case) for case in problem.cases)
+    if dofs > MEDIUM_DOFS:
+        return ValleyResults(reason="the model is large")
     side = result.side
     values, rows = side.rows(result.x)
-    residuals = np.concatenate([result.after.residuals, values])
-    jacobian = np.vstack([result.after.jacobian, rows])
+    residuals, jacobian = np.concatenate([at.residuals, values]), np.vstack([at.jacobian, rows])
     names = [p.name for p in result.parameters.free]
     spread = result.parameters.prior[1]
     moving = np.isin(names, result.active) & ~np.isin(names, result.at_bound)
     axes = principal_axes(jacobian, spread, moving)
-    problem = fit.study.problem()
 
     def chi_square(x: Reals) -> float:
-        there = problem.follow(x, result.after, derivatives=False)
+        there = problem.follow(x, at, derivatives=False)
         opinion, _ = side.rows(x)
         return 2.0 * there.objective + float(opinion @ opinion)
 
@@ -54,7 +59,27 @@ def linearity(fit: FinishedUpdate) -> ValleyResults:
     return ValleyResults(points=tuple(_facts(p, axes[p.axis - 1] / spread, names) for p in points), axes_left=left)
 
 
-def _not_tested(fit: FinishedUpdate, dofs: int) -> str:
+def _cheapest(fit: FinishedUpdate) -> tuple[UpdateProblem, Evaluation]:
+    """The update problem on its reduced models where it has them, and its evaluation at the result.
+
+    Both χ² are then of the reduced models, so that their errors at the result do not count as curvature.
+    """
+    full = fit.study.problem()
+    if fit.search is None:
+        return full, fit.result.after
+    problem = fit.search.reduced_problem()
+    states = [state_at(case, fit.result.x) for case in problem.cases]
+    paired = [s.with_groups(a.groups) if a.groups else s for s, a in zip(states, fit.result.after.states)]
+    return problem, problem.assess(fit.result.x, paired)
+
+
+def _full_dofs(case: ComparedCase) -> int:
+    """Free DOFs of the full model that each point solves; none where a reduced model serves all residuals."""
+    served = case.full is not None and all(isinstance(r, (OfPairs, ReducedFrfs)) for r in case.residuals)
+    return 0 if served else (case.full or case).configured.n_free
+
+
+def _not_applicable(fit: FinishedUpdate) -> str:
     result: UpdateResult = fit.result
     if fit.study.source.needs_runs:
         return "each point would need a run of the solver"
@@ -64,7 +89,7 @@ def _not_tested(fit: FinishedUpdate, dofs: int) -> str:
         return "the update did not end at an optimum"
     if result.side.renewed is not None or not len(result.after.residuals):
         return "the result is not the minimum of one sum of squares"
-    return "the model is large" if dofs > MEDIUM_DOFS else ""
+    return ""
 
 
 def _facts(point: AxisPoint, parts: Reals, names: list[str]) -> AxisFacts:

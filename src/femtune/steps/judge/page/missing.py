@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from femtune.document.document import Cell, Details, Figure, Heading, Paragraph, Table, columns, row
 from femtune.document.figures.elements import elements_svg
-from femtune.document.numbers import NONE, counted, short, signed_percent
+from femtune.document.numbers import NONE, counted, short, signed_percent, with_unit
 from femtune.steps.judge.record.parts import RESERVED
 
 if TYPE_CHECKING:
@@ -31,9 +31,9 @@ def missing_blocks(source: ReportSource) -> Iterable[Block]:
         yield Paragraph(f"Not tested: {found.reason}.", "muted")
         return
     yield Paragraph(_sentence(found))
-    heads = columns("Field", "Kind", ">Change %", ">Usual range %", ">p value", ">Factor if freed", ">χ² if freed")
+    heads = columns("Field", "Kind", ">Change", ">Usual range", ">p value", ">Factor if freed", ">χ² if freed")
     note = (
-        "Each field is tested by itself, by linear extrapolation from the end of the update. The p value takes account "
+        "Each one is tested by itself, by linear extrapolation from the end of the update. The p value takes account "
         "of the number of fields, and of the two other tests of the fit. A change beyond the usual range is not shown. "
         f"χ² without any of them: {short(found.chi_square)}."
     )
@@ -58,7 +58,7 @@ _CAPTION = (
 
 
 def _sentence(found: MissingResults) -> str:
-    tested = f"{counted(found.tested, 'field')} of the deck, or parts of them, were tested"
+    tested = f"{counted(found.tested, 'candidate')} were tested: fields of the deck, parts of them, and masses it lacks"
     unseen = f"; {found.invisible} more have no effect that the parameters do not represent" if found.invisible else ""
     left = f"; {found.left_out} were left out because there are too many" if found.left_out else ""
     assert found.p_value is not None
@@ -71,11 +71,24 @@ def _row(f: MissingField) -> tuple[Cell, ...]:
     more = len(f.alike) - _MOST_ALIKE
     alike = [*f.alike[:_MOST_ALIKE], *([f"{more} more"] if more > 0 else [])]
     name = f"{f.name}; looks like: {', '.join(alike)}" if alike else f.name
-    change = (
-        signed_percent(f.change_percent) if f.change_percent is not None else "increase" if f.increase else "decrease"
-    )
-    usual = f"{signed_percent(f.lower_percent)} … {signed_percent(f.upper_percent)}"
+    change, usual = _change(f)
     if f.refit is None:
         return row(name, f.what, change, usual, short(f.p_value), NONE, NONE)
-    factor = f"{f.refit.factor:.3f}" + (" (limit)" if f.refit.at_bound else "")
+    factor = f"{f.refit.factor:.3f}" if f.largest_mass is None else _mass(f, f.refit.factor)
+    factor += " (limit)" if f.refit.at_bound else ""
     return row(name, f.what, change, usual, short(f.p_value), factor, short(f.refit.chi_square))
+
+
+def _change(f: MissingField) -> tuple[str, str]:
+    """The change that is asked for, and the usual range."""
+    unknown = "increase" if f.increase else "decrease"
+    if f.largest_mass is not None:
+        change = unknown if f.change_percent is None else _mass(f, 0.01 * f.change_percent)
+        return change, f"up to {_mass(f, 1.0)}"
+    usual = f"{signed_percent(f.lower_percent)} … {signed_percent(f.upper_percent)} %"
+    return unknown if f.change_percent is None else f"{signed_percent(f.change_percent)} %", usual
+
+
+def _mass(f: MissingField, share: float) -> str:
+    assert f.largest_mass is not None
+    return with_unit(f"{share * f.largest_mass:.2g}", f.mass_unit)

@@ -34,10 +34,12 @@ WEIGHTS: Mapping[str, Weight] = {
     "model.grounded": "reservation",
     "model.element-degenerate": "reservation",
     "residual.frf-truncated": "reservation",
+    "response.truncated": "reservation",
     "residual.left-out-mode-lost": "reservation",
     "write.rounding": "reservation",
     "study.test-counted-twice": "reservation",
     "correlate.sensor-inverted": "reservation",
+    "correlate.sensors-exchanged": "reservation",
     "correlate.unit-factor": "reservation",
     "correlate.axes": "reservation",
 }

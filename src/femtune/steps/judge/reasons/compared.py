@@ -73,8 +73,14 @@ def _of_test_modes(correlations: Sequence[CorrelationResults], acceptance: Accep
     yield reason(
         "not accepted" if much else "reservation",
         "judge.modes-not-compared" if len(missing) > 1 else "judge.modes-not-compared/one",
-        compared=paired, total=total, modes=_some(names),
+        compared=paired, total=total, modes=_some(names), suspension=_of_the_suspension(correlations),
     )  # fmt: skip
+
+
+def _of_the_suspension(correlations: Sequence[CorrelationResults]) -> str:
+    """What is said of modes of the suspension beside those that count."""
+    count = sum(len(c.suspension) for c in correlations)
+    return f"; and {count} of the suspension" if count else ""
 
 
 def _some(names: Sequence[str]) -> str:

@@ -20,7 +20,6 @@ def computed_reasons(results: Results) -> Iterable[ReasonRecord]:
     yield from _deck_as_written(results)
     yield from _coverage(results)
     yield from _vibration(results)
-    yield from _reduced_model(results)
 
 
 def _deck_as_written(results: Results) -> Iterable[ReasonRecord]:
@@ -52,10 +51,3 @@ def _vibration(results: Results) -> Iterable[ReasonRecord]:
         elif test.truncation_percent > _LARGEST_TRUNCATION_PERCENT:
             change = test.truncation_percent
             yield reason("reservation", "judge.truncated", test.configuration, percent=change, **facts)
-
-
-def _reduced_model(results: Results) -> Iterable[ReasonRecord]:
-    """A certificate that had nothing to compare; one that failed is an alert."""
-    reduction = None if results.update is None else results.update.reduction
-    if reduction is not None and reduction.frfs is not None and not reduction.frfs.compared:
-        yield reason("reservation", "judge.reduced-not-compared")

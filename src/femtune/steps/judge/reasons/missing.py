@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from femtune.document.numbers import counted, listed, short
+from femtune.document.numbers import counted, listed, short, with_unit
 from femtune.steps.judge.record.parts import NOT_ACCEPTED, RESERVED
 from femtune.steps.judge.record.reason import ReasonRecord, reason
 
@@ -25,7 +25,9 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
     if not found or found.p_value is None or found.p_value >= RESERVED or not found.fields:
         return
     first = found.fields[0]
-    if confirmed(found, first):
+    if first.largest_mass is not None and first.share >= _PLAUSIBLE_SHARE:
+        yield _of_mass(found, first, first.largest_mass)
+    elif confirmed(found, first):
         assert first.refit is not None
         change = 100.0 * (first.refit.factor - 1.0)
         yield reason(
@@ -41,6 +43,22 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
             "reservation", "judge.missing/suspected", first.name,
             name=first.name, field=_named(first), chance=chance(found), tested=_tested(found),
         )  # fmt: skip
+
+
+def _of_mass(found: MissingResults, first: MissingField, largest: float) -> ReasonRecord:
+    """A mass that the deck does not have; a refit that does not confirm it leaves the suspicion."""
+    place = _named(first).removeprefix("mass, ")
+    if confirmed(found, first):
+        assert first.refit is not None
+        return reason(
+            "not accepted", "judge.missing/mass-at-limit" if first.refit.at_bound else "judge.missing/mass", first.name,
+            position=place, mass=with_unit(f"{first.refit.factor * largest:.2g}", first.mass_unit),
+            before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
+        )  # fmt: skip
+    return reason(
+        "reservation", "judge.missing/mass-suspected", first.name, position=place, chance=chance(found),
+        tested=_tested(found),
+    )  # fmt: skip
 
 
 def confirmed(found: MissingResults, field: MissingField) -> bool:
@@ -61,7 +79,7 @@ def chance(found: MissingResults) -> str:
 
 
 def _tested(found: MissingResults) -> str:
-    return counted(found.tested, "field")
+    return counted(found.tested, "candidate" if any(f.largest_mass for f in found.fields) else "field")
 
 
 def _named(field: MissingField) -> str:

@@ -9,7 +9,8 @@ class RefittedField(Record):
     """The update continued with a field as a further parameter."""
 
     factor: float
-    """Factor on the value of the deck, or of the parameter that sets it, at the end."""
+    """Factor on the value of the deck, or of the parameter that sets it, at the end; of a mass that the deck does not
+    have, the mass relative to `largest_mass`."""
     sd: float | None
     """Standard deviation of the factor by the stated deviations; None if none is given."""
     at_bound: bool
@@ -29,14 +30,14 @@ class MissingField(Record):
     """A field that the update does not change, tested by itself."""
 
     field: str
-    """The field of the deck: "PSHELL 3 T"."""
+    """The field of the deck: "PSHELL 3 T"; "mass" for one that the deck does not have."""
     place: str
     """The elements: "" for all that use it, "elements of property 3", "40 elements near (0.2, 0.1, 0)"."""
     what: str
     """What the field is: a material, a property, a joint or a mass; a parameter at its bound."""
     change_percent: float | None
-    """Change that the residuals ask for, in % of the value, by linear extrapolation; None if it is beyond the usual
-    range, where the extrapolation means little."""
+    """Change that the residuals ask for, in % of the value, or of `largest_mass`, by linear extrapolation; None if it
+    is beyond the usual range, where the extrapolation means little."""
     increase: bool
     """Whether the value is to increase."""
     lower_percent: float
@@ -58,6 +59,12 @@ class MissingField(Record):
     """The update with the field as a further parameter; None if it was not repeated with this one."""
     lines: str = ""
     """Lines for the study that make it a parameter; "" for a parameter that is at its bound."""
+    largest_mass: float | None = None
+    """Largest plausible mass, for a mass that the deck does not have; None for a field."""
+    mass_unit: str = ""
+    """Its unit."""
+    points: tuple[int, ...] = ()
+    """Grid points of such a mass."""
 
     @property
     def name(self) -> str:

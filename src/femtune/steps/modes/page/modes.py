@@ -40,6 +40,9 @@ if TYPE_CHECKING:
     from femtune.study.record import ModelVersion
 
 _LEFT_OUT = "reason above"
+_SUSPENSION = "mode of the suspension"
+_WORDS = {_LEFT_OUT: "left out", _SUSPENSION: "suspension"}
+"""Word in place of a partner, by remark."""
 
 
 def modes(source: ReportSource) -> list[Block]:
@@ -92,6 +95,7 @@ def _entries(before: CorrelationResults, after: CorrelationResults | None) -> li
         modes_ = [*((p.test_label, p.test_freq_hz) for p in comparison.pairs)]
         modes_ += [(m.test_label, m.test_freq_hz) for m in comparison.unpaired_test]
         entries |= {label: _ModeRow(label, freq_hz) for label, freq_hz in modes_}
+        entries |= {m.test_label: _ModeRow(m.test_label, m.test_freq_hz, _SUSPENSION) for m in comparison.suspension}
     for out in before.left_out:
         entries[out.test_label] = _ModeRow(out.test_label, out.test_freq_hz, _LEFT_OUT)
     return sorted(entries.values(), key=lambda e: e.freq_hz)
@@ -105,17 +109,16 @@ def _kept(source: ReportSource, name: str) -> set[str]:
 
 def _row(entry: _ModeRow, comparisons: list[CorrelationResults], scale: float, kept: set[str]) -> tuple[Cell, ...]:
     pairs = [next((p for p in s.pairs if p.test_label == entry.label), None) for s in comparisons]
-    cells = [cell for pair in pairs for cell in _pair_cells(pair, scale, bool(entry.remark))]
+    cells = [cell for pair in pairs for cell in _pair_cells(pair, scale, _WORDS.get(entry.remark, "no partner"))]
     tone: Tone = "muted" if entry.remark else ""
     held = "not used in the update" if entry.label in kept else ""
     remark = entry.remark or "; ".join(filter(None, (held, pair_remark(pairs))))
     return row(Cell(entry.label, tone=tone), Cell(freq(entry.freq_hz), tone=tone), *cells, Cell(remark, tone="muted"))
 
 
-def _pair_cells(pair: ModePairRecord | None, scale: float, left_out: bool) -> list[Cell]:
+def _pair_cells(pair: ModePairRecord | None, scale: float, without: str) -> list[Cell]:
     if pair is None:
-        word = "left out" if left_out else "no partner"
-        return [Cell(word, tone="muted"), *[Cell(NONE, tone="muted")] * 3]
+        return [Cell(without, tone="muted"), *[Cell(NONE, tone="muted")] * 3]
     error = Cell(signed_percent(pair.freq_error_percent), error_bar(pair.freq_error_percent, scale))
     return [Cell(str(pair.model_number)), Cell(freq(pair.model_freq_hz)), error, mac_cell(pair.mac)]
 

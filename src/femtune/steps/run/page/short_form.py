@@ -84,7 +84,7 @@ def _test_modes(comparisons: list[CorrelationResults]) -> list[tuple[str, float]
     modes: dict[str, float] = {}
     for s in comparisons:
         modes |= {p.test_label: p.test_freq_hz for p in s.pairs}
-        modes |= {m.test_label: m.test_freq_hz for m in s.unpaired_test}
+        modes |= {m.test_label: m.test_freq_hz for m in (*s.unpaired_test, *s.suspension)}
         modes |= {m.test_label: m.test_freq_hz for m in s.left_out}
     return sorted(modes.items(), key=lambda entry: entry[1])
 
@@ -93,7 +93,9 @@ def _cells(comparison: CorrelationResults, label: str) -> list[Cell]:
     pair = next((p for p in comparison.pairs if p.test_label == label), None)
     if pair is None:
         left_out = any(m.test_label == label for m in comparison.left_out)
-        return [Cell("left out" if left_out else "no partner", tone="muted"), *[Cell(NONE, tone="muted")] * 2]
+        suspension = any(m.test_label == label for m in comparison.suspension)
+        word = "left out" if left_out else "suspension" if suspension else "no partner"
+        return [Cell(word, tone="muted"), *[Cell(NONE, tone="muted")] * 2]
     return [Cell(freq(pair.model_freq_hz)), Cell(signed_percent(pair.freq_error_percent)), Cell(_mac(pair))]
 
 
@@ -105,6 +107,7 @@ def _reasons(source: ReportSource) -> list[Block]:
     """Each reason once, below the tables."""
     found = source.left_out()
     lines = [f"Left out, {', '.join(m.configurations)}: {', '.join(m.labels)}: {m.reason}" for m in found]
+    lines += [f"{a.sentence}." for a in source.results.alerts if a.code == "correlate.suspension"]
     return [Paragraph(line, tone="muted") for line in _some(lines, "reason")]
 
 

@@ -36,7 +36,7 @@ from femtune.study.study import quantities
 from femtune.study.update_method import method_of
 
 if TYPE_CHECKING:
-    from femtune.files.study_file.step_tables import UpdateTable
+    from femtune.files.study_file.update import UpdateTable
     from femtune.model import Assignment
     from femtune.parameters import DerivedQuantity, Jet, ParameterSet
     from femtune.residuals import Evaluation

@@ -69,8 +69,7 @@ class ReducedFrfResults(Record):
     tolerance: float
     """Largest shift that the study allows."""
     compared: bool = True
-    """False if the full model had nothing there above the threshold of an enrichment, so that the FRFs of the reduced
-    models were compared with themselves: no difference is no evidence."""
+    """False if the full model had nothing there that the reduced models did not have, so that there is no change."""
 
 
 class ReductionResults(Record):

@@ -8,6 +8,7 @@ from femtune.steps.step import FILE, JSON, STUDY, Command, End, Page, ReportSect
 
 STEP = Step(
     "weigh",
+    tables=("weigh",),
     command=Command(
         help=(
             "Mass, centre of gravity and moments of inertia of each configuration.\n\n"

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
-from femtune.files.study_file.source import StudyLines, named_twice, number, table, tables
+from femtune.files.study_file.kinds import DofLabel, Hertz, HertzAboveZero, Labels, Positive, Ratio, Text, TomlTable
+from femtune.files.study_file.source import Data, Problems, StudyLines, named_twice, number, table, tables
 from femtune.residuals.kinds import FrfMethodWord
-
-Labels = Annotated[tuple[DofLabel, ...], Field(min_length=1)]
-Ratio = Annotated[float, Field(ge=0, lt=1)]
-Hertz = Annotated[float, Field(ge=0, le=1e12)]
-HertzAboveZero = Annotated[float, Field(gt=0, le=1e12)]
 
 MOST_LINES = 1_000_000
 """Frequency lines of a response: more are a mistyped step or limit."""
@@ -73,9 +66,6 @@ class LoadEntry(TomlTable):
 # ----------------------------------------------------------------------------------------------------
 # Rules between the keys of [response] and [[load]].
 
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
 
 _KEYS_OF_LINES = ("from_hz", "to_hz", "step_hz", "lines")
 """Keys of [response] that state the frequency lines."""

@@ -1,18 +1,97 @@
-"""Rules between the keys of [update] and the rest of a study."""
+"""[update] and [reduction]: how the parameters are found."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.source import StudyLines, is_number, number, table, tables
+from pydantic import Field
+
+from femtune.errors import did_you_mean
+from femtune.files.study_file.kinds import Fraction, Seed, Text, TomlTable, Weight
+from femtune.files.study_file.source import Data, Problems, StudyLines, is_number, number, table, tables
 from femtune.files.study_file.specimens import free_names
-from femtune.updating.kinds import WEIGHT_RULES
+from femtune.updating.kinds import WEIGHT_RULES, RegularisationMethod, SearchMethod, WeightTarget
 
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
+
+class CorrelationEntry(TomlTable):
+    """An entry of [update] correlations: a prior correlation of two parameters."""
+
+    one: Text
+    """Name of a parameter. Example: `"k1"`"""
+    other: Text
+    """Name of the other parameter. Example: `"k2"`"""
+    value: Annotated[float, Field(gt=-1, lt=1)]
+    """Correlation of their priors, between −1 and 1. Example: `0.8`"""
+
+
+class UpdateTable(TomlTable):
+    """[update]: search, convergence and regularisation."""
+
+    max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 250
+    """Iteration limit; the best point is kept. Example: `100`"""
+    regularisation: RegularisationMethod = "none"
+    """Penalty on the change of the parameters: `"none"`; `"minimum-change"` (of normalised parameters from their
+    nominal values); `"distance"` (from the initial values, in prior standard deviations); `"link"` (stronger for
+    parameters to which the data are less sensitive); `"prior"` (mean and standard deviation); `"identical"`
+    (differences between nominally identical parameters); `"truncated"` (combinations to which the data are insensitive
+    are not changed). Example: `"link"`"""
+    weight: Weight = 0.0
+    """Weight of the regularisation: a number, `"l-curve"` or `"gcv"` (determined at the first iteration and kept); for
+    `"truncated"` the fraction of the largest singular value, below 1; not used with `"none"` and `"prior"`. Example:
+    `"l-curve"`"""
+    weight_on: WeightTarget = "whole-change"
+    """For `"minimum-change"`, `"distance"` and `"link"`: the weight acts on the `"whole-change"` of the parameters, or
+    on the change of each iteration (`"each-step"`), as printed in the handbook chapter; the result of the latter
+    [depends on the number of iterations](theory/regularisation.md). Example: `"each-step"`"""
+    adapt: bool = False
+    """Determine a weight from a rule again at each iteration. Example: `true`"""
+    smallest_change: Annotated[float, Field(ge=0, le=1000)] = 0.25
+    """Where the data leave combinations of parameters undetermined, the result is the smallest change from the nominal
+    values, in prior standard deviations, whose χ² exceeds the minimum within the bounds by at most this; `0`: the
+    minimum itself. Example: `0.0`"""
+    identical: tuple[Annotated[tuple[Text, ...], Field(min_length=2)], ...] = ()
+    """For `"identical"`: groups of parameters. Example: `[["k1", "k2"]]`"""
+    correlations: tuple[CorrelationEntry, ...] = ()
+    """For `"prior"`: correlations of the priors of two parameters. Example: `[{ one = "k1", other = "k2", value = 0.8
+    }]`"""
+    tolerance: Fraction = 1e-8
+    """Relative change below which the iteration has converged. Example: `1e-6`"""
+    search: SearchMethod = "levenberg-marquardt"
+    """Step control: `"levenberg-marquardt"`, `"line-search"`, or `"gauss-newton"` (full steps). Example:
+    `"line-search"`"""
+    starts: Annotated[int, Field(ge=1, le=100_000)] = 1
+    """Number of initial points of a multi-start update, from a Latin hypercube within the bounds. Example: `20`"""
+    seed: Seed = 0
+    """Seed of the random numbers. Example: `1`"""
+    hops: Annotated[int, Field(ge=0, le=1000)] = 0
+    """How many times a start that ended at a worse minimum than the best is restarted. Example: `2`"""
+    samples: Annotated[int, Field(ge=0, le=1_000_000)] = 0
+    """Evaluate the objective at so many points of the hypercube and start from the initial values and the best `starts`
+    − 1 of them; 0: the starts are the points of the hypercube. Example: `100`"""
+    first: Literal["none", "equation-error"] = "none"
+    """`"equation-error"`: each start first minimises the equation error of the test modes, which needs no pairing;
+    requires `[reduction]`. `"none"`: the residuals from the start. Example: `"equation-error"`"""
+
+
+class ReductionTable(TomlTable):
+    """[reduction]: the update searches on reduced models and is certified on the full one."""
+
+    tolerance: Annotated[float, Field(gt=0, lt=0.1)] = 1e-4
+    """Largest relative difference between a frequency of the reduced and of the full model at the end; during the
+    update it may be ten times larger; above 0, below 0.1. Example: `1e-3`"""
+    full_solutions: Annotated[int, Field(ge=4, le=10_000)] = 20
+    """Largest number of solutions of the full model, for each configuration, and of points at which its components are
+    computed; 4 to 10,000. Example: `30`"""
+    order: Annotated[int, Field(ge=10, le=20_000)] = 600
+    """Largest order of each reduced model; 10 to 20,000. Example: `1000`"""
+    frf_tolerance: Annotated[float, Field(gt=0, lt=10)] = 0.01
+    """How far the difference between the FRFs of the reduced and of the full model may move the parameters at the end,
+    in their standard deviations; above 0, below 10. Example: `0.05`"""
+
+
+# ----------------------------------------------------------------------------------------------------
+# Rules between the keys of [update] and the rest of a study.
 
 _WEIGHTED_KINDS = ("minimum-change", "distance", "link", "identical")
 """Kinds of regularisation that need a weight."""

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
-from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
-from femtune.files.study_file.response import HertzAboveZero
-from femtune.files.study_file.source import Place, StudyLines, number, table, tables
+from femtune.errors import did_you_mean
+from femtune.files.study_file.kinds import DofLabel, Fraction, HertzAboveZero, Positive, Text, TomlTable
+from femtune.files.study_file.source import Data, Place, Problems, StudyLines, number, table, tables
 from femtune.identification.kinds import ChannelRule
 from femtune.validation.kinds import ProfileWord
-
-Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
 class HoldOutEntry(TomlTable):
@@ -106,20 +102,6 @@ class ValidateTable(TomlTable):
         return {name: value for name, value in limits.items() if value is not None}
 
 
-class ChecksTable(TomlTable):
-    """[checks]: checks of the model before the update."""
-
-    refinement: bool | None = None
-    """Estimate the errors of the frequencies [due to the mesh](guide/info.md#errors-due-to-the-mesh): `true` up to
-    300,000 DOFs of the refined model, `false` never. Default: up to 30,000. Example: `true`"""
-    mesh_error: Fraction = 0.02
-    """Largest frequency error due to the mesh, and difference between lumped and consistent mass; above 0, below 1.
-    Example: `0.005`"""
-    mass_error: Fraction = 0.02
-    """Largest relative difference between the mass of the model and `weighed_mass`; above 0, below 1. Example:
-    `0.01`"""
-
-
 FRF_LIMITS = ("frac", "fdac", "frf_mean_db", "frf_max_db", "resonance_error")
 """Keys of [validate] that are limits of criteria on FRFs."""
 VIBRATION_LIMITS = ("sweep_frequency", "sweep_amplitude", "random_rms", "transient_peak")
@@ -133,9 +115,6 @@ OWN_LIMITS = (
 # ----------------------------------------------------------------------------------------------------
 # Rules between the keys of [validate] and [[hold_out]].
 
-
-Data = dict[str, Any]
-Problems = Iterator[FemtuneError]
 
 _HELD_OUT_KEYS = ("modes", "above_hz", "below_hz", "sensors", "outputs", "inputs", "worst")
 """Keys of [[hold_out]] of which at least one is required."""

@@ -1,47 +1,17 @@
-"""[screen] and [search]: designed runs of the model, a surrogate of them, and a search of the whole box."""
+"""[search]: a search of the whole box, on a surrogate of the residuals or on the model itself."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import Text, TomlTable
+from femtune.files.study_file.kinds import Seed, TomlTable
 from femtune.files.study_file.source import StudyLines, table
 from femtune.global_search.kinds import SearchWord
 from femtune.surrogates.kinds import CorrelationKind, Infill, Noise, RadialKernel, RunsOn, SurrogateMethod, Trend
-
-Seed = Annotated[int, Field(ge=0, le=2**63 - 1)]
-
-
-class ScreenTable(TomlTable):
-    """[screen]: which parameters matter for which mode, by designed runs."""
-
-    design: Literal["orthogonal", "factorial", "plackett-burman", "morris", "sobol"] = "orthogonal"
-    """`"orthogonal"` array, full `"factorial"`, `"plackett-burman"` (two levels), elementary effects of `"morris"`, or
-    indices of `"sobol"`. Example: `"morris"`"""
-    array: Text | None = None
-    """Name of the orthogonal array. Default: the smallest one that leaves degrees of freedom for the error. Example:
-    `"L18"`"""
-    levels: Annotated[int, Field(ge=2, le=12)] | None = None
-    """Number of levels of each parameter, evenly spaced from its lower to its upper bound. Default: 3, of `"morris"` 4
-    (an even number). Example: `2`"""
-    trajectories: Annotated[int, Field(ge=2, le=10_000)] = 10
-    """Number of trajectories of `"morris"`, each with one run more than there are parameters. Example: `20`"""
-    points: Annotated[int, Field(ge=64, le=1 << 20)] = 1024
-    """Number of points of `"sobol"`, a power of two of at least 64 (with fewer, errors of the indices exceed 0.1); each
-    takes an evaluation for every parameter and two more. Example: `4096`"""
-    on: RunsOn = "surrogate"
-    """Evaluations of `"sobol"`: of a `"surrogate"` (Kriging), or of the `"model"` itself. Example: `"model"`"""
-    runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
-    """Runs of the model for the surrogate of `"sobol"`, at points of a Latin hypercube. Default: ten per parameter.
-    Example: `60`"""
-    seed: Seed = 0
-    """Seed of `"morris"` and `"sobol"`. Example: `7`"""
-    configuration: Text | None = None
-    """The only configuration whose modes are compared. Default: all. Example: `"BC"`"""
 
 
 class SearchTable(TomlTable):
@@ -101,30 +71,8 @@ _SURROGATES_OF_KEYS = {
 """Surrogates that a key of [search] applies to."""
 
 
-_DESIGNS_OF_KEYS = {
-    "array": ("orthogonal",),
-    "levels": ("orthogonal", "factorial", "plackett-burman", "morris"),
-    "trajectories": ("morris",),
-    "points": ("sobol",),
-    "on": ("sobol",),
-    "runs": ("sobol",),
-    "seed": ("morris", "sobol"),
-}
-"""Designs that a key of [screen] applies to."""
-
-
-def experiment_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
-    """A design must fit its levels, and a surrogate its keys."""
-    screen = table(data, "screen")
-    design = screen.get("design", "orthogonal")
-    if design == "plackett-burman" and screen.get("levels", 2) != 2:
-        yield source.error(("screen", "levels"), "screen.design", {"levels": screen["levels"]})
-    for key, designs in _DESIGNS_OF_KEYS.items():
-        if key in screen and design not in designs:
-            needed = " or ".join(f'"{name}"' for name in designs)
-            yield source.error(("screen", key), "screen.design/key", {key: screen[key]}, key=key, needed=needed)
-    if "runs" in screen and screen.get("on") == "model":
-        yield source.error(("screen", "runs"), "screen.design/runs", {"runs": screen["runs"]})
+def search_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    """Keys must fit the surrogate and the kind of further runs."""
     search = table(data, "search")
     if "infill_until" in search and search.get("infill_by") != "error":
         yield source.error(("search", "infill_until"), "search.infill", {"infill_until": search["infill_until"]})

@@ -1,0 +1,115 @@
+"""Sensors whose channels were exchanged: a swap of two of them explains most of the misfit of the shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+from femtune.dofs import DofSet
+from femtune.errors import Notice
+
+_EXPLAINED = 0.5
+"""Part of the misfit of all shapes that every swap must remove on average: k swaps leave at most 0.5ᵏ. Errors of a
+model are spread over many sensors."""
+_LEAST_PART = 0.25
+"""Part of the misfit that each of several swaps must remove alone."""
+_LEAST_RATIO = 40.0
+"""Least decrease of the misfit over the mean misfit of an entry that is left. The best of all swaps that noise offers
+decreases it by about z², with z the largest of as many normal deviates as there are pairs of sensors: 25 for 500
+sensors."""
+_LEAST_MISFIT = 1e-4
+"""Misfit 1 − MAC, mean over the modes, below which there is nothing to explain."""
+_GOOD_MAC = 0.8
+"""MAC after the swaps from which a test mode without a partner before counts as one that they explain."""
+_MOST_SWAPS = 5
+"""Exchanges that are looked for, one after the other."""
+_FEWEST_SENSORS, _MOST_SENSORS = 4, 1000
+"""Sensors from which a swap means something, and up to which all pairs of them are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Test shapes and what each may be compared with.
+
+    Parameters
+    ----------
+    test : (n, t) test shapes, NaN where not measured
+    model : (n, c) possible partners
+    allowed : (t, c) which partner a test mode may have
+    paired : (t,) True for test modes that have one
+    """
+
+    test: NDArray
+    model: Reals
+    allowed: NDArray[np.bool_]
+    paired: NDArray[np.bool_]
+
+
+def exchanged_sensors(shapes: Shapes, leave: Collection[int] = ()) -> list[tuple[int, int]]:
+    """Pairs of rows of the test shapes whose exchange makes them agree with the model.
+
+    A swap of rows a and b changes ψᵀφ by −(ψa − ψb)(φa − φb), and no norm. The swap with the largest sum of the best
+    MACs of all test modes is made, and the next one looked for. As many swaps are believed as together remove half of
+    the misfit each, and far more than noise could.
+
+    Parameters
+    ----------
+    leave : rows that are explained otherwise, such as inverted sensors
+    """
+    known = ~(np.isnan(shapes.test).any(axis=1) | np.isnan(shapes.model).any(axis=1))
+    known[list(leave)] = False
+    rows = np.flatnonzero(known)
+    if not _FEWEST_SENSORS <= len(rows) <= _MOST_SENSORS or shapes.paired.sum() < 2:
+        return []
+    test, model = _unit(shapes.test[rows]), _unit(shapes.model[rows])
+    found: list[tuple[int, int]] = []
+    before = best = _best_macs(test.conj().T @ model, shapes.allowed)
+    proven = 0
+    while len(found) < _MOST_SWAPS and np.mean(1.0 - best[shapes.paired]) >= _LEAST_MISFIT:
+        a, b = _best_swap(test, model, shapes.allowed)
+        test[[a, b]] = test[[b, a]]
+        after = _best_macs(test.conj().T @ model, shapes.allowed)
+        counted = shapes.paired | (after >= _GOOD_MAC)
+        if (1.0 - after)[counted].sum() > (1.0 - _LEAST_PART) * (1.0 - best)[counted].sum():
+            break
+        found.append((int(rows[a]), int(rows[b])))
+        first, left = (float((1.0 - macs)[counted].sum()) for macs in (before, after))
+        entries = len(rows) * int(counted.sum())
+        if left <= _EXPLAINED ** len(found) * first and (first - left) * entries >= _LEAST_RATIO * left:
+            proven = len(found)
+        best = after
+    return found[:proven]
+
+
+def _unit(shapes: NDArray) -> NDArray:
+    norm = np.linalg.norm(shapes, axis=0)
+    return shapes / np.where(norm > 0.0, norm, 1.0)
+
+
+def _best_macs(products: NDArray, allowed: NDArray[np.bool_]) -> Reals:
+    """(…, t) largest MAC of each test mode with an allowed partner, from products of unit shapes (…, t, c)."""
+    return np.asarray(np.where(allowed, np.abs(products) ** 2, 0.0).max(axis=-1))
+
+
+def _best_swap(test: NDArray, model: Reals, allowed: NDArray[np.bool_]) -> tuple[int, int]:
+    """The two rows whose swap gives the largest sum of the best MACs."""
+    products, best = test.conj().T @ model, (-1.0, 0, 1)
+    for a in range(len(test) - 1):
+        steps = (test[a] - test[a + 1 :]).conj()[:, :, None] * (model[a] - model[a + 1 :])[:, None, :]
+        sums = _best_macs(products - steps, allowed).sum(axis=1)
+        b = int(np.argmax(sums))
+        best = max(best, (float(sums[b]), a, a + 1 + b))
+    return best[1], best[2]
+
+
+def exchange_notices(dofs: DofSet, shapes: Shapes, leave: Collection[int]) -> tuple[Notice, ...]:
+    """A notice that names exchanged sensors."""
+    found = exchanged_sensors(shapes, leave)
+    if not found:
+        return ()
+    named = " and ".join(f"{dofs[a]} with {dofs[b]}" for a, b in found)
+    return (Notice("correlate.sensors-exchanged", modes=int(shapes.paired.sum()), sensors=named),)

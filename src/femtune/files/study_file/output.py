@@ -1,0 +1,20 @@
+"""[output]: the run folder."""
+
+from __future__ import annotations
+
+from femtune.files.study_file.kinds import Text, TomlTable
+
+
+class OutputTable(TomlTable):
+    """[output]: the run folder; a relative path refers to the folder of the study file."""
+
+    folder: Text = "run"
+    """The run folder; created if it does not exist. Example: `"run"`"""
+
+
+class StudyOutputTable(OutputTable):
+    """[output] of a study: the run folder, and what is written beside the report."""
+
+    vtu: bool = False
+    """`femtune run` writes `shapes.vtu` for ParaView: mesh, modes and values of the parameters after the update; needs
+    the extra `vtu`. Example: `true`"""

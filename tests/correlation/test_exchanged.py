@@ -1,0 +1,59 @@
+"""Sensors whose channels were exchanged are named; noise, errors of the model and inverted sensors are no exchange."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.correlation.test_suspension import EVERYWHERE, beam
+
+from femtune.correlation import correlate
+from femtune.modal import ModeSet
+
+
+def told(test: ModeSet, model: ModeSet) -> list[str]:
+    return [n.what for n in correlate(test, model).notices if n.code == "correlate.sensors-exchanged"]
+
+
+def bending(noise: float = 0.0, seed: int = 0) -> ModeSet:
+    test = beam(EVERYWHERE).select_modes([2, 3, 4, 5])
+    rng = np.random.default_rng(seed)
+    return replace(test, shapes=test.shapes + noise * rng.standard_normal(test.shapes.shape))
+
+
+def with_rows(test: ModeSet, order: dict[int, int]) -> ModeSet:
+    rows = np.arange(len(test.dofs))
+    rows[list(order)] = list(order.values())
+    return replace(test, shapes=test.shapes[rows])
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.1])
+def test_two_exchanged_sensors_are_named(noise: float) -> None:
+    (sentence,) = told(with_rows(bending(noise), {1: 4, 4: 1}), bending())
+    assert "2Z+ with 5Z+" in sentence
+
+
+def test_two_exchanges() -> None:
+    (sentence,) = told(with_rows(bending(0.02), {0: 5, 5: 0, 3: 10, 10: 3}), bending())
+    assert "1Z+ with 6Z+" in sentence
+    assert "4Z+ with 11Z+" in sentence
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.2])
+def test_noise_is_no_exchange(noise: float) -> None:
+    assert not told(bending(noise, seed=5), bending())
+
+
+def test_an_inverted_sensor_is_no_exchange() -> None:
+    test = bending(0.02)
+    shapes = test.shapes.copy()
+    shapes[3] *= -1.0
+    assert not told(replace(test, shapes=shapes), bending())
+
+
+def test_an_error_of_the_model_is_no_exchange() -> None:
+    """Shapes of a beam whose one half moves more."""
+    test = bending(0.01)
+    factor = np.linspace(0.7, 1.3, len(EVERYWHERE))[:, None]
+    assert not told(replace(test, shapes=factor * test.shapes), bending())
