@@ -331,7 +331,7 @@ def test_factors_between_units_of_length() -> None:
     named = {
         factor: words.split(" where the model has ") for factor, words in sensor_map.LENGTH_FACTORS.items() if words
     }
-    assert len(named) == 16
+    assert len(named) == 18
     for factor, (test, model) in named.items():
         assert factor == pytest.approx(_METRES[test] / _METRES[model], rel=1e-12)
 
