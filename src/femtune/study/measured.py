@@ -16,6 +16,7 @@ from femtune.dofs import DIRECTIONS, parse_dof
 from femtune.errors import FemtuneError, Notice
 from femtune.files.described_test import described_test
 from femtune.files.deviations import with_deviations
+from femtune.files.shape_table import is_shape_table, read_shape_table
 from femtune.files.study_file import test_files
 from femtune.files.uff import UffFile, read_uff
 from femtune.modal import entry_deviations
@@ -254,6 +255,9 @@ def _read_test(
             unplaced = _given(file.given.tests[names[0]], file.study.unit_system)
         elif paths[0].suffix.lower() == ".toml":
             unplaced = described_test(paths[0], entry.name, file.study.unit_system)
+        elif len(paths) == 1 and is_shape_table(paths[0]):
+            units = unit_system(entry.test_units) if entry.test_units else file.study.unit_system
+            unplaced = convert_units(read_shape_table(paths[0], units, entry.name), file.study.unit_system)
         else:
             unplaced = _content(file, entry, _parsed(paths, tests)).test
         unplaced = scaled_coordinates(_with_deviations(file, entry, unplaced), entry.coordinate_factor)

@@ -44,8 +44,8 @@ STEP = Step(
         help=(
             "Write a commented study from a deck and a test: units, sensors, modes and parameters are "
             "proposed.\n\n"
-            "TEST is a Universal File with modes or FRFs, or a record, from which the modes are "
-            "identified first. FOLDER is the current folder by default; it receives study.toml."
+            "TEST is a Universal File with modes or FRFs, a table of mode shapes, or a record, from which the modes "
+            "are identified first. FOLDER is the current folder by default; it receives study.toml."
         ),
         params=(
             click.Argument(["deck"], type=FILE),

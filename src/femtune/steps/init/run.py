@@ -21,6 +21,7 @@ from femtune.document.figures.shapes import Wireframe
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, FemtuneErrors, Where
 from femtune.fem.checks import mass_properties
+from femtune.files.shape_table import is_shape_table, read_shape_table
 from femtune.files.study_file import Given, frozen, study_from_data
 from femtune.files.study_file.source import StudyLines
 from femtune.files.uff import read_uff
@@ -269,6 +270,8 @@ class _Measured:
 def _measured(
     path: Path, folder: Path, force: bool, units: str | None, inputs: Sequence[Input], progress: Progress
 ) -> _Measured:
+    if is_shape_table(path):
+        return _Measured(read_shape_table(path, SI), path, None, f"the modes of {path.name}")
     if names_universal(path):
         test, stated = _read(path)
         if test.modes is not None:
