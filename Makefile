@@ -41,10 +41,10 @@ test: $(VENV)/.stamp-test  ## the quick tests: a selection of the cases of each 
 	@export HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-quick}; $(call RUN_TESTS,not slow,--maxprocesses 4)
 
 test-slow: $(VENV)/.stamp-test  ## the tests that make test omits, except those that take minutes; more random examples
-	@$(call RUN_TESTS,(slow or hypothesis) and not long)
+	@export HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-gate}; $(call RUN_TESTS,(slow or hypothesis) and not long)
 
 test-long: $(VENV)/.stamp-test  ## the tests that take minutes each: coverage of intervals, levels of tests, thousands of mutants
-	@$(PYTEST) -m long $(PYTEST_ARGS)
+	@$(PYTEST) -m "long or hypothesis" $(PYTEST_ARGS)
 
 check-all: $(VENV)/.stamp-test  ## all tests with all cases
 	@$(PYTEST) $(PYTEST_ARGS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections import Counter, defaultdict
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 settings.register_profile("quick", settings.get_profile("repeatable"), max_examples=25)
+settings.register_profile("gate", settings.get_profile("repeatable"), max_examples=50)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -66,6 +68,17 @@ class _Skipped:
         if report.skipped and not hasattr(report, "wasxfail"):
             with self.path.open("a", encoding="utf-8") as file:
                 file.write(f"{report.nodeid}\n")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[object]:
+    """Collect without searching for garbage: all that is made here stays, and is searched a hundred times otherwise."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)

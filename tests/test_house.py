@@ -10,6 +10,7 @@ import re
 import string
 import tomllib
 from collections import Counter
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -135,3 +136,31 @@ def test_tests_share_builders_and_use_public_names() -> None:
     ]
     private = [path for path, node in imports if any(name.name.startswith("_") for name in node.names)]
     assert [str(path) for path in (*of_tests, *private)] == []
+
+
+_HOMONYMS: dict[frozenset[str], str] = {}
+"""Sets of words that two types have by chance, and why they are two."""
+_LEAST_WORDS = 3
+"""Words from which on two equal sets are no chance: "left" and "right" are sides of many things."""
+
+
+def _literals(tree: ast.Module) -> Iterator[frozenset[str]]:
+    """The words of each ``Literal[…]`` that consists of texts alone."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id == "Literal":
+            parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+            words = [part.value for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, str)]
+            if len(words) == len(parts):
+                yield frozenset(words)
+
+
+def test_words_of_a_kind_stand_in_one_literal() -> None:
+    """The second type takes the name of the first one, in a module ``kinds`` where layers lie between them."""
+    places: dict[frozenset[str], list[str]] = {}
+    for path in _MODULES:
+        for words in _literals(_tree(path)):
+            places.setdefault(words, []).append(path.relative_to(_ROOT / "src").as_posix())
+    assert len(places) > 50
+    twins = {words for words, files in places.items() if len(files) > 1 and len(words) >= _LEAST_WORDS}
+    assert {tuple(sorted(words)): places[words] for words in twins - set(_HOMONYMS)} == {}
+    assert set(_HOMONYMS) <= twins

@@ -47,13 +47,14 @@ def test_the_tutorial_as_written(
     study = tmp_path / "study.toml"
     first = ft.read_results(tmp_path / "run").parameters
     text = study.read_text(encoding="utf-8")
-    study.write_text(
-        text.replace("frequency_sd = 0.01 ", "frequency_sd = 0.002 ").replace("shape_sd = 0.1 ", "shape_sd = 0.01 ")
+    text = text.replace("frequency_sd = 0.005 ", "frequency_sd = 0.002 ").replace(
+        "shape_sd = 0.03 ", "shape_sd = 0.01 "
     )
+    study.write_text(text.replace('assumed = ["frequency_sd", "shape_sd"]', ""))
     _run("run study.toml", capsys)
     second = ft.read_results(tmp_path / "run").parameters
     true = {"T_PSHELL_1": 4.9 / 5.0, "T_PSHELL_2": 7.2 / 8.0}
     for wide, narrow in zip(first, second, strict=True):
-        assert wide["sd"] == pytest.approx(6.8 * narrow["sd"], rel=0.1)
+        assert wide["sd"] == pytest.approx(2.72 * narrow["sd"], rel=0.05)
         for row in (wide, narrow):
             assert row["interval_95_lower"] < true[row["name"]] < row["interval_95_upper"]

@@ -126,7 +126,9 @@ def read_universal(path: Path) -> Any:
 
 
 def judge_universal(path: Path, found: Any) -> bool | None:
-    """Frequencies of the modes and the values of their shapes, or the values of functions."""
+    """Frequencies of the modes and the values of their shapes, or the values of functions that were not converted."""
+    if any(notice.code in ("uff.unit-label", "uff.byte-order", "uff.mode-numbers") for notice in found.notices):
+        return None
     try:
         sets = pyuff.UFF(str(path)).read_sets()
     except BaseException:
@@ -346,6 +348,11 @@ def all_kinds() -> dict[str, Kind]:
             partial(judge_functions, _hdf5)),
         "sound": Kind("records", {"a.wav": _written(lambda p: scipy.io.wavfile.write(p, 100, int16), "a.wav")},
             lambda p: read_record(p, (), None), partial(judge_record, _wave)),
+        "headings": _of_tests("records", "headings and dates", nothing, 2),
+        "labview": _of_tests("records", "labview text", nothing, 2),
+        "unit labels": _of_tests("UFF", "functions with unit labels", nothing, 2),
+        "binary": _of_tests("UFF", "binary functions", nothing, 2),
+        "2414": _of_tests("UFF", "modes of data set 2414", nothing, 2),
         "points": _of_tests("tables", "points", share=2),
         "repeats": Kind("tables", {"a.csv": _repeats()}, read_repeats_table, judge_table, 2),
         "study": _of_tests("studies", "study", judge_study, 4),

@@ -307,8 +307,14 @@ class IdentifiedCampaigns:
         """The test with one damping ratio."""
         return equalised_test(self.test(seed), EQUAL, InputKnown(largest_order=26))
 
-    def bootstrap(self, seed: int, method: Drawing = "lines", runs: int = 1000) -> Bootstrap:
-        """The bootstrap of a test about its calibration."""
+    def calibrated(self, seed: int) -> Bootstrap:
+        """The bootstrap of a test about its calibration: lines are drawn."""
+        work = self._search(seed)
+        problem = work.problem
+        return replace(work, at=problem.unsolved(problem.follow(work.optimum().x, work.at)), rules=BootstrapRules())
+
+    def _search(self, seed: int) -> Bootstrap:
+        """What finds the calibration of a test from the truth."""
         test, model = self.identified(seed), self.frame.model
         way = ModelWay("real-modes", (MODES, None), constant_damping(EQUAL))
         residual, _ = frf_residual(self.frame.at_truth, test.frfs, scatter=FrfScatter(0.0, 0.003), way=way)
@@ -316,10 +322,9 @@ class IdentifiedCampaigns:
         case = case_without_modes(model, (residual,), count=MODES, solver=DenseModes())
         problem = UpdateProblem((case,), model.model.parameters)
         start, names = problem.start(TRUTH), [p.name for p in problem.parameters.free]
-        side, rules = NoRegularisation().side(len(TRUTH)), BootstrapRules(method, runs)
-        x = bootstrap_of(problem, start, side, names, replace(rules, tolerance=1e-3)).optimum().x
-        return bootstrap_of(problem, problem.follow(x, start), side, names, rules)
+        side = NoRegularisation().side(len(TRUTH))
+        return bootstrap_of(problem, start, side, names, BootstrapRules(tolerance=1e-3))
 
     def __call__(self, seed: int) -> Reals:
         """The calibrated parameters."""
-        return self.bootstrap(seed, runs=10).at.x
+        return self._search(seed).optimum().x

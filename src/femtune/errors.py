@@ -331,6 +331,8 @@ def with_notices(notices: Iterable[Notice]) -> Iterator[None]:
 
 def printable(text: str) -> str:
     """`text` with control characters escaped, so that the content of a file cannot control a terminal."""
+    if text.replace("\n", "").isprintable():
+        return text
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 

@@ -15,7 +15,9 @@ from scipy.sparse import coo_array
 from tests.files.matrices.matrices_by_hand import full, symmetric_example
 from tests.files.nastran.mutant_trial import time_limit
 from tests.files.nastran.mutations import mutant
+from tests.files.records import test_laboratory_files as laboratory
 from tests.files.study_file.whole_study import STUDY
+from tests.files.uff import test_variants as variants
 
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError
@@ -134,6 +136,18 @@ def _study(path: Path) -> object:
     return read_study_file(path)
 
 
+STAMPED = "\n".join([
+    "stamp,1Z+ [g],force", *(f"{s},{a:.6g},{b:.6g}" for s, a, b in
+    zip(laboratory.STAMPS["iso"], laboratory.ONE, laboratory.TWO)),
+]).encode()  # fmt: skip
+LABELLED = (variants.UNITS + variants.frf(labels=("rad/s", "g/N", "kgf"))).replace("    -1\n", "-1\n").encode()
+MODES_2414 = "".join(variants.mode(i, 4.0 * i, data_set="2414") for i in (1, 2, 3)).encode()
+
+
+def _universal(path: Path) -> object:
+    return read_uff(path, units=SI, file_units=SI)
+
+
 KINDS: dict[str, tuple[str, Callable[[], bytes], Callable[[Path], object], Callable[[Path, object], None]]] = {
     "points": ("a.csv", lambda: POINTS, read_points, _same_points),
     "functions of a table": ("a.csv", lambda: TABLE, lambda p: read_frfs(p, LAYOUT), _same_table),
@@ -149,6 +163,11 @@ KINDS: dict[str, tuple[str, Callable[[], bytes], Callable[[Path], object], Calla
         "a.mat", lambda: _bytes_of(lambda s: savemat(s, _arrays(), do_compression=True)),
         lambda p: read_frfs(p, AXES), _nothing,
     ),
+    "headings and dates": ("a.csv", lambda: STAMPED, read_record, _nothing),
+    "labview text": ("a.lvm", lambda: laboratory.lvm().encode(), read_record, _nothing),
+    "functions with unit labels": ("a.uff", lambda: LABELLED, _universal, _nothing),
+    "modes of data set 2414": ("a.uff", lambda: MODES_2414, _universal, _nothing),
+    "binary functions": ("a.uff", lambda: variants.UNITS.encode() + variants.binary("<", 2), _universal, _nothing),
     "record": ("a.csv", lambda: TABLE, lambda p: read_record(p, (), 10.0), _nothing),
     "MatrixMarket": ("a.mtx", _market, lambda p: read_matrix(p, format="matrix-market"), _same_market),
     "DMIG": ("a.pch", lambda: DMIG, lambda p: read_matrix(p, format="dmig"), _nothing),

@@ -224,7 +224,7 @@ def test_lost_samples_and_unknown_quantities_are_refused() -> None:
     with pytest.raises(FemtuneError) as caught:
         _estimate(TimeSeries(values, record.channels, _RATE))
     assert caught.value.code == "record.lost-samples"
-    assert caught.value.values == {"samples lost": "2Z+: 1"}
+    assert caught.value.values == {"samples lost": "2Z+: 1", "first gap": "2Z+: 1 samples from 0.0273438 s"}
     with pytest.raises(FemtuneError) as caught:
         _estimate(TimeSeries(record.values, _channels(3, 1, "strain"), _RATE))
     assert caught.value.code == "identify.response-quantity"

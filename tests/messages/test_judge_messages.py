@@ -114,6 +114,9 @@ _CASES: dict[str, Notice] = {
     "study.validation-used": FemtuneError(
         "study.validation-used", configuration="check", used="free", shared="modes 1, 2 and 3"
     ),
+    "study.bounds-beyond-runs": Notice(
+        "study.bounds-beyond-runs", parameter="k1", variable="k1", value=3.2e4, low=5e3, high=1.6e4
+    ),
     "study.test-counted-twice": Notice(
         "study.test-counted-twice", first="a", second="b", shared="modes 1, 2 and 3"
     ),

@@ -8,8 +8,9 @@ import pytest
 from femtune.errors import FemtuneError
 from femtune.identification import InputKnown, fit_system, identify_frfs, residual_poles
 from femtune.modal import FrfSet, StateSpace, equalise_damping, freq_and_damping, half_band_lines, pole_of
+from femtune.modal.kinds import FrfKind
 from femtune.model import ConfiguredModel, constant_damping, damping_by_mode, solve_modes
-from femtune.model.response import Kind, frf, make_ports
+from femtune.model.response import frf, make_ports
 from structures.springs import factor_model, spring_structure
 
 from ..messages.shown import check_shown
@@ -23,14 +24,14 @@ def chain() -> ConfiguredModel:
     return factor_model(spring_structure(springs, [1.0, 1.2, 0.9, 1.0, 1.1, 1.0]), {"a": [1]})
 
 
-def functions(kind: Kind, ratios: tuple[float, ...] | float, lines: np.ndarray = LINES) -> FrfSet:
+def functions(kind: FrfKind, ratios: tuple[float, ...] | float, lines: np.ndarray = LINES) -> FrfSet:
     model = chain()
     damping = constant_damping(ratios) if isinstance(ratios, float) else damping_by_mode(ratios)
     ports = make_ports(model, ["1X+", "3X+"], ["1X+", "3X+", "4X+", "6X+"])
     return frf(solve_modes(model.at(np.zeros(1)), 6), ports, lines, kind, damping=damping)
 
 
-def exact_system(kind: Kind) -> StateSpace:
+def exact_system(kind: FrfKind) -> StateSpace:
     """The state-space model of the chain with uneven damping, from its own poles."""
     hertz = solve_modes(chain().at(np.zeros(1)), 6).freq_hz
     return fit_system(functions(kind, UNEVEN), pole_of(hertz, np.array(UNEVEN)), direct=kind == "accelerance")
@@ -39,7 +40,7 @@ def exact_system(kind: Kind) -> StateSpace:
 @pytest.mark.quick(4)
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
 @pytest.mark.parametrize("ratio", [0.002, 0.02])
-def test_the_equalised_system_is_the_model_with_one_damping_ratio(kind: Kind, ratio: float) -> None:
+def test_the_equalised_system_is_the_model_with_one_damping_ratio(kind: FrfKind, ratio: float) -> None:
     found = equalise_damping(exact_system(kind), ratio, (0.01, 10.0))
     want = functions(kind, ratio).values
     np.testing.assert_allclose(found.system.frf(LINES).values, want, atol=1e-5 * np.abs(want).max())

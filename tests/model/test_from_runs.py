@@ -353,14 +353,13 @@ def test_the_stated_deviation_is_that_of_drawn_matrices() -> None:
     assert K.surrogate is not None
     assert M.surrogate is not None
     point = np.array([[1.05e4, 2.1e4]])
+    there, sd = (K.at(point), M.at(point)), [part.surrogate.predict_sd(point)[0] for part in (K, M)]
     rng, drawn = np.random.default_rng(3), []
     for _ in range(2000):
         away = [
-            np.tensordot(part.surrogate.predict_sd(point)[0] * rng.standard_normal(len(part.parts)), part.parts, axes=1)
-            for part in (K, M)
-            if part.surrogate is not None
+            np.tensordot(s * rng.standard_normal(len(part.parts)), part.parts, axes=1) for s, part in zip(sd, (K, M))
         ]
-        drawn.append(np.sqrt(la.eigh(K.at(point) + away[0], M.at(point) + away[1], eigvals_only=True)))
+        drawn.append(np.sqrt(la.eigh(there[0] + away[0], there[1] + away[1], eigvals_only=True)))
     counted = np.std(drawn, axis=0) / np.mean(drawn, axis=0)
     stated = coverage.frequency_sd(dict(zip(NAMES, point[0])))
     assert stated is not None

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from femtune.dofs import DofSet
 from femtune.fem import FieldRef
 from femtune.modal import FrfSet
+from femtune.modal.kinds import FrfKind
 from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model
-from femtune.model.response import Kind, Ports, frf, make_ports
+from femtune.model.response import Ports, frf, make_ports
 from femtune.parameters import Parameter, ParameterSet
 from structures.frames import make_structure, scalars
 
@@ -53,7 +54,7 @@ def ports_of(model: ConfiguredModel, outputs: tuple[str, ...] = ("1X+", "2X-", "
 
 
 def measured(
-    model: ConfiguredModel, ports: Ports, kind: Kind = "accelerance", noise: float = 0.0, seed: int = 0
+    model: ConfiguredModel, ports: Ports, kind: FrfKind = "accelerance", noise: float = 0.0, seed: int = 0
 ) -> FrfSet:
     """FRFs at TRUTH, by the inverse of the dynamic stiffness, with noise."""
     return noisy(frf(model.at(TRUTH), ports, LINES, kind, "direct"), noise, seed)

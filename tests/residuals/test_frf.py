@@ -12,9 +12,11 @@ from scipy.optimize import least_squares
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.modal import as_kind
+from femtune.modal.kinds import FrfKind
 from femtune.model import solve_modes
 from femtune.model.damping import constant_damping
-from femtune.model.response import METHODS, Kind, Method, frf
+from femtune.model.kinds import FrfMethod
+from femtune.model.response import METHODS, frf
 from femtune.residuals import (
     Band,
     FrfForm,
@@ -42,7 +44,7 @@ every_form = pytest.mark.parametrize("form", FRF_FORMS)
 
 
 @lru_cache
-def residual_of(form: FrfForm, method: Method = "real-modes", kind: Kind = "accelerance") -> FrfResidual:
+def residual_of(form: FrfForm, method: FrfMethod = "real-modes", kind: FrfKind = "accelerance") -> FrfResidual:
     model = chain()
     ports = ports_of(model)
     start = solve_modes(model.at(np.zeros(4)), 5)
@@ -79,7 +81,7 @@ def test_the_phase_does_not_jump_where_both_pass_pi():
 @pytest.mark.slow
 @every_form
 @pytest.mark.parametrize("method", METHODS)
-def test_jacobian_by_every_way(form: FrfForm, method: Method):
+def test_jacobian_by_every_way(form: FrfForm, method: FrfMethod):
     residual = residual_of(form, method)
     jacobian = np.concatenate([b.jacobian for b in residual.compare(solve_modes(chain().at(AT), 5))])
     h = 1e-5
@@ -90,7 +92,7 @@ def test_jacobian_by_every_way(form: FrfForm, method: Method):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
-def test_logarithms_by_complex_difference(kind: Kind):
+def test_logarithms_by_complex_difference(kind: FrfKind):
     """(f(p + ih) − f(p − ih))/2ih of ln H, by real and imaginary part."""
     model, h = chain(), 1e-5
     lines = LINES[FEW.regions(LINES)[0].at]

@@ -7,7 +7,8 @@ import pytest
 
 from femtune.model import ConfiguredModel, EigenSolution, solve_modes
 from femtune.model.damping import constant_damping
-from femtune.model.response import METHODS, Method, frf, make_ports
+from femtune.model.kinds import FrfMethod
+from femtune.model.response import METHODS, frf, make_ports
 from femtune.residuals import (
     Band,
     ModelWay,
@@ -50,7 +51,7 @@ def test_the_modes_are_repeated() -> None:
 @pytest.mark.slow
 @at_and_beside
 @pytest.mark.parametrize("method", METHODS)
-def test_jacobian_of_functions(method: Method, x: tuple[float, ...]) -> None:
+def test_jacobian_of_functions(method: FrfMethod, x: tuple[float, ...]) -> None:
     damping = constant_damping(0.02)
     test = frf(solved(SPLIT), make_ports(ring(), ["1X+"], ["1X+", "2X+", "4X+"]), LINES, damping=damping)
     way = ModelWay(method, (6, None), damping)

@@ -23,7 +23,7 @@ def test_student_intervals_hold_where_the_scatter_is_estimated():
 
 @pytest.mark.slow
 def test_what_the_model_lacks_is_seen_in_every_test():
-    assert run_coverage(spring_chain(0.15), range(8)).widened.all()
+    assert run_coverage(spring_chain(0.15), range(8)).suspected.all()
 
 
 @pytest.mark.long
@@ -38,6 +38,6 @@ def test_intervals_hold_the_truth_in_95_of_100_tests(problem: CoverageProblem):
 @pytest.mark.long
 def test_a_right_model_is_seldom_suspected():
     tests = 400
-    suspected = run_coverage(spring_chain(), range(2000, 2000 + tests)).widened.sum()
+    suspected = run_coverage(spring_chain(), range(2000, 2000 + tests)).suspected.sum()
     # two kinds of residual, each at one per cent
     assert suspected <= binom.ppf(1.0 - _ONCE_IN_A_THOUSAND, tests, 0.02)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,17 @@ import femtune as ft
 from femtune.steps.run.result import RunResult
 
 from .cantilever import CANTILEVER, Bench
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _figures_without_room_for_labels() -> Iterator[None]:
+    """Leave out what takes half of the time of a figure: labels are laid out twice more, to find room for them.
+
+    `tests/reporting` looks at figures.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
+        yield
 
 
 @pytest.fixture

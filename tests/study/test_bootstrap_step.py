@@ -17,8 +17,8 @@ from femtune.errors import FemtuneError
 from femtune.steps.bootstrap.run import BOOTSTRAP_FILE
 from femtune.steps.run.result import RunResult
 
-from .cantilever import EI, Bench
-from .damped_cantilever import DAMPED, TRULY, functions, study_of
+from .cantilever import EI, TRUE, Bench
+from .damped_cantilever import DAMPED, functions, study_of
 
 FRF = 'kind = "frf"\ncount = 12\nmost = 40\nto_hz = 150.0\nfloor = 0.003\n'
 TABLE = "\n[bootstrap]\nruns = {runs}\nseed = 3\nchecked = 2\n"
@@ -26,7 +26,7 @@ TABLE = "\n[bootstrap]\nruns = {runs}\nseed = 3\nchecked = 2\n"
 
 def bootstrapped(bench: Bench, runs: int = 12, more: str = "", table: str = TABLE, frf: str = FRF) -> Path:
     if not (bench.folder / "frfs.uff").exists():
-        bench.functions(functions(bench.truth(TRULY, DAMPED), 0.003))
+        bench.functions(functions(bench.truth(TRUE, DAMPED), 0.003))
     return study_of(bench, f"{frf}{table.format(runs=runs)}{more}", EI)
 
 
@@ -45,8 +45,8 @@ def test_a_run_with_a_bootstrap(bench: Bench) -> None:
     run = ft.run(bootstrapped(bench))
     found = run.results.bootstrap
     assert found is not None
-    # three of the forty lines are below the noise in all functions
-    assert (found.runs, found.converged, found.drawn_from, found.checked) == (12, 12, 37, 2)
+    # five of the forty lines are below the noise in all functions
+    assert (found.runs, found.converged, found.drawn_from, found.checked) == (12, 12, 35, 2)
     assert run.arrays[found.samples_key].shape == (12, 2)
     assert found.largest_difference is not None
     assert found.largest_difference < 0.1
@@ -135,7 +135,8 @@ ft.bootstrap(study)
 @pytest.mark.parametrize(
     ("how", "moments"),
     [
-        ("serial", [("before", 1, 0), ("amid", 7, 6), ("after", 12, 12)]),
+        ("serial", [("amid", 7, 6), ("after", 12, 12)]),
+        pytest.param("serial", [("before", 1, 0)], marks=pytest.mark.long),
         ("processes", [("amid", 5, 4)]),
     ],
 )

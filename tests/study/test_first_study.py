@@ -20,6 +20,7 @@ import femtune as ft
 from femtune.cli import main
 from femtune.errors import FemtuneError, Where
 from femtune.fem.fields import FieldRef
+from femtune.files.deviations import deviations_text
 from femtune.files.study_file.json_schema import file_schema, schema_text
 from femtune.steps.init.proposed_parameters import candidates
 from femtune.testing import example_deck, example_test
@@ -128,6 +129,51 @@ def test_newcomers_run_to_the_report(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (found,) = results.update.parameters
     assert found.name == "T_PSHELL_1"
     assert found.value == pytest.approx((7.5 / 7.1) ** 0.5, abs=4 * found.sd + 2e-3)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Standard deviations.
+
+
+def _residuals(made: ft.InitResult) -> dict[str, Any]:
+    return tomllib.loads(made.path.read_text())["residuals"]
+
+
+@pytest.mark.slow
+def test_deviations_that_nobody_stated_are_marked_as_guesses(small: tuple[Path, Path]) -> None:
+    made = ft.init(*small, small[0].parent / "new")
+    keys = ["frequency_sd", "shape_sd"]
+    assert _residuals(made) == {"frequency_sd": 0.005, "shape_sd": 0.03, "assumed": keys}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("of_shapes", [True, False], ids=["frequencies and shapes", "frequencies"])
+def test_deviations_of_an_identification_are_those_of_the_study(small: tuple[Path, Path], of_shapes: bool) -> None:
+    deck, path = small
+    test = ft.read_test(path)
+    assert test.modes is not None
+    shapes_sd = 0.02 * np.abs(test.modes.shapes).max() * np.ones_like(test.modes.shapes) if of_shapes else None
+    known = replace(test.modes, freq_sd_hz=0.004 * test.modes.freq_hz, shapes_sd=shapes_sd)
+    text = deviations_text(known)
+    assert text is not None
+    path.with_name("deviations.json").write_text(text)
+    made = ft.init(deck, path, deck.parent / "new")
+    expected = {"shape_sd": "test"} if of_shapes else {"shape_sd": 0.03, "assumed": ["shape_sd"]}
+    assert _residuals(made) == {"frequency_sd": "test", **expected}
+    assert tomllib.loads(made.path.read_text())["test"]["deviations"] == "../deviations.json"
+    assert ft.check(made.path).ok
+
+
+@pytest.mark.slow
+def test_deviations_of_another_test_are_left_alone(small: tuple[Path, Path]) -> None:
+    deck, path = small
+    test = ft.read_test(path)
+    assert test.modes is not None
+    other = replace(test.modes, freq_hz=2.0 * test.modes.freq_hz, freq_sd_hz=0.004 * test.modes.freq_hz)
+    text = deviations_text(other)
+    assert text is not None
+    path.with_name("deviations.json").write_text(text)
+    assert _residuals(ft.init(deck, path, deck.parent / "new"))["frequency_sd"] == 0.005
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -281,9 +327,9 @@ def test_what_cannot_be_told_apart_is_proposed_once(small: tuple[Path, Path]) ->
     first, *others = made.record.parameters
     assert (first.field, first.proposed) == ("PSHELL 1 T", True)
     assert {(p.field, p.like) for p in others} == {("MAT1 1 E", "T_PSHELL_1"), ("MAT1 1 RHO", "T_PSHELL_1")}
-    # f ∝ t: n frequencies of 1 % give the thickness to 1 %/√n; the eleventh mode is near the tenth
+    # f ∝ t: n frequencies of 0.5 % give the thickness to 0.5 %/√n; the eleventh mode is near the tenth
     assert first.sd_percent is not None
-    assert 0.98 / 11**0.5 < first.sd_percent < 1.03 / 10**0.5
+    assert 0.49 / 11**0.5 < first.sd_percent < 0.515 / 10**0.5
 
 
 def test_candidates_are_fields_of_materials_properties_joints_and_masses(tmp_path: Path) -> None:

@@ -99,8 +99,11 @@ def test_killed(beam: Bench, whole: RunResult, when: str, last: int) -> None:
 
 
 @pytest.mark.slow
-def test_stopped_at_every_solution_in_turn(beam: Bench, whole: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each run solves one thing and is interrupted at the next; together they solve nothing twice."""
+@pytest.mark.parametrize("each", [pytest.param(1, marks=pytest.mark.long), 3])
+def test_stopped_at_every_solution_in_turn(
+    beam: Bench, whole: RunResult, monkeypatch: pytest.MonkeyPatch, each: int
+) -> None:
+    """Each run solves one thing, or three, and is interrupted at the next; together they solve nothing twice."""
     study, solved, budget = beam.study(), 0, 0
 
     def spend() -> None:
@@ -114,7 +117,7 @@ def test_stopped_at_every_solution_in_turn(beam: Bench, whole: RunResult, monkey
         monkeypatch.setattr(type(direct), name, staticmethod(paid(getattr(direct, name), spend)))
 
     for _ in range(200):
-        budget = 1
+        budget = each
         try:
             run = ft.update(study)
             break

@@ -29,7 +29,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFIN
 from femtune.cli import main
 sys.exit(main([sys.argv[3], sys.argv[1], "--quiet"]))
 """
-_BOOTSTRAP = "[bootstrap]\nruns = 60\nchecked = 2\n"
+_BOOTSTRAP = "[bootstrap]\nruns = 30\nchecked = 2\n"
 _STARTS = f"[update]\nstarts = 4\nsamples = 6\n{_BOOTSTRAP}"
 _STAGES = """
 [[stage]]
@@ -80,8 +80,16 @@ def _same(folder: Path, whole: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-@pytest.mark.parametrize(("tables", "seed"), [(_STARTS, 0), (_STAGES, 2)])
-def test_killed_at_random_moments(bench: Bench, tables: str, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("tables", "seed", "times"),
+    [
+        pytest.param(_STARTS, 0, 2, id="starts"),
+        pytest.param(_STAGES, 2, 1, id="stages"),
+        pytest.param(_STARTS, 1, 4, id="starts, again and again", marks=pytest.mark.long),
+        pytest.param(_STAGES, 3, 4, id="stages, again and again", marks=pytest.mark.long),
+    ],
+)
+def test_killed_at_random_moments(bench: Bench, tables: str, seed: int, times: int) -> None:
     study = _study(bench, tables)
     begun = time.monotonic()
     subprocess.run([sys.executable, "-c", _RUN, str(study)], check=True)
@@ -89,7 +97,7 @@ def test_killed_at_random_moments(bench: Bench, tables: str, seed: int) -> None:
     folder, whole = bench.folder / "run", bench.folder / "whole"
     folder.rename(whole)
     chance, killed, kept = np.random.default_rng(seed), 0, _lines(folder)
-    while killed < 3:
+    while killed < times:
         process = subprocess.Popen([sys.executable, "-c", _RUN, str(study)])
         try:
             process.wait(chance.uniform(0.1, 1.0) * took)

@@ -44,6 +44,8 @@ WRONG = {
     "kilograms and millimetres": ((2.1e8, 7.85e-6), "mm-t-s", "", "in mm-kg-s they are those of steel"),
     "SI in a study of millimetres": ((7.0e10, 2700.0), "mm-t-s", "", "in m-kg-s they are those of aluminium"),
     "inches": ((1.0e7, 2.54e-4), "m-kg-s", "", "in in-slinch-s they are those of aluminium"),
+    "kips and inches": ((29000.0, 7.34e-7), "m-kg-s", "", "in in-kip-s they are those of steel"),
+    "kips and feet": ((4.176e6, 0.01523), "m-kg-s", "", "in ft-kip-s they are those of steel"),
     "weight in inches": ((3.0e7, 0.283), "in-slinch-s", "", "PARAM WTMASS = 0.0025901"),
     "weight in millimetres": ((2.1e5, 7.7e-5), "mm-t-s", "", "PARAM WTMASS = 0.00010197"),
     "weight in SI": ((2.1e11, 77000.0), "m-kg-s", "", "PARAM WTMASS = 0.10197"),

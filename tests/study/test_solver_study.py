@@ -107,7 +107,8 @@ def _without_digits(text: str) -> str:
 @pytest.mark.skipif(os.name != "posix", reason="SIGTERM ends a process of Windows without asking it")
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, name: str) -> None:
-    write_study(study.parent, FAKE_S="0.1")
+    slow = study.parent / "state" / "slow"
+    slow.touch()
     # a job in the background ignores SIGINT and so would its children
     code = "import signal, femtune.cli; signal.signal(signal.SIGINT, signal.default_int_handler); femtune.cli.main()"
     command = [sys.executable, "-c", code, "update", str(study)]
@@ -127,10 +128,11 @@ def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, na
     assert said == f"stopped by {by}; kept: N external runs in RUNS; the same command continues from there"
     time.sleep(0.5)
     assert started(study) == stopped
+    slow.unlink()
     # what was under way, one run a core, is made again and no other
-    np.testing.assert_allclose(values(ft.run(study)), TRUTH, rtol=1e-5)
+    np.testing.assert_allclose(values(ft.update(study)), TRUTH, rtol=1e-5)
     with_interruption = started(study)
-    ft.run(study, fresh=True)
+    ft.update(study, fresh=True)
     assert 0 <= with_interruption - (started(study) - with_interruption) <= usable_cores()
 
 

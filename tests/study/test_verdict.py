@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from femtune.study.study import Study, read_study
 from femtune.testdata import ModalTest
 
 from .cantilever import Bench, bounded
+from .runs_of_chain import prepared
 
 _OTHERS = 'leave_out = [{ mode = "1", reason = "used" }, { mode = "2", reason = "used" }]'
 ONE = "\n" + bounded("root", "PBAR 1 I1")
@@ -256,6 +258,23 @@ def test_data_of_the_update_are_no_validation_and_count_once(beam: Bench, second
     twice = list(counted_twice(_study(beam, second, left)))
     assert [a.code for a in twice] == ["study.test-counted-twice"] * bool(shared)
     assert all(f"({shared})" in a.sentence for a in twice)
+
+
+def test_check_refuses_data_of_the_update_for_validation(beam: Bench) -> None:
+    beam.uff(_noisy(beam, 1), "bench.uff")
+    for use, codes in (("validation", ["study.validation-used"]), ("update", [])):
+        study = _study(beam, f'test = "bench.uff"\nuse = "{use}"')
+        found = ft.check(study.file.path)
+        assert [p.code for p in found.record.problems if p.level == "error"] == codes
+
+
+@pytest.mark.parametrize(("upper", "warned"), [(1.4e4, []), (1.5e4, []), (1.6e4, ["k1"])])
+def test_check_warns_of_bounds_beyond_the_runs(tmp_path: Path, upper: float, warned: list[str]) -> None:
+    """The runs have k1 from 4,492 to 14,358; a design need not reach its bounds."""
+    path = prepared(tmp_path)
+    path.write_text(path.read_text().replace("upper = 1.6e4", f"upper = {upper!r}"))
+    found = [r for r in ft.check(path).remarks if r.code == "study.bounds-beyond-runs"]
+    assert [r.facts["parameter"] for r in found] == warned
 
 
 def test_other_modes_and_channels_of_the_test_are_held_out(beam: Bench) -> None:

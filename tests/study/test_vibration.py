@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -30,7 +33,7 @@ from femtune.steps.run.result import RunResult
 from femtune.steps.vibration.record import VibrationPoint, VibrationResults
 from femtune.steps.vibration.run import MODES_TO, vibration_verdicts
 
-from .cantilever import EI, Bench
+from .cantilever import CANTILEVER, EI, Bench
 
 SWEEP = """
 [[vibration]]
@@ -113,15 +116,30 @@ def _run(bench: Bench, damping: float, more: str = "") -> RunResult:
     return ft.run(bench.study(EI + tables + LIMITS + more))
 
 
+@pytest.fixture(scope="module")
+def tested(tmp_path_factory: pytest.TempPathFactory, true_test: Path) -> Callable[[float], RunResult]:
+    """Runs with both vibration tests by damping ratio, each made once and not to be changed."""
+
+    @cache
+    def run(damping: float) -> RunResult:
+        bench = Bench(tmp_path_factory.mktemp("vibration"))
+        bench.write("beam.bdf", CANTILEVER)
+        bench.truth()
+        shutil.copy(true_test, bench.folder)
+        _measure(bench)
+        return _run(bench, damping)
+
+    return run
+
+
 def _vibrations(found: RunResult) -> tuple[VibrationResults, ...]:
     assert found.results.validation is not None
     return found.results.validation.vibrations
 
 
 @pytest.mark.slow
-def test_the_updated_model_meets_the_curves_of_the_true_one(beam: Bench) -> None:
-    _measure(beam)
-    found = _run(beam, 0.02)
+def test_the_updated_model_meets_the_curves_of_the_true_one(tested: Callable[[float], RunResult]) -> None:
+    found = tested(0.02)
     verdicts = [v for v in found.results.validation.verdicts if v.data == "vibration test"]
     assert [v.verdict for v in verdicts] == ["pass"] * 3
     assert all(v.measured is not None and v.measured < 0.5 for v in verdicts)
@@ -149,10 +167,11 @@ def test_the_updated_model_meets_the_curves_of_the_true_one(beam: Bench) -> None
 
 
 @pytest.mark.slow
-def test_a_wrong_damping_ratio_fails_the_amplitudes_and_not_the_frequencies(beam: Bench) -> None:
+def test_a_wrong_damping_ratio_fails_the_amplitudes_and_not_the_frequencies(
+    tested: Callable[[float], RunResult],
+) -> None:
     """Amplitudes at resonance fall with 1/ζ, root mean squares with 1/√ζ."""
-    _measure(beam)
-    found = _run(beam, 0.04)
+    found = tested(0.04)
     verdicts = {v.criterion: v for v in found.results.validation.verdicts if v.data == "vibration test"}
     assert {name.partition(",")[0]: v.verdict for name, v in verdicts.items()} == {
         "resonance frequency error in a sweep": "pass",
@@ -219,10 +238,9 @@ def test_all_errors_of_vibration_tests_are_reported_together(beam: Bench) -> Non
 
 
 @pytest.mark.slow
-def test_curves_before_and_after_are_those_of_the_two_models(beam: Bench) -> None:
+def test_curves_before_and_after_are_those_of_the_two_models(beam: Bench, tested: Callable[[float], RunResult]) -> None:
     """The initial model is the deck itself, solved here past the study; the updated one meets the measured curves."""
-    _measure(beam)
-    found = _run(beam, 0.02)
+    found = tested(0.02)
     for test in _vibrations(found):
         assert test.curves is not None
         hz, before = (found.arrays[key] for key in (test.curves.before_lines_key, test.curves.before_key))
@@ -289,15 +307,14 @@ def test_a_band_limits_what_is_compared(beam: Bench) -> None:
 
 
 @pytest.mark.slow
-def test_ratios_by_frequency_and_their_source(beam: Bench) -> None:
+def test_ratios_by_frequency_and_their_source(beam: Bench, tested: Callable[[float], RunResult]) -> None:
     """A ratio at the frequency of the first mode and another one high above it: the peak is that of the first ratio."""
     _measure(beam)
-    found = _run(beam, 0.02)
-    (first, _), (_, constant) = _vibrations(found), _vibrations(found)
+    first, constant = _vibrations(tested(0.02))
     ratios = 'damping_ratio = [0.04, 0.02]\ndamping_hz = [200.0, 400.0]\ndamping_source = "half-power bandwidths"\n'
     tables = SWEEP.replace("damping_ratio = {damping}\n", ratios) + RANDOM.replace("{damping}", "0.02")
     (table, again) = _vibrations(ft.run(beam.study(EI + tables + LIMITS)))
-    doubled = _vibrations(_run(beam, 0.04))[0]
+    doubled = _vibrations(tested(0.04))[0]
     assert table.damping == "damping ratio 4 % at 200 Hz, 2 % at 400 Hz, linear between them"
     assert table.damping_source == "half-power bandwidths"
     assert [p.peak for p in table.points] == pytest.approx([p.peak for p in doubled.points], rel=1e-5)

@@ -137,7 +137,7 @@ def test_a_deck_that_is_not_the_update_gets_no_name(clamp: Bench, fault: str, mo
     monkeypatch.setattr(written_decks, "write_deck", faulty)
     if fault == "frequency":
         # its elements differ, which is found before frequencies are compared
-        monkeypatch.setattr("femtune.steps.run.run.check_written", lambda built, study: None)
+        monkeypatch.setattr("femtune.steps.write.in_run.check_written", lambda built, study: None)
     with pytest.raises(FemtuneError) as caught:
         ft.update(study)
     assert caught.value.code == "write.differs"

@@ -154,14 +154,15 @@ def _waves(x: np.ndarray) -> np.ndarray:
         (_waves, 5, 150, 6),
     ],
 )
+@pytest.mark.parametrize("tables", [2, pytest.param(4, marks=pytest.mark.long)])
 def test_errors_and_intervals_are_those_of_fresh_runs(
-    function: Callable[[np.ndarray], np.ndarray], parameters: int, runs: int, degree: int
+    function: Callable[[np.ndarray], np.ndarray], parameters: int, runs: int, degree: int, tables: int
 ) -> None:
     """Of 90 % intervals, and of the root mean square of the errors of runs that are left out."""
     rng = np.random.default_rng(6)
     box = np.zeros(parameters), np.ones(parameters)
     inside, ratio = [], []
-    for seed in range(4):
+    for seed in range(tables):
         x, new = latin_hypercube(parameters, runs, seed).points, rng.random((500, parameters))
         surrogate, truth = fit_surrogate(x, function(x), ChaosRules(degree), box), function(new)
         low, high = surrogate.interval(new, 0.9)

@@ -69,7 +69,8 @@ F20 = ["frequency"] * 20
 
 
 def test_covariance_of_linear_regression(rng: np.random.Generator):
-    J, r = rng.standard_normal((20, 3)), 3.0 * rng.standard_normal(20)
+    J, e = rng.standard_normal((20, 3)), 3.0 * rng.standard_normal(20)
+    r = e - J @ np.linalg.lstsq(J, e)[0]
     found = parameter_covariance(r, J, F20, NONE, FREE, np.ones(3))
     s2 = r @ r / 17
     np.testing.assert_allclose(found.matrix, s2 * np.linalg.inv(J.T @ J), rtol=1e-10)
@@ -82,7 +83,7 @@ def test_covariance_of_linear_regression(rng: np.random.Generator):
 def test_many_loose_shapes_do_not_sharpen_frequencies():
     """Two kinds: what the frequencies say is as uncertain as they are, however well loose shapes fit."""
     J = np.vstack([np.eye(3), np.eye(3), np.zeros((300, 3))])
-    r = np.concatenate([[1.0, -1.0, 1.0, -1.0, 1.0, -1.0], np.full(300, 0.01)])
+    r = np.concatenate([0.8 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0]), np.full(300, 0.01)])
     kinds = ["frequency"] * 6 + ["shape"] * 300
     found = parameter_covariance(r, J, kinds, NONE, FREE, np.ones(3))
     np.testing.assert_allclose(found.sd, np.sqrt(0.5), rtol=0.01)
@@ -132,20 +133,59 @@ def test_a_tiny_misfit_makes_nothing_determined(rng: np.random.Generator):
 
 
 def test_chance_widens_nothing():
-    """Three spare residuals of 1.5 standard deviations happen in one test of ten."""
+    """Three spare residuals of 1.2 standard deviations happen in one test of four."""
     J = np.vstack([np.eye(3), np.eye(3)])
-    r = 1.5 * np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0]) / np.sqrt(2.0)
+    r = 1.2 * np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0]) / np.sqrt(2.0)
     found = parameter_covariance(r, J, ["frequency"] * 6, NONE, FREE, np.ones(3))
-    assert found.misfit["frequency"] == pytest.approx(1.5)
+    assert found.misfit["frequency"] == pytest.approx(1.2)
     assert found.freedom == {"frequency": pytest.approx(3.0)}
-    assert found.widened == ()
+    assert found.factors == {}
     assert found.coverage_factor() == pytest.approx(1.959964)
     np.testing.assert_allclose(found.sd, np.sqrt(0.5))
     large = parameter_covariance(2.0 * r, J, ["frequency"] * 6, NONE, FREE, np.ones(3))
-    assert large.widened == ("frequency",)
+    assert large.factors == {"frequency": pytest.approx(2.4)}
     # Student's t with three degrees of freedom
     assert large.coverage_factor() == pytest.approx(3.182446)
-    np.testing.assert_allclose(large.sd, 3.0 * np.sqrt(0.5))
+    np.testing.assert_allclose(large.sd, 2.4 * np.sqrt(0.5))
+
+
+def test_degrees_of_freedom_are_those_of_the_variance(rng: np.random.Generator):
+    """A parameter that a kind of unknown size determines has its degrees, one that both determine has more."""
+    J = np.zeros((6, 1))
+    J[:5] = 1.0
+    e = np.array([5.0, -3.0, 2.0, -1.0, -3.0, 0.0])
+    alone = parameter_covariance(e, J, ["shape"] * 5 + ["frequency"], NONE[:, :1], FREE[:1], np.ones(1))
+    assert alone.degrees_of_freedom == pytest.approx(4.0)
+    J[5] = 10.0
+    both = parameter_covariance(e, J, ["shape"] * 5 + ["frequency"], NONE[:, :1], FREE[:1], np.ones(1))
+    s, nu = both.factors["shape"], both.freedom["shape"]
+    of_shape, of_frequency = 5.0 * s**2, 100.0 * both.factors.get("frequency", 1.0) ** 2
+    assert both.degrees_of_freedom == pytest.approx((of_shape + of_frequency) ** 2 / (of_shape**2 / nu))
+
+
+def test_a_kind_of_the_right_size_is_not_widened_by_one_of_the_wrong_size(rng: np.random.Generator):
+    """Deviations of the shapes are three times too small; the frequencies, which share the parameters, keep theirs."""
+    kinds, n = ["frequency"] * 30 + ["shape"] * 60, 90
+    sizes = np.repeat([1.0, 3.0], [30, 60])
+    frequency, shape = [], []
+    for _ in range(40):
+        J = rng.standard_normal((n, 4))
+        e = sizes * rng.standard_normal(n)
+        r = e - J @ np.linalg.lstsq(J, e)[0]
+        found = parameter_covariance(r, J, kinds, np.zeros((0, 4)), np.zeros(4, bool), np.ones(4))
+        frequency.append(found.factors.get("frequency", 1.0))
+        shape.append(found.factors["shape"])
+    assert np.mean(shape) == pytest.approx(3.0, rel=0.05)
+    assert np.mean(frequency) < 1.1
+
+
+def test_estimated_errors_narrow_no_interval_where_a_test_of_the_fit_fails(rng: np.random.Generator):
+    J, r = rng.standard_normal((7, 3)), 0.01 * rng.standard_normal(7)
+    narrow = parameter_covariance(r, J, F20[:7], NONE, FREE, np.ones(3), scatter="estimated")
+    kept = parameter_covariance(r, J, F20[:7], NONE, FREE, np.ones(3), scatter="estimated", may_narrow=False)
+    assert (narrow.narrowed, kept.narrowed) == (True, False)
+    np.testing.assert_allclose(kept.matrix, np.linalg.inv(J.T @ J), rtol=1e-10)
+    assert kept.coverage_factor() == narrow.coverage_factor()
 
 
 def test_estimated_scatter_is_linear_regression(rng: np.random.Generator):

@@ -68,19 +68,20 @@ def test_without_noise_the_truth_is_found():
 
 
 @pytest.mark.slow
-def test_what_rests_makes_what_moves_uncertain():
+@pytest.mark.parametrize("tests", [16, pytest.param(40, marks=pytest.mark.long)])
+def test_what_rests_makes_what_moves_uncertain(tests):
     """Normalised errors of the joint scatter as χ² says, which they do not without the parts' share."""
     joint, own, large = [], [], 0
-    for seed in range(40):
+    for seed in range(tests):
         result = _bottom_up(_cases(seed), prior=False)[-1]
         error = result.belief.values["joint"] - 0.7
         joint.append(error / result.belief.sd["joint"])
         own.append(error * np.linalg.norm(result.best.after.jacobian[:, 1]))
         large += result.misfit["frequency"].large
-    assert chi2.ppf(0.001, 40) < np.sum(np.square(joint)) < chi2.ppf(0.999, 40)
-    assert np.sum(np.square(own)) > chi2.ppf(0.999, 40)
+    assert chi2.ppf(0.001, tests) < np.sum(np.square(joint)) < chi2.ppf(0.999, tests)
+    assert np.sum(np.square(own)) > chi2.ppf(0.999, tests)
     # a right model is suspected once in a hundred tests
-    assert large <= binom.ppf(0.999, 40, 0.01)
+    assert large <= binom.ppf(0.999, tests, 0.01)
 
 
 @pytest.mark.slow

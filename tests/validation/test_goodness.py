@@ -129,19 +129,20 @@ def test_bounds_are_tested_where_no_degrees_of_freedom_are_left() -> None:
 
 
 @pytest.mark.slow
-def test_true_values_within_bounds_are_rarely_contradicted() -> None:
-    """The least squares within bounds of a true value on a corner: held below the level in at most 1 % of 2,000 draws.
+@pytest.mark.parametrize("draws", [500, pytest.param(2000, marks=pytest.mark.long)])
+def test_true_values_within_bounds_are_rarely_contradicted(draws: int) -> None:
+    """The least squares within bounds of a true value on a corner: held below the level in at most 1 % of the draws.
 
-    Three standard deviations of a rate of 1 % are 0.7 %.
+    Three standard deviations of a rate of 1 % are 0.7 % of 2,000 draws, and 1.3 % of 500.
     """
     rng, J = np.random.default_rng(6), np.random.default_rng(7).standard_normal((12, 3))
     low = 0
-    for _ in range(2000):
+    for _ in range(draws):
         e = rng.standard_normal(12)
         x = lsq_linear(J, -e, (np.zeros(3), np.full(3, np.inf))).x
         found = goodness_of_fit(_blocks(e + J @ x, J), bounded=True)
         low += found.bounds_contradict
-    assert low / 2000 <= 0.017
+    assert low / draws <= 0.01 + 3.0 * np.sqrt(0.01 * 0.99 / draws)
 
 
 def test_values_and_rank_count_kinds_that_are_not_tested_too() -> None:

@@ -32,7 +32,15 @@ def test_chances_are_uniform_where_the_model_is_right() -> None:
     assert kstest(_chances(spring_chain(), range(200)), "uniform").pvalue > 0.001
 
 
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 20), marks=pytest.mark.slow)], ids=["few", "rest"])
+@pytest.mark.parametrize(
+    "seeds",
+    [
+        range(2),
+        pytest.param(range(2, 8), marks=pytest.mark.slow),
+        pytest.param(range(8, 20), marks=pytest.mark.long),
+    ],
+    ids=["few", "more", "rest"],
+)
 def test_a_spring_that_the_model_lacks_is_never_missed(seeds: range) -> None:
     assert max(_chances(spring_chain(0.15), seeds)) < 0.01
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.stats import binom, chi2
 
 from femtune.arrays import Reals
-from femtune.executor import Processes
+from femtune.executor import Executor, Processes, Serial
 from femtune.uncertainty import BootstrapResult, bootstrap_result
 from structures.cross_frame import GROUPS, TRUTH, Campaign, Campaigns
 
@@ -51,7 +51,7 @@ def by_chance(tests: int) -> tuple[float, float]:
     return binom.ppf(5e-5, tests, LEVEL) / tests, binom.ppf(1 - 5e-5, tests, LEVEL) / tests
 
 
-QUICK = Size(1, 20, 16, 16, 1, 10, 8, 0.9, *by_chance(16))
+QUICK = Size(1, 20, 16, 8, 1, 5, 5, 0.9, *by_chance(8))
 FULL = Size(10, 1000, 1000, 2000, 2, 100, 120, 0.15, 0.93, 0.97)
 
 
@@ -83,9 +83,8 @@ class Found:
         return np.mean([getattr(t, name) for t in self.tests], axis=0)
 
 
-def compare(campaigns: Campaigns, sets: int, runs: int, tests: int) -> Found:
+def compare(workers: Executor, campaigns: Campaigns, sets: int, runs: int, tests: int) -> Found:
     """Bootstraps of the first tests, and all tests."""
-    workers = Processes()
     every = workers.run(campaigns, range(tests), name="test")
     print(f"  {tests} tests", flush=True)
     results = []
@@ -99,19 +98,21 @@ def compare(campaigns: Campaigns, sets: int, runs: int, tests: int) -> Found:
 
 def study(size: Size) -> tuple[Found, Found, Reals]:
     """Noise weights and equal weights; coverage of the intervals with noise weights; asserted."""
-    weighted = compare(Campaigns(), size.sets, size.runs, size.tests)
+    # a worker takes longer to start than the few runs of the quick form
+    workers = Serial() if size is QUICK else Processes()
+    weighted = compare(workers, Campaigns(), size.sets, size.runs, size.tests)
     ratio = weighted.sd.mean(axis=0) / weighted.monte_carlo
     print("noise weights:", ratio, flush=True)
     assert (np.abs(ratio - 1.0) <= size.within).all(), ratio
     difference = weighted.bootstraps[0].difference
     assert difference is not None
     assert difference < 0.1
-    more = Processes().run(replace(Campaigns(), in_band=2), range(size.coverage), name="test")
+    more = workers.run(replace(Campaigns(), in_band=2), range(size.coverage), name="test")
     coverage = np.mean([(t.lower <= TRUTH) & (t.upper >= TRUTH) for t in more], axis=0)
     print("coverage:", coverage, flush=True)
     assert (coverage >= size.lower).all(), coverage
     assert (coverage <= size.upper).all(), coverage
-    equal = compare(Campaigns(weighted=False), size.equal_sets, size.equal_runs, size.equal_tests)
+    equal = compare(workers, Campaigns(weighted=False), size.equal_sets, size.equal_runs, size.equal_tests)
     print("equal weights:", equal.sd.mean(axis=0) / equal.monte_carlo, flush=True)
     # noise weights are what makes the calibration sharp
     assert (equal.monte_carlo > 3.0 * weighted.monte_carlo).all()

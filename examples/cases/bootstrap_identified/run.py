@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
@@ -18,9 +18,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures
 import numpy as np
 
 from femtune.arrays import Reals
-from femtune.executor import Processes
+from femtune.executor import Processes, Serial
 from femtune.identification.kinds import Drawing
-from femtune.uncertainty import bootstrap_result
+from femtune.uncertainty import BootstrapRules, bootstrap_result
 from structures.cross_frame import GROUPS, LINES, IdentifiedCampaigns
 
 METHODS: tuple[Drawing, ...] = ("lines", "entries", "noise")
@@ -37,7 +37,7 @@ class Size:
     within: float
 
 
-QUICK, FULL = Size(6, 1, 15, 1, 0.9), Size(200, 6, 300, 5, 0.15)
+QUICK, FULL = Size(5, 1, 10, 1, 0.9), Size(200, 6, 300, 5, 0.15)
 
 
 def main() -> None:
@@ -46,13 +46,17 @@ def main() -> None:
     options.add_argument("--quick", action="store_true")
     options.add_argument("--evidence", type=Path)
     asked = options.parse_args()
-    size, campaigns, workers = QUICK if asked.quick else FULL, IdentifiedCampaigns(), Processes()
+    # a worker takes longer to start than its few runs
+    size, workers = (QUICK, Serial()) if asked.quick else (FULL, Processes())
+    campaigns = IdentifiedCampaigns()
     carlo = np.std(workers.run(campaigns, range(1000, 1000 + size.tests), name="test"), axis=0, ddof=1)
     ratios, differences = {}, {}
+    calibrated = [campaigns.calibrated(seed) for seed in range(size.sets)]
     for method in METHODS:
         sd = []
-        for seed in range(size.sets):
-            work = campaigns.bootstrap(seed, method, size.runs)
+        for seed, at in enumerate(calibrated):
+            work = replace(at, rules=BootstrapRules(method, size.runs))
+            assert work.linear_covariance.size  # computed here, once for all workers
             check = [work.check(i) for i in range(size.checked)] if seed == 0 else []
             found = bootstrap_result(work, workers.run(work, range(size.runs), name="run"), check)
             sd.append(found.samples.std(axis=0, ddof=1))

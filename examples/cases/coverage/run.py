@@ -46,7 +46,7 @@ def by_chance(tests: int) -> tuple[float, float]:
     return binom.ppf(5e-4, tests, LEVEL) / tests, binom.ppf(1 - 5e-4, tests, LEVEL) / tests
 
 
-QUICK = Size(30, 10, *by_chance(30))
+QUICK = Size(20, 5, *by_chance(20))
 FULL = Size(1000, 200, 0.93, 0.97)
 
 
@@ -79,8 +79,8 @@ def study(size: Size) -> tuple[list[Found], CoverageRun]:
     # normal intervals from two degrees of freedom would not do
     assert found[1].run.normal_coverage.mean() < 0.9
     # a right model is suspected once in a hundred tests for each of its two kinds of residual, a wrong one always
-    assert found[0].run.widened.mean() <= binom.ppf(1 - 5e-4, size.tests, 0.02) / size.tests
-    assert wrong.widened.all()
+    assert found[0].run.suspected.mean() <= binom.ppf(1 - 5e-4, size.tests, 0.02) / size.tests
+    assert wrong.suspected.all()
     return found, wrong
 
 
@@ -145,10 +145,10 @@ def text(found: Sequence[Found], wrong: CoverageRun, size: Size) -> str:
         "unit norm) with stated standard deviations. **Stepped cantilever**: two bending stiffnesses and the tip "
         "mass from five frequencies with unknown standard deviation; it is estimated with two degrees of freedom, "
         "so that the coverage of ±1.96 σ would be much too small.", "",
-        f"The residuals were reported as larger than noise in {100 * found[0].run.widened.mean():.1f} % of the "
+        f"The residuals were reported as larger than noise in {100 * found[0].run.suspected.mean():.1f} % of the "
         f"tests of the correct spring chain (two kinds of residual, each at 1 %). With a spring of {UNMODELLED:g} "
         "of the others' stiffness that the structure has and the model does not, in "
-        f"{100 * wrong.widened.mean():.0f} % of {size.wrong} tests.", "",
+        f"{100 * wrong.suspected.mean():.0f} % of {size.wrong} tests.", "",
     ])  # fmt: skip
 
 

@@ -134,7 +134,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer tests, for continuous integration")
     parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
-    tests = 25 if options.quick else 2000
+    tests = 12 if options.quick else 2000
     page = text(study(tests), tests)
     print(page)
     if options.evidence:

@@ -202,7 +202,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer sets, for continuous integration")
     parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
-    found = [rates(n, 100 if options.quick else 1000) for n in (SIZES[1:2] if options.quick else SIZES)]
+    found = [rates(n, 40 if options.quick else 1000) for n in (SIZES[1:2] if options.quick else SIZES)]
     page = text(found)
     print(page)
     check(found, options.quick)

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from femtune.study.record import Level
+
 if TYPE_CHECKING:
     from femtune.document.page_view import PageView
 
 
 Tone = Literal["", "good", "poor", "muted"]
-Level = Literal["info", "warning", "problem"]
 Align = Literal["left", "right"]
 
 

@@ -314,6 +314,22 @@ RECORD_FORMATS = Formats(
         has="channels",
     ),
     RecordFormat(
+        key="lvm",
+        suffixes=(".lvm",),
+        written_by="LabVIEW: measurement files as text",
+        content="channels with their names, units and time step; one segment",
+        reader="records.lvm.read_lvm",
+        has="channels",
+    ),
+    RecordFormat(
+        key="tdms",
+        suffixes=(".tdms",),
+        written_by="LabVIEW, FlexLogger: needs the library npTDMS (`pip install npTDMS`)",
+        content="channels of one length and time step, with their names and units",
+        reader="records.lvm.read_tdms",
+        has="channels",
+    ),
+    RecordFormat(
         key="uff",
         suffixes=(".uff", ".unv", ".ufb", ".bunv"),
         written_by="programs for modal tests: Universal Files, data set 58",

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.formats import RecordFormatKey
+from femtune.files.records.axes import Axis
 from femtune.files.study_file.kinds import (
     DofLabel,
     Fraction,
@@ -26,6 +27,7 @@ from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
 from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY, FrfEstimator, MethodWord
+from femtune.modal.kinds import FrfKind, Quantity, Role
 
 # ----------------------------------------------------------------------------------------------------
 # Tables of an identification file; docs/identify-file.md explains every key.
@@ -43,8 +45,8 @@ class IdentifyTable(TomlTable):
     title: Text | None = None
     """Title of the report. Default: the name of the file. Example: `"Building, state BC"`"""
     record: RecordName | None = None
-    """Time histories: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5 (`pip install "femtune[hdf5]"`), WAV. Example:
-    `"bc.csv"`"""
+    """Time histories: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5 (`pip install "femtune[hdf5]"`), WAV,
+    LVM, TDMS (`pip install npTDMS`). Example: `"bc.csv"`"""
     frfs: FrfsName | tuple[FrfsName, ...] | None = None
     """Instead of `record`: measured FRFs (motion over force): UFF 58, ASCII or binary, one or several files of one
     test; or arrays and tables with [`[functions]`](#functions): .mat, .npy, .npz, HDF5, CSV and other text. Example:
@@ -57,8 +59,8 @@ class IdentifyTable(TomlTable):
     units: Units = "m-kg-s"
     """Units of length, mass and time, if a Universal File does not state them. Example: `"mm-t-s"`"""
     format: RecordFormatKey | None = None
-    """Format of the record: `"text"`, `"numpy"`, `"matlab"`, `"hdf5"`, `"wav"` or `"uff"`. Default: from the extension.
-    Example: `"text"`"""
+    """Format of the record: `"text"`, `"numpy"`, `"matlab"`, `"hdf5"`, `"wav"`, `"lvm"`, `"tdms"` or `"uff"`. Default:
+    from the extension. Example: `"text"`"""
     variable: Text | None = None
     """Name of the array in a file with several arrays. Example: `"acc"`"""
     sampling_hz: Rate | None = None
@@ -101,13 +103,11 @@ class ChannelEntry(TomlTable):
     top"`"""
     dof: DofLabel
     """Node, direction and sign. Example: `"11X+"`"""
-    quantity: Literal[
-        "displacement", "velocity", "acceleration", "force", "strain", "pressure", "voltage", "unknown"
-    ] = "acceleration"
+    quantity: Quantity = "acceleration"
     """`"acceleration"`, `"displacement"`, `"velocity"`, `"force"`, `"strain"`, `"pressure"`, `"voltage"` or
     `"unknown"`; shapes of records with displacements, velocities and accelerations are [converted to one
     quantity](guide/identify.md). Example: `"velocity"`"""
-    role: Literal["response", "reference", "input"] = "response"
+    role: Role = "response"
     """`"response"`; `"reference"`: a response that all set-ups have in common, used as reference (past outputs);
     `"input"`: the excitation. Example: `"input"`"""
     unit: str = ""
@@ -117,7 +117,6 @@ class ChannelEntry(TomlTable):
 
 
 Column = Annotated[int, Field(ge=1)] | Text
-Axis = Literal["frequency", "response", "reference", "function", "part"]
 
 
 class SetupEntry(TomlTable):
@@ -158,7 +157,7 @@ class RigidBodyEntry(TomlTable):
 class FunctionsTable(TomlTable):
     """[functions]: what the axes of a file of FRFs mean; of a Universal File only `kind` and `factor`."""
 
-    kind: Literal["receptance", "mobility", "accelerance"] | None = None
+    kind: FrfKind | None = None
     """`"receptance"`, `"mobility"` or `"accelerance"`. Required, unless the file is a Universal File: there it replaces
     the data types and unit labels of the file. Example: `"accelerance"`"""
     responses: tuple[DofLabel, ...] = ()

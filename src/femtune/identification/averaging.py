@@ -159,7 +159,17 @@ def no_lost_samples(record: TimeSeries) -> None:
     lost = np.isnan(record.values).sum(axis=1)
     if lost.any():
         names = ", ".join(f"{record.channels[i]}: {lost[i]}" for i in np.flatnonzero(lost)[:5])
-        raise FemtuneError("record.lost-samples", values={"samples lost": names})
+        raise FemtuneError("record.lost-samples", values={"samples lost": names, "first gap": _first_gap(record)})
+
+
+def _first_gap(record: TimeSeries) -> str:
+    """Channel, time and length of the first gap."""
+    missing = np.isnan(record.values)
+    at = int(np.flatnonzero(missing.any(axis=0))[0])
+    row = int(np.flatnonzero(missing[:, at])[0])
+    present = np.flatnonzero(~missing[row, at:])
+    length = int(present[0]) if len(present) else record.samples - at
+    return f"{record.channels[row]}: {length} samples from {record.time_s[at]:.6g} s"
 
 
 def _one_quantity(record: TimeSeries, rows: Sequence[int]) -> str:

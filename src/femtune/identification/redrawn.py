@@ -129,12 +129,13 @@ class RedrawnTest:
     def functions(self, change: Complexes) -> Complexes:
         """(n, u, l) equalised FRFs of changed measured ones, to first order in poles, shapes and participations."""
         step = self._poles.step(change.reshape(-1, self.lines))
-        residues, direct = self._ends.step(change - self._by_poles(step, self.measured.freq_hz))
+        residues, direct = self._ends.step(change - self._by_poles(step, self._measured_slopes))
         # poles that keep their damping are outside the band or badly known: they are followed to first order only
         step = np.concatenate([step, np.zeros(len(self.moved) - len(step))])
         poles = self.system.poles + np.where(self.moved, step, 0.0)
         found = self._equalised(poles, self._residues + residues, self.system.system.D + direct)
-        return found + self._by_poles(np.where(self.moved, 0.0, step), self.freq_hz)
+        kept = np.where(self.moved, 0.0, step)
+        return found + self._by_poles(kept, self._slopes) if kept.any() else found
 
     def refitted(self, change: Complexes) -> Complexes:
         """(n, u, l) the same, with converged fits of the same weights (errors as `fit_modes` and `system_fit`)."""
@@ -172,11 +173,24 @@ class RedrawnTest:
     def _residues(self) -> Complexes:
         return _outer(self.system.shapes, self.system.participations)
 
-    def _by_poles(self, step: Complexes, freq_hz: Reals) -> Complexes:
+    def _by_poles(self, step: Complexes, slopes: tuple[Complexes, Complexes]) -> Complexes:
         """(n, u, lines) change of the system's functions with the first poles, residues unchanged."""
-        i_omega, poles = 2j * np.pi * freq_hz, self.system.poles[: len(step), None]
-        moved = self._residues[:, :, : len(step)] * step
-        return np.asarray(moved @ (i_omega - poles) ** -2 + moved.conj() @ (i_omega - poles.conj()) ** -2)
+        m = len(step)
+        moved = self._residues[:, :, :m] * step
+        return np.asarray(moved @ slopes[0][:m] + moved.conj() @ slopes[1][:m])
+
+    @cached_property
+    def _measured_slopes(self) -> tuple[Complexes, Complexes]:
+        return self._slopes_at(self.measured.freq_hz)
+
+    @cached_property
+    def _slopes(self) -> tuple[Complexes, Complexes]:
+        return self._slopes_at(self.freq_hz)
+
+    def _slopes_at(self, freq_hz: Reals) -> tuple[Complexes, Complexes]:
+        """(M, lines) derivatives of 1/(iω − λ) and of 1/(iω − λ*) by the pole and by its conjugate."""
+        i_omega, poles = 2j * np.pi * freq_hz, self.system.poles[:, None]
+        return np.asarray(1.0 / (i_omega - poles) ** 2), np.asarray(1.0 / (i_omega - poles.conj()) ** 2)
 
     @cached_property
     def _poles(self) -> _PoleSteps:

@@ -15,15 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, gammainc, gammaincc
 
+from femtune.judge.kinds import PartFamily
 from femtune.judge.whitened import PRIOR, Whitened
 
-Family = Literal["kinds", "modes", "comparisons", "sensors", "configurations", "priors", "bounds", "side constraint"]
 TESTS_OF_A_FIT = 3
 """Parts, neighbours and the search for missing parameters are tests of one question, and share its level."""
 _LEAST_DEGREES = 0.05
@@ -50,7 +49,7 @@ class ResidualPart:
     p_family_wise : `p_large` corrected for the number of parts and families
     """
 
-    family: Family
+    family: PartFamily
     kind: str
     configuration: str
     mode: str
@@ -92,7 +91,7 @@ def parts(record: Whitened, side_constraint: bool = False, estimated: Collection
     return tuple(p for members in family_wise({k: m for k, m in kept.items() if m}) for p in members)
 
 
-_Key = tuple[Family, str]
+_Key = tuple[PartFamily, str]
 _Member = tuple[NDArray[np.int64], dict[str, str]]
 
 
@@ -133,14 +132,14 @@ def only_prior_contradicts(record: Whitened, level: float) -> bool:
     return bool(alone >= level > chdtrc(added, max(q - q_data, 0.0)))
 
 
-def _of_labels(family: Family, word: str, labels: Sequence[str]) -> Iterator[tuple[_Key, list[_Member]]]:
+def _of_labels(family: PartFamily, word: str, labels: Sequence[str]) -> Iterator[tuple[_Key, list[_Member]]]:
     names, own = [label for label in dict.fromkeys(labels) if label], np.asarray(labels)
     if len(names) > 1:
         yield (family, ""), [(np.flatnonzero(own == name), {word: name}) for name in names]
 
 
 def _tested(
-    record: Whitened, family: Family, rows: NDArray[np.int64], labels: Mapping[str, str]
+    record: Whitened, family: PartFamily, rows: NDArray[np.int64], labels: Mapping[str, str]
 ) -> ResidualPart | None:
     """The test of some rows; None where the parameters leave nothing of them."""
     first, second = record.degrees(rows)
@@ -177,12 +176,12 @@ def _held_by_side_constraint(record: Whitened) -> ResidualPart | None:
     return _of_held("side constraint", float(np.sum((U.T @ record.r) ** 2)), U.shape[1])
 
 
-def _of_held(family: Family, q: float, degrees: int) -> ResidualPart:
+def _of_held(family: PartFamily, q: float, degrees: int) -> ResidualPart:
     return ResidualPart(family, "", "", "", "", degrees, q, degrees, float(chdtrc(degrees, q)), float("nan"))
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Family-wise p-values of several tests, by Holm's rule.
+    """PartFamily-wise p-values of several tests, by Holm's rule.
 
     Examples
     --------

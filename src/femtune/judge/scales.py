@@ -1,17 +1,12 @@
-"""How large the errors of each kind of value are, estimated from the residuals: restricted maximum likelihood.
+"""How large the errors of each kind of value are: the factors of `estimated_factors` for the judge's record.
 
-A factor s_k on the stated standard deviations of each kind fulfils s_k² = Σ_k r⊥²/tr P_kk, with r⊥ and P of the
-residuals that are weighted by these factors (Helmert's equations). A model that is wrong makes the factors larger, and
-those of the kinds that a wrong parameter can hide in too small: they detect, they do not heal. They therefore widen
-intervals and scale tests, and never narrow intervals.
-
-Source: C. R. Rao, J. Kleffe, Estimation of Variance Components and Applications, 1988, chapter 9; F. R. Helmert, Die
-Ausgleichungsrechnung nach der Methode der kleinsten Quadrate, 1924.
+A model that is wrong makes the factors larger, and those of the kinds that a wrong parameter can hide in too small:
+they detect, they do not heal. They therefore widen intervals and scale tests.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,14 +14,7 @@ from scipy.special import stdtrit
 
 from femtune.arrays import Reals
 from femtune.judge.whitened import PRIOR, Whitened
-
-FEWEST_DEGREES = 3.0
-"""Degrees of freedom below which a kind tells nothing of its errors: the 95 % interval of its factor would reach from
-a half to six times it."""
-_TOLERANCE = 1e-6
-_MOST_ITERATIONS = 200
-_LEAST = 1e-8
-"""Least factor: residuals of a model that fits exactly are rounding."""
+from femtune.updating.error_scales import FEWEST_DEGREES, estimated_factors
 
 
 @dataclass(frozen=True)
@@ -92,24 +80,18 @@ def scales(record: Whitened, stated: Collection[str] = ()) -> Scales:
     (0.2, 10.0)
     """
     places = {k: record.of_kind(k) for k in dict.fromkeys(record.kinds) if k != PRIOR and k not in stated}
-    factors, weighted = dict.fromkeys(places, 1.0), record
-    degrees = {kind: record.degrees(at)[0] for kind, at in places.items()}
-    for _ in range(_MOST_ITERATIONS):
-        left, before = weighted.left, dict(factors)
-        for kind, at in places.items():
-            if degrees[kind] >= FEWEST_DEGREES:
-                size = float(np.sqrt(np.sum(left[at] ** 2) / degrees[kind]))
-                factors[kind] = max(factors[kind] * size, _LEAST)
+
+    def project(factors: Mapping[str, float]) -> tuple[Reals, dict[str, float]]:
         weighted = _weighted(record, _of_rows(record, factors))
-        degrees = {kind: weighted.degrees(at)[0] for kind, at in places.items()}
-        if all(abs(factors[k] / before[k] - 1.0) < _TOLERANCE for k in places):
-            break
-    kinds = tuple(KindScale(k, factors[k] if degrees[k] >= FEWEST_DEGREES else 1.0, degrees[k]) for k in places)
-    rows = _of_rows(record, {k.kind: k.factor for k in kinds})
+        return weighted.left, {kind: weighted.degrees(at)[0] for kind, at in places.items()}
+
+    factors, degrees = estimated_factors(places, project)
+    kinds = tuple(KindScale(k, factors[k], degrees[k]) for k in places)
+    rows = _of_rows(record, factors)
     return Scales(kinds, rows, _weighted(record, rows))
 
 
-def _of_rows(record: Whitened, factors: dict[str, float]) -> Reals:
+def _of_rows(record: Whitened, factors: Mapping[str, float]) -> Reals:
     return np.array([factors.get(kind, 1.0) for kind in record.kinds])
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
+from femtune.modal.kinds import FrfKind
 from femtune.modal.mode_set import read_only
 
-KINDS = ("receptance", "mobility", "accelerance")
+KINDS: tuple[str, ...] = get_args(FrfKind)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,22 +5,26 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
+from femtune.modal.kinds import Quantity, Role
 from femtune.modal.mode_set import read_only
 
-QUANTITIES = ("displacement", "velocity", "acceleration", "force", "strain", "pressure", "voltage", "unknown")
-ROLES = ("response", "reference", "input")
+QUANTITIES: tuple[str, ...] = get_args(Quantity)
+ROLES: tuple[str, ...] = get_args(Role)
 
 STEP_TOLERANCE = 1e-3
 """Relative deviation of time steps from the mean up to which samples are evenly spaced.
 
 A timing error of a thousandth of a step is a phase error of 0.2 degrees at the Nyquist frequency.
 """
+_GAP = 1.5
+"""Length of a step, relative to the usual one, from which samples are missing in it."""
 LEAST_ROUNDED_SAMPLES = 50
 """Number of samples from which times are examined for rounding; fewer could have few digits by chance."""
 MOST_DIGITS = 12
@@ -157,11 +161,21 @@ class TimeSeries:
         assert self.sampling_hz is not None
         return self.t0_s + np.arange(self.samples) / self.sampling_hz
 
+    def _gaps(self) -> dict[str, str]:
+        """Place and size of the longest step between two samples, for a message."""
+        steps = np.diff(self.time_s)
+        if not len(steps):
+            return {}
+        usual, at = float(np.median(steps)), int(np.argmax(steps))
+        long = int((steps > _GAP * usual).sum())
+        longest = f"{steps[at]:.6g} s after {self.time_s[at]:.6g} s (sample {at + 1})"
+        return {"usual step": f"{usual:.6g} s", "longest step": longest, "gaps": str(long)}
+
     @property
     def even_hz(self) -> float:
         """The sampling rate, for methods that need an even one (error ``record.uneven``)."""
         if self.sampling_hz is None:
-            raise FemtuneError("record.uneven")
+            raise FemtuneError("record.uneven", values=self._gaps())
         return float(self.sampling_hz)
 
     @property

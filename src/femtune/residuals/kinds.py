@@ -28,11 +28,5 @@ FRF_FORMS = Kinds(
 )  # fmt: skip
 """How model and measured FRFs are compared."""
 
-FrfMethodWord = Literal["real modes", "complex modes", "direct"]
-FRF_METHODS: Mapping[FrfMethodWord, Literal["direct", "real-modes", "complex-modes"]] = MappingProxyType(
-    {"real modes": "real-modes", "complex modes": "complex-modes", "direct": "direct"}
-)
-"""Methods of `femtune.model.response.frf` by their words in a study."""
-
 Scatter = Literal["stated", "estimated"]
 """Whether standard deviations are known, or relative weights whose common factor is estimated from the residuals."""

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -21,12 +20,12 @@ from femtune.files.modes.read import read_modes
 from femtune.files.modes.solved import SolvedModes
 from femtune.files.runs_table import LARGEST_HZ
 from femtune.runs import folders
+from femtune.runs.kinds import KeptFolders
 from femtune.runs.outcome import Failure, FailureKind, RunOutcome
 from femtune.runs.process import LOG, RunInterruptedError, begun, pause, run_process
 from femtune.runs.template import InputFiles
 
 Values = Mapping[str, float]
-Keep = Literal["none", "failed", "all"]
 
 _LEAST_FREE_BYTES = 1 << 20
 """Free space below which a run that failed did so because the disk is full."""
@@ -142,7 +141,7 @@ class ExternalSolver:
     licence_tries: int = 60
     environment: tuple[tuple[str, str], ...] = ()
     version: str = ""
-    keep: Keep = "failed"
+    keep: KeptFolders = "failed"
     keep_most: int = 20
 
     @property

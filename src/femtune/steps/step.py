@@ -186,6 +186,27 @@ class Page:
 
 
 @dataclass(frozen=True)
+class InRun:
+    """A part of `femtune run`.
+
+    Parameters
+    ----------
+    name : under which its time is kept
+    work : ``module:function``, its outcome from those of earlier parts; None if it has none. Arrays and files are
+        entered as made
+    place : position in the run
+    optional : what it finds, in words, if the run goes on without it; "" if its failure ends the run
+    with_deck : True for a run that writes an updated deck, False for one that writes none; None for both
+    """
+
+    name: str
+    work: str
+    place: int
+    optional: str = ""
+    with_deck: bool | None = None
+
+
+@dataclass(frozen=True)
 class Step:
     """A step of a project.
 
@@ -194,6 +215,7 @@ class Step:
     name : name of its folder, of its command and of its function
     tables : tables of the study file with its options; the module of their class in `femtune.files.study_file` has the
         name of the step or of the table
+    in_run : its parts of `femtune run`
     command : its command; None for a step that is part of a run only
     sections : its sections of the report of a run
     page : its page if it runs alone; None without one
@@ -201,6 +223,7 @@ class Step:
 
     name: str
     tables: tuple[str, ...] = ()
+    in_run: tuple[InRun, ...] = ()
     command: Command | None = None
     sections: tuple[ReportSection, ...] = ()
     page: Page | None = None

@@ -44,7 +44,9 @@ COMMON = {
 
 _METALS = ("steel", "aluminium", "titanium", "magnesium", "copper or brass", "cast iron")
 """Materials whose modulus and density are so narrowly known that they tell systems of units apart."""
-SYSTEMS = ("m-kg-s", "mm-t-s", "mm-kg-s", "cm-kg-s", "in-slinch-s", "in-lbm-s", "ft-slug-s", "ft-lbm-s")
+SYSTEMS = (
+    "m-kg-s", "mm-t-s", "mm-kg-s", "cm-kg-s", "in-slinch-s", "in-lbm-s", "ft-slug-s", "ft-lbm-s", "in-kip-s", "ft-kip-s"
+)  # fmt: skip
 """Systems that a deck is compared with."""
 
 _GRAVITY = 9.80665

@@ -10,8 +10,12 @@ from pydantic import BaseModel, ConfigDict
 from femtune.errors import Notice
 
 Level = Literal["info", "warning", "problem"]
-ModelVersion = Literal["before", "after", "after as written"]
+EndOfUpdate = Literal["before", "after"]
+"""Start or end of the update."""
+ModelVersion = Literal[EndOfUpdate, "after as written"]
 """The model before the update, after it, and as read again from the updated deck; records keep it as `stage`."""
+LimitSense = Literal["at most", "at least"]
+"""Which side of a limit passes."""
 VerdictWord = Literal["pass", "fail", "not tested"]
 Vector3 = tuple[float, float, float]
 

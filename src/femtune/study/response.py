@@ -25,9 +25,9 @@ from femtune.model import (
     digest,
     matrices_digest,
 )
+from femtune.model.kinds import FRF_METHODS, FrfMethod
 from femtune.model.response import TIMES_HIGHEST_LINE, complex_modes, frf_with_error, matrix_ports, static_response
 from femtune.model.response.rigid import is_rigid
-from femtune.residuals.kinds import FRF_METHODS
 from femtune.study.axes import named_axis, seen_as, sensor_axis
 from femtune.study.error_places import errors_at
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
         ModelPoint,
     )
     from femtune.model.digests import Part
-    from femtune.model.response import Method, Ports, StaticResponse
+    from femtune.model.response import Ports, StaticResponse
     from femtune.study.axes import Axis
     from femtune.study.cases import StudyCase
     from femtune.study.study import Study
@@ -64,7 +64,7 @@ class ResponseRequest:
     notices: tuple[Notice, ...]
 
     @property
-    def method(self) -> Method:
+    def method(self) -> FrfMethod:
         """The way as the model's functions call it."""
         return FRF_METHODS[self.table.method]
 

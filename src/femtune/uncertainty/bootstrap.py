@@ -655,4 +655,6 @@ def bootstrap_of(
     bootstrap = Bootstrap(problem, at, side, moving, rules, misfit if problem.scatter == "estimated" else 1.0)
     assert bootstrap.groups
     bootstrap.check_determined()
+    # every run and the result need it: computed here, it is sent to the workers
+    assert bootstrap.linear_covariance.size
     return bootstrap

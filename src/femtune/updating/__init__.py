@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     )
     from femtune.updating.result import Iteration, MinimumSearch, UpdateResult
     from femtune.updating.search import GaussNewton, LevenbergMarquardt, LineSearch, Search
-    from femtune.updating.sensitivity_method import SensitivityMethod, update, with_noise
+    from femtune.updating.sensitivity_method import SensitivityMethod, not_narrowed, update, with_noise
     from femtune.updating.stages import (
         Belief,
         ErrorSum,
@@ -123,6 +123,7 @@ __all__ = [
     "look_further",
     "multi_start",
     "multi_start_reduced",
+    "not_narrowed",
     "parameter_covariance",
     "posterior_of_covariance",
     "run_stage",

@@ -1,5 +1,10 @@
 """Standard deviations and intervals of updated parameters.
 
+The rule for the size of the errors stands in `_size`. With stated standard deviations a kind of residual counts with
+its estimated factor where that is above one and the residuals are larger than the stated deviations easily explain; it
+never counts with less. With standard deviations that are relative weights one factor is common to all kinds. It may be
+below one, so that intervals become narrower than the weights alone would make them, unless a test of the fit fails.
+
 Source: G. A. F. Seber, C. J. Wild, Nonlinear Regression, 1989, sections 2.1 and 5.1 (linear approximation).
 """
 
@@ -17,16 +22,25 @@ from scipy.special import chdtri, stdtrit
 from femtune.arrays import Reals
 from femtune.residuals.kinds import Scatter
 from femtune.selection import determined
+from femtune.updating.error_scales import FEWEST_DEGREES, Project, estimated_factors
 from femtune.updating.posterior import BoxPosterior, box_posterior
 
 NOTHING_LOST: Mapping[str, int] = MappingProxyType({})
 
 _UNDETERMINED_SHARE = 0.05
 """A parameter has no σ if undetermined combinations hold this share of it or more; as in the bootstrap."""
+_WIDENED_BELOW = 0.2
+"""p value of the size of a kind's residuals below which its factor widens the intervals.
+
+A stated deviation that is three times too small escapes with three degrees of freedom in 8 % of all tests, and then its
+intervals hold the truth in one of two; a level of 1 % would miss 26 %. Where the stated deviations are right the
+intervals hold the truth in at most 0.8·95 + 20 = 96 % of all tests."""
 _BY_CHANCE = 0.01
-"""Significance level above which residuals are larger than stated."""
+"""The same with fewer degrees of freedom than a factor needs: the estimate is too poor to act on less than that."""
 _LEAST_FREEDOM = 0.5
 """Degrees of freedom, which need not be integers, at or below which residuals say nothing of their own size."""
+_RANK = 1e-9
+"""Singular value relative to the largest below which a column of weighted rows is a combination of the others."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +53,8 @@ class ParameterCovariance:
     misfit : by kind of residual, the root mean square of the residuals in units of their stated standard deviations,
         corrected for the fitted parameters: 1 if the stated standard deviations are correct
     degrees_of_freedom : of the variance estimate; infinite for stated standard deviations
-    widened : kinds whose residuals are significantly larger than stated, so that their variance was estimated
+    factors : actual over stated standard deviation with which errors of a kind count; kinds that count as stated are
+        not in it
     freedom : by kind of residual, how many residuals the parameters leave free
     posterior : distribution within the bounds; None if it is not known
     """
@@ -48,9 +63,14 @@ class ParameterCovariance:
     reasons: dict[int, str]
     misfit: dict[str, float]
     degrees_of_freedom: float = np.inf
-    widened: tuple[str, ...] = ()
+    factors: Mapping[str, float] = field(default_factory=dict)
     freedom: dict[str, float] = field(default_factory=dict)
     posterior: BoxPosterior | None = field(default=None, repr=False)
+
+    @property
+    def narrowed(self) -> bool:
+        """True if errors count with less than their stated standard deviations."""
+        return min(self.factors.values(), default=1.0) < 1.0
 
     @cached_property
     def matrix(self) -> Reals:
@@ -123,14 +143,16 @@ def parameter_covariance(
     lost: Mapping[str, int] = NOTHING_LOST,
     box: Box | None = None,
     noise: Reals | None = None,
+    may_narrow: bool = True,
 ) -> ParameterCovariance:
     """Covariance of the least-squares estimate, H⁻¹(JᵀS²J + RᵀR)H⁻¹ with H = JᵀJ + RᵀR, of parameters not at a bound.
 
-    With stated standard deviations S is one, except for kinds of residual whose sum of squares is significant (one
-    per cent point of χ² with the freedom that the parameters leave them): there it is their misfit, so that the result
-    is wider. A kind that fits better does not narrow it: a large standard deviation of the shapes does not concern the
-    frequencies. With
-    estimated variance the stated deviations are relative weights, and S² = rᵀr/(n − rank) for all residuals.
+    With stated standard deviations S is one, except for kinds of residual that are larger than these explain (20 per
+    cent point of χ² with the freedom that the parameters leave them): there it is the factor that the residuals show
+    (`estimated_factors`), so that the result is wider. A kind that fits better does not narrow it: a large standard
+    deviation of the shapes does not concern the frequencies. Intervals are then those of Student's t, with the degrees
+    of freedom of the variance of the parameter for which they are fewest (Satterthwaite 1946). With estimated variance
+    the stated deviations are relative weights, and S² = rᵀr/(n − rank) for all residuals.
 
     Parameters
     ----------
@@ -144,6 +166,7 @@ def parameter_covariance(
     box : bounds; with them the result has the distribution within the bounds
     noise : (k, k) covariance of Jᵀe in units of `prior_sd`, for errors e of the data that are not independent, such as
         those of identified tests; it takes the place of the stated standard deviations, and of S
+    may_narrow : False where a test of the fit fails: estimated errors are then not smaller than the stated ones
     """
     moving = np.ones(len(at_bound), bool) if moving is None else moving
     free = np.flatnonzero(moving & ~at_bound)
@@ -151,7 +174,8 @@ def parameter_covariance(
     freedom = {kind: free - lost.get(kind, 0) for kind, free in _freedom(fit, kinds).items()}
     misfit = _misfit(r, kinds, freedom)
     noise = None if noise is None else noise + (extra * prior_sd).T @ (extra * prior_sd)
-    size = _size(r, misfit, freedom, scatter, noise)
+    prior_residuals = np.zeros(len(extra)) if box is None else box.prior_residuals
+    size = _size(fit, r, kinds, prior_residuals, freedom, lost, scatter, noise, may_narrow)
     known = np.linalg.norm(fit.undetermined, axis=0) < _UNDETERMINED_SHARE
     reasons = {int(i): "fixed in this update, σ not given" for i in np.flatnonzero(~moving)}
     reasons |= {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
@@ -165,21 +189,21 @@ def parameter_covariance(
     own = fit.covariance(rows, None if noise is None else noise[np.ix_(free, free)])
     matrix = np.full((len(at_bound), len(at_bound)), np.nan)
     matrix[np.ix_(free[known], free[known])] = (np.outer(prior_sd[free], prior_sd[free]) * own)[np.ix_(known, known)]
-    widened = tuple(size.by_kind) if scatter == "stated" else ()
-    scatter = scatter if noise is None else "stated"
+    estimated = scatter == "estimated" and noise is None
     posterior = (
-        None if box is None else _posterior(r, J, kinds, extra, prior_sd, moving, scatter, lost, box, size, noise)
-    )
-    return ParameterCovariance(matrix, reasons, misfit, size.degrees, widened, freedom, posterior)
+        None if box is None
+        else _posterior(r, J, kinds, extra, prior_sd, moving, estimated, lost, box, size, noise, may_narrow)
+    )  # fmt: skip
+    return ParameterCovariance(matrix, reasons, misfit, size.degrees, size.by_kind, freedom, posterior)
 
 
 def _posterior(
     r: Reals, J: Reals, kinds: Sequence[str], extra: Reals, prior_sd: Reals, moving: NDArray[np.bool_],
-    scatter: Scatter, lost: Mapping[str, int], box: Box, size: _Size, noise: Reals | None,
+    estimated: bool, lost: Mapping[str, int], box: Box, size: _Size, noise: Reals | None, may_narrow: bool,
 ) -> BoxPosterior | None:  # fmt: skip
     """None if the residual variance is to be estimated and no degrees of freedom are left."""
-    if scatter == "estimated":
-        linear = _estimated_without_bounds(r, J, kinds, extra, prior_sd, moving, lost, box)
+    if estimated:
+        linear = _estimated_without_bounds(r, J, kinds, extra, prior_sd, moving, lost, box, may_narrow)
         if linear is None:
             return None
         size = linear
@@ -192,7 +216,7 @@ def _posterior(
 
 def _estimated_without_bounds(
     r: Reals, J: Reals, kinds: Sequence[str], extra: Reals, prior_sd: Reals, moving: NDArray[np.bool_],
-    lost: Mapping[str, int], box: Box,
+    lost: Mapping[str, int], box: Box, may_narrow: bool,
 ) -> _Size | None:  # fmt: skip
     """Variance of the residuals at the solution without bounds, where the number of parameters is that of all moving.
 
@@ -202,7 +226,7 @@ def _estimated_without_bounds(
     freedom = {kind: free - lost.get(kind, 0) for kind, free in _freedom(fit, kinds).items()}
     change = -fit.estimator @ np.concatenate([r, box.prior_residuals])
     left = r if box.pull.any() else r + fit.rows[: len(r)] @ change
-    return _estimated(left, freedom)
+    return _estimated(left, freedom, may_narrow)
 
 
 @dataclass(frozen=True)
@@ -213,24 +237,75 @@ class _Size:
     degrees: float
 
 
-def _estimated(r: Reals, freedom: dict[str, float]) -> _Size | None:
-    """One factor for all; None without degrees of freedom."""
-    degrees = sum(freedom.values())
-    return _Size(dict.fromkeys(freedom, float(np.sqrt(r @ r / degrees))), degrees) if degrees > _LEAST_FREEDOM else None
-
-
 def _size(
-    r: Reals, misfit: dict[str, float], freedom: dict[str, float], scatter: Scatter, noise: Reals | None
-) -> _Size | None:
-    """Sizes as stated if the noise is known."""
+    fit: _Fit, r: Reals, kinds: Sequence[str], prior_residuals: Reals, freedom: dict[str, float],
+    lost: Mapping[str, int], scatter: Scatter, noise: Reals | None, may_narrow: bool,
+) -> _Size | None:  # fmt: skip
+    """The rule: as stated if the noise is known, one size for all kinds if it is asked for, else never below one."""
     if noise is not None:
         return _Size({}, np.inf)
-    return _estimated(r, freedom) if scatter == "estimated" else _widened(misfit, freedom)
+    if scatter == "estimated":
+        return _estimated(r, freedom, may_narrow)
+    names = np.asarray(kinds)
+    places = {kind: np.flatnonzero(names == kind) for kind in freedom}
+    large = {
+        kind: max(1.0, float(np.sqrt(np.sum(r[at] ** 2) / freedom[kind])))
+        for kind, at in places.items()
+        if _larger_than_stated(float(np.sum(r[at] ** 2)), freedom[kind])
+    }
+    if large:
+        factors, degrees = estimated_factors(
+            places, _projection(fit, np.concatenate([r, prior_residuals]), places, lost)
+        )
+        large |= {kind: max(1.0, factors[kind]) for kind in large if degrees[kind] >= FEWEST_DEGREES}
+    return _Size(large, _degrees(fit, places, large, freedom))
 
 
-def _widened(misfit: dict[str, float], freedom: dict[str, float]) -> _Size:
-    large = {kind: s for kind, s in misfit.items() if _larger_than_stated(s, freedom[kind])}
-    return _Size(large, min((freedom[kind] for kind in large), default=np.inf))
+def _larger_than_stated(q: float, freedom: float) -> bool:
+    level = _BY_CHANCE if freedom < FEWEST_DEGREES else _WIDENED_BELOW
+    return freedom > _LEAST_FREEDOM and q > chdtri(freedom, level)
+
+
+def _estimated(r: Reals, freedom: dict[str, float], may_narrow: bool) -> _Size | None:
+    """One factor for all; None without degrees of freedom."""
+    degrees = sum(freedom.values())
+    if degrees <= _LEAST_FREEDOM:
+        return None
+    factor = float(np.sqrt(r @ r / degrees))
+    return _Size(dict.fromkeys(freedom, factor if may_narrow else max(1.0, factor)), degrees)
+
+
+def _projection(fit: _Fit, r: Reals, places: Mapping[str, NDArray[np.int64]], lost: Mapping[str, int]) -> Project:
+    """P r and tr P_kk for factors on the rows of each kind; rows of a prior have the factor one."""
+
+    def project(factors: Mapping[str, float]) -> tuple[Reals, dict[str, float]]:
+        by = np.ones(len(r))
+        for kind, at in places.items():
+            by[at] = factors[kind]
+        columns = fit.rows @ (np.eye(fit.rows.shape[1]) - fit.undetermined.T @ fit.undetermined) / by[:, None]
+        U, s, _ = np.linalg.svd(columns, full_matrices=False)
+        U = U[:, s > _RANK * s.max(initial=0.0)]
+        taken = np.sum(U**2, axis=1)
+        return r / by - U @ (U.T @ (r / by)), {
+            kind: len(at) - float(taken[at].sum()) - lost.get(kind, 0) for kind, at in places.items()
+        }
+
+    return project
+
+
+def _degrees(
+    fit: _Fit, places: Mapping[str, NDArray[np.int64]], large: Mapping[str, float], freedom: Mapping[str, float]
+) -> float:
+    """Degrees of freedom of the variance of a parameter, the fewest of all; infinite where nothing was estimated."""
+    if not large:
+        return np.inf
+    sizes = np.ones(len(fit.rows))
+    for kind, size in large.items():
+        sizes[places[kind]] = size
+    parts = (fit.estimator * sizes) ** 2
+    uncertain = sum((parts[:, places[k]].sum(axis=1) ** 2 / freedom[k] for k in large), np.zeros(len(parts)))
+    whole = parts.sum(axis=1) ** 2
+    return float(np.min(whole[uncertain > 0.0] / uncertain[uncertain > 0.0], initial=np.inf))
 
 
 def _fit(rows: Reals, has_prior: bool) -> _Fit:
@@ -251,10 +326,6 @@ def _misfit(r: Reals, kinds: Sequence[str], freedom: dict[str, float]) -> dict[s
     names = np.asarray(kinds)
     counts = {kind: free if free > _LEAST_FREEDOM else float((names == kind).sum()) for kind, free in freedom.items()}
     return {kind: float(np.sqrt(np.sum(r[names == kind] ** 2) / count)) for kind, count in counts.items()}
-
-
-def _larger_than_stated(misfit: float, freedom: float) -> bool:
-    return freedom > _LEAST_FREEDOM and freedom * misfit**2 > chdtri(freedom, _BY_CHANCE)
 
 
 def _directions(rows: Reals) -> tuple[Reals, Reals]:

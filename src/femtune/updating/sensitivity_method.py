@@ -16,6 +16,7 @@ from femtune.modal.shape_criteria import mac_where_defined
 from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
 from femtune.residuals.frf.fitted import fitted_frfs
+from femtune.residuals.kinds import Scatter
 from femtune.residuals.pairing import Joined, alternating, describe_joined
 from femtune.selection.combinations import determined_combinations
 from femtune.status import Status
@@ -741,15 +742,29 @@ def with_noise(result: UpdateResult, noise: Reals) -> UpdateResult:
     ----------
     noise : (k, k) covariance of Jᵀe in units of the prior standard deviations, see `parameter_covariance`
     """
+    return replace(result, covariance=_covariance_at_end(result, "stated", noise))
+
+
+def not_narrowed(result: UpdateResult) -> UpdateResult:
+    """The result with intervals for which estimated errors are at least as large as the stated standard deviations.
+
+    Parameters
+    ----------
+    result : of a problem whose scatter is "estimated"
+    """
+    return replace(result, covariance=_covariance_at_end(result, "estimated", None))
+
+
+def _covariance_at_end(result: UpdateResult, scatter: Scatter, noise: Reals | None) -> ParameterCovariance:
+    """The covariance at the end of an update, of errors that are not below the stated ones."""
     parameters, side, at = result.parameters, result.side, result.after
     spread, names = parameters.prior[1], np.array([p.name for p in parameters.free])
     turn = without(np.eye(len(spread)), side.held * spread)
-    covariance = parameter_covariance(
+    return parameter_covariance(
         at.residuals, at.jacobian * spread @ turn / spread, at.kinds, side.prior_rows, np.isin(names, result.at_bound),
-        spread, np.isin(names, result.active), lost=at.lost, box=_box(parameters, side, at),
-        noise=turn.T @ noise @ turn,
+        spread, np.isin(names, result.active), scatter, at.lost, _box(parameters, side, at),
+        noise=None if noise is None else turn.T @ noise @ turn, may_narrow=False,
     )  # fmt: skip
-    return replace(result, covariance=covariance)
 
 
 def _box(parameters: ParameterSet, side: SideConstraint, at: Evaluation) -> Box:

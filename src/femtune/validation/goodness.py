@@ -87,6 +87,7 @@ class GoodnessOfFit:
         of as much where the true values are within the bounds: the true values leave a chi-square distribution with
         `rank` degrees of freedom, and the minimum within the bounds is not above them. None if no bound is active
     optimum : False if the residuals are those of values at which the update ended without an optimum
+    assumed : True if the stated size is an assumption, for the words of `sentence`
     """
 
     chi_square: float | None
@@ -103,6 +104,7 @@ class GoodnessOfFit:
     held: float | None = None
     held_p_value: float | None = None
     optimum: bool = True
+    assumed: bool = False
 
     @property
     def finding(self) -> Finding:
@@ -134,18 +136,19 @@ class GoodnessOfFit:
     @property
     def sentence(self) -> str:
         """Outcome in words with the numbers."""
+        finding = self.finding.value.replace("stated", "assumed") if self.assumed else self.finding.value
         if self.p_value is None or self.chi_square is None:
-            return f"{self.finding.value}: {self._held() if self.bounds_contradict else self._why_not()}"
+            return f"{finding}: {self._held() if self.bounds_contradict else self._why_not()}"
         degrees = "degree" if self.degrees_of_freedom == 1 else "degrees"
         numbers = f"chi-square {self.chi_square:.4g} on {self.degrees_of_freedom} {degrees} of freedom"
         largest = self._largest() if self.finding.larger else ""
         tested = f"{numbers}, {_chance(self.p_value)}{self._runs()}{largest}"
         if self.finding is Finding.BOUNDED:
-            return f"{self.finding.value}: {self._held()}; without it, {tested}"
+            return f"{finding}: {self._held()}; without it, {tested}"
         if not self.optimum:
             tested += "; the update ended without an optimum, and these are the residuals at the values that were kept"
         held = f"; bounds keep more: {self._held()}" if self.bounds_contradict else ""
-        return f"{self.finding.value}: {tested}{held}"
+        return f"{finding}: {tested}{held}"
 
     def _held(self) -> str:
         assert self.held is not None

@@ -18,7 +18,7 @@ from .mutations import mutant
 from .whole_decks import DECKS
 
 DeckOf = Callable[..., Deck]
-MUTANTS, MANY = 10, 100
+MUTANTS, MORE, MANY = 10, 40, 100
 ODD = (
     "",
     "1",
@@ -112,10 +112,15 @@ def test_damaged_decks_say_the_same(name: str, tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "numbers", [range(MUTANTS, MORE), pytest.param(range(MORE, MANY), marks=pytest.mark.long)], ids=["more", "many"]
+)
 @pytest.mark.parametrize("name", DECKS)
-def test_many_damaged_decks_say_the_same(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_damaged_decks_say_the_same(
+    name: str, numbers: range, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     files = {n: text.encode("latin-1") for n, text in DECKS[name].items()}
-    for number in range(MUTANTS, MANY):
+    for number in numbers:
         path = write(tmp_path, mutant(files, number))
         check_same(by_columns(path, monkeypatch), one_by_one(path, monkeypatch))
 

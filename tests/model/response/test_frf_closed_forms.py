@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from femtune.modal.kinds import FrfKind
 from femtune.model import ModelPoint, solve_modes
 from femtune.model.damping import constant_damping
-from femtune.model.response import METHODS, DampingRatios, Kind, Method, frf, make_ports
+from femtune.model.kinds import FrfMethod
+from femtune.model.response import METHODS, DampingRatios, frf, make_ports
 
 from .models import LENGTH, SECTION, beam, chain, point
 
@@ -20,8 +22,8 @@ def _values(
     at: ModelPoint,
     ports: tuple[list[str], list[str]],
     freq_hz: NDArray,
-    method: Method,
-    kind: Kind = "receptance",
+    method: FrfMethod,
+    kind: FrfKind = "receptance",
     count: int = 60,
     damping: DampingRatios | None = None,
 ) -> NDArray:
@@ -33,7 +35,7 @@ def _values(
 @every_way
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
 @pytest.mark.parametrize("what", ["viscous", "hysteretic", "modal", "all"])
-def test_one_mass(method: Method, kind: Kind, what: str) -> None:
+def test_one_mass(method: FrfMethod, kind: FrfKind, what: str) -> None:
     m, k, c, eta, zeta = 2.0, 800.0, 3.0, 0.07, 0.02
     c, eta, zeta = (
         c * (what in ("viscous", "all")),
@@ -50,7 +52,7 @@ def test_one_mass(method: Method, kind: Kind, what: str) -> None:
 
 
 @every_way
-def test_two_masses_with_a_dashpot_on_one_of_them(method: Method) -> None:
+def test_two_masses_with_a_dashpot_on_one_of_them(method: FrfMethod) -> None:
     """H21 = k₂ / ((z₁ + k₂)(z₂ + k₂) − k₂²), written out; the damping couples the modes strongly."""
     m1, m2, k1, k2, c = 1.0, 2.0, 400.0, 250.0, 15.0
     at = point(chain([(-1, 0, k1), (0, 1, k2)], [m1, m2], [(-1, 0, c)]))
@@ -63,7 +65,7 @@ def test_two_masses_with_a_dashpot_on_one_of_them(method: Method) -> None:
 
 
 @every_way
-def test_three_masses(method: Method) -> None:
+def test_three_masses(method: FrfMethod) -> None:
     """λ = 1, 4, 8: the receptance is a quotient of polynomials in ω²."""
     springs = [(-1, 0, 1.0), (-1, 1, 1.0), (-1, 2, 1.0), (0, 1, 1.0), (1, 2, 1.0), (0, 2, 3.0)]
     at = point(chain(springs, [1.0] * 3))
@@ -75,7 +77,7 @@ def test_three_masses(method: Method) -> None:
 
 
 @every_way
-def test_free_beam_moves_as_a_rigid_body_at_low_frequency(method: Method) -> None:
+def test_free_beam_moves_as_a_rigid_body_at_low_frequency(method: FrfMethod) -> None:
     """Accelerance at the tip 1/m + (L/2)²/(mL²/12) = 4/m, at the other −2/m; elastic parts are of order (f/f₁)²."""
     at = beam(10)
     mass = SECTION["rho"] * SECTION["A"] * LENGTH
@@ -86,7 +88,7 @@ def test_free_beam_moves_as_a_rigid_body_at_low_frequency(method: Method) -> Non
 
 @pytest.mark.quick(2)
 @every_way
-def test_rod_with_a_loss_factor(method: Method) -> None:
+def test_rod_with_a_loss_factor(method: FrfMethod) -> None:
     """Tip receptance of a clamped rod, tan(kL)/(E*Ak) with k = ω√(ρ/E*) and E* = E(1 + iη); errors fall as h²."""
     eta, f = 0.05, np.linspace(50.0, 6000.0, 23)
     modulus = SECTION["E"] * (1 + 1j * eta)

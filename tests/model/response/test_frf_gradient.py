@@ -7,7 +7,8 @@ import pytest
 
 from femtune.model import ConfiguredModel, solve_modes
 from femtune.model.damping import as_hysteretic, constant_damping
-from femtune.model.response import METHODS, DampingRatios, FrfGradient, Method, Ports, frf, frf_gradient, make_ports
+from femtune.model.kinds import FrfMethod
+from femtune.model.response import METHODS, DampingRatios, FrfGradient, Ports, frf, frf_gradient, make_ports
 
 from .models import chain, configured, rising
 
@@ -26,7 +27,7 @@ def _model(n: int = 4) -> tuple[ConfiguredModel, Ports]:
 
 @pytest.mark.slow
 @every_way
-def test_by_complex_difference(method: Method) -> None:
+def test_by_complex_difference(method: FrfMethod) -> None:
     model, ports = _model()
     found = frf_gradient(solve_modes(model.at(np.zeros(4)), 4), ports, LINES, "mobility", method)
     h = 1e-6
@@ -45,7 +46,7 @@ def test_by_complex_difference(method: Method) -> None:
 @pytest.mark.quick(5, rest="long")
 @every_way
 @pytest.mark.parametrize("damping", [constant_damping(0.03), rising(0.03, 5.0), as_hysteretic(rising(0.03, 5.0))])
-def test_with_modal_damping(method: Method, damping: DampingRatios) -> None:
+def test_with_modal_damping(method: FrfMethod, damping: DampingRatios) -> None:
     model, ports = _model()
     found = frf_gradient(solve_modes(model.at(np.zeros(4)), 4), ports, LINES, "receptance", method, damping=damping)
     h = 1e-4
@@ -80,7 +81,7 @@ def test_with_modal_damping_of_some_modes_repeated_ones_among_them(damping: Damp
 
 @pytest.mark.quick(1)
 @pytest.mark.parametrize("method", METHODS[1:])
-def test_modal_derivatives_converge_with_the_modes(method: Method) -> None:
+def test_modal_derivatives_converge_with_the_modes(method: FrfMethod) -> None:
     model, ports = _model(40)
     point, lines = model.at(np.zeros(4)), np.linspace(0.1, 1.5, 15)
     exact = frf_gradient(point, ports, lines, "receptance", "direct").gradient
@@ -93,7 +94,7 @@ def test_modal_derivatives_converge_with_the_modes(method: Method) -> None:
     assert errors[1] < max(0.1 * errors[0], 1e-10 * np.abs(exact).max())
 
 
-TRUNCATED: list[tuple[Method, int, bool]] = [
+TRUNCATED: list[tuple[FrfMethod, int, bool]] = [
     ("real-modes", 3, True), ("real-modes", 3, False), ("real-modes", 8, True), ("complex-modes", 8, True),
 ]  # fmt: skip
 
@@ -103,7 +104,7 @@ TRUNCATED: list[tuple[Method, int, bool]] = [
 @pytest.mark.parametrize("damping", [None, rising(0.03, 5.0), as_hysteretic(rising(0.03, 5.0))])
 @pytest.mark.parametrize(("method", "count", "residual_vectors"), TRUNCATED)
 def test_the_gradient_is_that_of_the_truncated_functions(
-    method: Method, count: int, residual_vectors: bool, damping: DampingRatios | None, free: bool
+    method: FrfMethod, count: int, residual_vectors: bool, damping: DampingRatios | None, free: bool
 ) -> None:
     """Modes and residual vectors change too: differences of the superposed values themselves, four points a column."""
     springs = [(i - 1, i, 900.0 + 10 * i) for i in range(1 if free else 0, 40)]

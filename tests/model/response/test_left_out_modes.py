@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError
 from femtune.model import ConfiguredModel, solve_modes
 from femtune.model.damping import constant_damping
-from femtune.model.response import METHODS, Method, Ports, frf_gradient, make_ports, survey_functions
+from femtune.model.kinds import FrfMethod
+from femtune.model.response import METHODS, Ports, frf_gradient, make_ports, survey_functions
 
 from .models import chain, configured
 
@@ -45,7 +46,7 @@ def _terms(model: ConfiguredModel, ports: Ports, x: NDArray, members: list[int],
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("members", [[1], [1, 2], [0, 3]])
 @pytest.mark.parametrize("zeta", [0.0, ZETA])
-def test_their_terms_are_taken_away_with_their_derivatives(method: Method, members: list[int], zeta: float) -> None:
+def test_their_terms_are_taken_away_with_their_derivatives(method: FrfMethod, members: list[int], zeta: float) -> None:
     model, ports = _model()
     modes, damping = solve_modes(model.at(np.zeros(4)), 4), constant_damping(zeta) if zeta else None
     whole, part = (

@@ -9,9 +9,9 @@ from femtune.errors import FemtuneError
 from femtune.fem import ALL_MODES, FieldRef, mode_ratio_field, with_mode_ratios
 from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.model.damping import as_hysteretic, constant_damping, damping_by_mode
+from femtune.model.kinds import FrfMethod
 from femtune.model.response import (
     METHODS,
-    Method,
     complex_mode_derivative,
     complex_modes,
     frf,
@@ -44,7 +44,7 @@ RATIOS = {2: 0.03, ALL_MODES: 0.01}
 @pytest.mark.slow
 @every_way
 @pytest.mark.parametrize("damping", [None, constant_damping(0.5), as_hysteretic(constant_damping(0.2))])
-def test_derivatives_by_four_point_differences(method: Method, damping: object) -> None:
+def test_derivatives_by_four_point_differences(method: FrfMethod, damping: object) -> None:
     configured = model(RATIOS)
     ports = make_ports(configured, ["1X+", "3X+"], ["1X+", "4X+"])
     found = frf_gradient(solve_modes(configured.at(AT), 4), ports, LINES, "mobility", method, damping=damping)  # type: ignore[arg-type]
@@ -62,7 +62,7 @@ def test_derivatives_by_four_point_differences(method: Method, damping: object) 
 
 
 @every_way
-def test_they_are_the_ratios_of_a_list(method: Method) -> None:
+def test_they_are_the_ratios_of_a_list(method: FrfMethod) -> None:
     configured = model(RATIOS)
     ports = make_ports(configured, ["1X+"], ["4X+"])
     modes = solve_modes(configured.at(np.zeros(3)), 4)

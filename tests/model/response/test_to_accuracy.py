@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from femtune.model import solve_modes
 from femtune.model.damping import constant_damping
-from femtune.model.response import ACCURACY, TIMES_HIGHEST_LINE, DampingRatios, Method, frf, frf_with_error, make_ports
+from femtune.model.kinds import FrfMethod
+from femtune.model.response import ACCURACY, TIMES_HIGHEST_LINE, DampingRatios, frf, frf_with_error, make_ports
 
 from .models import beam
 
@@ -29,7 +30,7 @@ def _error(found: NDArray, exact: NDArray) -> float:
 @pytest.mark.quick(1)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("method", ["real-modes", "complex-modes"])
-def test_the_error_is_below_the_stated_one(case: str, method: Method) -> None:
+def test_the_error_is_below_the_stated_one(case: str, method: FrfMethod) -> None:
     more, damping = CASES[case]
     at = beam(20, **more)  # type: ignore[arg-type]
     top = 863.5

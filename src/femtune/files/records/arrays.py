@@ -12,14 +12,26 @@ from typing import IO, Any
 from zipfile import ZipFile, is_zipfile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femtune._optional import require
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.records.table import COMPLEX_KINDS, NUMBER_KINDS, REAL_KINDS, RecordTable, as_columns, problem
+from femtune.files.records.table import (
+    COMPLEX_KINDS,
+    NUMBER_KINDS,
+    REAL_KINDS,
+    RecordTable,
+    as_columns,
+    check_columns,
+    is_time,
+    problem,
+)
 
 NamedArrays = Mapping[str, Any]
 """Arrays of a file by name: of numpy, or made into them when they are used."""
 _RATE_NAMES = ("fs", "sampling_hz", "sampling_rate", "sample_rate", "samplerate", "srate")
+
+_STEP_NAMES = ("dt", "delta_t", "time_step", "timestep")
 
 
 LARGEST_BYTES = 1 << 28
@@ -217,9 +229,58 @@ def _first_line(bad: BaseException) -> str:
 
 
 def table_of(path: Path, arrays: NamedArrays, variable: str | None) -> RecordTable:
-    """The array of a name as a table of columns; without a name the only one that can be meant."""
+    """The array of a name as a table of columns; without a name the only one that can be meant, or a column each."""
+    if variable is None and (columns := _channels_by_name(arrays)):
+        rows = [np.asarray(arrays[name], dtype=float).ravel() for name in columns]
+        check_columns(len(rows), path)
+        times = next((row for name, row in zip(columns, rows) if is_time(_last(name))), None)
+        kept = [(name, row) for name, row in zip(columns, rows) if row is not times]
+        return RecordTable(
+            np.array([row for _, row in kept]), tuple(n for n, _ in kept), _rate(arrays), times, str(path)
+        )
     values = as_columns(np.asarray(arrays[_wanted(path, arrays, variable)]), path)
-    return RecordTable(values, ("",) * len(values), _rate(arrays), None, str(path))
+    return RecordTable(values, ("",) * len(values), _rate(arrays), _times(arrays, values.shape[1]), str(path))
+
+
+def _last(name: str) -> str:
+    """The part of a name behind the structures or groups that hold it."""
+    return name.replace("/", ".").rsplit(".", 1)[-1]
+
+
+def _distinct(arrays: NamedArrays) -> dict[str, Any]:
+    """The arrays without the second names that groups with dots have."""
+    return {name: a for name, a in arrays.items() if "." not in name or name.replace(".", "/") not in arrays}
+
+
+def _vectors(arrays: NamedArrays) -> dict[str, int]:
+    """Names and lengths of the arrays of real numbers with one dimension, MATLAB's rows and columns among them."""
+    sizes = {}
+    for name, a in _distinct(arrays).items():
+        shape = getattr(a, "shape", ())
+        if len(shape) in (1, 2) and a.size > 1 and a.dtype.kind in NUMBER_KINDS and a.size == max(shape):
+            sizes[name] = int(a.size)
+    return sizes
+
+
+def _times(arrays: NamedArrays, samples: int) -> NDArray | None:
+    """A vector of times beside the record, as long as this."""
+    for name, size in _vectors(arrays).items():
+        if is_time(_last(name)) and size == samples:
+            return np.asarray(arrays[name], dtype=float).ravel()
+    return None
+
+
+def _channels_by_name(arrays: NamedArrays) -> list[str]:
+    """Names of arrays of one length that are a channel each, () if there is a table, or lengths differ."""
+    vectors = _vectors(arrays)
+    tables = [
+        name for name, a in _distinct(arrays).items()
+        if name not in vectors and getattr(a, "ndim", 0) == 2 and a.size > 1 and a.dtype.kind in NUMBER_KINDS
+    ]  # fmt: skip
+    channels = [name for name in vectors if not is_time(_last(name))]
+    if tables or len(vectors) < 2 or not channels or len(set(vectors.values())) > 1:
+        return []
+    return list(vectors)
 
 
 def named(path: Path, arrays: Mapping[str, Any], variable: str) -> Any:
@@ -235,7 +296,12 @@ def _wanted(path: Path, arrays: Mapping[str, Any], variable: str | None) -> str:
     if variable is not None:
         named(path, arrays, variable)
         return variable
-    arrays = {name: a for name, a in arrays.items() if "." not in name or name.replace(".", "/") not in arrays}
+    samples = {max(a.shape) for a in arrays.values() if getattr(a, "ndim", 0) == 2 and min(a.shape) > 1}
+    vectors = _vectors(arrays)
+    arrays = {
+        name: a for name, a in _distinct(arrays).items()
+        if not (is_time(_last(name)) and vectors.get(name) in samples)
+    }  # fmt: skip
     tables = [
         name for name, a in arrays.items() if getattr(a, "ndim", 0) == 2 and a.size > 1 and a.dtype.kind in NUMBER_KINDS
     ]
@@ -249,8 +315,9 @@ def _wanted(path: Path, arrays: Mapping[str, Any], variable: str | None) -> str:
 def _rate(arrays: Mapping[str, Any]) -> float | None:
     """A single positive number whose name says that it is a sampling rate."""
     for name, array in arrays.items():
-        last = name.lower().replace("/", ".").rsplit(".", 1)[-1]
-        if last in _RATE_NAMES and getattr(array, "size", 0) == 1 and array.dtype.kind in NUMBER_KINDS:
-            rate = float(np.asarray(array).reshape(()))
+        last = _last(name.lower())
+        if last in (*_RATE_NAMES, *_STEP_NAMES) and getattr(array, "size", 0) == 1 and array.dtype.kind in NUMBER_KINDS:
+            value = float(np.asarray(array).reshape(()))
+            rate = 1.0 / value if last in _STEP_NAMES and value else value
             return rate if np.isfinite(rate) and rate > 0.0 else None
     return None

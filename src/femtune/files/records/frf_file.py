@@ -26,7 +26,6 @@ _LARGEST_COHERENCE = 1.0 + 1e-3
 """Coherence above which a value is wrong; single precision and averaging leave values slightly above 1."""
 _SAME_LINES = 1e-6
 """Relative difference up to which frequency lines of two files are the same: text has six digits and more."""
-AXES = ("frequency", "response", "reference", "function", "part")
 
 
 @dataclass(frozen=True)
@@ -113,8 +112,9 @@ def read_function_files(files: Sequence[Path], layout: FunctionLayout) -> FrfSet
         sets.append(read_frfs(path, replace(layout, functions=own)))
     first = sets[0]
     for path, other in zip(dict.fromkeys(files), sets):
-        both = {"first": first.freq_hz, "here": other.freq_hz}
-        if len({len(x) for x in both.values()}) > 1 or not np.allclose(*both.values(), rtol=_SAME_LINES, atol=0.0):
+        own_hz, first_hz = other.freq_hz, first.freq_hz
+        if len(own_hz) != len(first_hz) or not np.allclose(own_hz, first_hz, rtol=_SAME_LINES, atol=0.0):
+            both = {"first": first_hz, "here": own_hz}
             lines = {name: f"{len(x)}, {x[0]:g} to {x[-1]:g} Hz" for name, x in both.items()}
             raise problem(path, "frf.layout/other-lines", values=lines)
     at = {(a, b): (s, i, j) for s in sets for i, a in enumerate(s.responses) for j, b in enumerate(s.references)}

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.formats import RECORD_FORMATS, RecordFormat
 from femtune.files.records.arrays import table_of
-from femtune.files.records.table import RecordTable, problem
+from femtune.files.records.headings import stated_channel
+from femtune.files.records.table import RecordTable, problem, with_unnamed_times
 from femtune.files.uff.scan import is_universal
 from femtune.modal import Channel, TimeSeries
+from femtune.unit_labels import unit_label
+from femtune.units import SI, UnitSystem, force_unit
 
 _RATE_TOLERANCE = 1e-3
 """Relative difference up to which two sampling rates are the same: files round 1/step to four digits and more."""
@@ -46,16 +50,18 @@ def read_record(
     sampling_hz: float | None = None,
     variable: str | None = None,
     format: str | None = None,
+    units: UnitSystem = SI,
 ) -> TimeSeries:
-    """Time records of a file: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5, WAV.
+    """Time records of a file: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5, WAV, LVM, TDMS.
 
     Parameters
     ----------
-    columns : what the columns measure, in the order wanted; without them a Universal File states it itself, and columns
-        of other files become responses 1S+, 2S+, …
+    columns : what the columns measure, in the order wanted; without them the file states it itself, or the headings of
+        its columns do (``force``, ``12Z+``, ``Acc [g]``), and other columns become responses 1S+, 2S+, …
     sampling_hz : needed if the file states none; otherwise both must agree
     variable : the array in a file that holds several
     format : key of one of `RECORD_FORMATS`; by extension where None
+    units : system into which channels are converted whose unit the file states in words that are understood
 
     Raises
     ------
@@ -64,13 +70,21 @@ def read_record(
     """
     path = Path(path)
     table = _read(path, format_named(path, format), variable)
+    if not any(isinstance(c.column, int) for c in columns):
+        # columns that are given by number are counted as they stand in the file
+        table = with_unnamed_times(table)
     chosen = [position_of(table, c.column) for c in columns] or list(range(len(table.values)))
     if twice := next((c for c, i in zip(columns, chosen) if chosen.count(i) > 1), None):
         raise problem(path, "record.column/twice", column=twice.column)
-    channels = [_channel(c, table.names[i]) for c, i in zip(columns, chosen)] or _stated_channels(table)
-    factors = np.array([c.factor for c in columns] or np.ones(len(chosen)))
+    channels = [_channel(c, table.names[i]) for c, i in zip(columns, chosen)]
+    factors = np.array([c.factor for c in columns])
+    if not columns:
+        channels, factors = _converted(_stated_channels(table), units)
     rate = _rate(table, sampling_hz)
-    return TimeSeries(factors[:, None] * table.values[chosen], tuple(channels), rate, 0.0, table.times_s, str(path))
+    made = TimeSeries(factors[:, None] * table.values[chosen], tuple(channels), rate, 0.0, table.times_s, str(path))
+    if made.sampling_hz is not None and made.sampling_hz > LARGEST_RATE_HZ:
+        raise problem(path, "record.rate/too-large", sampling_hz=made.sampling_hz)
+    return made
 
 
 def _read(path: Path, format: RecordFormat, variable: str | None) -> RecordTable:
@@ -115,14 +129,46 @@ def _channel(column: ChannelColumn, name: str) -> Channel:
 
 
 def _stated_channels(table: RecordTable) -> list[Channel]:
-    """Channels that the file states itself, or numbered ones."""
-    known = table.channels
-    dofs = [c.dof for c in known]
-    if known and None not in dofs and len(set(dofs)) == len(dofs):
-        return [
-            Channel(c.dof, c.quantity, c.unit, "input" if c.quantity == "force" else "response") for c in known if c.dof
-        ]
-    return [Channel(Dof(i + 1, "S"), name=name) for i, name in enumerate(table.names)]
+    """Channels that the file or its headings state, or numbered ones.
+
+    Beside a force, columns of which nothing is said are accelerations, as in a table of channels without a quantity.
+    """
+    known = table.channels or tuple(map(stated_channel, table.names))
+    forces = [one.quantity == "force" for one in known]
+    if all(forces):
+        # nothing responds: the file is one of forces alone, or the word means something else
+        forces = [False] * len(known)
+    dofs = [one.dof or Dof(i + 1, "S") for i, one in enumerate(known)]
+    places = [*zip(dofs, forces)]
+    responses = [one.dof for one, force in zip(known, forces) if not force]
+    if len(set(places)) < len(places) or (None in responses and any(responses)):
+        dofs = [Dof(i + 1, "S") for i in range(len(known))]
+    usual = "acceleration" if any(forces) and any(table.channel_names) else "unknown"
+    quantities = [one.quantity if one.quantity != "unknown" else usual for one in known]
+    roles = ["input" if force else "response" for force in forces]
+    units = [one.unit for one in known]
+    return [Channel(*each) for each in zip(dofs, quantities, units, roles, table.channel_names)]
+
+
+def _converted(channels: Sequence[Channel], units: UnitSystem) -> tuple[list[Channel], NDArray[np.float64]]:
+    """Channels in the units of a system, and the factors of their values; channels of unknown units as they are."""
+    factors = np.ones(len(channels))
+    out = list(channels)
+    for i, channel in enumerate(channels):
+        label = unit_label(channel.unit)
+        if label is None or not (label.is_force or label.motion == channel.quantity):
+            continue
+        factor = label.factor / (units.force if label.is_force else units.length)
+        if abs(factor - 1.0) > _RATE_TOLERANCE:
+            factors[i] = factor
+            unit = force_unit(units) if label.is_force else units.name.partition("-")[0] + _PER_TIME[channel.quantity]
+            out[i] = replace(channel, unit=unit)
+    return out, factors
+
+
+_PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s2"}
+LARGEST_RATE_HZ = 1e9
+"""Largest sampling rate: no test of a structure has more, and computed lengths overflow far above it."""
 
 
 def _rate(table: RecordTable, said: float | None) -> float | None:

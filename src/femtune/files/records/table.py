@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,12 @@ class RecordTable:
     times_s: Reals | None = None
     source: str = ""
     channels: tuple[StatedChannel, ...] = ()
+
+    @property
+    def channel_names(self) -> tuple[str, ...]:
+        """Names of the channels in the file, "" for those whose names are their DOFs."""
+        by_dof = [one.dof is not None and str(one.dof) == name for one, name in zip(self.channels, self.names)]
+        return tuple("" if same else name for same, name in zip(by_dof or [False] * len(self.names), self.names))
 
 
 def problem(
@@ -106,3 +112,28 @@ def split_times(values: Reals, names: tuple[str, ...]) -> tuple[Reals, tuple[str
             rest = [j for j in range(len(names)) if j != i]
             return values[rest], tuple(names[j] for j in rest), values[i]
     return values, names, None
+
+
+_UNNAMED = ("", "x", "x_value", "x value", "x-axis", "#", "n", "no", "no.", "nr", "index", "sample", "samples")
+"""Headings of a first column that has times, or counts the samples."""
+_EVEN = 0.05
+"""Deviation from even spacing, relative to the step, that rounding of written times explains, and no signal keeps."""
+_LEAST_ROWS = 16
+"""Samples below which a straight line could be a signal."""
+
+
+def with_unnamed_times(table: RecordTable) -> RecordTable:
+    """The table with the times of a first column that rises evenly and is not named, and without a count of samples."""
+    values = table.values
+    known = table.times_s is not None or table.channels or len(values) < 2
+    if known or table.names[0].strip().lower() not in _UNNAMED or values.shape[1] < _LEAST_ROWS:
+        return table
+    first = values[0]
+    step = (first[-1] - first[0]) / (len(first) - 1)
+    even = np.isfinite(first).all() and step > 0.0
+    if not even or np.abs(first - np.linspace(first[0], first[-1], len(first))).max() > _EVEN * step:
+        return table
+    counts = step == 1.0 and first[0] in (0.0, 1.0)
+    if counts and table.sampling_hz is None:
+        return replace(table, values=values[1:], names=table.names[1:])
+    return replace(table, values=values[1:], names=table.names[1:], times_s=None if counts else first)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import datetime
 import io
 import itertools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +24,7 @@ def read_text(path: Path) -> RecordTable:
     ------
     FemtuneError : ``record.file`` for text in place of a number, with its line, and for lines of different length
     """
-    lines = _lines(path)
+    lines, stamped = _with_seconds(read_lines(path))
     first = _first_row(lines, path)
     separator = _separator(lines[first])
     comma = separator != "," and any("," in line for line in lines[first:])
@@ -32,11 +34,15 @@ def read_text(path: Path) -> RecordTable:
     if values is None or values.shape[1] != width:
         values = _strict(lines, first, separator, comma, width, path)
     names = _names(lines, first, separator, width)
-    columns, names, times = split_times(np.ascontiguousarray(values.T), names)
+    columns = np.ascontiguousarray(values.T)
+    if stamped and len(columns) > 1:
+        return RecordTable(columns[1:], names[1:], None, columns[0], str(path))
+    columns, names, times = split_times(columns, names)
     return RecordTable(columns, names, None, times, str(path))
 
 
-def _lines(path: Path) -> list[str]:
+def read_lines(path: Path) -> list[str]:
+    """The lines of a text in UTF-8 or Latin-1 (error ``record.file`` for a binary file)."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -44,6 +50,58 @@ def _lines(path: Path) -> list[str]:
     if "\x00" in text:
         raise problem(path, "record.file/binary")
     return text.splitlines()
+
+
+_STAMP = re.compile(
+    r'\s*"?(?:(?P<date>\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4})(?:[T ]|"?[;,\t]"?)\s*)?'
+    r'(?P<hours>\d\d?):(?P<minutes>\d\d):(?P<seconds>\d\d(?:[.,]\d+(?=["\s;,\t]|Z|[+-]\d\d:))?)(?:Z|[+-]\d\d:?\d\d)?"?'
+)
+"""A date and time of day, or a time of day, at the start of a line; date and time may be two columns."""
+_DAY_S = 86_400.0
+_LEAST_STAMPED = 2
+"""Lines at the start of the numbers that must begin with a date or time."""
+
+
+def _with_seconds(lines: list[str]) -> tuple[list[str], bool]:
+    """The lines with seconds since the first one in place of dates and times of day, and whether they had any."""
+    first = next((i for i, line in enumerate(lines[:_MOST_HEADER_LINES]) if _is_stamped(line)), len(lines))
+    if first + _LEAST_STAMPED > len(lines) or not all(map(_is_stamped, lines[first : first + _LEAST_STAMPED])):
+        return lines, False
+    stamps = {i: match for i, line in enumerate(lines[first:], first) if (match := _STAMP.match(line)) is not None}
+    moments, days, before = {}, 0, 0.0
+    for i, match in stamps.items():
+        seconds = float(match["seconds"].replace(",", "."))
+        clock = 3600.0 * int(match["hours"]) + 60.0 * int(match["minutes"]) + seconds
+        day = _day(match["date"])
+        # midnight, where no date says so
+        days += day is None and clock < before - 0.5 * _DAY_S
+        before = clock
+        moments[i] = (days if day is None else day, clock)
+    start_day, start = moments[first]
+    out = list(lines)
+    for i, (day, clock) in moments.items():
+        out[i] = f"{_DAY_S * (day - start_day) + clock - start:.9f}{lines[i][stamps[i].end() :]}"
+    between = lines[first][stamps[first].end("date") : stamps[first].start("hours")] if stamps[first]["date"] else ""
+    if mark := between.strip('" T'):
+        # date and time are two columns with two headings
+        wanted = out[first].count(mark)
+        out[:first] = [line.partition(mark)[2] if line.count(mark) == wanted + 1 else line for line in out[:first]]
+    return out, True
+
+
+def _is_stamped(line: str) -> bool:
+    """Whether a line begins with a time of day, and numbers follow."""
+    match = _STAMP.match(line)
+    return match is not None and re.match(r"\s*[;,\t ]\s*\S*\d", line[match.end() :]) is not None
+
+
+def _day(date: str | None) -> int | None:
+    """Number of the day of a date that begins with the year; others do not tell day and month apart."""
+    year, *rest = re.split(r"[-/.]", date) if date else [""]
+    try:
+        return datetime.date(int(year), *map(int, rest)).toordinal() if len(year) == len("2024") else None
+    except ValueError:
+        return None
 
 
 def _separator(line: str) -> str | None:

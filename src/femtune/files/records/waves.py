@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from femtune.files.records.table import RecordTable, StatedChannel, problem
 from femtune.files.uff.measured_functions import MeasuredFunction, dof_of, read_functions
 from femtune.files.uff.scan import scan_uff
+from femtune.unit_labels import time_factor
 
 _TIME_RESPONSE = 1
 """Function type of data set 58."""
@@ -27,7 +29,7 @@ def read_uff_time(path: Path) -> RecordTable:
     FemtuneError : ``record.file`` where there are none, or where lengths or steps differ; ``uff.*``
     """
     functions, _ = read_functions(scan_uff(path))
-    times = [f for f in functions if _is_time(f)]
+    times = [_in_seconds(f) for f in functions if _is_time(f)]
     if not times:
         kinds = sorted({f.header.function_type for f in functions})
         raise problem(path, "record.file/no-time-records", values={"function_types": kinds})
@@ -35,7 +37,8 @@ def read_uff_time(path: Path) -> RecordTable:
     first = times[0]
     channels = tuple(_channel(f) for f in times)
     names = tuple(str(c.dof or "") for c in channels)
-    rate = 1.0 / first.header.step if first.header.even and first.header.step > 0.0 else None
+    even = first.header.even and first.header.step > 0.0 and len(first.x) > 1
+    rate = (len(first.x) - 1) / (first.x[-1] - first.x[0]) if even and first.x[-1] > first.x[0] else None
     values = np.array([f.values for f in times])
     return RecordTable(values, names, rate, None if rate else first.x, str(path), channels)
 
@@ -47,6 +50,12 @@ def _is_time(function: MeasuredFunction) -> bool:
         and header.kinds[0] in (0, _TIME)
         and not np.iscomplexobj(function.values)
     )
+
+
+def _in_seconds(function: MeasuredFunction) -> MeasuredFunction:
+    """With times in s, if the unit label of the axis is another unit of time."""
+    factor = time_factor(function.header.unit_labels[0])
+    return function if factor in (None, 1.0) else replace(function, x=factor * function.x)
 
 
 def _check_clock(path: Path, times: Sequence[MeasuredFunction]) -> None:

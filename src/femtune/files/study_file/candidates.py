@@ -10,6 +10,7 @@ from femtune.errors import did_you_mean
 from femtune.files.study_file.kinds import Expression, Fraction, Seed, Text, TomlTable
 from femtune.files.study_file.parameter import expression_names
 from femtune.files.study_file.source import Data, Place, Problems, StudyLines, named_twice, number, table, tables, texts
+from femtune.global_search.kinds import SearchWord
 
 Names = tuple[Text, ...]
 
@@ -53,7 +54,7 @@ class CandidatesTable(TomlTable):
     starts: Annotated[int, Field(ge=1, le=100_000)] = 1
     """Number of starts of each candidate: the initial values, and points of a Latin hypercube within the bounds.
     Example: `5`"""
-    search: Literal["none", "differential-evolution", "genetic", "cma-es"] = NO_SEARCH
+    search: Literal["none", SearchWord] = NO_SEARCH
     """Each start is the end of a search of the bounds on the model, from a random population of its own:
     `"differential-evolution"`, `"genetic"` or `"cma-es"`; `"none"`: the starts are those of `starts`. Example:
     `"genetic"`"""

@@ -6,7 +6,7 @@ import re
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -313,6 +313,7 @@ Seed = Annotated[int, Field(ge=0, le=2**63 - 1)]
 Spread = Annotated[float, checked(_spread)]
 Vector = tuple[float, float, float]
 Units = Annotated[str, checked(unit_system)]
+Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
 DofLabel = Annotated[str, checked(parse_dof)]
 Labels = Annotated[tuple[DofLabel, ...], Field(min_length=1)]
 Elements = Annotated[str | Listed[int], read_by(element_list), WithJsonSchema(_NUMBERED)]

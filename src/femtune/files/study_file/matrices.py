@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, StringConstraints
 
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.fem.fields import MatrixKind
 from femtune.files.formats import MatrixFormatKey
 from femtune.files.study_file.kinds import Components, Elements, Fraction, GroupName, NamesFile, Number, Text, TomlTable
 from femtune.files.study_file.runs import is_of_runs
@@ -48,7 +49,7 @@ class MatrixEntry(TomlTable):
     name: Name
     """Name of the matrix: capital letters and digits. Several tables with the same name, each with `at`, are sets of
     one matrix. Example: `"FRAME"`"""
-    kind: Literal["stiffness", "mass", "viscous", "hysteretic"]
+    kind: MatrixKind
     """`"stiffness"`, `"mass"`, `"viscous"` or `"hysteretic"`; the imaginary part of a stiffness matrix is read as
     hysteretic damping. Example: `"mass"`"""
     file: Annotated[Text, NamesFile("file of a matrix")]

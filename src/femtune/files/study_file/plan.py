@@ -39,7 +39,7 @@ def _directions(value: object) -> None:
 Directions = Annotated[
     Literal["normal"] | tuple[Axis, ...],
     read_by(_directions),
-    WithJsonSchema({"anyOf": [{"const": "normal"}, {"type": "array", "items": {"enum": ["X", "Y", "Z"]}}]}),
+    WithJsonSchema({"anyOf": [{"const": "normal"}, {"type": "array", "items": {"enum": list(get_args(Axis))}}]}),
 ]
 SensorCount = Annotated[int, Field(ge=0, le=10_000)]
 Threshold = Annotated[float, Field(ge=0, lt=1)]

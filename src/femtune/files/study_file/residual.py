@@ -34,7 +34,8 @@ from femtune.files.study_file.kinds import (
 from femtune.files.study_file.python_table import PythonTable
 from femtune.files.study_file.source import Data, Place, Problems, StudyLines, number, table, tables, texts
 from femtune.files.study_file.specimens import specimens_of
-from femtune.residuals.kinds import FrequencyForm, FrfForm, FrfMethodWord, MacForm, Scatter, ShapeScaling
+from femtune.model.kinds import FrfMethodWord
+from femtune.residuals.kinds import FrequencyForm, FrfForm, MacForm, Scatter, ShapeScaling
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,14 @@ class ResidualTable(PythonTable):
     """Name of its [[configuration]], or a list of names. Required if there are several, but not in a study of
     [specimens](guide/specimens.md), where the default is all configurations that the update uses.
     Example: `"as built"`"""
+    assumed: bool = False
+    """The standard deviation is an assumption and not known from the test; one that applies by default is an assumption
+    without this key. See `assumed` of [residuals]. Example: `true`"""
+
+    @property
+    def is_assumed(self) -> bool:
+        """Whether the standard deviation is an assumption."""
+        return self.assumed
 
     def is_in(self, configuration: str, several: bool, used: bool) -> bool:
         """Whether it is compared in a configuration; without `configuration` in the only one, or, of a study of
@@ -197,6 +206,11 @@ class FrfResidual(MeasuredFunctionsTable):
     """[Model modes that are left out](guide/residuals-frf.md#modes-that-the-test-does-not-show) of the FRFs of the
     model: their natural frequencies at the initial values, Hz (within 2 %). Example: `[159.2, 204.0]`"""
 
+    @property
+    def is_assumed(self) -> bool:
+        """See `ResidualTable`."""
+        return self.assumed or not {"sd", "floor", "averages"} & self.model_fields_set
+
     @classmethod
     def breaches(cls, given: Data) -> Iterator[Breach]:
         """Keys of a band and keys of resonances exclude each other."""
@@ -244,6 +258,11 @@ class AntiresonanceResidual(MeasuredFunctionsTable):
     above_noise: Annotated[float, Field(ge=0, le=1e6)] = 8.0
     """Smallest ratio of the peaks on both sides of a minimum to the noise of the lines there; 0:
     [minima of noise](guide/residuals-frf.md#antiresonances) are accepted too. Example: `5.0`"""
+
+    @property
+    def is_assumed(self) -> bool:
+        """See `ResidualTable`."""
+        return self.assumed or "sd" not in self.model_fields_set
 
 
 ModeLabels = Annotated[Listed[Text], Field(min_length=1)]

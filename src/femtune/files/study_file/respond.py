@@ -8,7 +8,8 @@ from pydantic import Field
 
 from femtune.files.study_file.kinds import DofLabel, Hertz, HertzAboveZero, Labels, Positive, Ratio, Text, TomlTable
 from femtune.files.study_file.source import Data, Problems, StudyLines, named_twice, number, table, tables
-from femtune.residuals.kinds import FrfMethodWord
+from femtune.modal.kinds import FrfKind
+from femtune.model.kinds import FrfMethodWord
 
 MOST_LINES = 1_000_000
 """Frequency lines of a response: more are a mistyped step or limit."""
@@ -17,7 +18,7 @@ MOST_LINES = 1_000_000
 class ResponseTable(TomlTable):
     """[response]: FRFs, frequency lines, method and damping."""
 
-    kind: Literal["receptance", "mobility", "accelerance"] = "accelerance"
+    kind: FrfKind = "accelerance"
     """`"receptance"`, `"mobility"` or `"accelerance"`: displacement, velocity or acceleration over force. Example:
     `"mobility"`"""
     outputs: Labels | None = None

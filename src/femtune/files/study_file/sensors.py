@@ -7,9 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
-from femtune.files.study_file.kinds import ByNode, DofLabel, Number, Positive, TomlTable, Vector, numbered
-
-Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
+from femtune.files.study_file.kinds import ByNode, Component, DofLabel, Number, Positive, TomlTable, Vector, numbered
 
 
 class SensorsTable(TomlTable):

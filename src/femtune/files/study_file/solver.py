@@ -20,6 +20,7 @@ from femtune.files.study_file.kinds import (
     TomlTable,
 )
 from femtune.files.study_file.source import StudyLines, table, tables
+from femtune.runs.kinds import KeptFolders
 
 
 class SolverTable(TomlTable):
@@ -59,7 +60,7 @@ class SolverTable(TomlTable):
     """Environment variables of the solver. Example: `{ OMP_NUM_THREADS = "1" }`"""
     version: str = ""
     """Version of the solver, in words; runs of another version are not used. Example: `"2.20"`"""
-    keep: Literal["none", "failed", "all"] = "failed"
+    keep: KeptFolders = "failed"
     """Folders of runs that are kept: `"none"`, `"failed"` or `"all"`. Example: `"all"`"""
     keep_most: Annotated[int, Field(ge=0, le=1_000_000)] = 20
     """With `keep = "failed"`: number of folders of failed runs that are kept, the newest. Example: `200`"""

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.configuration import ConfigurationSolver
 from femtune.files.study_file.kinds import (
+    Component,
     DofLabel,
     Fraction,
     HertzAboveZero,
@@ -19,6 +20,7 @@ from femtune.files.study_file.kinds import (
     TomlTable,
 )
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, tables
+from femtune.model.kinds import SweepLaw
 
 
 class VibrationEntry(TomlTable):
@@ -31,7 +33,7 @@ class VibrationEntry(TomlTable):
     configuration: Text | None = None
     """The configuration in this test, such as the structure on the shaker table; required if there are several.
     Example: `"table"`"""
-    base: Literal["X", "Y", "Z", "RX", "RY", "RZ"] | None = None
+    base: Component | None = None
     """Direction in which all supports move: `"X"`, `"Y"`, `"Z"`, `"RX"`, `"RY"`, `"RZ"`; either this or `input`.
     Example: `"X"`"""
     input: DofLabel | None = None
@@ -52,7 +54,7 @@ class VibrationEntry(TomlTable):
     """Last frequency of a sweep, Hz; required for it. Example: `200.0`"""
     rate: Positive | None = None
     """Rate of a sweep, octaves per minute or Hz/s; required for it. Example: `2.0`"""
-    law: Literal["logarithmic", "linear"] = "logarithmic"
+    law: SweepLaw = "logarithmic"
     """`"logarithmic"` or `"linear"` sweep. Example: `"linear"`"""
     amplitude: Positive = 1.0
     """Amplitude of a sweep. Example: `0.1`"""

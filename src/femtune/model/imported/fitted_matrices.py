@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
-from femtune.parameters.jet import Jet
+from femtune.parameters.jet import Jet, constant
 from femtune.surrogates import Surrogate, SurrogateRules, fit_surrogate
 
 _NEGLECTED_VARIANCE = 1e-13
@@ -93,12 +93,15 @@ class SurrogateCoefficient:
         pairs = zip(s.parameters, s.lower, s.upper, strict=True)
         unit = [(values[name] - low) * (1.0 / (high - low)) for name, low, high in pairs]
         u = np.stack([one.value for one in unit], axis=-1)
-        slopes, curvatures = fit.slopes(u), fit.curvatures(u)
         inner = np.stack([one.grad for one in unit], axis=-2)
-        scaled = Jet(
-            fit.value(u),
-            np.einsum("...n,...nk->...k", slopes, inner),
-            np.einsum("...nm,...nk,...ml->...kl", curvatures, inner, inner)
-            + np.einsum("...n,...nkl->...kl", slopes, np.stack([one.hess for one in unit], axis=-3)),
-        )
+        if not inner.shape[-1]:
+            scaled = constant(fit.value(u), 0)
+        else:
+            slopes, curvatures = fit.slopes(u), fit.curvatures(u)
+            scaled = Jet(
+                fit.value(u),
+                np.einsum("...n,...nk->...k", slopes, inner),
+                np.einsum("...nm,...nk,...ml->...kl", curvatures, inner, inner)
+                + np.einsum("...n,...nkl->...kl", slopes, np.stack([one.hess for one in unit], axis=-3)),
+            )
         return values["FACTOR"] * (scaled * float(s.scale[self.response]) + float(s.centre[self.response]))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from femtune.model.configuration import Configuration
 from femtune.model.configured import ConfiguredModel, ModelPoint
 from femtune.model.products import projections
 
-KINDS: tuple[MatrixKind, ...] = ("stiffness", "mass", "viscous", "hysteretic")
+KINDS: tuple[MatrixKind, ...] = get_args(MatrixKind)
 
 MOST_BYTES = 2 * 1024**3
 """Memory of the dense terms beyond which a reduced model saves nothing."""

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
         mean_pole_derivative,
     )
     from femtune.model.response.complex_eigen import ComplexModes, complex_modes
-    from femtune.model.response.frf_methods import METHODS, Kind, Method, frf
+    from femtune.model.response.frf_methods import METHODS, frf
     from femtune.model.response.gradient import FrfGradient, frf_gradient
     from femtune.model.response.mass import EffectiveMass, MassResponse, effective_mass, mass_response
     from femtune.model.response.modal_damping import DampingRatios
@@ -34,9 +34,7 @@ __all__ = [
     "DampingRatios",
     "EffectiveMass",
     "FrfGradient",
-    "Kind",
     "MassResponse",
-    "Method",
     "Ports",
     "Signal",
     "StaticResponse",

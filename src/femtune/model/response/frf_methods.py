@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,8 +13,10 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.modal import FrfSet
 from femtune.modal.frf_set import KINDS
+from femtune.modal.kinds import FrfKind
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.solution import EigenSolution
+from femtune.model.kinds import FrfMethod
 from femtune.model.response.basis import ModalBasis, damping_forces, modal_basis
 from femtune.model.response.complex_derivatives import complex_basis
 from femtune.model.response.dynamic_stiffness import DynamicStiffness, NoSolutionError
@@ -26,10 +28,7 @@ from femtune.model.response.reduced import ReducedStiffness, fields, pole_residu
 # The checked request for FRFs: lines, kind, method.
 
 
-Kind = Literal["receptance", "mobility", "accelerance"]
-Method = Literal["direct", "real-modes", "complex-modes"]
-
-METHODS: tuple[Method, ...] = ("direct", "real-modes", "complex-modes")
+METHODS: tuple[FrfMethod, ...] = get_args(FrfMethod)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +39,8 @@ class Request:
     modes: EigenSolution | None
     ports: Ports
     freq_hz: Reals
-    kind: Kind
-    method: Method
+    kind: FrfKind
+    method: FrfMethod
 
     def stiffness_at(self, s: complex) -> DynamicStiffness:
         """The dynamic stiffness with the values that tables over frequency have at s."""
@@ -65,8 +64,8 @@ def checked_request(
     model: ModelPoint | EigenSolution,
     ports: Ports,
     freq_hz: ArrayLike,
-    kind: Kind,
-    method: Method,
+    kind: FrfKind,
+    method: FrfMethod,
     damping: DampingRatios | None,
 ) -> Request:
     """The request, or an error that says what is wrong with it.
@@ -132,8 +131,8 @@ def frf(
     model: ModelPoint | EigenSolution,
     ports: Ports,
     freq_hz: ArrayLike,
-    kind: Kind = "accelerance",
-    method: Method = "real-modes",
+    kind: FrfKind = "accelerance",
+    method: FrfMethod = "real-modes",
     *,
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,

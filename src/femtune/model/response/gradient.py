@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from femtune.errors import FemtuneError
 from femtune.modal import FrfSet
+from femtune.modal.kinds import FrfKind
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.solution import EigenSolution
+from femtune.model.kinds import FrfMethod
 from femtune.model.response.basis import ModalBasis, modes_alone
 from femtune.model.response.dynamic_stiffness import DynamicStiffness
 from femtune.model.response.frf_methods import (
-    Kind,
-    Method,
     Progress,
     Request,
     System,
@@ -50,8 +50,8 @@ def frf_gradient(
     model: ModelPoint | EigenSolution,
     ports: Ports,
     freq_hz: ArrayLike,
-    kind: Kind = "accelerance",
-    method: Method = "real-modes",
+    kind: FrfKind = "accelerance",
+    method: FrfMethod = "real-modes",
     *,
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,

@@ -9,10 +9,12 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from femtune.arrays import Complexes, Reals
+from femtune.modal.kinds import FrfKind
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.solution import EigenSolution
+from femtune.model.kinds import FrfMethod
 from femtune.model.response.basis import modal_basis, shifted_basis
-from femtune.model.response.frf_methods import Kind, Method, checked_request, direct_fields, superposed
+from femtune.model.response.frf_methods import checked_request, direct_fields, superposed
 from femtune.model.response.gradient import system_of_modes
 from femtune.model.response.modal_damping import DampingRatios
 from femtune.model.response.ports import Ports
@@ -23,8 +25,8 @@ def survey_functions(
     model: ModelPoint | EigenSolution,
     ports: Ports,
     freq_hz: ArrayLike,
-    kind: Kind = "accelerance",
-    method: Method = "real-modes",
+    kind: FrfKind = "accelerance",
+    method: FrfMethod = "real-modes",
     *,
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,

@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike
 from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
 from femtune.modal import FrfSet
+from femtune.modal.kinds import FrfKind
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.solution import EigenSolution
+from femtune.model.kinds import FrfMethod
 from femtune.model.response.basis import ModalBasis, ritz_vectors, static_complement
 from femtune.model.response.frf_methods import (
-    Kind,
-    Method,
     Progress,
     Request,
     System,
@@ -76,8 +76,8 @@ def frf_with_error(
     model: ModelPoint | EigenSolution,
     ports: Ports,
     freq_hz: ArrayLike,
-    kind: Kind = "accelerance",
-    method: Method = "real-modes",
+    kind: FrfKind = "accelerance",
+    method: FrfMethod = "real-modes",
     *,
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,

@@ -10,12 +10,12 @@ Sources: Lewis 1932 (passage through resonance); Ahlin 2010 (ramp-invariant filt
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
+from femtune.model.kinds import SweepLaw
 from femtune.model.vibration.transfer import ModalTransfer
 
 _PHASE_TOLERANCE = 5e-3
@@ -45,7 +45,7 @@ class Sweep:
     from_hz: float
     to_hz: float
     rate: float
-    law: Literal["logarithmic", "linear"] = "logarithmic"
+    law: SweepLaw = "logarithmic"
     amplitude: float = 1.0
 
     def __post_init__(self) -> None:

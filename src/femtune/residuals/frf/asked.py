@@ -12,6 +12,7 @@ from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice, Where, did_you_mean
 from femtune.modal import FrfSet
 from femtune.model import ModalDamping, constant_damping, damping_by_mode
+from femtune.model.kinds import FRF_METHODS
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState
 from femtune.residuals.frf.against_model import against_model
@@ -24,7 +25,6 @@ from femtune.residuals.frf.model_way import AtFirstState, ModelWay, ModesWanted,
 from femtune.residuals.frf.residual import FrfResidual, Places
 from femtune.residuals.frf.scatter import FrfScatter, relative_sd
 from femtune.residuals.frf.truncation import with_enough_modes
-from femtune.residuals.kinds import FRF_METHODS
 
 _POOR = 0.1
 """Relative error of an identified system above which modes may be missing in it."""

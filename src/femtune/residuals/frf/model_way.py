@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 from femtune.errors import Notice
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.full_model import direct
-from femtune.model.response import TIMES_HIGHEST_LINE, DampingRatios, Method
+from femtune.model.kinds import FrfMethod
+from femtune.model.response import TIMES_HIGHEST_LINE, DampingRatios
 from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.weights import ResidualBlock
 
@@ -28,7 +29,7 @@ class ModelWay:
     limit : what limits the number of modes, in words; "" if it follows from the highest line
     """
 
-    method: Method = "real-modes"
+    method: FrfMethod = "real-modes"
     modes: ModesWanted | None = None
     damping: DampingRatios | None = None
     residual_vectors: bool = True

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from femtune.arrays import Complexes, Integers, Reals
+from femtune.modal.frf_set import KINDS
 from femtune.model import EigenSolution
 from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.sturm import count_below
-from femtune.model.response import TIMES_HIGHEST_LINE, Method
+from femtune.model.kinds import FrfMethod
+from femtune.model.response import TIMES_HIGHEST_LINE
 from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.frf.model_way import full_modes, settled
 from femtune.residuals.frf.residual import FrfResidual, frf_comparison
@@ -48,7 +50,7 @@ class Truncation:
     """
 
     configuration: str
-    method: Method
+    method: FrfMethod
     modes: int | None
     reach_hz: float | None
     limit: str
@@ -175,7 +177,7 @@ def _lines(residual: FrfResidual, size: Reals) -> Integers:
     lines = np.flatnonzero(known.any(axis=(0, 1)))
     even = lines[np.unique(np.linspace(0, len(lines) - 1, _COMPARED_LINES).round().astype(int))]
     # modes far above the lines add a static displacement
-    unit = np.abs(residual.measured.freq_hz) ** ("receptance", "mobility", "accelerance").index(residual.measured.kind)
+    unit = np.abs(residual.measured.freq_hz) ** KINDS.index(residual.measured.kind)
     allowed = np.where(known, residual.sd * (1.0 if residual.form == "linear" else size) / unit, np.inf)
     return np.unique([*even, int(allowed.min(axis=(0, 1)).argmin())])
 

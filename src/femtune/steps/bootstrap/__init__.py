@@ -13,6 +13,7 @@ from femtune.steps.step import (
     STUDY,
     Command,
     End,
+    InRun,
     ReportSection,
     Step,
     end_of_update,
@@ -27,6 +28,7 @@ def _end(result: Any) -> End:
 STEP = Step(
     "bootstrap",
     tables=("bootstrap",),
+    in_run=(InRun("bootstrap", "bootstrap.in_run:bootstrap_after", 160, optional="bootstrap"),),
     command=Command(
         help=(
             "Spread of the updated parameters by a bootstrap of the measured FRFs.\n\n"

@@ -14,8 +14,10 @@ from femtune.files.nastran.deck import read_deck
 from femtune.files.study_file.reading import is_deck, study_from_data, toml_data, toml_text
 from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
 from femtune.files.uff import read_uff
+from femtune.steps.check.beyond_runs import bounds_beyond_runs
 from femtune.steps.held_folder import held_for_solver
 from femtune.steps.info.checks import mass_checks
+from femtune.steps.judge.same_data import check_independent
 from femtune.steps.problem import FoundProblem, problem_of_error, problem_of_notice
 from femtune.steps.result import StepResult
 from femtune.steps.write.run import check_writable_fields
@@ -175,6 +177,9 @@ class _Checked:
             if study.file.output.vtu and all(case.used is None for case in study.cases):
                 self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
+            self.notices += bounds_beyond_runs(study)
+            with self.catching():
+                check_independent(study)
             self.notices += [
                 Notice("model.mass-differs", configuration=check.configuration, found=check.sentence)
                 for check in mass_checks(study)

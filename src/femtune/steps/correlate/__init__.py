@@ -12,6 +12,7 @@ from femtune.steps.step import (
     STRICT,
     STUDY,
     Command,
+    InRun,
     ReportSection,
     Step,
     end_of_judged,
@@ -20,6 +21,12 @@ from femtune.steps.step import (
 STEP = Step(
     "correlate",
     tables=("correlate",),
+    in_run=(
+        InRun("correlate", "correlate.in_run:correlate_before", 20),
+        InRun("correlate after", "correlate.in_run:correlate_after", 90),
+        InRun("correlate as written", "correlate.in_run:correlate_as_written", 180, with_deck=True),
+        InRun("expanded shapes", "correlate.in_run:write_expanded", 200, optional="file of the expanded test shapes"),
+    ),
     command=Command(
         help=(
             "Compare the model with the test: frequencies, MAC, mode pairs.\n\n"

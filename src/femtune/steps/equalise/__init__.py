@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from femtune.steps.step import (
+    InRun,
     ReportSection,
     Step,
 )
@@ -10,6 +11,14 @@ from femtune.steps.step import (
 STEP = Step(
     "equalise",
     tables=("equalise",),
+    in_run=(
+        InRun(
+            "measured damping",
+            "equalise.in_run:map_damping",
+            110,
+            optional="measured damping on the modes of the updated model",
+        ),
+    ),
     sections=(
         ReportSection(
             "measured_damping",

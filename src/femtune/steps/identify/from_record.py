@@ -28,6 +28,7 @@ from femtune.identification.record_checks import level_ratios
 from femtune.modal.shape_criteria import mac
 from femtune.steps.identify.identified import Curve, Found
 from femtune.steps.identify.request import check_length
+from femtune.units import unit_system
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -69,7 +70,19 @@ def read_asked(file: IdentifyFile) -> TimeSeries:
     """
     table = file.identify
     columns = [_column(entry) for entry in file.channel]
-    return read_record(file.measured_path, columns, table.sampling_hz, table.variable, table.format)
+    path, units = file.measured_path, unit_system(table.units)
+    return read_record(path, columns, table.sampling_hz, table.variable, table.format, units)
+
+
+def heading_notices(record: TimeSeries, file: IdentifyFile) -> Iterable[Notice]:
+    """``record.headings`` where the headings of a table say which column is a force, and not [[channel]]."""
+    forces = [c for c in record.channels if c.role == "input"]
+    if file.channel or not any(c.name for c in forces):
+        return
+    others = {c.quantity for c in record.channels if c.role != "input"}
+    responses, quantities = ", ".join(record.dofs("response").labels()[:5]), ", ".join(sorted(others))
+    names = ", ".join(f"'{c}'" for c in forces)
+    yield Notice("record.headings", forces=names, responses=responses, quantities=quantities)
 
 
 def _column(entry: ChannelEntry) -> ChannelColumn:

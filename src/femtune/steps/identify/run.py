@@ -18,7 +18,7 @@ from femtune.identification.record_checks import check_record
 from femtune.journal.owner import owner_of
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
-from femtune.steps.identify.from_record import found_from_record, read_asked
+from femtune.steps.identify.from_record import found_from_record, heading_notices, read_asked
 from femtune.steps.identify.levels import level_file, linearity_notice, linearity_of
 from femtune.steps.identify.request import asked_of, check_methods, check_usable
 from femtune.steps.identify.result import IdentifyResult
@@ -92,9 +92,10 @@ def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
         progress.step("poles of every order", 0, None)
         return _with_agreement(found_from_file(file))
     geometry = read_described_geometry(file)
-    record, of_bodies = with_rigid_bodies(read_asked(file), file, geometry)
+    read = read_asked(file)
+    record, of_bodies = with_rigid_bodies(read, file, geometry)
     check_usable(record)
-    notices = (*of_bodies, *check_record(record))
+    notices = (*heading_notices(read, file), *of_bodies, *check_record(record))
     check_methods(file, has_forces(record))
     with with_notices(notices):
         found = found_from_forces(record, file) if has_forces(record) else found_from_record(record, file, progress)

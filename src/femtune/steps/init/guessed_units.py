@@ -200,5 +200,7 @@ def unit_words(units: UnitSystem) -> str:
     """A system in words: ``mm-t-s``, forces in N."""
     length, mass, _ = units.name.split("-")
     force = {"m-kg-s": "N", "mm-t-s": "N", "mm-kg-s": "mN", "cm-kg-s": "cN", "in-slinch-s": "lbf", "ft-slug-s": "lbf"}
+    force |= {"in-kip-s": "kip", "ft-kip-s": "kip"}
+    of_mass = f"kip·s²/{length}" if mass == "kip" else _MASSES.get(mass, mass)
     of_force = force.get(units.name, f"{mass}·{length}/s²")
-    return f"length in {length}, mass in {_MASSES.get(mass, mass)}, force in {of_force}"
+    return f"length in {length}, mass in {of_mass}, force in {of_force}"

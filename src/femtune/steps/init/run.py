@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from femtune.document.figures.shapes import Wireframe
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, FemtuneErrors, Where
 from femtune.fem.checks import mass_properties
+from femtune.files.deviations import with_deviations
 from femtune.files.shape_table import is_shape_table, read_shape_table
 from femtune.files.study_file import Given, frozen, study_from_data
 from femtune.files.study_file.source import StudyLines
@@ -30,7 +31,7 @@ from femtune.files.whole_file import write_whole
 from femtune.modal import ModeSet
 from femtune.model.configured import grid_matrix
 from femtune.model.response.rigid import is_rigid
-from femtune.residuals import ComparedCase, modes_at_sensors, pair_case
+from femtune.residuals import ComparedCase, FrequencyResidual, ShapeResidual, modes_at_sensors, pair_case
 from femtune.steps.init.guessed_units import GuessedUnits, guess_units, unit_words
 from femtune.steps.init.proposed_parameters import FREQUENCY_SD, SHAPE_SD, FieldCandidate, Proposed, candidates, ranked
 from femtune.steps.init.written import StudyText
@@ -255,6 +256,7 @@ class _Measured:
     file : the file that the study names
     units : of the test; None where its file states none
     of : words on where the modes come from
+    deviations : file of the standard deviations of the modes; None without one
     files : written beside
     source : the functions or the record from which the modes were identified
     """
@@ -263,6 +265,7 @@ class _Measured:
     file: Path
     units: UnitSystem | None
     of: str
+    deviations: Path | None = None
     files: tuple[Path, ...] = ()
     source: Path | None = None
 
@@ -275,7 +278,8 @@ def _measured(
     if names_universal(path):
         test, stated = _read(path)
         if test.modes is not None:
-            return _Measured(test, path, stated, f"the modes of {path.name}")
+            test, deviations = _with_deviations_beside(test, path)
+            return _Measured(test, path, stated, f"the modes of {path.name}", deviations)
         if test.frfs is not None and stated is None:
             # functions need units; those of the deck are as good as any for the identification
             stated = unit_system(units) if units else SI
@@ -292,6 +296,22 @@ def _read(path: Path) -> tuple[ModalTest, UnitSystem | None]:
         if error.code != "uff.no-units":
             raise
     return read_uff(path, units=None, file_units=SI).test, None
+
+
+def _with_deviations_beside(test: ModalTest, path: Path) -> tuple[ModalTest, Path | None]:
+    """The test with the standard deviations that an identification wrote beside it, if they are of its modes."""
+    from femtune.steps.identify.write import DEVIATIONS_FILE  # noqa: PLC0415
+
+    deviations = path.with_name(DEVIATIONS_FILE)
+    assert test.modes is not None
+    if not deviations.is_file():
+        return test, None
+    try:
+        return replace(test, modes=with_deviations(test.modes, deviations)), deviations
+    except FemtuneError as error:
+        if error.code != "test.deviations":
+            raise
+        return test, None
 
 
 def _identified(
@@ -330,7 +350,9 @@ def _identified(
     if MODES_FILE not in made.files or not len(made.modes):
         raise FemtuneError("init.no-modes", where=Where(str(path)), identification=str(target))
     test, own = _read(modes)
-    return _Measured(test, modes, own, f"modes identified from {path.name}", (target, modes), path)
+    test, deviations = _with_deviations_beside(test, modes)
+    files = (target, modes, *([] if deviations is None else [deviations]))
+    return _Measured(test, modes, own, f"modes identified from {path.name}", deviations, files, path)
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -500,15 +522,17 @@ class _Draft:
             "parameter": [one.table for one in fields],
         }
         if with_test:
-            data["test"] = self._test_table(str(self.measured.file.resolve()))
+            data["test"] = self._test_table(lambda path: str(path.resolve()))
             data["sensors"] = self.sensors.sensors
         given = Given(model=self.model.built)
         return study_from_data(frozen(data), self.folder / STUDY_FILE, StudyLines(STUDY_FILE), given)
 
-    def _test_table(self, name: str) -> dict[str, Any]:
+    def _test_table(self, named: Callable[[Path], str]) -> dict[str, Any]:
         assert self.units is not None
         assert self.sensors is not None
-        table: dict[str, Any] = {"file": name}
+        table: dict[str, Any] = {"file": named(self.measured.file)}
+        if self.measured.deviations is not None:
+            table["deviations"] = named(self.measured.deviations)
         if self.units.of_test is not None:
             table["units"] = self.units.of_test.name
         return table | self.sensors.test
@@ -577,10 +601,35 @@ class _Draft:
         self._modes(text)
         self._test(text)
         self._parameters(text)
-        text.table("[residuals]")
-        text.key("frequency_sd", FREQUENCY_SD, "relative: measurement and what the model cannot represent")
-        text.key("shape_sd", SHAPE_SD, "of an entry of a shape, relative to its largest entry")
+        self._residuals(text)
         return text.text
+
+    def _residuals(self, text: StudyText) -> None:
+        """The standard deviations of the test where it has those of all modes, and guesses otherwise."""
+        modes = self.measured.test.modes
+        assert modes is not None
+        of_test = {
+            "frequency_sd": not FrequencyResidual("test").without_sd(modes),
+            "shape_sd": not ShapeResidual("test").without_sd(modes),
+        }
+        guesses = {
+            "frequency_sd": (FREQUENCY_SD, "relative"),
+            "shape_sd": (SHAPE_SD, "of an entry of a shape, relative to its largest entry"),
+        }
+        assumed = [key for key, known in of_test.items() if not known]
+        text.table("[residuals]")
+        if len(assumed) < len(of_test):
+            text.say('"test": the standard deviations that the test states, which are those of the measurement alone.')
+        if assumed:
+            text.say(
+                "The test does not state these standard deviations. They are guesses, so that residuals of another "
+                "size say nothing of the model. State the repeatability of your test if you know it, and delete its "
+                "key from the list."
+            )
+        for key, known in of_test.items():
+            text.key(key, *(("test",) if known else guesses[key]))
+        if assumed:
+            text.key("assumed", assumed)
 
     def _modes(self, text: StudyText) -> None:
         modes = self.measured.test.modes
@@ -600,7 +649,7 @@ class _Draft:
         text.say(f"Sensors: {self.sensors.words}.")
         if self.range:
             text.say(f"The deck as it is: {self.range}")
-        for name, value in self._test_table(_relative(self.measured.file, self.folder)).items():
+        for name, value in self._test_table(lambda path: _relative(path, self.folder)).items():
             text.key(name, value, "the file states none" if name == "units" else "")
         if self.measured.source is not None:
             text.say(
@@ -618,9 +667,9 @@ class _Draft:
         text.lines.append("")
         text.say(
             "Parameters: factors on fields of the deck, within bounds that are usual for materials, properties, joints "
-            "and masses. The order is that of the information that the test modes give (frequencies of "
-            f"{100 * FREQUENCY_SD:g} %, shapes of {100 * SHAPE_SD:g} %); ± is the expected standard deviation beside "
-            "the other parameters of the study."
+            "and masses. The order is that of the information that the test modes give (with errors of "
+            f"{100 * FREQUENCY_SD:g} % in frequencies and {100 * SHAPE_SD:g} % in shapes); ± is the expected standard "
+            "deviation beside the other parameters of the study."
         )
         if not taken:
             text.say("No field of the deck is determined by the test modes: add [[parameter]] tables of your own.")

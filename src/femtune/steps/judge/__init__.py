@@ -6,10 +6,11 @@ Each topic has a module of the same name in `facts` (numerical results -> record
 
 from __future__ import annotations
 
-from femtune.steps.step import ReportSection, Step
+from femtune.steps.step import InRun, ReportSection, Step
 
 STEP = Step(
     "judge",
+    in_run=(InRun("judge", "judge.in_run:judge", 220),),
     sections=(
         ReportSection(
             "judgement",

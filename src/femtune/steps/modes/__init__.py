@@ -7,7 +7,19 @@ from typing import Any
 
 import click
 
-from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, SCATTER, Command, Page, ReportSection, Step, study_of
+from femtune.steps.step import (
+    EIGENSOLVER,
+    FILE,
+    FRESH,
+    JSON,
+    SCATTER,
+    Command,
+    InRun,
+    Page,
+    ReportSection,
+    Step,
+    study_of,
+)
 
 _SCATTER = ("frequency_scatter", "shape_scatter", "seed", "units")
 
@@ -30,6 +42,7 @@ def _asked(options: dict[str, Any], path: Path) -> dict[str, Any]:
 STEP = Step(
     "modes",
     tables=("modes",),
+    in_run=(InRun("file for ParaView", "modes.in_run:write_vtu", 100, optional="file for ParaView"),),
     command=Command(
         help=(
             "Compute the natural frequencies and modes of each configuration.\n\n"

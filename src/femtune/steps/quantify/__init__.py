@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, STUDY, Command, ReportSection, Step
+from femtune.steps.step import EIGENSOLVER, FRESH, JOBS, JSON, STUDY, Command, InRun, ReportSection, Step
 
 STEP = Step(
     "quantify",
     tables=("quantify",),
+    in_run=(InRun("quantify", "quantify.in_run:quantify_after", 150, optional="variability of the parameters"),),
     command=Command(
         help="Estimate mean and covariance of the parameters from repeated tests.",
         params=(

@@ -7,7 +7,19 @@ from typing import Any
 
 import click
 
-from femtune.steps.step import EIGENSOLVER, FILE, FRESH, JSON, SCATTER, Command, Page, ReportSection, Step, given_words
+from femtune.steps.step import (
+    EIGENSOLVER,
+    FILE,
+    FRESH,
+    JSON,
+    SCATTER,
+    Command,
+    InRun,
+    Page,
+    ReportSection,
+    Step,
+    given_words,
+)
 
 
 def _asked(options: dict[str, Any], path: Path) -> dict[str, Any]:
@@ -19,6 +31,11 @@ def _asked(options: dict[str, Any], path: Path) -> dict[str, Any]:
 STEP = Step(
     "respond",
     tables=("response", "load"),
+    in_run=(
+        InRun("respond", "respond.in_run:respond_before", 40),
+        InRun("respond", "respond.in_run:respond_as_written", 210, with_deck=True),
+        InRun("respond", "respond.in_run:respond_after", 210, with_deck=False),
+    ),
     command=Command(
         help=(
             "Compute frequency responses, complex modes and static displacements.\n\n"

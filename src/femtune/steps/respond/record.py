@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from femtune.modal.kinds import FrfKind
+from femtune.model.kinds import FrfMethodWord
 from femtune.steps.modes.record import ModeShapes
 from femtune.study.record import Alert, ModelVersion, Record
 
@@ -60,11 +62,11 @@ class FdacResults(Record):
 class FrfResults(Record):
     """Frequency response functions of one configuration, convention e^{iωt}."""
 
-    kind: Literal["receptance", "mobility", "accelerance"]
+    kind: FrfKind
     """Motion over force: displacement, velocity or acceleration."""
     unit: str
     """Unit of translations over forces; empty where the units are not known."""
-    method: Literal["real modes", "complex modes", "direct"]
+    method: FrfMethodWord
     """How they were computed."""
     modes: int | None
     """Number of modes that are superposed or damped; None if the method needs none."""

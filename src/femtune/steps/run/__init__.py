@@ -14,6 +14,7 @@ from femtune.steps.step import (
     STUDY,
     WIDE,
     Command,
+    InRun,
     ReportSection,
     Step,
     end_of_judged,
@@ -21,6 +22,10 @@ from femtune.steps.step import (
 
 STEP = Step(
     "run",
+    in_run=(
+        InRun("model", "run.in_run:prepare", 10),
+        InRun("checks of later steps", "run.in_run:check_later_parts", 30),
+    ),
     command=Command(
         help=(
             "Correlate, select, update, validate and report: the run folder receives results, updated "

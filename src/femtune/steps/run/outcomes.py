@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from numpy.typing import NDArray
@@ -133,6 +134,10 @@ class Made:
 
     arrays: dict[str, NDArray] = field(default_factory=dict)
     files: list[str] = field(default_factory=list)
+
+    def add_files(self, written: Iterable[Path]) -> None:
+        """Enter the names of files that were written."""
+        self.files.extend(path.name for path in written)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from femtune.steps.step import EIGENSOLVER, FRESH, JSON, STUDY, Command, ReportSection, Step
+from femtune.steps.step import EIGENSOLVER, FRESH, JSON, STUDY, Command, InRun, ReportSection, Step
 
 STEP = Step(
     "select",
     tables=("select",),
+    in_run=(InRun("select", "select.in_run:select_before", 50),),
     command=Command(
         help="Which parameters and combinations of parameters the data determine.",
         params=(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femtune.selection import estimated_size
 from femtune.selection.expected import ExpectedKnowledge, expected_knowledge
+from femtune.study.record import EndOfUpdate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +19,7 @@ from femtune.steps.select.record.fisher import FisherResults, KnownParameter
 
 
 def known_of_frfs(
-    study: Study, at: Evaluation, stage: Literal["before", "after"], active: Sequence[str] | None = None
+    study: Study, at: Evaluation, stage: EndOfUpdate, active: Sequence[str] | None = None
 ) -> ExpectedKnowledge | None:
     """Information of the data at an evaluation; None for studies without residuals of measured FRFs.
 
@@ -39,7 +40,7 @@ def known_of_frfs(
 
 
 def fisher_results(
-    study: Study, at: Evaluation, stage: Literal["before", "after"], knowledge: ExpectedKnowledge | None,
+    study: Study, at: Evaluation, stage: EndOfUpdate, knowledge: ExpectedKnowledge | None,
     active: Sequence[str] | None = None,
 ) -> FisherResults | None:  # fmt: skip
     """The information at an evaluation as a record; None where there is none.

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from femtune.steps.step import (
+    InRun,
     ReportSection,
     Step,
 )
 
 STEP = Step(
     "specimens",
+    in_run=(InRun("specimens", "specimens.in_run:compare_specimens", 140, optional="comparison of the specimens"),),
     sections=(
         ReportSection(
             "specimens",

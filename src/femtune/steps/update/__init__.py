@@ -13,6 +13,7 @@ from femtune.steps.step import (
     STUDY,
     WIDE,
     Command,
+    InRun,
     ReportSection,
     Step,
     end_of_update,
@@ -21,6 +22,11 @@ from femtune.steps.step import (
 STEP = Step(
     "update",
     tables=("update", "reduction", "stage"),
+    in_run=(
+        InRun("update", "update.in_run:update", 60),
+        InRun("truncation", "update.in_run:truncation", 70, optional="error of the FRFs by truncation of the modes"),
+        InRun("left-out modes", "update.in_run:left_out_modes", 80),
+    ),
     command=Command(
         help=(
             "Update the parameters and write the updated deck.\n\n"

@@ -11,6 +11,7 @@ from femtune.steps.step import (
     STRICT,
     STUDY,
     Command,
+    InRun,
     ReportSection,
     Step,
     end_of_judged,
@@ -19,6 +20,7 @@ from femtune.steps.step import (
 STEP = Step(
     "validate",
     tables=("validate", "hold_out"),
+    in_run=(InRun("unused FRFs", "validate.in_run:compare_unused_frfs", 120),),
     command=Command(
         help=(
             "Compare the updated model with data that the update did not use.\n\n"

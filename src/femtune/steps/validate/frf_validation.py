@@ -14,6 +14,7 @@ from femtune.errors import FemtuneError
 from femtune.files.study_file import ResponseTable
 from femtune.files.study_file.residual import FrfResidual as FrfResidualTable
 from femtune.files.study_file.stage import RESONANCES
+from femtune.modal.kinds import FrfKind
 from femtune.model import damping_by_mode
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
 from femtune.residuals.frf.model_way import AtFirstState
@@ -29,7 +30,6 @@ from femtune.validation.frfs import PredictedFrfs
 if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.model import EigenSolution
-    from femtune.model.response import Kind
     from femtune.study.cases import StudyCase
     from femtune.study.progress import Progress
     from femtune.study.study import Study
@@ -64,7 +64,7 @@ class UnusedFrfs:
             yield PredictedCurves(
                 configuration=self.case.name,
                 data=data,
-                kind=cast("Kind", self.case.test.frfs.kind),
+                kind=cast("FrfKind", self.case.test.frfs.kind),
                 outputs=tuple(self.found.outputs),
                 inputs=tuple(self.found.inputs),
                 freq_key=f"{self.key}_hz",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from femtune.steps.step import (
+    InRun,
     Step,
 )
 
 STEP = Step(
     "vibration",
     tables=("vibration",),
+    in_run=(InRun("vibration tests", "vibration.in_run:compare_vibrations", 130),),
 )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from femtune.steps.correlate.record.expansion import ExpansionResults
 from femtune.steps.correlate.record.placement import PlacementResults
-from femtune.study.record import Alert, ModelVersion, Record, VerdictWord
+from femtune.study.record import Alert, LimitSense, ModelVersion, Record, VerdictWord
 
 if TYPE_CHECKING:
     pass
@@ -119,7 +119,7 @@ class CriterionRecord(Record):
     """Quantity and standard: "frequency error, NASA-STD-5002"."""
     limit: float
     """The limit, in `unit`."""
-    sense: Literal["at most", "at least"]
+    sense: LimitSense
     """Which side of the limit passes."""
     measured: float | None
     """The worst measured value, in `unit`; None where not tested."""

@@ -63,7 +63,8 @@ def assumed_kinds(study: Study) -> frozenset[str]:
     table = study.file.residuals
     stated, assumed = set[str](), set[str]()
     for comparison in study.file.comparisons:
-        guess = comparison.short and table.is_assumed(_SHORT_KEYS[comparison.entry.kind])
+        entry = comparison.entry
+        guess = table.is_assumed(_SHORT_KEYS[entry.kind]) if comparison.short else entry.is_assumed
         (assumed if guess or table.scatter == "estimated" else stated).add(_label(comparison))
     return frozenset(assumed - stated)
 

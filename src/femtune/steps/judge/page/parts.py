@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from femtune.document.document import Cell, Listing, Table, columns, row
 from femtune.document.numbers import NONE, short
-from femtune.steps.judge.reasons.parts import LEAST_SHARE, mixed_sentence
-from femtune.steps.judge.record.parts import RESERVED
+from femtune.steps.judge.reasons.parts import mixed_sentence
+from femtune.steps.judge.record.parts import LEAST_SHARE, RESERVED
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Tone
@@ -26,6 +26,11 @@ _NEIGHBOURS_NOTE = (
     "The difference between the test shape and its model shape is split into its part in the shapes of the "
     "neighbouring model modes and the rest. Noise gives both alike, whatever its size. A larger part is an error of "
     "the model, or of the test: modes that its identification did not separate, a wrong gain or position of a sensor."
+)
+_KINDS_NOTE = (
+    "The last column is the factor on the stated standard deviation with which errors count in the intervals of the "
+    "parameters. Residuals that are larger than stated widen the intervals; smaller ones do not narrow them, except "
+    'with scatter = "estimated" while no test of the fit fails.'
 )
 
 
@@ -49,8 +54,13 @@ def parts_blocks(source: ReportSource) -> Iterable[Block]:
         heads = columns("Configuration", "Most of a neighbour", ">F", ">Degrees of freedom", ">p")
         yield Table("Shapes beside their neighbours", heads, tuple(_neighbour(n) for n in mixed), _NEIGHBOURS_NOTE)
     if found.kinds:
-        heads = columns("Residuals", "Standard deviation", ">Stated", ">Residuals show", ">Degrees of freedom")
-        yield Table("Size of the errors by kind", heads, tuple(_kind(k) for k in found.kinds))
+        heads = columns(
+            "Residuals", "Standard deviation", ">Stated", ">Residuals show", ">Degrees of freedom", ">In intervals"
+        )
+        update = source.results.update
+        counted = {} if update is None else {c.kind: c.error_factor for c in update.residual_counts}
+        rows = tuple(_kind(k, counted.get(k.kind, 1.0)) for k in found.kinds)
+        yield Table("Size of the errors by kind", heads, rows, _KINDS_NOTE)
 
 
 def _part(p: PartRecord) -> tuple[Cell, ...]:
@@ -69,10 +79,11 @@ def _neighbour(n: NeighbourRecord) -> tuple[Cell, ...]:
     )  # fmt: skip
 
 
-def _kind(k: KindOfErrors) -> tuple[Cell, ...]:
+def _kind(k: KindOfErrors, counts: float) -> tuple[Cell, ...]:
     origin = "assumed" if k.assumed else "stated"
     shown = NONE if k.factor is None else short(k.fits) if k.fits is not None else f"{short(k.factor)} times"
-    return row(k.kind, f"{k.key} ({origin})" if k.key else origin, short(k.stated), shown, short(k.degrees_of_freedom))
+    name = f"{k.key} ({origin})" if k.key else origin
+    return row(k.kind, name, short(k.stated), shown, short(k.degrees_of_freedom), short(counts))
 
 
 def _chance(p: float) -> str:

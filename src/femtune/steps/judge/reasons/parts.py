@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from femtune.document.numbers import listed
-from femtune.steps.judge.record.parts import NOT_ACCEPTED, RESERVED, chance_words
+from femtune.steps.judge.record.parts import LEAST_SHARE, NOT_ACCEPTED, RESERVED, chance_words
 from femtune.steps.judge.record.reason import reason
 
 if TYPE_CHECKING:
@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from femtune.steps.judge.record.reason import ReasonRecord, Weight
     from femtune.steps.results import Results
 
-LEAST_SHARE = 0.01
-"""Share of a neighbouring mode below which nothing is said: it changes the MAC by less than 0.0001, which no modal test
-resolves, and simulated shapes without noise differ by rounding alone."""
 _LEAST_TIMES = 1.5
 """Ratio of stated and actual standard deviation up to which the stated one is not called too large: deviations are
 hardly known better than that, and many residuals show any difference."""
@@ -30,7 +27,9 @@ def parts_reasons(results: Results) -> Iterable[ReasonRecord]:
         return
     misfit = [*_misfit(found), *_mixed(found)]
     yield from misfit
-    if not misfit and goodness is not None and goodness.verdict == "fail":
+    # the size of errors that are assumptions has a reason of its own
+    stated = any(not kind.assumed for kind in found.kinds) or not found.kinds
+    if stated and not misfit and goodness is not None and goodness.verdict == "fail":
         yield reason("reservation", "judge.misfit/whole", outcome=goodness.sentence)
     if found.untested:
         kinds = listed([u.kind for u in found.untested])

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
+from femtune.judge.kinds import PartFamily
 from femtune.study.record import Record
 
 NOT_ACCEPTED, RESERVED = 0.01, 0.05
 """Family-wise levels of the tests: a right model is not accepted, or with a reservation, at most so often."""
-PartFamily = Literal[
-    "kinds", "modes", "comparisons", "sensors", "configurations", "priors", "bounds", "side constraint"
-]
+LEAST_SHARE = 0.01
+"""Share of a neighbouring mode below which nothing is said: it changes the MAC by less than 0.0001, which no modal test
+resolves, and simulated shapes without noise differ by rounding alone."""
 
 
 class PartRecord(Record):

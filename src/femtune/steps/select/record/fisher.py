@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from femtune.study.record import Record
+from femtune.study.record import EndOfUpdate, Record
 
 if TYPE_CHECKING:
     pass
@@ -29,7 +29,7 @@ class KnownParameter(Record):
 class FisherResults(Record):
     """Fisher information of the FRFs: which parameters the data determine, how well, and which ones only together."""
 
-    stage: Literal["before", "after"]
+    stage: EndOfUpdate
     """Values of the parameters: before or after the update."""
     measured: bool
     """Whether the noise is that of the measured FRFs, followed through identification and equalised damping; otherwise

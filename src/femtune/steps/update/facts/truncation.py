@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from femtune.residuals.frf.truncation import SMALL, truncations
 from femtune.study.progress import silent
+from femtune.study.record import EndOfUpdate
 
 if TYPE_CHECKING:
     from femtune.residuals import Evaluation
@@ -14,9 +15,7 @@ if TYPE_CHECKING:
 from femtune.steps.update.record.truncation import FrfTruncation
 
 
-def frf_truncations(
-    at: Evaluation, stage: Literal["before", "after"], progress: Progress = silent
-) -> tuple[FrfTruncation, ...]:
+def frf_truncations(at: Evaluation, stage: EndOfUpdate, progress: Progress = silent) -> tuple[FrfTruncation, ...]:
     """Those of all FRF residuals at an evaluated point of the update."""
     records: list[FrfTruncation] = []
     for state in at.states:
@@ -26,7 +25,7 @@ def frf_truncations(
     return tuple(records)
 
 
-def _record(truncation: Truncation, stage: Literal["before", "after"]) -> FrfTruncation:
+def _record(truncation: Truncation, stage: EndOfUpdate) -> FrfTruncation:
     known = bool(len(truncation.lines_hz))
     return FrfTruncation(
         configuration=truncation.configuration,

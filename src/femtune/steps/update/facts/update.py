@@ -20,7 +20,7 @@ from femtune.modal import freq_and_damping
 from femtune.residuals.frequency import FrequencyResidual
 from femtune.selection import combination_text, sentences, verdict
 from femtune.selection.combinations import NO_EFFECT
-from femtune.steps.judge.facts.parts import parts_results
+from femtune.steps.judge.facts.parts import assumed_kinds, parts_results
 from femtune.steps.judge.record.parts import NOT_ACCEPTED
 from femtune.steps.update.facts.search import (
     certificate_results,
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from femtune.steps.judge.record.parts import PartRecord
     from femtune.study.study import Study
     from femtune.updating import Marginal, MultiStart, UpdateResult
+    from femtune.validation import GoodnessOfFit
 from typing import TYPE_CHECKING
 
 from femtune.citations import citation
@@ -270,7 +271,7 @@ def update_results(
         comparisons=tuple(_comparisons(result)),
         poles=tuple(_poles(result)),
         citations=citations((*result.citations, "bard1974", "wald1940", *_sampler(result))),
-        goodness=goodness_results(goodness(study, result), _worst_part(study, result)),
+        goodness=goodness_results(_goodness(study, result), _worst_part(study, result)),
         reduction=reduction,
         iteration=result.number,
         chi_square=2.0 * result.objective,
@@ -278,6 +279,12 @@ def update_results(
         smallest_change=smallest_change_results(result),
         minimum=minimum_results(result),
     )
+
+
+def _goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
+    """The test of all residuals, which says so where their stated deviations are assumptions."""
+    assumed = assumed_kinds(study).issuperset(b.kind for b in result.after.blocks)
+    return replace(goodness(study, result), assumed=assumed)
 
 
 def _worst_part(study: Study, result: UpdateResult) -> PartRecord | None:
@@ -408,7 +415,8 @@ def _counts(study: Study, result: UpdateResult) -> tuple[ResidualCount, ...]:
             count=count,
             misfit=covariance.misfit[kind],
             freedom=covariance.freedom[kind],
-            widened=kind in covariance.widened,
+            widened=covariance.factors.get(kind, 1.0) > 1.0,
+            error_factor=covariance.factors.get(kind, 1.0),
             rms_before=_rms(result.before, kind),
             rms_after=_rms(result.after, kind),
             error_before_percent=_error_percent(result.before, kind),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
+from femtune.modal.kinds import FrfKind
 from femtune.study.record import Record
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ class IterationFrfs(Record):
 
     configuration: str
     """Name of the configuration."""
-    kind: Literal["receptance", "mobility", "accelerance"]
+    kind: FrfKind
     """Motion over force: displacement, velocity or acceleration."""
     phase: bool
     """False if magnitudes alone are compared: the values are magnitudes then."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from femtune.study.record import Record
+from femtune.study.record import EndOfUpdate, Record
 
 if TYPE_CHECKING:
     pass
@@ -15,7 +15,7 @@ class FrfTruncation(Record):
 
     configuration: str
     """Name of the configuration."""
-    stage: Literal["before", "after"]
+    stage: EndOfUpdate
     """Start or end of the update."""
     modes: int | None
     """Number of modes that are superposed; None if the method needs none."""

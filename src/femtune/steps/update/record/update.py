@@ -199,8 +199,11 @@ class ResidualCount(Record):
     freedom: float = 0.0
     """Degrees of freedom of these residuals after the fit (no unit)."""
     widened: bool = False
-    """True if they are significantly larger than noise with the stated standard deviations (1 % point of χ²); the
-    standard deviations of the parameters are then increased by the misfit."""
+    """True if they are larger than the stated standard deviations easily explain (20 % point of χ²), so that they widen
+    the intervals of the parameters."""
+    error_factor: float = 1.0
+    """Factor on the stated standard deviations with which errors of this kind count in the intervals: the size that the
+    residuals show where they widen the intervals, or with scatter = "estimated"; 1 otherwise."""
     rms_before: float | None = None
     """Their root mean square at the start, in units of the stated standard deviations (no unit); None: not known."""
     rms_after: float | None = None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
+from femtune.modal.kinds import FrfKind
 from femtune.study.record import Record
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class PredictedCurves(Record):
     """Name of the configuration."""
     data: str
     """Kind of data: "unused FRFs", "modified structure" …"""
-    kind: Literal["receptance", "mobility", "accelerance"]
+    kind: FrfKind
     """Motion over force: displacement, velocity or acceleration."""
     outputs: tuple[str, ...]
     """DOFs of the first axis of the values."""

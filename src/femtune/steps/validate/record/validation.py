@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from femtune.steps.validate.record.frf_deviation import FrfDeviations
 from femtune.steps.validate.record.frf_validation import PredictedCurves, PredictedFrf, PredictedResonance
 from femtune.steps.vibration.record import VibrationResults
-from femtune.study.record import Record, VerdictWord
+from femtune.study.record import LimitSense, Record, VerdictWord
 
 if TYPE_CHECKING:
     pass
@@ -62,7 +62,7 @@ class ValidationVerdict(Record):
     """Quantity and standard: "frequency error, NASA-STD-5002"."""
     required: float
     """The limit, in `unit`."""
-    sense: Literal["at most", "at least"]
+    sense: LimitSense
     """Which side of the limit passes."""
     measured: float | None
     """The worst measured value, in `unit`; None if not tested."""

@@ -1,0 +1,59 @@
+"""What the headings of columns say: DOF, quantity and unit of a channel."""
+
+from __future__ import annotations
+
+import re
+
+from femtune.dofs import Dof
+from femtune.files.records.table import StatedChannel
+from femtune.unit_labels import UnitLabel, unit_label
+
+_BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)*)[\])}]")
+_DOF = re.compile(r"(?<![\d.])(\d{1,9})\s*:?\s*([+-]?)(R?[XYZ])([+-]?)(?![\w.])", re.IGNORECASE)
+_FORCE = re.compile(r"(?<![a-z])(force|hammer|kraft|excitation|load ?cell|fuerza|forza|effort)(?![a-z])", re.IGNORECASE)
+_MOTIONS = {
+    "acceleration": re.compile(r"(?<![a-z])(acc|accel|accelerometer|acceleration|beschleunigung)(?![a-z])", re.I),
+    "velocity": re.compile(r"(?<![a-z])(vel|velocity|geschwindigkeit)(?![a-z])", re.IGNORECASE),
+    "displacement": re.compile(r"(?<![a-z])(disp|displacement|verschiebung)(?![a-z])", re.IGNORECASE),
+}
+
+
+def stated_channel(heading: str, unit: str = "") -> StatedChannel:
+    """DOF, quantity and unit of a column by its heading, such as ``Acc 12Z+ [m/s^2]``, and by a unit stated elsewhere.
+
+    Examples
+    --------
+    >>> from femtune.files.records.headings import stated_channel
+    >>> stated_channel("Acc 12Z- [g]")
+    StatedChannel(dof=Dof(node=12, direction='Z', sign=-1), quantity='acceleration', unit='g')
+    >>> stated_channel("hammer").quantity
+    'force'
+    """
+    label = unit or _unit_in(heading)
+    plain = _BRACKETS.sub(" ", heading).replace("_", " ")
+    return StatedChannel(_dof_in(plain), _quantity(plain, unit_label(label)), label)
+
+
+def _unit_in(heading: str) -> str:
+    """The last text in brackets that is a unit, or what stands behind a solidus between blanks."""
+    texts = [*_BRACKETS.findall(heading), *heading.split(" / ")[1:]]
+    return next((text.strip() for text in reversed(texts) if unit_label(text) is not None), "")
+
+
+def _dof_in(text: str) -> Dof | None:
+    found = _DOF.findall(text)
+    if len(found) != 1:
+        return None
+    node, before, direction, behind = found[0]
+    return Dof(int(node), direction.upper(), -1 if "-" in (before, behind) else 1) if int(node) else None
+
+
+def _quantity(text: str, label: UnitLabel | None) -> str:
+    """By the unit, or else by a word; strain and pressure are no motion and no force."""
+    if label is not None and (label.is_force or label.motion):
+        return "force" if label.is_force else str(label.motion)
+    if label is not None and any(label.dimension):
+        return "unknown"
+    if _FORCE.search(text):
+        return "force"
+    return next((quantity for quantity, word in _MOTIONS.items() if word.search(text)), "unknown")
