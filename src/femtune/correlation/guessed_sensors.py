@@ -288,7 +288,7 @@ class _Placed:
                 "grid points"
             )
         doubt = "list them in [sensors] nodes = { test point = grid point }, or correct coordinates, units and axes"
-        doubts = (doubt,)
+        doubts: tuple[str, ...] = (doubt,)
         if self.placed and self.numbered:
             doubts += (
                 "the numbers of the test points are those of grid points, and their coordinates contradict these: use "
