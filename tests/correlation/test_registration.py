@@ -115,6 +115,7 @@ def test_a_factor_between_units() -> None:
     assert found[0].grids.tolist() == CHOSEN.tolist()
 
 
+@pytest.mark.slow
 def test_points_of_another_structure_are_refused() -> None:
     random = np.random.default_rng(3)
     assert register(random.uniform(-4.0, 4.0, (20, 3)), BRACKET) == ()
