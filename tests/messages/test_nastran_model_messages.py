@@ -105,6 +105,7 @@ NOTICES = {
     "deck.after-enddata": "SOL 103\nCEND\nBEGIN BULK\n" + _BASE + "ENDDATA\nCONM2,9,2,,4.\n",
     "deck.complex-matrix, damping": "SOL 103\nCEND\nK2GG = JOINT\nBEGIN BULK\n" + _BASE + _COMPLEX + "ENDDATA\n",
     "deck.superelement, near miss": _BASE + _BAR + "BEGIN SUPER=4\n" + _BASE.replace("1.,0.,0.", "1.,1.-3,0.") + _BAR,
+    "deck.far-ends": _PLATE + "GRID,91,,9.,0.,0.\nCELAS2,33,1000.,2,3,91,3\n",
     "deck.negative-value": _BASE + "CONM2,9,2,,-4.\n",
     "deck.damping-doubtful": _BASE + "TABDMP1,4,CRIT\n,1.,1.,100.,2.,ENDT\n",
     "deck.enforced-displacement": _BASE + "SPC,1,2,3,.01\n",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from femtune.arrays import Integers
-from femtune.fem.structure import ConstraintRows, ElementBatch, Structure
+from femtune.arrays import Integers, Reals
+from femtune.fem.structure import ConstraintRows, ElementBatch, Structure, join_constraints
 
 SHELLS = ("CQUAD4", "CTRIA3", "CQUADR", "CTRIAR", "CQUAD8", "CTRIA6")
 SOLIDS = ("CHEXA", "CPENTA", "CTETRA", "CPYRAM")
@@ -154,3 +154,85 @@ def alternating_normals(structure: Structure) -> list[tuple[int, int]]:
     opposite = (side[a, 0] == side[b, 0]) & (offset[a] * offset[b] > 0.0)
     opposite &= np.abs((normal[a] * normal[b]).sum(axis=1)) > _COPLANAR
     return [(int(number[i]), int(number[j])) for i, j in zip(a[opposite], b[opposite])]
+
+
+_SPRINGS = ("CELAS1", "CELAS2", "CBUSH")
+"""Elements whose two ends are in one place or near each other."""
+_FAR_IN_EDGES, _FAR_IN_MODEL = 5.0, 0.1
+"""Distance of the ends of a spring over the median edge of the other elements, and over the diagonal of the model,
+above both of which a wrong grid point is suspected."""
+_ALONG = 0.999
+"""Cosine of the angle between a spring and the line through its ends from which it is a strut, which may be long."""
+
+
+def far_ends(structure: Structure) -> list[tuple[str, int, int, int, float]]:
+    """Card, number, rows of both grid points and distance of springs and bushes whose ends are far apart, the farthest
+    first; struts, which act along the line through their ends, are none."""
+    nodes, grids = structure.nodes, len(structure.nodes.ids)
+    edges = [_edges(structure, b) for b in structure.batches if b.card not in _SPRINGS and b.nodes.shape[1] > 1]
+    lengths = np.concatenate([np.zeros(0), *edges])
+    lengths = lengths[lengths > 0.0]
+    if not len(lengths) or not nodes.has_coordinates:
+        return []
+    limit = max(
+        _FAR_IN_EDGES * float(np.median(lengths)), _FAR_IN_MODEL * float(np.linalg.norm(np.ptp(nodes.xyz, axis=0)))
+    )
+    found = []
+    for batch in structure.batches:
+        if batch.card in _SPRINGS:
+            ends = batch.nodes[:, :2]
+            between = np.asarray(((ends >= 0) & (ends < grids)).all(axis=1))
+            line = np.diff(nodes.xyz[np.where(between[:, None], ends, 0)], axis=1)[:, 0]
+            distance = np.linalg.norm(line, axis=1)
+            for i in np.flatnonzero(between & (distance > limit)).tolist():
+                if not _is_strut(structure, batch, i, line[i] / distance[i]):
+                    one, other = ends[i].tolist()
+                    found.append((batch.card, int(batch.ids[i]), one, other, float(distance[i])))
+    return sorted(found, key=lambda one: -one[4])
+
+
+def _edges(structure: Structure, batch: ElementBatch) -> Reals:
+    """Distances of the first two points of each element."""
+    a, b = batch.nodes[:, 0], batch.nodes[:, 1]
+    known = (a >= 0) & (b >= 0) & (np.maximum(a, b) < len(structure.nodes.ids))
+    return np.asarray(np.linalg.norm(structure.nodes.xyz[b[known]] - structure.nodes.xyz[a[known]], axis=1))
+
+
+def _is_strut(structure: Structure, batch: ElementBatch, i: int, line: Reals) -> bool:
+    """Whether a spring acts along the line through its ends alone."""
+    if batch.card == "CBUSH":
+        others = [batch.roles[f"K{k}"][i] for k in range(2, 7) if f"K{k}" in batch.roles]
+        return not structure.values.values[others].any()
+    components = batch.dofs[i] % 6
+    if (components > 2).any():
+        return False
+    frames = structure.nodes.frames[batch.nodes[i]]
+    axes = [frame[:, c] for frame, c in zip(frames, components)]
+    return all(abs(float(axis @ line)) > _ALONG for axis in axes)
+
+
+def merged(structure: Structure, pairs: Integers) -> Structure:
+    """The structure in which the two grid points of each pair (m, 2) move together.
+
+    A pair stays as it is if its displacement frames differ, or if both of its points are supported or depend on others.
+    """
+    held = structure.support_sets.get(structure.default_support_set or 0, np.zeros(0, np.int64))
+    taken = {int(d) // 6 for d in (*structure.permanent, *held, *structure.rigid.dependent)}
+    taken |= {int(d) // 6 for rows in structure.multipoint_sets.values() for d in rows.dependent}
+    moves: list[tuple[int, int]] = []
+    for one, other in pairs.tolist():
+        free = next(((a, b) for a, b in ((other, one), (one, other)) if a not in taken), None)
+        if free is not None and np.allclose(structure.nodes.frames[one], structure.nodes.frames[other]):
+            moves.append(free)
+            taken.add(free[0])
+    follower, leader = (6 * np.array([m[k] for m in moves], np.int64)[:, None] + np.arange(6) for k in (0, 1))
+    dependent = follower.ravel()
+    count = np.arange(len(dependent))
+    equations = ConstraintRows(
+        dependent,
+        np.concatenate([count, count]),
+        np.concatenate([dependent, leader.ravel()]),
+        np.concatenate([np.ones(len(dependent)), -np.ones(len(dependent))]),
+        np.zeros(len(dependent), np.int64),
+    )
+    return replace(structure, rigid=join_constraints([structure.rigid, equations]))

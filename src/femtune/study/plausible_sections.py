@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 LEAST_THICKNESS = 1e-4
 """Thickness of the thickest section over the extent of the elements; no structure has a smaller one."""
+LEAST_OF_EDGE = 0.01
+"""Thickness of the thickest section over the median length of the elements; a fine mesh of a slender structure, such as
+a wire, has more, even if its thickness over the extent is smaller than that of any other structure."""
 LARGEST_THICKNESS = 2.0
 """Thickness of the thinnest section over the extent of the elements; no structure has a larger one."""
 THIN = 1e-3
@@ -35,7 +38,7 @@ def section_notices(structure: Structure) -> tuple[Notice, ...]:
     if sizes is None:
         return ()
     thickness, least, extent = sizes
-    if thickness < LEAST_THICKNESS * extent:
+    if thickness < LEAST_THICKNESS * extent and thickness < LEAST_OF_EDGE * _median_edge(structure):
         return (Notice("deck.sections-doubtful", thickness=thickness, extent=extent, ratio=thickness / extent),)
     if least > LARGEST_THICKNESS * extent:
         return (Notice("deck.sections-doubtful/thick", thickness=least, extent=extent, ratio=least / extent),)
@@ -70,6 +73,13 @@ def section_sizes(structure: Structure) -> tuple[float, float, float] | None:
     extent = float(np.linalg.norm(np.ptp(structure.nodes.xyz[at[at >= 0]], axis=0)))
     thickness, least = (max(size[i] for size, _ in sized) for i in (0, 1))
     return (thickness, least, extent) if extent and thickness else None
+
+
+def _median_edge(structure: Structure) -> float:
+    """Median distance of the first two points of the elements with sections."""
+    ends = [b.nodes[:, :2] for b in structure.batches if b.nodes.shape[1] > 1 and _sizes(structure, b)]
+    xyz = structure.nodes.xyz[np.concatenate(ends)]
+    return float(np.median(np.linalg.norm(xyz[:, 1] - xyz[:, 0], axis=1)))
 
 
 def _sizes(structure: Structure, batch: ElementBatch) -> tuple[float, float] | None:

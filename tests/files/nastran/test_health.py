@@ -15,7 +15,9 @@ from femtune.files.nastran.health import health_notices
 
 DeckOf = Callable[..., Deck]
 HEAD = "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\nMAT1,1,7.+10,,.3,2700.\nPSHELL,1,1,.01,1,,1\nPSOLID,2,1\n"
-CODES = ("deck.coincident-points", "deck.free-part", "deck.repeated-elements", "deck.alternating-normals")
+CODES = (
+    "deck.coincident-points", "deck.free-part", "deck.repeated-elements", "deck.alternating-normals", "deck.far-ends",
+)  # fmt: skip
 
 
 def _grid(n: int, at: Callable[[float, float], tuple[float, float, float]], first: int = 1, m: int = 4) -> str:
@@ -65,6 +67,10 @@ SOUND = {
     "box of plates with offsets": HEAD + "SPC1,1,123456,1\n" + BOX
     + "CQUAD4,1,1,1,2,4,3,,.01\nCQUAD4,2,1,1,5,6,2,,.01\nCQUAD4,3,1,1,3,7,5,,.01\n",
     "hexahedron": HEAD + "SPC1,1,123,1\n" + BOX + HEXA,
+    "springs across a seam and a strut": PLATE + SECOND.replace("101,,1.000000", "101,,1.010000")
+    + "".join(f"CELAS2,{910 + j},1.+6,{21 + j},{k},{101 + j},{k}\n" for j in range(5) for k in (1,))
+    + "".join(f"CELAS2,{920 + 10 * j + k},1.+6,{21 + j},{k},{101 + j},{k}\n" for j in range(5) for k in range(2, 7))
+    + "GRID,801,,9.,0.,0.\nCELAS2,990,1.+6,6,1,801,1\nPBUSH,9,K,1.+6\nCBUSH,991,9,6,801,,,,0\n",
     "bars side by side": HEAD + "SPC1,1,123456,1\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nPBAR,3,1,1.-4,1.-8,1.-8,1.-8\n"
     "CBAR,1,3,1,2,0.,1.,0.\nCBAR,2,3,1,2,0.,1.,0.\n",
     **{
@@ -111,6 +117,14 @@ FAULTS = {
     }),
     "doubled solid": (HEAD + "SPC1,1,123,1\n" + BOX + HEXA + HEXA.replace("CHEXA,1", "CHEXA,9"), {
         "deck.repeated-elements": "1 CHEXA element",
+    }),
+    "spring to a wrong grid point": (
+        PLATE + "GRID,801,,9.,0.,0.\nCELAS2,990,1.+6,7,3,801,3\nCELAS2,992,1.+6,8,3,801,3\n", {
+        "deck.far-ends": "the ends of CELAS2 992 (and 1 more) are 8.754 apart, at grid points 8 and 801",
+    }),
+    "bush to a wrong grid point": (
+        PLATE + "GRID,801,,0.,9.,0.\nPBUSH,9,K,1.+6,1.+6,1.+6\nCBUSH,990,9,6,801,,,,0\n", {
+        "deck.far-ends": "the ends of CBUSH 990 are",
     }),
     "one shell with offset is reversed": (
         PLATE.replace(_shells(4), _shells(4, offset=",,.005")).replace(",7,12,13,8,", ",8,13,12,7,"), {

@@ -14,6 +14,7 @@ from femtune.fem.connectivity import (
     alternating_normals,
     coincident_pairs,
     connectivity,
+    far_ends,
     repeated_elements,
 )
 from femtune.fem.structure import Structure
@@ -32,6 +33,7 @@ def health_notices(
         *_free_parts(structure, found, place_of_grid),
         *_repeated(structure, place_of_element),
         *_normals(structure, place_of_element),
+        *_far_ends(structure, place_of_element),
     ]
 
 
@@ -89,4 +91,15 @@ def _normals(structure: Structure, place: Callable[[int], Where]) -> Iterator[No
         yield Notice(
             "deck.alternating-normals", where=place(other), count=len(pairs), plural="s" if len(pairs) > 1 else "",
             one=one, other=other,
+        )  # fmt: skip
+
+
+def _far_ends(structure: Structure, place: Callable[[int], Where]) -> Iterator[Notice]:
+    found = far_ends(structure)
+    if found:
+        card, number, one, other, distance = found[0]
+        ids = structure.nodes.ids
+        yield Notice(
+            "deck.far-ends", where=place(number), card=card, number=number, one=int(ids[one]), other=int(ids[other]),
+            distance=distance, more=f" (and {len(found) - 1} more)" if len(found) > 1 else "",
         )  # fmt: skip

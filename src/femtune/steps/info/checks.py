@@ -12,6 +12,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.checks import mass_properties
 from femtune.model import EigenSolution, grid_matrix
 from femtune.model.mesh_error import MOST_DOFS, USUAL_DOFS, MeshChange, mass_change, mesh_change, too_large
+from femtune.steps.info.merged_points import of_merged_points
 from femtune.steps.info.neutral_axis import of_neutral_axis, of_unknown_neutral_axis
 from femtune.study.record import Alert
 from femtune.study.solved import nominal, solve
@@ -106,6 +107,8 @@ def checks_of_modes(study: Study) -> tuple[list[ModelCheck], list[Alert]]:
                 solution = solve(study, case, nominal(study))
                 checks.append(mesh_check(study, case, solution))
                 told += of_neutral_axis(case.name, solution)
+                merge = _of_optional_check(lambda: tuple(of_merged_points(case)))  # noqa: B023  called at once
+                told += () if isinstance(merge, str) else merge
             except FemtuneError as error:
                 problem = f"the modes could not be computed ({error.code})"
         if problem:

@@ -434,6 +434,7 @@ class _Draft:
             paired = pair_case(case.compared, solution)
             self.pairing = with_suspension(case.compared.test, model_modes, paired, self.rigid)
             self.notices = tuple(n.what for n in unit_factor(case.compared.test, model_modes, self.pairing))
+            self.notices = (*self.notices, *_of_deck(study))
             self.range = _agreement(self.pairing, case.compared.test, model_modes)
         if fields:
             progress.step("ranking the parameters", 0, None)
@@ -815,6 +816,11 @@ def _own_test(study: Study, solution: EigenSolution, highest: float) -> Compared
     seen = np.abs(shapes).max(axis=0, initial=0.0) > 0.0
     test = ModeSet(solution.freq_hz[inside[seen]], shapes[:, seen], dofs, source="model")
     return ComparedCase(case.configured, test, rows, max_hz=None)
+
+
+def _of_deck(study: Study) -> tuple[str, ...]:
+    """What is doubtful about the deck, in words."""
+    return tuple(n.what for n in study.built.notices if n.level != "info")
 
 
 def _agreement(pairing: Pairing, test: ModeSet, model: ModeSet) -> str:
