@@ -176,21 +176,21 @@ def _as_fit(problem: _Problem, poles: Complexes, now: Solved, steps: int, conver
     c = now.coefficients
     square = 2.0 * now.variance.reshape(n, u) if problem.sd is None else np.mean(problem.sd**2, axis=2)
     return ModalFit(
-        poles,
-        (c[:, :m] + 1j * c[:, m : 2 * m]).reshape(n, u, m),
-        c[:, 2 * m :].reshape(n, u, -1),
-        raised * _widened(np.linalg.pinv(now.normal, hermitian=True), spread),
-        raised * (now.own * now.variance[:, None, None, None]).reshape(n, u, m, 2, 2),
-        now.pole_effect.reshape(n, u, m, 2, 2 * m),
-        np.asarray(np.sqrt(square), float),
-        misfit,
-        spread,
-        replace(frfs, values=values, coherence=None, source="modal model"),
-        frfs,
-        steps,
-        converged,
-        outside,
-        _deviance(now, k, problem.sd is not None),
+        poles=poles,
+        residues=(c[:, :m] + 1j * c[:, m : 2 * m]).reshape(n, u, m),
+        terms=c[:, 2 * m :].reshape(n, u, -1),
+        pole_covariance=raised * _widened(np.linalg.pinv(now.normal, hermitian=True), spread),
+        own_covariance=raised * (now.own * now.variance[:, None, None, None]).reshape(n, u, m, 2, 2),
+        pole_effect=now.pole_effect.reshape(n, u, m, 2, 2 * m),
+        sd=np.asarray(np.sqrt(square), float),
+        misfit=misfit,
+        spread=spread,
+        synthesised=replace(frfs, values=values, coherence=None, source="modal model"),
+        measured=frfs,
+        steps=steps,
+        converged=converged,
+        outside=outside,
+        deviance=_deviance(now, k, problem.sd is not None),
     )
 
 
