@@ -20,7 +20,7 @@ Dimension = tuple[int, int, int]
 
 _NONE, _LENGTH, _FORCE, _TIME = (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)
 _ACCELERATION, _RATE, _MASS = (1, 0, -2), (0, 0, -1), (-1, 1, 2)
-_PRESSURE, _MOMENT = (-2, 1, 0), (1, 1, 0)
+PRESSURE, _MOMENT = (-2, 1, 0), (1, 1, 0)
 
 _UNITS: dict[str, tuple[float, Dimension]] = {
     "m": (1.0, _LENGTH), "km": (1e3, _LENGTH), "cm": (1e-2, _LENGTH), "mm": (1e-3, _LENGTH), "µm": (1e-6, _LENGTH),
@@ -37,8 +37,8 @@ _UNITS: dict[str, tuple[float, Dimension]] = {
     "gal": (1e-2, _ACCELERATION), "mgal": (1e-5, _ACCELERATION),
     "ips": (_INCH, (1, 0, -1)),
     "kg": (1.0, _MASS), "t": (1e3, _MASS), "lbm": (_POUND_MASS, _MASS), "slug": (POUND_FORCE / (12.0 * _INCH), _MASS),
-    "Pa": (1.0, _PRESSURE), "kPa": (1e3, _PRESSURE), "MPa": (1e6, _PRESSURE), "bar": (1e5, _PRESSURE),
-    "psi": (POUND_FORCE / _INCH**2, _PRESSURE), "Nm": (1.0, _MOMENT), "kNm": (1e3, _MOMENT),
+    "Pa": (1.0, PRESSURE), "kPa": (1e3, PRESSURE), "MPa": (1e6, PRESSURE), "bar": (1e5, PRESSURE),
+    "psi": (POUND_FORCE / _INCH**2, PRESSURE), "Nm": (1.0, _MOMENT), "kNm": (1e3, _MOMENT),
     "Hz": (1.0, _RATE), "kHz": (1e3, _RATE), "MHz": (1e6, _RATE), "mHz": (1e-3, _RATE),
     "rpm": (1.0 / 60.0, _RATE), "cpm": (1.0 / 60.0, _RATE),
     "rad": (1.0, _NONE), "deg": (math.pi / 180.0, _NONE), "°": (math.pi / 180.0, _NONE),

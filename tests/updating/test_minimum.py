@@ -9,7 +9,7 @@ import pytest
 
 from femtune.modal import ModeSet
 from femtune.residuals import FrequencyResidual, ShapeResidual, UpdateProblem
-from femtune.residuals.pairing import completed, other_pairings
+from femtune.residuals.pairing import completed, crossed, in_order, other_pairings
 from femtune.updating import (
     GaussNewton,
     MinimumRules,
@@ -18,6 +18,7 @@ from femtune.updating import (
     look_further,
     update,
 )
+from femtune.updating.minimum import _macs
 from structures.springs import factor_model, simulated_case, spring_structure
 
 TWO = [(-1, 0, 100.0), (-1, 1, 110.0), (0, 1, 1.5)]
@@ -131,3 +132,70 @@ def test_only_pairings_that_the_macs_leave_open_are_tried() -> None:
     assert "test mode 1 with model mode 2 and test mode 2 with model mode 1" in other.sentence
     fixed = replace(state.case, test=test, fixed=((0, 0),))
     assert not other_pairings(0, fixed, state.groups, state.solution)
+
+
+def tower(truth: tuple[float, ...], sensors: tuple[int, ...] = (1, 3, 5, 7, 9, 11)) -> UpdateProblem:
+    """Six storeys with nearly the same springs in two directions, so that ten modes are five close pairs.
+
+    Two factors on three parts in each direction are updated. Two masses of the structure are 15 % larger than those of
+    the model, and no parameter. The test has no noise.
+    """
+    n = 6
+    springs = [(i - 1, i, 100.0) for i in range(n)] + [(n + i - 1 if i else -1, n + i, 104.0) for i in range(n)]
+    springs += [(i, n + i, 2.0) for i in range(n)]
+    groups = {
+        f"{d}{part}": [1 + n * k + 2 * part, 2 + n * k + 2 * part] for k, d in enumerate("xy") for part in range(3)
+    }
+    masses = [1.15 if i in (3, 9) else 1.0 for i in range(2 * n)]
+    case = simulated_case(factor_model(spring_structure(springs, masses), groups), truth, sensors, 10)
+    model = factor_model(spring_structure(springs, [1.0] * (2 * n)), groups)
+    stated = (FrequencyResidual(0.003), ShapeResidual(0.02, of_largest=True))
+    return UpdateProblem((replace(case, configured=model, count=12),), model.model.parameters, stated)
+
+
+@pytest.mark.slow
+def test_a_wrong_pairing_at_the_nominal_values_is_left() -> None:
+    """A mass that is wrong and no parameter; at the nominal values some modes have the partners of their neighbours."""
+    truth = (0.24, 0.24, 0.01, -0.14, -0.27, -0.08)
+    problem = tower(truth)
+    plain, best = update(problem), update(problem, start=problem.start(np.array(truth)))
+    assert plain.status.ok
+    assert min(_macs(plain.after)) < 0.85
+    assert plain.objective > 10.0 * best.objective
+    # as on a large model, which has a single further update
+    found = look_further(problem, SensitivityMethod(), plain, MinimumRules(small_dofs=0))
+    assert found.status.ok
+    assert found.objective == pytest.approx(best.objective, rel=1e-3)
+    assert len(_macs(found.after)) == 10
+    assert min(_macs(found.after)) > 0.95
+    assert found.minimum is not None
+    assert found.minimum.improved
+    (trial,) = found.minimum.trials
+    assert trial.sentence == "all pairs in the order of their frequencies"
+    assert trial.iterations <= found.minimum.update_iterations + 10
+    assert "the lowest MAC of a pair" in "; ".join(found.minimum.reasons)
+
+
+@pytest.mark.slow
+def test_a_start_with_a_small_sum_of_squares_leads_out_where_pairings_do_not() -> None:
+    truth = (0.09, 0.32, 0.21, -0.17, -0.13, 0.3)
+    problem = tower(truth)
+    plain, best = update(problem), update(problem, start=problem.start(np.array(truth)))
+    assert plain.objective > 10.0 * best.objective
+    found = look_further(problem, SensitivityMethod(), plain, MinimumRules(swaps=0, starts=1, small_effort=1.0))
+    assert found.objective == pytest.approx(best.objective, rel=1e-3)
+    assert found.minimum is not None
+    (*_, last) = found.minimum.trials
+    assert last.sentence == "start 1 of 1, chosen from 40 points"
+    assert last.better
+
+
+def test_pairs_in_the_order_of_frequencies() -> None:
+    (state,) = crossing().start(np.zeros(2)).states
+    swapped = (((0,), (1,)), ((1,), (0,)))
+    assert crossed(state.case, swapped)
+    assert in_order(state.case, swapped) == (((0,), (0,)), ((1,), (1,)))
+    assert not crossed(state.case, in_order(state.case, swapped))
+    # close modes are one subspace without an order, and pairs that are fixed by hand stay
+    assert not crossed(state.case, (((0, 1), (1, 0)),))
+    assert in_order(replace(state.case, fixed=((0, 1),)), swapped) == swapped

@@ -176,6 +176,22 @@ def other_pairings(
     return sorted(found, key=lambda one: (one.loss, one.sentence))
 
 
+def crossed(case: ComparedCase, groups: Sequence[Group]) -> bool:
+    """True if test modes of higher frequencies have model modes of lower ones as partners, close modes apart."""
+    first = [min(models) for tests, models in sorted(groups, key=lambda g: float(case.test.freq_hz[list(g[0])].min()))]
+    return first != sorted(first)
+
+
+def in_order(case: ComparedCase, groups: Sequence[Group]) -> tuple[Group, ...]:
+    """Test modes and their model modes paired one by one by the order of their frequencies; with pairs that are fixed
+    by hand the groups as they are."""
+    if case.fixed:
+        return tuple(groups)
+    tests = sorted((i for group, _ in groups for i in group), key=lambda i: float(case.test.freq_hz[i]))
+    models = sorted(j for _, group in groups for j in group)
+    return tuple(sorted(((i,), (j,)) for i, j in zip(tests, models)))
+
+
 def _with(case: ComparedCase, pairs: dict[int, int]) -> str:
     return " and ".join(f"test mode {case.test.labels[i]} with model mode {j + 1}" for i, j in pairs.items())
 

@@ -17,7 +17,7 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.modal.shape_criteria import mac_where_defined
 from femtune.residuals import CaseState, Evaluation, PairedMode, UpdateProblem
-from femtune.residuals.pairing import LOW_MAC, OtherPairing, other_pairings
+from femtune.residuals.pairing import LOW_MAC, OtherPairing, crossed, in_order, other_pairings
 from femtune.status import Status
 from femtune.updating.kinds import TrialKind
 from femtune.updating.result import Iteration, MinimumSearch, Trial, UpdateResult
@@ -76,8 +76,9 @@ def look_further(
     """The better minimum of an update, with what was tried for it in `UpdateResult.minimum`.
 
     With another pairing the update goes on from its end, the pairs held; from where this ends it goes on with pairs by
-    their MACs again. A trial becomes the result if it ends at an optimum whose χ² is lower over the same comparisons:
-    test modes without a partner at one of the two ends are compared with the nearest model mode there.
+    their MACs again. Where pairs cross that agree badly, it is repeated from the initial values with all pairs in the
+    order of their frequencies. A trial becomes the result if it ends at an optimum whose χ² is lower over the same
+    comparisons: test modes without a partner at one of the two ends are compared with the nearest model mode there.
 
     Parameters
     ----------
@@ -108,7 +109,9 @@ class _Search:
         first, reasons = self.best, self._reasons() if self._applies else []
         left: list[str] = []
         if reasons:
-            left = self._pairings() if self._compares_modes else []
+            if self._compares_modes:
+                self._untangle()
+                left = self._pairings()
             if self._small or self._reduced:
                 before_starts = self.best
                 self._starts()
@@ -156,12 +159,35 @@ class _Search:
         allowed = max(int(effort * self.used), _LEAST_EFFORT)
         return allowed - sum(trial.iterations for trial in self.trials if trial.kind == kind)
 
+    def _untangle(self) -> None:
+        """The update from the initial values with all pairs held in the order of their frequencies.
+
+        It is tried where pairs cross that do not agree well. Where modes of two families lie close together, such as
+        bending in two directions, a wrong order of the families at the initial values crosses many pairs at once, and
+        no exchange of a few of them leads out.
+        """
+        end, first = self.best.after.states, self.best.before.states
+        wrong = any(crossed(s.case, s.groups) for s in end if not s.case.fixed)
+        if not wrong or min(_macs(self.best.after), default=1.0) >= LOW_MAC:
+            return
+        ordered = [s.with_groups(in_order(s.case, s.groups)) if s.groups else s for s in first]
+        self._judge("pairing", "all pairs in the order of their frequencies", partial(self._ordered, ordered))
+
+    def _ordered(self, states: list[CaseState]) -> _Way:
+        held = replace(self.problem, pairing_held=True)
+        start, spare = held.assess(self.best.before.x, states), self._spare("pairing")
+        way = self._update("pairing", held, start, smallest=False, most=max(spare // 2, _LEAST_EFFORT))
+        left = max(spare - len(way.history) + 1, _LEAST_EFFORT)
+        found = self._update("pairing", self.problem, self.problem.start(way.x), most=left)
+        return _Way(found, (*way.history, *found.history[1:]))
+
     def _pairings(self) -> list[str]:
         """Other pairings from the best end, again from every better one; those that are left, in words."""
-        most, tried = self.rules.swaps if self._small or self._reduced else 1, set[str]()
+        known = sum(trial.kind == "pairing" for trial in self.trials)
+        most, tried = self.rules.swaps if self._small or self._reduced else 1 - known, set[str]()
         while True:
             open_ = [one for one in self._ranked() if one.sentence not in tried]
-            if not open_ or len(tried) == most or self._spare("pairing") <= 0:
+            if not open_ or len(tried) >= most or self._spare("pairing") <= 0:
                 return [one.sentence for one in open_]
             tried.add(open_[0].sentence)
             self._judge("pairing", open_[0].sentence, partial(self._swapped, open_[0]))

@@ -232,24 +232,21 @@ def lvm(
         f"Decimal_Separator\t{',' if comma else '.'}", f"X_Columns\t{x_columns}", "Time_Pref\tRelative",
         "Date\t2024/05/03", "Time\t12:00:00.125", "***End_of_Header***\t", "\t",
     ]  # fmt: skip
+    gap = "\t\t" if x_columns == "Multi" else "\t"
     header = [
-        "Channels\t2", "Samples\t64\t64", f"Y_Unit_Label\t{units}", "X_Dimension\tTime\tTime",
-        "X0\t0.0E+0\t0.0E+0", f"Delta_X\t{step}", "***End_of_Header***\t\t",
+        "Channels\t2", f"Samples\t64{gap}64", f"Y_Unit_Label\t{units.replace(chr(9), gap)}",
+        f"X_Dimension\tTime{gap}Time", f"X0\t0.0E+0{gap}0.0E+0", f"Delta_X\t{step.replace(chr(9), gap)}",
+        "***End_of_Header***\t\t",
     ]  # fmt: skip
-    names = {
-        "One": "X_Value\tHammer\tTop\tComment",
-        "No": "\tHammer\tTop\tComment",
-        "Multi": "X_Value\tHammer\tX_Value\tTop",
-    }
+    names = {"One": "Hammer\tTop\tComment", "No": "Hammer\tTop\tComment", "Multi": "Hammer\tX_Value\tTop\tComment"}
     cells = {
         "One": [f"{t:.6f}\t{a:.9f}\t{b:.9f}" for t, a, b in zip(T, FORCE, ONE)],
-        "No": [f"{a:.9f}\t{b:.9f}" for a, b in zip(FORCE, ONE)],
+        "No": [f"\t{a:.9f}\t{b:.9f}" for a, b in zip(FORCE, ONE)],
         "Multi": [f"{t:.6f}\t{a:.9f}\t{t:.6f}\t{b:.9f}" for t, a, b in zip(T, FORCE, ONE)],
     }[x_columns]
-    names["No"] = "Hammer\tTop\tComment"
     body = [row.replace(".", ",") if comma else row for row in cells]
     head = [line.replace(".", ",") if comma and line.startswith(("Delta", "X0")) else line for line in header]
-    return "\n".join([*general, *head, names[x_columns], *body, ""]).replace("\t", mark)
+    return "\n".join([*general, *head, f"X_Value\t{names[x_columns]}", *body, ""]).replace("\t", mark)
 
 
 @pytest.mark.parametrize("x_columns", ["One", "No", "Multi"])
@@ -275,11 +272,28 @@ def test_labview_text_that_is_refused(tmp_path: Path) -> None:
         whole + whole[header:],
         whole.replace("Channels\t2", "Channels\tx"),
         whole.replace(f"{FORCE[7]:.9f}", "1.2x"),
+        whole[: whole.rindex("\t")],
+        whole[: whole.index(f"{T[40]:.6f}\t")],
     ):
         path.write_text(text)
         with pytest.raises(FemtuneError) as caught:
             read_record(path)
         assert caught.value.code.startswith("record.")
+
+
+def test_labview_text_without_an_empty_column(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text("\n".join(line.removeprefix("\t") for line in lvm("No").split("\n")))
+    check(read_record(path), [FORCE, G * ONE])
+
+
+def test_units_that_are_no_motion(tmp_path: Path) -> None:
+    """A pressure beside a force is no acceleration."""
+    path = tmp_path / "a.lvm"
+    path.write_text(lvm(units="N\tpsi"))
+    assert [c.quantity for c in read_record(path).channels] == ["force", "pressure"]
+    path.write_text(lvm(units="N\tdegC"))
+    assert [c.quantity for c in read_record(path).channels] == ["force", "unknown"]
 
 
 def test_labview_text_without_header(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import re
 
 from femtune.dofs import Dof
 from femtune.files.records.table import StatedChannel
-from femtune.unit_labels import UnitLabel, unit_label
+from femtune.unit_labels import PRESSURE, UnitLabel, unit_label
 
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)*)[\])}]")
 _DOF = re.compile(r"(?<![\d.])(\d{1,9})\s*:?\s*([+-]?)(R?[XYZ])([+-]?)(?![\w.])", re.IGNORECASE)
@@ -53,7 +53,7 @@ def _quantity(text: str, label: UnitLabel | None) -> str:
     if label is not None and (label.is_force or label.motion):
         return "force" if label.is_force else str(label.motion)
     if label is not None and any(label.dimension):
-        return "unknown"
+        return "pressure" if label.dimension == PRESSURE else "unknown"
     if _FORCE.search(text):
         return "force"
     return next((quantity for quantity, word in _MOTIONS.items() if word.search(text)), "unknown")

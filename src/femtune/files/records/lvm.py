@@ -88,17 +88,31 @@ def _record(path: Path, segment: _Segment, x_columns: str, comma: bool) -> Recor
     count = _word(segment.header, "Channels", "0")
     channels = int(count) if count.isdecimal() else 0
     check_columns(channels, path)
-    at = {"no": range(channels), "one": range(1, channels + 1), "multi": range(1, 2 * channels, 2)}.get(x_columns)
+    # without times the column of times is there too, but empty; some writers leave it out
+    no_times = range(1, channels + 1) if not any(row[0].strip() for row in segment.rows) else range(channels)
+    at = {"no": no_times, "one": range(1, channels + 1), "multi": range(1, 2 * channels, 2)}.get(x_columns)
     if at is None or not channels:
         raise problem(path, "record.file/lvm", segment.line, problem="its header states no channels or columns")
+    stated_samples = [int(text) for text in segment.header.get("Samples", ()) if text.isdecimal()]
+    if len(segment.rows) < max(stated_samples, default=0):
+        few = f"it states {max(stated_samples)} samples and has {len(segment.rows)}"
+        raise problem(path, "record.file/lvm", segment.line, problem=few)
     values = np.array([_numbers(path, segment, row, at, comma) for row in enumerate(segment.rows)]).T
-    steps = [_number(text, comma) for text in segment.header.get("Delta_X", ())[:channels]]
+    steps = [_number(text, comma) for text in _of_channels(segment, "Delta_X", x_columns, channels) if text]
     if not steps or any(s is None or not s > 0.0 or abs(s / (steps[0] or s) - 1.0) > _SAME_RATE for s in steps):
         raise problem(path, "record.file/lvm", problem="its channels have not one positive time step")
-    headings = [segment.headings[i] if i < len(segment.headings) else "" for i in at]
-    units = [*segment.header.get("Y_Unit_Label", ()), *[""] * channels]
+    named = at if segment.headings[:1] != ["X_Value"] or at.start else range(1, channels + 1)
+    headings = [segment.headings[i] if i < len(segment.headings) else "" for i in named]
+    units = _of_channels(segment, "Y_Unit_Label", x_columns, channels)
     stated = tuple(stated_channel(name, "" if unit == "Volts" else unit) for name, unit in zip(headings, units))
     return _table(path, values, headings, stated, 1.0 / float(steps[0] or 1.0))
+
+
+def _of_channels(segment: _Segment, key: str, x_columns: str, channels: int) -> list[str]:
+    """The words of a line of the header, one for each channel; of pairs of columns every second one has a word."""
+    words = list(segment.header.get(key, ()))
+    words = words[::2] if x_columns == "multi" and len(words) >= 2 * channels - 1 else words
+    return [*words, *[""] * channels][:channels]
 
 
 def _table(
@@ -117,13 +131,16 @@ def _number(text: str, comma: bool) -> float | None:
 def _numbers(path: Path, segment: _Segment, row: tuple[int, Sequence[str]], at: range, comma: bool) -> list[float]:
     """The numbers of a row; an empty cell of a shorter channel is NaN."""
     number, cells = row
+    if len(cells) <= at[-1]:
+        code = "record.file/incomplete-last-line" if number + 1 == len(segment.rows) else "record.file/columns-of-line"
+        raise problem(path, code, segment.line + 1 + number, values={"wanted": at[-1] + 1, "found": len(cells)})
     out = []
     for i in at:
         text = cells[i].strip() if i < len(cells) else ""
         value = _number(text, comma) if text else np.nan
         if value is None:
-            where = {"row": number + 1, "column": i + 1}
-            raise problem(path, "record.file/not-a-number", values=where, text=text[:30])
+            place = segment.line + 1 + number
+            raise problem(path, "record.file/not-a-number", place, values={"column": i + 1}, text=text[:30])
         out.append(value)
     return out
 

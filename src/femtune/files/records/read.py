@@ -131,7 +131,8 @@ def _channel(column: ChannelColumn, name: str) -> Channel:
 def _stated_channels(table: RecordTable) -> list[Channel]:
     """Channels that the file or its headings state, or numbered ones.
 
-    Beside a force, columns of which nothing is said are accelerations, as in a table of channels without a quantity.
+    Beside a force, columns of which nothing is said are accelerations, as in a table of channels without a quantity;
+    those of another unit are not.
     """
     known = table.channels or tuple(map(stated_channel, table.names))
     forces = [one.quantity == "force" for one in known]
@@ -144,7 +145,7 @@ def _stated_channels(table: RecordTable) -> list[Channel]:
     if len(set(places)) < len(places) or (None in responses and any(responses)):
         dofs = [Dof(i + 1, "S") for i in range(len(known))]
     usual = "acceleration" if any(forces) and any(table.channel_names) else "unknown"
-    quantities = [one.quantity if one.quantity != "unknown" else usual for one in known]
+    quantities = [usual if one.quantity == "unknown" and not one.unit else one.quantity for one in known]
     roles = ["input" if force else "response" for force in forces]
     units = [one.unit for one in known]
     return [Channel(*each) for each in zip(dofs, quantities, units, roles, table.channel_names)]
