@@ -27,7 +27,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise bench-judge bench-page bench-fuzz mutants readers release-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise bench-judge bench-sensors bench-page bench-fuzz mutants readers release-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -146,6 +146,9 @@ bench-optimise: $(VENV)/.stamp-test  ## the search compared with general solvers
 
 bench-judge: $(VENV)/.stamp-test  ## how often the judge of a fit is right, on 1000 models; takes hours and can be interrupted (BENCH_ARGS="--each 12": minutes)
 	@$(ONE_THREAD) $(BIN)/python benchmarks/judge/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+bench-sensors: $(VENV)/.stamp-test  ## how often the places of test points are found, on 200 random layouts; takes minutes
+	@$(ONE_THREAD) $(BIN)/python benchmarks/sensors/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 bench-page: $(VENV)/.stamp-test web/node_modules/.stamp  ## size, load time and frames a second of the page against model size; takes minutes
 	@$(ONE_THREAD) $(BIN)/python benchmarks/page/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)

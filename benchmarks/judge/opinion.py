@@ -98,6 +98,12 @@ def rank_of(run: Row, field: str) -> int | None:
     return None
 
 
+def rank_of_mass(run: Row, node: int) -> int | None:
+    """Place of a mass at a grid point, or at a neighbourhood with it, among the suspects, from 1."""
+    places = (place for place, suspect in enumerate(suspects(run), start=1) if node in suspect.get("points", ()))
+    return next(places, None)
+
+
 def sign_right(run: Row, field: str, factor: float) -> bool | None:
     """Whether the foretold change of a field has the sign of the true one; None if it is no suspect of its own."""
     for suspect in suspects(run):

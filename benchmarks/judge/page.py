@@ -30,6 +30,7 @@ from opinion import (
     judged,
     names_deviations,
     rank_of,
+    rank_of_mass,
     reasons,
     refused,
     sign_right,
@@ -44,6 +45,8 @@ Row = dict[str, Any]
 Test = Callable[[Row], bool]
 NAME = "benchmark_judge"
 FRF = SUBFRAME.name
+_MASS = "mass at "
+"""Beginning of the keys of forgotten masses, before the grid point."""
 WORDS = {
     "true": "true", "default": "default", "small": "3 times too small", "large": "3 times too large",
 }  # fmt: skip
@@ -82,6 +85,13 @@ def ranks(rows: Sequence[Row], stated: str, most: int) -> Rate:
     """How often the culprit is among the first suspects, over the harmful fits in which it is a candidate."""
     pairs = [p for p in judged_runs(rows, stated, "candidate") if harmful(p[1])]
     places = [rank_of(run, row["fault"][0]) for row, run in pairs]
+    return rate(place is not None and place <= most for place in places)
+
+
+def mass_ranks(rows: Sequence[Row], stated: str, most: int) -> Rate:
+    """How often a forgotten mass is among the first suspects at its place, over the harmful fits."""
+    pairs = [p for p in judged_runs(rows, stated, "hidden") if p[0]["fault"][0].startswith(_MASS) and harmful(p[1])]
+    places = [rank_of_mass(run, int(row["fault"][0].removeprefix(_MASS))) for row, run in pairs]
     return rate(place is not None and place <= most for place in places)
 
 
@@ -164,8 +174,8 @@ def page(rows: Sequence[Row], started: Sequence[Row], planned: int) -> str:
     """The whole text; `started` are the rows of the updates from many starts."""
     return "\n".join([
         *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_named(rows),
-        *_culprits(rows),
-        *_coverage(rows), *_by_structure(rows, started), *_reasons(rows), *_failures(rows),
+        *_culprits(rows), *_masses(rows), *_coverage(rows), *_by_structure(rows, started), *_reasons(rows),
+        *_failures(rows),
     ])  # fmt: skip
 
 
@@ -196,7 +206,7 @@ def _head(rows: Sequence[Row], planned: int) -> Iterator[str]:
         f"- Noise of frequencies, shapes (of the largest entry of each mode) and FRFs: {_deviations(NOISE)}. Stated "
         f"standard deviations: "
         + "; ".join(f"{WORDS[name]} {_deviations(d)}" for name, d in STATED.items())
-        + ". The default ones are those of `femtune init`."
+        + ". The default ones are those that `femtune init` writes, marked as guesses."
     )
     yield (
         f"- A fit is harmful if a parameter misses the truth by more than {HARM:g} stated standard deviations. Errors "
@@ -262,6 +272,16 @@ def _culprits(rows: Sequence[Row]) -> Iterator[str]:
                 "culprit, and a part of its elements, stand for it.", "")  # fmt: skip
     body = [[WORDS[s], ranks(rows, s, 1), ranks(rows, s, 3), signs(rows, s)] for s in STATED]
     yield from _table(["stated σ", "first", "in the first three", "right sign"], body)
+
+
+def _masses(rows: Sequence[Row]) -> Iterator[str]:
+    yield from ("## Forgotten masses", "",
+                "Of the harmful models that lack a mass: how often a mass at its grid point, or at a neighbourhood "
+                "with it, is a suspect.", "")  # fmt: skip
+    yield from _table(
+        ["stated σ", "first", "in the first three"],
+        [[WORDS[s], mass_ranks(rows, s, 1), mass_ranks(rows, s, 3)] for s in STATED],
+    )
 
 
 def _coverage(rows: Sequence[Row]) -> Iterator[str]:

@@ -30,11 +30,15 @@ FURTHER_MODES = 5
 
 @dataclass(frozen=True)
 class Deviations:
-    """Relative standard deviations of frequencies, shape entries (of the largest of their mode) and FRFs."""
+    """Relative standard deviations of frequencies, shape entries (of the largest of their mode) and FRFs.
+
+    `assumed` marks guesses, as `femtune init` does where the test states none.
+    """
 
     frequency: float
     shape: float
     frf: float
+    assumed: bool = False
 
     def times(self, factor: float) -> Deviations:
         """All of them larger by a factor."""
@@ -47,11 +51,11 @@ _FRF_WITHOUT_SD = 0.05
 """What `FrfResidual` states if the study does not."""
 STATED: dict[str, Deviations] = {
     "true": NOISE,
-    "default": Deviations(FREQUENCY_SD, SHAPE_SD, _FRF_WITHOUT_SD),
+    "default": Deviations(FREQUENCY_SD, SHAPE_SD, _FRF_WITHOUT_SD, assumed=True),
     "small": NOISE.times(1.0 / 3.0),
     "large": NOISE.times(3.0),
 }
-"""What studies state; the default is that of `femtune init`."""
+"""What studies state; the default is what `femtune init` writes, marked as guesses."""
 
 
 @dataclass(frozen=True)
@@ -161,5 +165,9 @@ def _study(structure: Structure, stated: Deviations, name: str) -> Iterator[str]
         kind = FrfResidual.model_fields["kind"].default
         yield from ("[[residual]]", f'kind = "{kind}"', f"sd = {stated.frf!r}", f"ratio = {DAMPING_RATIO}")
         yield f"to_hz = {structure.band_hz[1]}"
+        if stated.assumed:
+            yield "assumed = true"
     else:
         yield from ("[residuals]", f"frequency_sd = {stated.frequency!r}", f"shape_sd = {stated.shape!r}")
+        if stated.assumed:
+            yield 'assumed = ["frequency_sd", "shape_sd"]'

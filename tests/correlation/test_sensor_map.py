@@ -100,11 +100,17 @@ def test_equal_distances_take_the_lower_number_and_say_so() -> None:
 
 
 def test_by_number_and_far_away() -> None:
+    """Places that contradict the numbers are an error; by hand they are told."""
     test = _test(_sensor("3Z+", (0, 0, 0), Z))
-    found = map_sensors(test, _structure(SQUARE), tolerance=0.1, by_id=True)
+    with pytest.raises(FemtuneError) as far:
+        map_sensors(test, _structure(SQUARE), tolerance=0.1, by_id=True)
+    assert far.value.code == "sensor.too-far"
+    assert far.value.values == {"3Z+": "1.414 from grid point 3"}
+    found = map_sensors(test, _structure(SQUARE), tolerance=1.5, by_id=True)
     assert (found.matches[0].node, found.matches[0].how) == (3, "by id")
     assert found.matches[0].distance == pytest.approx(np.sqrt(2))
-    assert found.notices[0].code == "sensor.far-from-node"
+    by_hand = map_sensors(test, _structure(SQUARE), tolerance=0.1, given={3: 3})
+    assert by_hand.notices[0].code == "sensor.far-from-node"
     with pytest.raises(FemtuneError, match=r"sensor\.unmatched") as caught:
         map_sensors(_test(_sensor("77Z+", (0, 0, 0), Z)), _structure(SQUARE), tolerance=0.1, by_id=True)
     assert "have no grid point with their number" in str(caught.value)
@@ -149,7 +155,7 @@ def test_all_sensors_on_one_grid_point_is_an_error() -> None:
 
 def test_notices_of_one_kind_are_one() -> None:
     test = _test(*(_sensor(f"{i}Z+", (0.1 * i, 0.2, 3.0), Z) for i in (1, 2, 3, 4)))
-    (far,) = map_sensors(test, _structure(SQUARE), tolerance=0.1, by_id=True).notices
+    (far,) = map_sensors(test, _structure(SQUARE), tolerance=0.1, given={i: i for i in (1, 2, 3, 4)}).notices
     assert far.code == "sensor.far-from-node"
     assert far.what.endswith("; 3 more test nodes are farther than the tolerance")
 
@@ -322,8 +328,10 @@ _METRES = {"millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0, "inches": 0.
 
 def test_factors_between_units_of_length() -> None:
     """A coordinate in the unit of the test times the factor is one in the unit of the model."""
-    named = {factor: words.split(" where the model has ") for factor, words in sensor_map._FACTORS.items() if words}
-    assert len(named) == 16
+    named = {
+        factor: words.split(" where the model has ") for factor, words in sensor_map.LENGTH_FACTORS.items() if words
+    }
+    assert len(named) == 18
     for factor, (test, model) in named.items():
         assert factor == pytest.approx(_METRES[test] / _METRES[model], rel=1e-12)
 

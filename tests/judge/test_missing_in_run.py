@@ -96,12 +96,11 @@ def _run(structure: WrongProperty, folder: Path, factors: dict[str, float], **mo
 def test_a_wrong_property_that_is_no_parameter(
     structure: WrongProperty, wrong: str, factor: float, tmp_path: Path
 ) -> None:
-    """The run converges, and intervals miss the truth; the culprit is named, and with it as a parameter they do not."""
+    """The run converges to wrong values; the culprit is named, and with it as a parameter intervals have the truth."""
     result = _run(structure, tmp_path / "wrong", {wrong: factor})
     update, judged = result.results.update, result.results.judgement
     assert update is not None
     assert update.status == "CONVERGED"
-    assert any(abs(p.value - 1.0) > 3.0 * p.sd for p in update.parameters if p.sd)
     assert judged is not None
     assert judged.missing is not None
     first = judged.missing.fields[0]
@@ -120,6 +119,8 @@ def test_a_wrong_property_that_is_no_parameter(
     for p in healed.update.parameters[:-1]:
         assert p.sd is not None
         assert abs(p.value - 1.0) < 3.5 * p.sd
+    # without it a value is further off than a right model would allow; what is left of the residuals widens intervals
+    assert any(abs(p.value - 1.0) > 3.0 * (q.sd or np.inf) for p, q in zip(update.parameters, healed.update.parameters))
     assert healed.judgement is not None
     assert healed.judgement.missing is not None
     assert healed.judgement.missing.p_value is not None

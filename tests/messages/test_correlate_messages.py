@@ -98,7 +98,8 @@ _CASES: dict[str, Callable[[], object]] = {
     "sensor.rigid-motion": lambda: rigid_motion_sensor(_structure(), 70, [1, 2], (0, 0, 0), "123456"),
     "sensor.components": lambda: rigid_motion_sensor(_structure(), 70, [1, 2], (0, 0, 0), "XY"),
     "sensor.tie": lambda: _map(_test(n9=(0.0, 1.0, 0.01))),
-    "sensor.far-from-node": lambda: _map(_test(n2=(0.0, 0.0, 0.0)), by_id=True),
+    "sensor.far-from-node": lambda: _map(_test(n2=(0.0, 0.0, 0.0)), given={2: 2}),
+    "sensor.too-far": lambda: _map(_test(n2=(0.0, 0.0, 0.0)), by_id=True),
     "sensor.no-position, one place": lambda: _map(
         _test(n7=(0.0, 0, 0), n8=(0.0, 0, 0), n9=(0.0, 0, 0), n10=(0.0, 0, 0))
     ),
@@ -123,9 +124,9 @@ def _said(case: Callable[[], object]) -> str:
 
 
 def _scaled() -> tuple[Notice, ...]:
-    """Sensors by number, whose coordinates are in millimetres."""
+    """Sensors by hand, whose coordinates are in millimetres."""
     test = _test(n1=(0.0, 0, 0), n2=(2000.0, 0, 0), n3=(2000.0, 1000.0, 0), n4=(0.0, 1000.0, 0))
-    return tuple(n for n in _map(test, by_id=True) if n.code == "sensor.units")
+    return tuple(n for n in _map(test, given={i: i for i in (1, 2, 3, 4)}) if n.code == "sensor.units")
 
 
 def _factor() -> tuple[Notice, ...]:

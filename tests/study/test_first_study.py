@@ -269,11 +269,11 @@ def test_axes_and_origin_are_found(tmp_path: Path, turn: np.ndarray, shift: floa
 
 def test_points_between_grid_points_get_a_tolerance(tmp_path: Path) -> None:
     deck = plate(tmp_path, 6, 4)
-    test = _moved(plate_test(deck, 35), lambda x: x + np.array([7.0, 5.0, 0.0]), np.eye(3))
+    test = plate_test(deck, 35)
     from femtune.testdata.convert import renumber  # noqa: PLC0415
 
-    wild = np.random.default_rng(1).uniform(-3.0, 3.0, (35, 3))
-    test = replace(test, geometry=replace(test.geometry, coordinates=test.geometry.coordinates + wild))
+    wild = np.random.default_rng(1).uniform(-6.0, 6.0, (35, 3))
+    test = _moved(test, lambda x: x + wild, np.eye(3))
     far = renumber(test, {n: 5000 + n for n in range(1, 36)})
     made = ft.init(deck, ft.write_test(far, tmp_path / "far.uff"), tmp_path / "new")
     tolerance = tomllib.loads(made.path.read_text())["sensors"]["tolerance"]
@@ -282,10 +282,31 @@ def test_points_between_grid_points_get_a_tolerance(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_places_win_against_numbers_that_are_those_of_other_grid_points(tmp_path: Path) -> None:
+    """Points 1 to 15 at every second grid point, one of them displaced, in axes turned about the normal and shifted."""
+    from femtune.testdata.convert import renumber  # noqa: PLC0415
+
+    deck = plate(tmp_path, 6, 4)
+    sensors = [1, 3, 5, 7, 8, 12, 15, 17, 20, 22, 25, 28, 29, 33, 35]
+    made = ft.simulate(deck, [f"{n}:3" for n in sensors], units="mm-t-s", count=16)
+    turned = _moved(made, lambda x: (x + np.array([0.0, 0.0, 40.0])) @ _OBLIQUE.T, _OBLIQUE)
+    places = turned.geometry.coordinates.copy()
+    places[4] += [20.0, 9.0, 0.0]
+    turned = replace(turned, geometry=replace(turned.geometry, coordinates=places), sensors=())
+    numbered = renumber(turned, {n: i for i, n in enumerate(sensors, 1)})
+    first = ft.init(deck, ft.write_test(numbered, tmp_path / "test.uff"), tmp_path / "new")
+    assert "by_id" not in first.path.read_text()
+    assert first.record.paired == 10
+    assert "equally well" in " ".join(first.record.doubts)
+    assert Path(first.record.picture).read_text().startswith("<svg")
+    assert ft.check(first.path).ok
+
+
+@pytest.mark.slow
 def test_points_without_place_are_told(tmp_path: Path) -> None:
     """The study is written, and check says what is missing."""
     deck = plate(tmp_path, 6, 4)
-    test = _moved(plate_test(deck, 35), lambda x: 3.3 * x + 10_000.0, np.eye(3))
+    test = _moved(plate_test(deck, 35), lambda x: 5.0 * x + 10_000.0, np.eye(3))
     from femtune.testdata.convert import renumber  # noqa: PLC0415
 
     far = renumber(test, {n: 5000 + n for n in range(1, 36)})
@@ -401,6 +422,15 @@ def test_identified_modes_of_others_are_not_overwritten(tmp_path: Path) -> None:
         ft.init(deck, test, tmp_path)
     assert caught.value.code == "init.exists"
     assert (tmp_path / "identified" / "modes.uff").read_text() == "measured"
+
+
+@pytest.mark.parametrize("words", [{"tolerance": -1.0}, {"origin": [0.0, 1.0]}])
+def test_options_that_no_sensor_has(small: tuple[Path, Path], words: dict[str, Any]) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        ft.init(*small, small[0].parent / "new", **words)
+    assert caught.value.code == "init.option"
+    if "origin" in words:
+        check_shown("init.option", caught.value)
 
 
 def test_the_message_without_identified_modes() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -120,3 +121,35 @@ def test_the_part_is_named_that_says_where() -> None:
     prior = _part("priors", 1e-3, "prior", "E")
     assert _named(0.01, kind, *modes, prior) is modes[1]
     assert _named(0.01, kind, *modes, prior, only_prior=True) is prior
+
+
+@pytest.mark.slow
+def test_a_stated_deviation_that_is_too_small_is_named_with_the_one_that_fits(bench: Bench) -> None:
+    """The shapes have noise of 1 %, and a third of it is stated; the neighbours, which need no statement, are quiet."""
+    _noisy(bench, 0.001, 0.01)
+    run = ft.run(bench.study(f"{bench.parameters}[residuals]\nfrequency_sd = 0.001\nshape_sd = 0.0033\n"))
+    found = _codes(run)
+    assert found["judge.misfit"].weight == "not accepted"
+    (named,) = re.findall(r"shape_sd of about ([0-9.]+) would fit", found["judge.misfit"].sentence)
+    assert float(named) == pytest.approx(0.01, rel=0.3)
+    assert "judge.neighbour" not in found
+    update = run.results.update
+    assert update is not None
+    factors = {c.kind: c.error_factor for c in update.residual_counts}
+    assert factors["shape"] == pytest.approx(3.0, rel=0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", [False, True], ids=["right model", "wrong model"])
+def test_estimated_errors_narrow_intervals_of_right_models_only(bench: Bench, wrong: bool) -> None:
+    """Stated deviations that are ten times too large, as weights; in the wrong model the tip mass is 30 % too small."""
+    deck = bench.truth()
+    if wrong:
+        deck.write_text(
+            deck.read_text().replace("CONM2   9       5               2.0", "CONM2   9       5               2.6")
+        )
+    _noisy(bench, 0.001, 0.003, deck)
+    keys = '[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.03\nscatter = "estimated"\n'
+    update = ft.run(bench.study(f"{bench.parameters}{keys}")).results.update
+    assert update is not None
+    assert all(c.error_factor >= 1.0 for c in update.residual_counts) is wrong

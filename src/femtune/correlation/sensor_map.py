@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from femtune.testdata import ModalTest, Sensor
 _TIE = 1e-6
 """Distances that differ by less than this fraction of the tolerance are equal."""
 
-_FACTORS = {
+LENGTH_FACTORS = {
     1.0: "",
     0.001: "millimetres where the model has metres",
     1000.0: "metres where the model has millimetres",
@@ -41,7 +41,10 @@ _FACTORS = {
     1.0 / 12.0: "inches where the model has feet",
     304.8: "feet where the model has millimetres",
     1.0 / 304.8: "millimetres where the model has feet",
+    2.54: "inches where the model has centimetres",
+    1.0 / 2.54: "centimetres where the model has inches",
 }
+"""Factors between units of length, and what they mean."""
 # how near to a factor the ratio of places must be, and their least number
 _UNIT_TOLERANCE = 0.03
 """Error of a fitted scale of coordinates up to which a factor between units explains it. Factors of length differ from
@@ -92,7 +95,7 @@ class NodeSearch:
         if self._tree is None or len(different) < 2:
             return 1.0, ""
         changes = axis_changes() if axes else itertools.islice(axis_changes(), 1)
-        for (factor, words), (order, matrix) in itertools.product(_FACTORS.items(), changes):
+        for (factor, words), (order, matrix) in itertools.product(LENGTH_FACTORS.items(), changes):
             distance, at = self._tree.query(factor * different @ matrix.T)
             if (distance <= self._tolerance).all() and len(set(at)) == len(different):
                 return factor, _in_words(words, factor, order)
@@ -120,6 +123,8 @@ Row = dict[int, float]
 """Coefficients of g-set DOFs."""
 
 _UNKNOWN = np.full(3, np.nan)
+_BY_ID = "by id"
+"""How sensors are assigned that have the number of their grid point."""
 
 
 @dataclass(frozen=True)
@@ -187,6 +192,7 @@ def map_sensors(
     given: Mapping[int, int] | None = None,
     combinations: Sequence[GeneralisedSensor] = (),
     leave_unmatched: bool = False,
+    leave_out: Collection[int] = (),
 ) -> SensorMap:
     """Put every sensor of a test on the model.
 
@@ -202,18 +208,22 @@ def map_sensors(
     given : model node for some of the test nodes
     combinations : sensors that are combinations of model DOFs, see `rigid_motion_sensor`
     leave_unmatched : leave sensors without node out, listed in the result, instead of raising
+    leave_out : test nodes whose sensors are not compared
 
     Raises
     ------
-    FemtuneError : ``sensor.unmatched``, ``sensor.no-position``, ``sensor.given-unknown``,
-        ``sensor.combination-unused``, ``sensor.tolerance``, ``model.unknown-node``; all that apply together
+    FemtuneError : ``sensor.unmatched``, ``sensor.no-position``, ``sensor.given-unknown``, ``sensor.too-far``
+        (assigned by number, beyond the tolerance), ``sensor.combination-unused``, ``sensor.tolerance``,
+        ``model.unknown-node``; all that apply together
     """
     table = {(c.dof.node, c.dof.direction): c for c in combinations}
     request = _Request(
         structure.nodes, NodeSearch(structure.nodes, tolerance), tolerance, by_id, dict(given or {}), table
     )
-    sensors, same_place = _with_places(_sensors(test, request))
-    _check_requests(sensors, request, combinations)
+    every, same_place = _with_places(_sensors(test, request))
+    sensors = tuple(s for s in every if s.label.node not in leave_out)
+    left_out = [s.label for s in every if s.label.node in leave_out]
+    _check_requests(every, request, combinations)
     errors = ErrorCollector()
     placed: list[tuple[Match, Row]] = []
     unmatched: list[Unmatched] = []
@@ -229,10 +239,16 @@ def map_sensors(
         errors.errors.append(_no_position(nowhere, same_place, request))
     if unmatched and not leave_unmatched:
         errors.errors.append(_unmatched_error(unmatched, len(sensors), request))
+    far = [m for m, _ in placed if m.how == _BY_ID and m.distance > tolerance]
+    if far:
+        errors.errors.append(_too_far(far, placed, sensors, request))
     errors.raise_if_any()
     _check_one_grid([match for match, _ in placed], sensors, request)
     built = _build(placed, tuple(unmatched), sensors, request)
-    return replace(built, notices=(*built.notices, *_without_distance(same_place, sensors)))
+    notices = (*built.notices, *_without_distance(same_place, sensors))
+    if left_out:
+        notices += (Notice("sensor.left-out", level="info", names=", ".join(map(str, left_out))),)
+    return replace(built, notices=notices)
 
 
 def _with_places(sensors: Sequence[Sensor]) -> tuple[tuple[Sensor, ...], Reals | None]:
@@ -338,7 +354,7 @@ def _place(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched |
     if label.node in request.given:
         return _at_node(sensor, request.given[label.node], "given", nodes)
     if _by_number(label, request):
-        return _at_node(sensor, label.node, "by id", nodes)
+        return _at_node(sensor, label.node, _BY_ID, nodes)
     return _nearest(sensor, request)
 
 
@@ -492,9 +508,9 @@ def unit_ratio(points: Reals, grids: Reals) -> str:
     "" where the ratio is near 1, none that is known, or not the same for all points.
     """
     ratio = _fitted_ratio(points, grids)
-    factor = min(_FACTORS, key=lambda known: abs(np.log(ratio / known)))
+    factor = min(LENGTH_FACTORS, key=lambda known: abs(np.log(ratio / known)))
     near = abs(np.log(ratio / factor)) <= _UNIT_TOLERANCE
-    return _in_words(_FACTORS[factor], factor, "X, Y, Z") if near else ""
+    return _in_words(LENGTH_FACTORS[factor], factor, "X, Y, Z") if near else ""
 
 
 def length_factor(points: Reals, nodes: NodeTable) -> tuple[float, str]:
@@ -518,9 +534,9 @@ def _extent_factor(points: Reals, grids: Reals) -> tuple[float, str]:
     if not (0.0 < of_test < np.inf and of_model > 0.0):
         return 1.0, ""
     ratio, (least, most) = of_model / of_test, _COVERED
-    large = (f for f in _FACTORS if max(f, 1.0 / f) >= _LARGE_FACTOR and least <= ratio / f <= most)
+    large = (f for f in LENGTH_FACTORS if max(f, 1.0 / f) >= _LARGE_FACTOR and least <= ratio / f <= most)
     factor = min(large, key=lambda known: abs(np.log(ratio / known)), default=1.0)
-    return factor, _in_words(_FACTORS[factor], factor, "X, Y, Z")
+    return factor, _in_words(LENGTH_FACTORS[factor], factor, "X, Y, Z")
 
 
 def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Request) -> FemtuneError:
@@ -543,6 +559,27 @@ def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Reque
         n_unmatched=len(unmatched),
         total=total,
         missing=why,
+    )
+
+
+def _too_far(
+    far: Sequence[Match], placed: Sequence[tuple[Match, Row]], sensors: Sequence[Sensor], request: _Request
+) -> FemtuneError:
+    """Sensors whose grid points of the same number are beyond the tolerance, the farthest first."""
+    nodes = {m.label.node: m for m in far}
+    worst = sorted(nodes.values(), key=lambda m: -m.distance)
+    values = {str(m.label): f"{m.distance:.4g} from grid point {m.node}" for m in worst[:20]}
+    if len(worst) > 20:
+        values["…"] = f"and {len(worst) - 20} more"
+    matches = [m for m, _ in placed]
+    units = _scaled(matches, sensors, request)
+    return FemtuneError(
+        "sensor.too-far",
+        values=values,
+        hint=units[0].what if units else None,
+        count=len(nodes),
+        total=len({m.label.node for m in matches}),
+        tolerance=request.tolerance,
     )
 
 

@@ -62,13 +62,17 @@ class ResidualPart:
     p_family_wise: float = 1.0
 
 
-def parts(record: Whitened, side_constraint: bool = False, estimated: Collection[str] = ()) -> tuple[ResidualPart, ...]:
+def parts(
+    record: Whitened, side_constraint: bool = False, estimated: Collection[str] = (),
+    of_macs: tuple[ResidualPart, ...] = (),
+) -> tuple[ResidualPart, ...]:  # fmt: skip
     """All parts with their tests, family by family.
 
     Parameters
     ----------
     side_constraint : whether a side constraint that is no information keeps the parameters from the least squares
     estimated : kinds whose standard deviations follow from these residuals: their size as a whole tells nothing
+    of_macs : MACs beside the noise of the shapes, a family of its own
 
     Examples
     --------
@@ -86,6 +90,8 @@ def parts(record: Whitened, side_constraint: bool = False, estimated: Collection
     held = _held_by_side_constraint(every) if side_constraint else _held(record)
     found = {key: tuple(_tested(every, key[0], *m) for m in members) for key, members in families.items()}
     kept = {key: tuple(p for p in members if p is not None) for key, members in found.items()}
+    if of_macs:
+        kept["modes", of_macs[0].kind] = of_macs
     if held is not None:
         kept[held.family, ""] = (held,)
     return tuple(p for members in family_wise({k: m for k, m in kept.items() if m}) for p in members)

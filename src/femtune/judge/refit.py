@@ -51,6 +51,12 @@ class Refit:
     solutions: int
 
 
+def misfit(at: Evaluation, side: SideConstraint | None) -> Reals:
+    """(n,) residuals and the rows of a side constraint on the first parameters, whose sum of squares is χ²."""
+    values = np.zeros(0) if side is None else side.rows(at.x[: side.matrix.shape[1]])[0]
+    return np.concatenate([at.residuals, values])
+
+
 def refitted(
     problem: UpdateProblem,
     end: Evaluation,
@@ -80,12 +86,7 @@ def refitted(
     turn = turn * size
     fixed = np.zeros((0, turn.shape[1])) if side is None else side.rows(x0[: side.matrix.shape[1]])[1]
     own = fixed if side is None else fixed @ turn[: side.matrix.shape[1]]
-
-    def rows(at: Evaluation) -> Reals:
-        values = np.zeros(0) if side is None else side.rows(at.x[: side.matrix.shape[1]])[0]
-        return np.concatenate([at.residuals, values])
-
-    at, y, J, r = end, np.zeros(turn.shape[1]), np.vstack([end.jacobian @ turn, own]), rows(end)
+    at, y, J, r = end, np.zeros(turn.shape[1]), np.vstack([end.jacobian @ turn, own]), misfit(end, side)
     converged, iterations, solutions = False, 0, 0
     while not converged and solutions < most:
         step = np.asarray(lsq_linear(J, -r, (lower - y, upper - y), method="bvls").x)
@@ -96,12 +97,16 @@ def refitted(
                 break
             solutions += 1
             trial = _tried(problem, x0 + turn @ (y + step), at)
-            if trial is not None and len(trial.residuals) == len(at.residuals) and np.sum(rows(trial) ** 2) < r @ r:
+            if (
+                trial is not None
+                and len(trial.residuals) == len(at.residuals)
+                and np.sum(misfit(trial, side) ** 2) < r @ r
+            ):
                 break
             step, trial = 0.5 * step, None
         if trial is None:
             break
-        change = rows(trial) - r
+        change = misfit(trial, side) - r
         J = J + np.outer(change - J @ step, step) / float(step @ step)
         at, y, r, iterations = trial, y + step, r + change, iterations + 1
     bound = bool(min(y[-1] - lower[-1], upper[-1] - y[-1]) <= _AT_BOUND)
@@ -110,6 +115,11 @@ def refitted(
 
 _AT_BOUND = 1e-9
 """Distance from a bound, relative to the range, that is rounding."""
+
+
+def _better(new: Reals, old: Reals) -> bool:
+    """Whether as much is compared and the misfit is smaller."""
+    return len(new) == len(old) and bool(new @ new < old @ old)
 
 
 def _tried(problem: UpdateProblem, x: Reals, before: Evaluation) -> Evaluation | None:

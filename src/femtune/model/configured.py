@@ -257,8 +257,9 @@ class ModelPoint:
     @cached_property
     def mode_ratios(self) -> dict[int, Jet]:
         """Damping ratios of modes that are values of the model, by number of the mode; see `OverallDamping`."""
-        table = self._table
-        return {n: table[i] for n, i in self.configured.model.structure.damping.mode_ratios.items()}
+        fields = self.configured.model.structure.damping.mode_ratios
+        # a table with derivatives by many parameters costs as much as modes
+        return {n: self._table[i] for n, i in fields.items()}
 
     @cached_property
     def stiffness_derivatives(self) -> tuple[sp.csr_array, ...]:

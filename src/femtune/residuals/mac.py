@@ -54,7 +54,10 @@ class MacResidual(PairResidual):
     form: MacForm = "root"
     key = "mac"
     label = "MAC"
-    not_normal = "1 − MAC is a quadratic form of the noise, which always raises it; a shape residual can be tested"
+    not_normal = (
+        "1 − MAC is a quadratic form of the noise, and is tested where the standard deviations of the shapes are "
+        "known (shape_sd of [validate])"
+    )
 
     @property
     def of_ratio(self) -> bool:

@@ -13,9 +13,10 @@ from femtune.files.nastran.build import BuiltDeck
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.write import plan_edits
 from femtune.files.nastran.write import write_deck as write_files
+from femtune.files.shape_table import is_shape_table, read_shape_table
 from femtune.files.uff import read_uff, write_uff_frfs, write_uff_modes
 from femtune.study.described import Model, model_of_deck, model_of_matrices, units_word
-from femtune.units import unit_system
+from femtune.units import SI, unit_system
 
 if TYPE_CHECKING:
     from femtune.testdata import ModalTest
@@ -94,18 +95,18 @@ def read_matrices(
 def read_test(
     path: Path | str, *, units: str | UnitSystem | None = None, records: str | None = None, name: str = ""
 ) -> ModalTest:
-    """Read a test from a Universal File: geometry, modes, frequency response functions.
+    """Read a test from a Universal File (geometry, modes, frequency response functions) or from a table of mode shapes.
 
     Parameters
     ----------
-    path : the file (UFF, UNV)
+    path : the file (UFF, UNV), or a table of shapes (CSV, MAT, NPZ; see the guide page on tests)
     units : length-mass-s, if the file has no data set 164 with the units; a study converts the test to its own
     records : read only the modes whose ID lines contain this word
     name : of the test; else `records`, else the name of the file
 
     Raises
     ------
-    FemtuneError : ``uff.*`` with the line of the file, ``units.unknown``
+    FemtuneError : ``uff.*`` or ``test.shapes`` with the line of the file, ``units.unknown``
 
     Examples
     --------
@@ -116,6 +117,8 @@ def read_test(
     (array([ 27.08,  44.7 , 202.89, 317.97]), (8, 4))
     """
     own = None if units is None else unit_system(units_word(units))
+    if is_shape_table(Path(path)):
+        return read_shape_table(Path(path), own or SI, name)
     return read_uff(path, units=None, file_units=own, records=records, name=name).test
 
 

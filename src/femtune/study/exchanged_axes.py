@@ -55,6 +55,23 @@ def fitting_axes(file: StudyFile, case: StudyCase, solution: EigenSolution) -> s
     return proposal
 
 
+def mean_mac(test: Reals, model: Reals, apart: np.ndarray) -> float:
+    """Mean MAC of the pairs that have the largest sum; 0 for a test mode without a model mode of its frequency.
+
+    Parameters
+    ----------
+    test, model : (s, n) and (s, m) shapes at the sensors; NaN where a test shape is not measured
+    apart : (n, m) pairs whose frequencies are too different
+    """
+    known = ~np.isnan(test)
+    test = np.where(known, test, 0.0)
+    power = (test**2).sum(axis=0)[:, None] * (known.T.astype(float) @ model**2)
+    products = (test.T @ model) ** 2
+    values = np.divide(products, power, out=np.zeros_like(products), where=power > 0.0)
+    values[apart] = 0.0
+    return float(values[linear_sum_assignment(-values)].sum() / test.shape[1])
+
+
 class _Likeness:
     """MAC values between the modes of a test and those of a model at sensors that are placed in different ways."""
 
@@ -65,14 +82,8 @@ class _Likeness:
         self.off = np.abs(solution.freq_hz[None, : solution.wanted] / self.test.freq_hz[:, None] - 1.0)
 
     def mean(self, shapes: Reals) -> float:
-        """Mean MAC of the pairs that have the largest sum; 0 for a test mode without a model mode of its frequency."""
-        known = ~np.isnan(self.test.shapes)
-        test = np.where(known, np.real(self.test.shapes), 0.0)
-        power = (test**2).sum(axis=0)[:, None] * (known.T.astype(float) @ shapes**2)
-        products = (test.T @ shapes) ** 2
-        values = np.divide(products, power, out=np.zeros_like(products), where=power > 0.0)
-        values[self.off > self.gate] = 0.0
-        return float(values[linear_sum_assignment(-values)].sum() / len(self.test))
+        """Mean MAC with these shapes of the model at the sensors."""
+        return mean_mac(np.real(self.test.shapes), shapes, self.off > self.gate)
 
     def with_axes(self, file: StudyFile, test: ModalTest, matrix: Reals, shift: Reals) -> float:
         """The same after a change of axes; 0 if it leaves sensors without grid points."""

@@ -16,6 +16,7 @@ from femtune.dofs import DIRECTIONS, parse_dof
 from femtune.errors import FemtuneError, Notice
 from femtune.files.described_test import described_test
 from femtune.files.deviations import with_deviations
+from femtune.files.shape_table import is_shape_table, read_shape_table
 from femtune.files.study_file import test_files
 from femtune.files.uff import UffFile, read_uff
 from femtune.modal import entry_deviations
@@ -26,7 +27,7 @@ from femtune.study.error_places import errors_at, place_of
 from femtune.study.sensor_hints import with_keys
 from femtune.testdata import convert_units, sensors_at
 from femtune.testdata.checks import check_test, real_modes
-from femtune.testdata.convert import place
+from femtune.testdata.convert import place, scaled_coordinates
 from femtune.units import unit_system
 
 if TYPE_CHECKING:
@@ -254,10 +255,13 @@ def _read_test(
             unplaced = _given(file.given.tests[names[0]], file.study.unit_system)
         elif paths[0].suffix.lower() == ".toml":
             unplaced = described_test(paths[0], entry.name, file.study.unit_system)
+        elif len(paths) == 1 and is_shape_table(paths[0]):
+            units = unit_system(entry.test_units) if entry.test_units else file.study.unit_system
+            unplaced = convert_units(read_shape_table(paths[0], units, entry.name), file.study.unit_system)
         else:
             unplaced = _content(file, entry, _parsed(paths, tests)).test
-        unplaced = _with_deviations(file, entry, unplaced)
-        test = place(unplaced, entry.rotation, entry.origin)
+        unplaced = scaled_coordinates(_with_deviations(file, entry, unplaced), entry.coordinate_factor)
+        test = place(unplaced, entry.rotation, entry.origin, allow_mirrored=entry.left_handed)
         notices = (*unplaced.notices, *check_test(test))
     if test.modes is None:
         return test, notices
@@ -327,6 +331,7 @@ def sensor_map(file: StudyFile, test: ModalTest, structure: Structure) -> Sensor
         by_id=file.sensors.by_id,
         given=file.sensors.nodes,
         combinations=[c for c in combinations(file, structure) if (c.dof.node, c.dof.direction) not in unused],
+        leave_out=file.sensors.leave_out,
     )
 
 

@@ -32,7 +32,7 @@ def with_keys(file: StudyFile, entry: ConfigurationEntry, test: ModalTest, struc
     try:
         yield
     except FemtuneError as error:
-        if error.code in ("sensor.unmatched", "sensor.one-grid"):
+        if error.code in ("sensor.unmatched", "sensor.one-grid", "sensor.too-far"):
             hint = units_hint(file, entry, test, structure) or _axes_hint(file, test, structure)
             error.hint = hint or error.hint
         raise
@@ -45,16 +45,16 @@ def units_hint(file: StudyFile, entry: ConfigurationEntry, test: ModalTest, stru
     if not words:
         return ""
     study = file.study.unit_system
-    of_test = _named(factor * study.length)
+    of_test = named_length(factor * study.length)
     if entry.test_units is not None and of_test:
         table, key = ("[[configuration]]", "test_units") if file.configuration else ("[test]", "units")
         return f'{words}: write {key} = "{of_test}" in {table}'
-    of_deck = _named(study.length / factor)
+    of_deck = named_length(study.length / factor)
     told = f'{words}: if the deck is in another unit, write units = "{of_deck}" in [study]' if of_deck else words
     return f"{told}; if the file of the test states a wrong unit, correct its data set 164"
 
 
-def _named(length: float) -> str:
+def named_length(length: float) -> str:
     """The system with such a unit of length in metres; "" if there is none."""
     systems = (name for name in _SYSTEMS if abs(unit_system(name).length / length - 1.0) <= _SAME_UNIT)
     return next(systems, "")
@@ -65,11 +65,12 @@ def _axes_hint(file: StudyFile, test: ModalTest, structure: Structure) -> str:
     numbers, points = _points(test)
     guess = guess_sensors(structure, numbers, points)
     table = "[[configuration]]" if file.configuration else "[test]"
-    if guess.test:
-        return f"the axes of the test differ from those of the model: write {_keys(guess.test)} in {table}"
-    if guess.sensors:
-        return f"{guess.words}: write {_keys(guess.sensors)} in [sensors]"
-    return ""
+    written = [f"{_keys(keys)} in {name}" for keys, name in ((guess.test, table), (guess.sensors, "[sensors]")) if keys]
+    if not guess.found or not written:
+        return ""
+    told = "the axes of the test differ from those of the model" if guess.test else guess.words
+    several = f"; {guess.several}" if guess.several else ""
+    return f"{told}: write {' and '.join(written)}{several}"
 
 
 def _keys(table: Mapping[str, Any]) -> str:

@@ -39,6 +39,17 @@ def replace_frame(frame: WireFrame, *, coordinates: NDArray, axes: NDArray | Non
     return WireFrame(frame.nodes, coordinates, kept, frame.lines, frame.elements)
 
 
+def scaled_coordinates(test: ModalTest, factor: float) -> ModalTest:
+    """The test with its coordinates times a factor, where its file states a wrong unit for them; shapes stay."""
+    if factor == 1.0:
+        return test
+    return replace(
+        test,
+        geometry=replace_frame(test.geometry, coordinates=test.geometry.coordinates * factor),
+        sensors=tuple(Sensor(s.label, s.position * factor, s.direction) for s in test.sensors),
+    )
+
+
 def _modes(modes: ModeSet, old: UnitSystem, new: UnitSystem) -> ModeSet:
     length, mass = new.length_from(old), new.mass_from(old)
     scale = 1.0 / np.sqrt(mass) if modes.normalisation == "mass" else 1.0

@@ -21,9 +21,10 @@ from femtune.files.records import (
 )
 from femtune.files.records.headings import stated_channel
 from femtune.identification.averaging import no_lost_samples
+from femtune.identification.operational import Operational
 from femtune.modal import TimeSeries
 from femtune.steps.identify.from_record import heading_notices, read_asked
-from femtune.steps.identify.request import asked_of
+from femtune.steps.identify.request import asked_of, check_length
 from femtune.units import unit_system
 
 T = np.arange(64) / 200.0
@@ -171,6 +172,15 @@ def test_no_rate_of_a_test(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         read_record(tmp_path / "a.mat")
     assert caught.value.code == "record.rate"
+
+
+def test_a_rate_that_leaves_no_line_in_the_band(tmp_path: Path) -> None:
+    """1e9 Hz in place of 1e3: a message at once, before anything is filtered."""
+    np.save(tmp_path / "a.npy", RNG.standard_normal((2, 6000)))
+    file = asked_of(tmp_path / "a.npy", {"band_hz": (1.0, 30.0), "sampling_hz": 1e9})
+    with pytest.raises(FemtuneError) as caught:
+        check_length(read_asked(file), Operational((1.0, 30.0)), file)
+    assert caught.value.code == "identify.short-record"
 
 
 # ----------------------------------------------------------------------------------------------------

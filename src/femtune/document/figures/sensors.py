@@ -31,7 +31,7 @@ _GAP = 14.0
 """Distance between views in points."""
 _TITLE_HEIGHT = 16.0
 """Height of the title of a view in points."""
-_MARGIN = 18.0
+_MARGIN = 25.0
 """Space around the structure in points, for marks and names at its edge."""
 _LEGEND_HEIGHT = 26.0
 """Height of the legend below the views in points."""
@@ -47,7 +47,13 @@ _WIRE_COLOUR = "#7a8794"
 """Bars and rigid elements, darker than edges of faces."""
 _GREEN = "#2c7a4b"
 """Sensors for visualisation only."""
-COLOURS = {"triaxial": BLUE, "uniaxial": ORANGE, "visualisation": _GREEN, "exciter": "#8c1d40"}
+_RED = "#8c1d40"
+"""What is no sensor that is compared."""
+TEST_POINT, LEFT_OUT = "test point", "test point that is left out"
+"""Kinds of marks for the points of a test on the model."""
+COLOURS = {
+    "triaxial": BLUE, "uniaxial": ORANGE, "visualisation": _GREEN, "exciter": _RED, TEST_POINT: BLUE, LEFT_OUT: _RED,
+}  # fmt: skip
 """Colour of each kind of mark."""
 _MARK_RADIUS = 3.4
 """Radius of a mark in points."""
@@ -63,6 +69,17 @@ class Marks:
     names: Sequence[str]
     kinds: Sequence[str]
     normals: Reals
+
+
+@dataclass(frozen=True)
+class TestPoint:
+    """A point of a test: its number, its place in the model, and that of its grid point (None if it is left out)."""
+
+    number: int
+    place: tuple[float, float, float]
+    grid: tuple[float, float, float] | None
+
+    __test__ = False
 
 
 def sensors_svg(frame: Wireframe, marks: Marks, lines: Sequence[tuple[int, int]]) -> str:
@@ -83,6 +100,25 @@ def sensors_svg(frame: Wireframe, marks: Marks, lines: Sequence[tuple[int, int]]
         parts += [*_traces(marks, lines, scaled), *_marks(marks, scaled), "</g>"]
         top += height + _TITLE_HEIGHT + _GAP
     return svg_file(_PANEL_WIDTH, top + _LEGEND_HEIGHT - _GAP, [*parts, *_legend(marks, top - _GAP)])
+
+
+def test_points_svg(frame: Wireframe, points: Sequence[TestPoint]) -> str:
+    """Test points on the structure, each with a line to its grid point."""
+    linked = [one for one in points if one.grid is not None]
+    ends = np.array([one.grid for one in linked]).reshape(-1, 3)
+    lines = np.arange(len(ends)) + len(frame.points)
+    places = np.array([one.place for one in points])
+    starts = np.array([one.place for one in linked]).reshape(-1, 3)
+    joined = np.column_stack([lines, lines + len(ends)]).reshape(-1, 2)
+    drawn = Wireframe(
+        np.concatenate([frame.points, starts, ends]),
+        np.concatenate([frame.lines.reshape(-1, 2), joined]),
+        np.concatenate([frame.rigid, np.zeros(len(ends), bool)]),
+        frame.faces,
+    )
+    kinds = [LEFT_OUT if one.grid is None else TEST_POINT for one in points]
+    marks = Marks(places, [str(one.number) for one in points], kinds, np.zeros_like(places))
+    return sensors_svg(drawn, marks, ())
 
 
 def _scaled(view: View, points: Reals) -> tuple[View, float]:

@@ -96,6 +96,11 @@ class TestKeys(TomlTable):
     `[[0,-1,0],[1,0,0],[0,0,1]]`"""
     origin: Vector = (0.0, 0.0, 0.0)
     """Position of the origin of the test in the model's coordinate system, length. Example: `[0.0, 0.0, 0.5]`"""
+    left_handed: bool = False
+    """The axes of the test are left-handed: `rotation` has the determinant −1. Example: `true`"""
+    coordinate_factor: Positive = 1.0
+    """Factor on the coordinates of the test, where its file states a wrong unit for them; dimensionless; shapes are not
+    changed. Example: `0.001`"""
     leave_out: tuple[LeaveOutEntry, ...] = ()
     """Test modes that are excluded from the comparison, each with the reason; they are still listed in the report.
     Example: `[{ mode = "4a", reason = "braces" }]`"""
@@ -112,8 +117,10 @@ class SingleTest(TestKeys):
     """[test]: the only test of a study without [[configuration]]; a file, or frequencies without shapes."""
 
     file: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
-    """The test: a Universal File, a list of several for one test, or an identification file that [describes
-    FRFs](guide/tests-in.md). Required without `freq_hz`. Example: `"frame.uff"`"""
+    """The test: a Universal File, a list of several for one test, a [table of mode
+    shapes](guide/tests-in.md#tables-of-mode-shapes), or an identification file that [describes
+    FRFs](guide/tests-in.md).
+    Required without `freq_hz`. Example: `"frame.uff"`"""
     freq_hz: Annotated[tuple[Positive, ...], Field(max_length=1000)] = ()
     """For a model of [runs](#runs) or of a [solver](#solver) without shapes: measured frequencies in the order of the
     columns of the table. Example: `[43.1, 60.2]`"""
@@ -150,8 +157,10 @@ class ConfigurationEntry(TestKeys):
     """Name of the [specimen](guide/specimens.md), where nominally identical structures were tested: letters, digits and
     `_`; either all configurations have it or none has. Example: `"ID1"`"""
     test: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
-    """The test: a Universal File, a list of several for one test, or an identification file that [describes
-    FRFs](guide/tests-in.md). Default: only modes are computed. Example: `"building.uff"`"""
+    """The test: a Universal File, a list of several for one test, a [table of mode
+    shapes](guide/tests-in.md#tables-of-mode-shapes), or an identification file that [describes
+    FRFs](guide/tests-in.md).
+    Default: only modes are computed. Example: `"building.uff"`"""
     test_units: Units | None = None
     """Units of the test; only if the file does not state them. Example: `"mm-kg-s"`"""
     elements_off: ElementsOff = ()

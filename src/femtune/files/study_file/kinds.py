@@ -233,7 +233,7 @@ def _rotation(value: tuple[tuple[float, float, float], ...]) -> None:
     # only a study with a rotation needs numpy; errors of the others are reported without importing it
     from femtune.testdata import ModalTest, place  # noqa: PLC0415
 
-    place(ModalTest("", SI), value, (0.0, 0.0, 0.0))
+    place(ModalTest("", SI), value, (0.0, 0.0, 0.0), allow_mirrored=True)
 
 
 def _inertia(value: object) -> None:

@@ -30,7 +30,10 @@ from femtune.files.study_file.update import update_rules
 from femtune.files.study_file.validate import validation_rules
 from femtune.files.study_file.vibration import vibration_rules
 
-_KEYS_OF_TEST = ("records", "test_units", "mode_labels", "rotation", "origin", "leave_out", "pairs")
+_KEYS_OF_TEST = (
+    "records", "test_units", "mode_labels", "rotation", "origin", "left_handed", "coordinate_factor", "leave_out",
+    "pairs",
+)  # fmt: skip
 """Keys of a configuration that have no meaning without a test."""
 
 
@@ -75,14 +78,32 @@ def _configurations(data: Data, source: StudyLines) -> Problems:
         yield source.error(("test",), "study.test-unused", {})
     for place, entry in entries:
         yield from _without_test(place, entry, source)
+    for place, entry in (*entries, (("test",), test)):
         yield from _test_modes(place, entry, source)
-    yield from _test_modes(("test",), table(data, "test"), source)
+        yield from _mirrored(place, entry, source)
 
 
 def _without_test(place: Place, entry: Data, source: StudyLines) -> Problems:
     for key in _KEYS_OF_TEST:
         if key in entry and "test" not in entry:
             yield source.error((*place, key), "study.no-test/key", {}, key=key)
+
+
+def _mirrored(place: Place, entry: Data, source: StudyLines) -> Problems:
+    """A rotation that mirrors needs left-handed axes, and these need such a rotation."""
+    rows = entry.get("rotation")
+    if rows is None and not entry.get("left_handed"):
+        return
+    try:
+        a, b, c = ([float(x) for x in row] for row in rows or ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+        volume = sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3))
+    except (TypeError, ValueError, IndexError):
+        return  # told by the type of the key
+    if (volume < 0.0) != (entry.get("left_handed") is True):
+        variant = "/right-handed" if volume > 0.0 else ""
+        yield source.error(
+            (*place, "rotation" if rows else "left_handed"), f"test.mirrored{variant}", {"rotation": rows}
+        )
 
 
 def _test_modes(place: Place, entry: Data, source: StudyLines) -> Problems:

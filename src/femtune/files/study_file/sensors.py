@@ -20,6 +20,8 @@ class SensorsTable(TomlTable):
     """Assign a test node to the grid point with the same number. Example: `true`"""
     nodes: Annotated[dict[Number, Number], BeforeValidator(numbered)] = Field(default_factory=dict)
     """Prescribed assignment of test nodes to grid points. Example: `{ "101" = 12 }`"""
+    leave_out: tuple[Number, ...] = ()
+    """Test nodes that are not compared, because the model has no grid point near them. Example: `[12, 31]`"""
     position_sd: ByNode = 0.0
     """Standard deviation of each coordinate of the position of a sensor, length: a number for all test nodes, or by
     test node (0 for the others). It is [propagated](theory/correlation.md#errors-of-sensor-placement) to the covariance

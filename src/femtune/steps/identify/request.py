@@ -132,7 +132,9 @@ def check_length(record: TimeSeries, asked: Operational, file: IdentifyFile) -> 
     FemtuneError : ``identify.short-record``, ``identify.band``
     """
     fragments = file.identify.fragments
-    if record.samples // fragments >= LEAST_SAMPLES:
+    # a rate that is far too high leaves no period of any frequency, and makes filters too long for any machine
+    has_a_period = record.duration_s * asked.band_hz[1] >= 1.0
+    if has_a_period and record.samples // fragments >= LEAST_SAMPLES:
         piece = prepared(record.select_samples(0, record.samples // fragments), asked)
         lags = 2 * asked.rows(piece)
         if piece.samples > 2 * lags + asked.pieces:

@@ -34,6 +34,7 @@ from femtune.study.plausible_sections import slow_modes
 from femtune.study.record import Alert, ModelVersion, Vector3, alert
 
 if TYPE_CHECKING:
+    from femtune.arrays import Reals
     from femtune.fem import FieldRef, Structure
     from femtune.fem.checks import (
         MassProperties,
@@ -447,7 +448,8 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
     """How the sensors of a configuration found the model; None without a test."""
     if case.sensors is None or case.entry.test is None:
         return None
-    by_id = study.file.sensors.by_id
+    by_id, nodes = study.file.sensors.by_id, case.configured.model.structure.nodes
+    places = {s.label.node: s.position for s in (case.test.sensors if case.test is not None else ())}
     return SensorResults(
         configuration=case.configured.configuration.name,
         test_file=", ".join(test_files(case.entry)),
@@ -459,11 +461,21 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
                 model_node=m.node,
                 distance=float(m.distance) if np.isfinite(m.distance) else None,
                 how=m.how,
+                place=_place(places.get(m.label.node)),
+                grid_place=_place(nodes.xyz[nodes.position(m.node)])
+                if m.node is not None and nodes.has_coordinates and nodes.has_grid(m.node)
+                else None,
             )
             for m in case.sensors.matches
         ),
         unmatched=(),
     )
+
+
+def _place(point: Reals | None) -> tuple[float, float, float] | None:
+    if point is None or not np.isfinite(point).all():
+        return None
+    return float(point[0]), float(point[1]), float(point[2])
 
 
 _OF_THE_COUNT = ("eigen.none-below", "eigen.many-modes", "eigen.whole-group")

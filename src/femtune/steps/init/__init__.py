@@ -22,20 +22,44 @@ def _tell(result: Any, quiet: bool) -> None:
         click.echo(printable(result.overview))
 
 
+class _Vector(click.ParamType):
+    """Three numbers separated by commas."""
+
+    name = "vector"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        if isinstance(value, tuple):
+            return value
+        try:
+            return tuple(float(word) for word in str(value).split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not three numbers separated by commas, such as 0.3,0.2,0", param, ctx)
+
+
+_VECTOR = _Vector()
+
 STEP = Step(
     "init",
     command=Command(
         help=(
             "Write a commented study from a deck and a test: units, sensors, modes and parameters are "
             "proposed.\n\n"
-            "TEST is a Universal File with modes or FRFs, or a record, from which the modes are "
-            "identified first. FOLDER is the current folder by default; it receives study.toml."
+            "TEST is a Universal File with modes or FRFs, a table of mode shapes, or a record, from which the modes "
+            "are identified first. FOLDER is the current folder by default; it receives study.toml."
         ),
         params=(
             click.Argument(["deck"], type=FILE),
             click.Argument(["test"], type=FILE),
             click.Argument(["folder"], type=FILE, default=".", required=False),
             click.Option(["--units"], metavar="m-kg-s", help="Units of the deck, instead of guessing them."),
+            click.Option(
+                ["--origin"],
+                metavar="X,Y,Z",
+                type=_VECTOR,
+                help="Position of the origin of the test in the model, instead of finding it.",
+            ),
+            click.Option(["--tolerance"], type=float, help="Largest distance of a test point from its grid point."),
+            click.Option(["--by-id"], is_flag=True, help="Test points have the numbers of their grid points."),
             click.Option(["--force"], is_flag=True, help="Replace files that are there."),
             JSON,
         ),

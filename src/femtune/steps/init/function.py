@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,27 +23,34 @@ def init(
     folder: Path | str = ".",
     *,
     units: str | UnitSystem | None = None,
+    origin: Sequence[float] | None = None,
+    tolerance: float | None = None,
+    by_id: bool = False,
     force: bool = False,
     progress: Progress = silent,
 ) -> InitResult:
     """Write a first study, ``study.toml``, from a deck and a test; its comments give the reasons for each value.
 
-    Units are guessed from materials, coordinates and mass; sensors are assigned by coordinates, after a change of axes
-    or by number; parameters are proposed by what the test modes could determine. If the test has functions or records
-    instead of modes, the modes are identified first, and ``identify.toml`` is written too.
+    Units are guessed from materials, coordinates and mass; sensors are assigned by coordinates, after a change of axes,
+    origin or unit where the coordinates need it, and by number only without coordinates; parameters are proposed by
+    what the test modes could determine. If the test has functions or records instead of modes, the modes are identified
+    first, and ``identify.toml`` is written too.
 
     Parameters
     ----------
     deck : Nastran deck
-    test : Universal File with modes or FRFs, or a record
+    test : Universal File or table with modes, FRFs, or a record
     folder : for the files; it is made where it is not there
     units : length-mass-s of the deck; guessed where nothing is said
+    origin : position of the origin of the test in the model, in the unit of the deck; found where nothing is said
+    tolerance : largest distance of a test point from its grid point, in the unit of the deck
+    by_id : test points have the numbers of their grid points, whatever their coordinates are
     force : replace files that are there
     progress : receives progress reports
 
     Raises
     ------
-    FemtuneError : ``init.exists``, ``init.no-modes``, ``run.unwritable``, and errors in deck and test
+    FemtuneError : ``init.exists``, ``init.no-modes``, ``init.option``, ``run.unwritable``, and errors in deck and test
 
     Examples
     --------
@@ -55,6 +63,7 @@ def init(
     array([1., 1., 1., 1.])
     """
     # imported here, because `check` does not need the numerical packages
-    from femtune.steps.init.run import init_study  # noqa: PLC0415
+    from femtune.steps.init.run import asked_sensors, init_study  # noqa: PLC0415
 
-    return init_study(Path(deck), Path(test), Path(folder), units_word(units) or None, force, progress)
+    asked = asked_sensors(origin, tolerance, by_id)
+    return init_study(Path(deck), Path(test), Path(folder), units_word(units) or None, asked, force, progress)

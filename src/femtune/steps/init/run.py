@@ -12,13 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from femtune.correlation.guessed_sensors import GuessedSensors, guess_sensors
+from femtune.correlation.guessed_sensors import AskedSensors, GuessedSensors, guess_sensors
+from femtune.correlation.sensor_map import map_sensors
 from femtune.correlation.suspension import with_suspension
 from femtune.correlation.unit_factor import unit_factor
+from femtune.document.figures.sensors import TestPoint, test_points_svg
+from femtune.document.figures.shapes import Wireframe
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, FemtuneErrors, Where
 from femtune.fem.checks import mass_properties
 from femtune.files.deviations import with_deviations
+from femtune.files.shape_table import is_shape_table, read_shape_table
 from femtune.files.study_file import Given, frozen, study_from_data
 from femtune.files.study_file.source import StudyLines
 from femtune.files.uff import read_uff
@@ -33,15 +37,21 @@ from femtune.steps.init.proposed_parameters import FREQUENCY_SD, SHAPE_SD, Field
 from femtune.steps.init.written import StudyText
 from femtune.steps.result import StepResult
 from femtune.steps.run_folder import check_writable, unwritable
+from femtune.study.cases import sensor_tolerance
 from femtune.study.described import model_of_deck
+from femtune.study.drawn_mesh import RIGID, thinned, whole_mesh
+from femtune.study.exchanged_axes import mean_mac
 from femtune.study.inputs import Input, check_outputs
 from femtune.study.measured import BEYOND_TEST
 from femtune.study.progress import silent
 from femtune.study.record import Record
 from femtune.study.rows import Rows, rows_of
+from femtune.study.sensor_hints import named_length
 from femtune.study.solved import nominal, solve
 from femtune.study.study import load_study
 from femtune.testdata import convert_units
+from femtune.testdata.checks import real_modes
+from femtune.testdata.convert import place, scaled_coordinates
 from femtune.units import SI, unit_system
 
 if TYPE_CHECKING:
@@ -49,6 +59,7 @@ if TYPE_CHECKING:
     from femtune.correlation import Pairing
     from femtune.files.study_file import StudyFile
     from femtune.model import EigenSolution
+    from femtune.study.cases import StudyCase
     from femtune.study.described import Model
     from femtune.study.progress import Progress
     from femtune.study.study import Study
@@ -56,9 +67,10 @@ if TYPE_CHECKING:
     from femtune.units import UnitSystem
 
 STUDY_FILE = "study.toml"
+PICTURE_FILE = "sensors.svg"
+"""Picture of the test points on the mesh."""
 IDENTIFY_FILE = "identify.toml"
 IDENTIFIED_FOLDER = "identified"
-"""Suffixes of Universal Files."""
 _MOST_GRIDS = 60
 """Grid points at which shapes are taken as measured if no sensor could be assigned.
 
@@ -66,6 +78,11 @@ They must be enough to distinguish the lowest modes, and few enough for a quick 
 """
 _MOST_UNPROPOSED = 15
 """Candidates that are not proposed and still listed one by one, so that the study stays short."""
+
+
+_LEAST_MAC, _BETTER_BY = 0.6, 0.1
+"""Mean MAC from which mode shapes decide where the test points are, and by how much it must be larger than with the
+others. Noise and errors of the model change a mean over several modes by less."""
 
 
 class ProposedParameter(Record):
@@ -123,6 +140,8 @@ class FirstStudy(Record):
     """The proposed parameters in the order of selection, and then the others that were compared."""
     doubts: tuple[str, ...]
     """What should be checked before the study is run."""
+    picture: str = ""
+    """The picture of the test points on the mesh; "" if there is none."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,6 +167,7 @@ class InitResult(StepResult):
         """What was found, line by line."""
         record = self.record
         said = [*self._sentences()[:1], f"  units: {'; '.join(record.unit_reasons)}", f"  sensors: {record.sensors}"]
+        said += [f"  picture: {record.picture}"] if record.picture else []
         said += [f"  supports: {record.supports}", f"  modes: {record.agreement}"]
         for p in record.parameters:
             if p.proposed:
@@ -168,8 +188,25 @@ class InitResult(StepResult):
         return self.parameters
 
 
+def asked_sensors(origin: Sequence[float] | None, tolerance: float | None, by_id: bool) -> AskedSensors:
+    """What the user states of the sensors (error ``init.option``)."""
+    if tolerance is not None and not 0.0 < tolerance < np.inf:
+        raise FemtuneError("init.option", name="tolerance", value=tolerance, expected="a positive length")
+    if origin is None:
+        return AskedSensors(None, tolerance, by_id)
+    if len(origin) != 3 or not np.isfinite(np.asarray(origin, float)).all():
+        raise FemtuneError("init.option", name="origin", value=list(origin), expected="three numbers")
+    return AskedSensors((float(origin[0]), float(origin[1]), float(origin[2])), tolerance, by_id)
+
+
 def init_study(
-    deck: Path, test: Path, folder: Path, units: str | None, force: bool, progress: Progress = silent
+    deck: Path,
+    test: Path,
+    folder: Path,
+    units: str | None,
+    asked: AskedSensors,
+    force: bool,
+    progress: Progress = silent,
 ) -> InitResult:
     """Write a first study into a folder.
 
@@ -182,19 +219,22 @@ def init_study(
     progress.step("reading the deck", 0, None)
     model = model_of_deck(deck, units, ())
     inputs = [*(Input(Path(name), Where(name), "deck") for name in model.built.files), _test_input(test)]
-    check_outputs(inputs, [folder / STUDY_FILE])
+    check_outputs(inputs, [folder / STUDY_FILE, folder / PICTURE_FILE])
     check_writable(folder)
     progress.step("reading the test", 0, None)
     measured = _measured(test, folder, force, units, inputs, progress)
-    draft = _Draft(model, deck, measured, folder, units)
+    draft = _Draft(model, deck, measured, folder, units, asked)
     draft.guess()
     draft.compare(progress)
     text = draft.text()
-    path = folder / STUDY_FILE
+    path, picture = folder / STUDY_FILE, draft.picture()
     try:
         write_whole(path, text.encode())
+        if picture:
+            write_whole(folder / PICTURE_FILE, picture.encode())
     except OSError as error:
         raise unwritable(folder, error) from error
+    draft.drawn = picture != ""
     return InitResult(path, draft.record(path))
 
 
@@ -233,6 +273,8 @@ class _Measured:
 def _measured(
     path: Path, folder: Path, force: bool, units: str | None, inputs: Sequence[Input], progress: Progress
 ) -> _Measured:
+    if is_shape_table(path):
+        return _Measured(read_shape_table(path, SI), path, None, f"the modes of {path.name}")
     if names_universal(path):
         test, stated = _read(path)
         if test.modes is not None:
@@ -330,6 +372,7 @@ class _Draft:
     measured: _Measured
     folder: Path
     stated: str | None
+    asked: AskedSensors
     units: GuessedUnits | None = None
     sensors: GuessedSensors | None = None
     pairing: Pairing | None = None
@@ -342,6 +385,7 @@ class _Draft:
     mass: float = 0.0
     errors: tuple[str, ...] = ()
     range: str = ""
+    drawn: bool = False
 
     def guess(self) -> None:
         """Units and sensors."""
@@ -351,9 +395,20 @@ class _Draft:
         if self.stated is not None:
             guessed = replace(guessed, units=unit_system(self.stated), reasons=("as stated",), doubts=())
         self.units = guessed
-        test = _in_units(measured.test, guessed)
-        numbers, points = _points(test)
-        self.sensors = guess_sensors(structure, numbers, points)
+        numbers, points = _points(_in_units(measured.test, guessed))
+        found = guess_sensors(structure, numbers, points, self.asked)
+        if found.factor != 1.0 and guessed.of_test is not None and (unit := self._unit_of(found.factor)):
+            # the file states no unit: the one that puts the points onto the mesh
+            self.units = replace(guessed, of_test=unit_system(unit))
+            numbers, points = _points(_in_units(measured.test, self.units))
+            found = guess_sensors(structure, numbers, points, self.asked)
+        self.sensors = found
+
+    def _unit_of(self, factor: float) -> str:
+        """The system whose unit of length is that of the test, where its coordinates need a factor; "" if none is."""
+        assert self.units is not None
+        assert self.units.of_test is not None
+        return named_length(factor * self.units.of_test.length)
 
     def compare(self, progress: Progress) -> None:
         """Modes of the model as the deck has it, beside those of the test; the parameters ranked."""
@@ -370,6 +425,9 @@ class _Draft:
         solution = solve(study, case, nominal(study))
         self.solved_hz = float(np.max(solution.freq_hz, initial=0.0))
         self.rigid = int(is_rigid(solution)[: solution.wanted].sum())
+        if self._decided_by_shapes(case, solution):
+            study = load_study(self._file(fields, True), progress)
+            case = study.cases[0]
         self._describe(study)
         if case.compared is not None and len(case.compared.test):
             model_modes = modes_at_sensors(case.compared, solution)
@@ -384,6 +442,60 @@ class _Draft:
                 found, self.skipped = ranked(fields, study.parameters, own, solution)
                 self.proposed = tuple(found)
         solution.forget_factors()
+
+    def _decided_by_shapes(self, case: StudyCase, solution: EigenSolution) -> bool:
+        """Whether mode shapes decide for another one of the motions that put the test points onto the mesh equally
+        well."""
+        assert self.sensors is not None
+        every = (self.sensors, *self.sensors.others)
+        if len(every) == 1 or case.compared is None or not len(case.compared.test):
+            return False
+        values = np.array([self._likeness(one, case, solution) for one in every])
+        best = int(np.argmax(values))
+        if values[best] < _LEAST_MAC:
+            return False
+        near = np.flatnonzero(values >= values[best] - _BETTER_BY)
+        first = every[near[0]]
+        if len(near) == 1:
+            other = np.delete(values, best).max()
+            words = (
+                f"{first.words}; of {len(every)} motions that put the test points onto the mesh this one fits the mode "
+                f"shapes best (mean MAC {values[best]:.2f}, the next {other:.2f})"
+            )
+            self.sensors = replace(first, words=words)
+        else:
+            several = (
+                f"{len(near)} motions put the test points onto the mesh equally well, and the mode shapes do not "
+                "decide between them (the structure is symmetric, or the motions differ by few elements); if this is "
+                "the wrong one, state rotation and origin of [test]"
+            )
+            self.sensors = replace(first, several=several)
+        return bool(near[0] != 0)
+
+    def _likeness(self, one: GuessedSensors, case: StudyCase, solution: EigenSolution) -> float:
+        """Mean MAC of the test modes with modes of the model, with the test points where a guess puts them."""
+        assert self.units is not None
+        assert case.compared is not None
+        test = scaled_coordinates(_in_units(self.measured.test, self.units), one.factor)
+        rotation, origin = one.test.get("rotation", np.eye(3)), one.test.get("origin", np.zeros(3))
+        test = place(test, rotation, origin, allow_mirrored=True)
+        assert test.modes is not None
+        structure = case.configured.model.structure
+        try:
+            found = map_sensors(
+                replace(test, modes=real_modes(test.modes).modes, frfs=None),
+                structure,
+                tolerance=one.sensors.get("tolerance") or sensor_tolerance(self._file((), False), structure),
+                leave_out=one.sensors.get("leave_out", ()),
+                leave_unmatched=True,
+            )
+        except FemtuneError:
+            return 0.0
+        modes = real_modes(test.modes).modes.select_dofs(found.dofs)
+        rows = found.matrix @ case.configured.transformation
+        freq = solution.freq_hz[: solution.wanted]
+        apart = np.abs(freq[None] / modes.freq_hz[:, None] - 1.0) > case.compared.rules.frequency_gate
+        return mean_mac(np.real(modes.shapes), np.asarray(rows @ solution.shapes[:, : solution.wanted]), apart)
 
     @property
     def _highest(self) -> float:
@@ -454,7 +566,8 @@ class _Draft:
                 f"only {len(self.pairing.pairs)} of {self._test_modes} test modes are paired: compare the pictures of "
                 "femtune correlate before the update",
             )
-        return (*self.units.doubts, *self.sensors.doubts, *self.notices, *self.errors, *few)
+        several = (self.sensors.several,) if self.sensors.several else ()
+        return (*self.units.doubts, *self.sensors.doubts, *several, *self.notices, *self.errors, *few)
 
     @property
     def _test_modes(self) -> int:
@@ -578,12 +691,46 @@ class _Draft:
         if left:
             text.say(f"and {left} more fields with less effect.", indent="- ")
 
+    def picture(self) -> str:
+        """The test points on the mesh, as SVG; "" without coordinates."""
+        assert self.units is not None
+        assert self.sensors is not None
+        nodes = self.model.structure.nodes
+        if not nodes.has_coordinates or not len(nodes.xyz):
+            return ""
+        numbers, points = _points(_in_units(self.measured.test, self.units))
+        rotation, origin = (
+            np.array(self.sensors.test.get(k, d)) for k, d in (("rotation", np.eye(3)), ("origin", 0.0))
+        )
+        moved = self.sensors.factor * points @ rotation.T + origin
+        shown = [
+            TestPoint(int(n), _place(x), self._grid(int(n), x)) for n, x in zip(numbers, moved) if np.isfinite(x).all()
+        ]
+        mesh = thinned(nodes.xyz, whole_mesh(self.model.structure))
+        if not shown or (not len(mesh.lines) and not len(mesh.faces)):
+            return ""
+        return test_points_svg(Wireframe(nodes.xyz, mesh.lines, mesh.kinds == RIGID, mesh.faces), shown)
+
+    def _grid(self, number: int, place: Reals) -> tuple[float, float, float] | None:
+        """Place of the grid point of a test point; None if it has none."""
+        assert self.sensors is not None
+        nodes, keys = self.model.structure.nodes, self.sensors.sensors
+        if number in keys.get("leave_out", ()) or not self.sensors.found:
+            return None
+        if keys.get("by_id"):
+            return _place(nodes.xyz[nodes.position(number)]) if nodes.has_grid(number) else None
+        return _place(nodes.xyz[int(np.argmin(np.sum((nodes.xyz - place) ** 2, axis=1)))])
+
     def record(self, path: Path) -> FirstStudy:
         """The same as data."""
         assert self.units is not None
         assert self.sensors is not None
         return FirstStudy(
-            files=(str(path), *map(str, self.measured.files)),
+            files=(
+                str(path),
+                *([str(path.parent / PICTURE_FILE)] if self.drawn else []),
+                *map(str, self.measured.files),
+            ),
             units=self.units.units.name,
             unit_reasons=self.units.reasons,
             test_units=None if self.units.of_test is None else self.units.of_test.name,
@@ -596,7 +743,12 @@ class _Draft:
             max_hz=self.max_hz,
             parameters=tuple(map(_recorded, self.proposed)),
             doubts=self.doubts,
+            picture=str(path.parent / PICTURE_FILE) if self.drawn else "",
         )
+
+
+def _place(point: Reals) -> tuple[float, float, float]:
+    return float(point[0]), float(point[1]), float(point[2])
 
 
 def _folded(errors: Sequence[FemtuneError]) -> Iterator[str]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
-from femtune.document.document import Heading, Listing, Paragraph, Table, columns, row, table_or_none
+from femtune.document.document import Figure, Heading, Listing, Paragraph, Table, columns, row, table_or_none
+from femtune.document.figures.sensors import TestPoint, test_points_svg
 from femtune.document.numbers import NONE, counted, listed, percent, short
+from femtune.steps.modes.page.mode_shapes import structure_of
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Cell
@@ -28,6 +31,7 @@ def compared(source: ReportSource) -> list[Block]:
         *_notes(source),
         Heading("Sensors"),
         *(_unmatched(names, s) for names, s in _alike(source)),
+        *(block for names, s in _alike(source) for block in _drawn(source, names, s)),
         *(_matched(names, s, source.results.study.units) for names, s in _alike(source)),
         *([] if source.results.sensors else [Paragraph("The sensors were not matched.")]),
         *(
@@ -115,6 +119,19 @@ def _alike(source: ReportSource) -> list[tuple[str, SensorResults]]:
     for sensors in source.results.sensors:
         groups.setdefault((sensors.tolerance, sensors.matched, sensors.unmatched), []).append(sensors)
     return [(", ".join(s.configuration for s in group), group[0]) for group in groups.values()]
+
+
+def _drawn(source: ReportSource, names: str, sensors: SensorResults) -> list[Block]:
+    """The test points on the structure, each with its grid point; [] without places or mesh."""
+    kept = next((m for m in source.results.mode_shapes if m.configuration == sensors.configuration), None)
+    frame = None if kept is None or kept.reason else structure_of(source, kept)
+    known = {s.test_node: s for s in sensors.matched if s.place is not None and s.grid_place is not None}
+    points = [TestPoint(n, s.place, s.grid_place) for n, s in known.items() if s.place is not None]
+    if frame is None or not points:
+        return []
+    alt = f"{names}: the structure with {counted(len(points), 'test point')}, seen from above and from below"
+    caption = f"{names}: test points at their coordinates, each with a line to its grid point"
+    return [Figure(partial(test_points_svg, frame, points), caption, alt, wide=True)]
 
 
 def _matched(names: str, sensors: SensorResults, units: str) -> Block:

@@ -289,6 +289,11 @@ class MatchedSensor(Record):
     """Between the two, in the study's unit of length; None if matched without coordinates."""
     how: str
     """How it was matched: "nearest", "by id", "given" or "combination"."""
+    place: tuple[float, float, float] | None = None
+    """Place of the sensor in the basic coordinate system, in the study's unit of length; None without coordinates, and
+    in older results."""
+    grid_place: tuple[float, float, float] | None = None
+    """Place of the grid point; None for a combination or without coordinates, and in older results."""
 
 
 class UnmatchedSensor(Record):

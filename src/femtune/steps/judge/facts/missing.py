@@ -11,7 +11,7 @@ import numpy as np
 from femtune.errors import FemtuneError
 from femtune.judge.missing import ScoreTest, p_of_refit, score_test
 from femtune.judge.parts import TESTS_OF_A_FIT
-from femtune.judge.refit import Refit, refitted
+from femtune.judge.refit import Refit, misfit, refitted
 from femtune.judge.regions import mesh_of
 from femtune.judge.whitened import Whitened, prior_blocks, whitened_blocks, whitened_values
 from femtune.judge.widened import widened_end, widened_problem
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from femtune.steps.judge.finished_update import FinishedUpdate
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
+    from femtune.updating.regularisation import SideConstraint
 
 MOST_SHOWN = 8
 """Groups of fields in the record: beyond the first few, the order says little."""
@@ -65,7 +66,7 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
         return MissingResults(reason=f"the model could not be extended by fields as parameters: {error.what}")
     record = _record(result, end)
     if record is None:
-        return MissingResults(reason="no residual has a known distribution, or only FRFs are compared")
+        return MissingResults(reason="no residual has a known distribution")
     rows, columns, bounded = record
     of_factors: list[TestedField | TestedMass] = [*fields, *masses]
     tested: list[Tested] = [*bounded_parameters(result), *of_factors]
@@ -155,7 +156,7 @@ class _Found:
             tested=len(test.order),
             invisible=int(test.invisible.sum()),
             left_out=self.left_out,
-            chi_square=float(2.0 * self.fit.result.objective),
+            chi_square=float(np.sum(misfit(self.end, self._side) ** 2)),
             p_value=float(test.p.min()),
             fields=tuple(self._field(g, refits.get(g[0])) for g in groups[:MOST_SHOWN]),
             corners_key=corners,
@@ -223,13 +224,18 @@ class _Found:
             out[i] = self._refitted_field(field, found)
         return out
 
+    @property
+    def _side(self) -> SideConstraint | None:
+        """The side constraint of the update; one that acts on the change of each iteration does not act at its end."""
+        side = self.fit.result.side
+        return side if side.renewed is None else None
+
     def _refit(self, field: TestedField | TestedMass, most: int) -> Refit:
         result, wide = self.fit.result, self.end.states[0].case.configured.model.parameters
         moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
         direction = np.zeros(len(wide.free))
         direction[len(result.x) + np.array(field.factors)] = 1.0
-        side = None if result.side.renewed is not None else result.side
-        return refitted(self.problem, self.end, side, moving, direction, field.usual, most)
+        return refitted(self.problem, self.end, self._side, moving, direction, field.usual, most)
 
     def _refitted_field(self, field: TestedField | TestedMass, found: Refit) -> RefittedField:
         column = self.columns[:, list(field.factors)].sum(axis=1)

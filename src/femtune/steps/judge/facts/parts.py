@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chdtrc
 
+from femtune.judge.mac_noise import mac_parts
 from femtune.judge.neighbours import neighbour_tests
 from femtune.judge.parts import TESTS_OF_A_FIT, holm, only_prior_contradicts, parts
 from femtune.judge.scales import FEWEST_DEGREES, scales
 from femtune.judge.whitened import whitened
 from femtune.kinds import loaded
+from femtune.residuals.mac import MacResidual
 from femtune.steps.judge.record.parts import (
     NOT_ACCEPTED,
     KindOfErrors,
@@ -47,14 +49,18 @@ def parts_results(study: Study, result: UpdateResult) -> PartsResults | None:
         return None
     side = result.side
     opinion = bool(len(side.held)) or not np.all(np.broadcast_to(side.informative, len(side.target)))
-    found, estimated = _scaled(record, assumed_kinds(study))
-    tested = parts(found, opinion, estimated)
+    found, estimated = scaled_by_residuals(record, assumed_kinds(study))
+    of_macs = mac_parts(result)
+    tested = parts(found, opinion, estimated, of_macs)
+    untested = dict(found.untested)
+    if len(of_macs) == sum(b.kind == MacResidual.label for b in result.after.blocks):
+        untested.pop(MacResidual.label, None)
     return PartsResults(
         parts=tuple(_part(p) for p in tested),
         neighbours=tuple(_neighbour(t, result) for t in neighbour_tests(result.after)),
         kinds=tuple(_kinds(study, record, tested)),
         only_prior=only_prior_contradicts(found, NOT_ACCEPTED),
-        untested=tuple(UntestedKind(kind=k, reason=why) for k, why in found.untested.items()),
+        untested=tuple(UntestedKind(kind=k, reason=why) for k, why in untested.items()),
     )
 
 
@@ -74,16 +80,20 @@ def _label(comparison: Comparison) -> str:
     return str(loaded(comparison.entry.made_by).label)
 
 
-def _scaled(record: Whitened, assumed: frozenset[str]) -> tuple[Whitened, frozenset[str]]:
+def scaled_by_residuals(record: Whitened, assumed: frozenset[str]) -> tuple[Whitened, frozenset[str]]:
     """The record in which kinds of assumed errors have the size that the residuals show, and these kinds."""
-    present = frozenset(record.kinds) & assumed
-    if not present:
-        return record, present
-    every = record.of_all_parameters
-    few = {k: _FEW for k in present if every.degrees(every.of_kind(k))[0] < FEWEST_DEGREES}
-    record = record.without_kinds(few)
-    found = scales(record, [k for k in record.kinds if k not in assumed])
-    return found.weighted, present - few.keys()
+    while True:
+        present = frozenset(record.kinds) & assumed
+        if not present:
+            return record, present
+        every = record.of_all_parameters
+        found = scales(record, [k for k in record.kinds if k not in assumed])
+        few = {k for k in present if every.degrees(every.of_kind(k))[0] < FEWEST_DEGREES}
+        # the weights of the other kinds decide too how much the parameters leave of a kind
+        few |= {k.kind for k in found.kinds if not k.estimated}
+        if not few:
+            return found.weighted, present
+        record = record.without_kinds(dict.fromkeys(few, _FEW))
 
 
 def _part(p: ResidualPart) -> PartRecord:

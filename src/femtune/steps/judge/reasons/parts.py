@@ -50,9 +50,11 @@ def _misfit(found: PartsResults) -> Iterable[ReasonRecord]:
     if part is None:
         return
     code = {"priors": "judge.misfit/prior", "bounds": "judge.misfit/held", "side constraint": "judge.misfit/held"}
+    size = next((k for k in found.kinds if (part.family, part.kind) == ("kinds", k.kind) and k.key), None)
+    fits = {} if size is None or size.fits is None else {"key": size.key, "stated": size.stated, "fits": size.fits}
     yield reason(
-        _weight(part.p_family_wise), code.get(part.family, "judge.misfit"), _place(part), part=part.words,
-        ratio=part.ratio, numbers=part.numbers,
+        _weight(part.p_family_wise), code.get(part.family, "judge.misfit/with-key" if fits else "judge.misfit"),
+        _place(part), part=part.words, ratio=part.ratio, numbers=part.numbers, **fits,
     )  # fmt: skip
 
 
