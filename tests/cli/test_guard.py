@@ -20,7 +20,7 @@ from femtune.cli import running
 from femtune.cli.guard import CRASH_FILE, coloured
 from femtune.errors import FemtuneError, FemtuneErrors, Notice, Where
 from femtune.steps import all_steps
-from femtune.steps.problem import Failure
+from femtune.steps.problem import CommandFailure
 from femtune.steps.step import JSON
 
 Invoke = Callable[..., Result]
@@ -265,5 +265,5 @@ def test_every_command_that_prints_json_prints_its_errors_so(invoke: Invoke, tmp
 def test_the_guide_shows_all_fields_of_a_failure() -> None:
     guide = (Path(__file__).resolve().parents[2] / "docs/guide/index.md").read_text(encoding="utf-8")
     shown = json.loads(guide.partition("```json\n")[2].partition("```")[0])
-    assert Failure.model_validate(shown["error"]).model_dump() == {**shown["error"], "notes": (), "problems": ()}
-    assert list(shown["error"]) == list(Failure.model_fields)
+    assert CommandFailure.model_validate(shown["error"]).model_dump() == {**shown["error"], "notes": (), "problems": ()}
+    assert list(shown["error"]) == list(CommandFailure.model_fields)

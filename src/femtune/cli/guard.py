@@ -128,10 +128,10 @@ def _as_json(ctx: click.Context, error: FemtuneError | str, exit_code: int) -> N
     if not ctx.find_root().meta[_JSON_KEY]:
         return
     # help does without records
-    from femtune.steps.problem import Failure, failure_of  # noqa: PLC0415
+    from femtune.steps.problem import CommandFailure, failure_of  # noqa: PLC0415
 
     if isinstance(error, str):
-        failure = Failure(exit_code=exit_code, code="", message=printable(error))
+        failure = CommandFailure(exit_code=exit_code, code="", message=printable(error))
     else:
         failure = failure_of(error, exit_code)
     click.echo(json.dumps({"error": failure.model_dump()}, indent=1))

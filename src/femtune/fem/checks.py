@@ -26,11 +26,6 @@ _LEAST_FORCE_SCALE = 1e-4
 Entries that cancel when elements are added leave rounding errors of the size of the diagonal. Without this lower limit
 a row of such remainders would be compared with itself.
 """
-SAME_MASS = 1e-9
-"""Relative difference of the masses in two directions up to which they are equal.
-
-Well above the rounding of a sum over all grid points, and below any scalar mass that matters.
-"""
 
 
 def rigid_body_modes(nodes: NodeTable, about: Reals | None = None) -> Reals:
@@ -68,11 +63,6 @@ class MassProperties:
     inertia: Reals
     central_inertia: Reals
     matrix: Reals
-
-    @property
-    def is_directional(self) -> bool:
-        """True where the structure's mass depends on the direction."""
-        return bool(np.ptp(self.directional_mass) > SAME_MASS * np.abs(self.directional_mass).max(initial=0.0))
 
 
 def mass_properties(nodes: NodeTable, mass: sp.csr_array, about: Reals | None = None) -> MassProperties:

@@ -143,7 +143,16 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
     phases = quadrature_notices(leading_shapes(fit), whole.responses.labels())
     notices = (*left, *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
     return IdentifiedModes(
-        as_modes(fit, asked.real), system, table, candidates, fit, of_system, quality, whole, notices, remarks
+        modes=as_modes(fit, asked.real),
+        system=system,
+        table=table,
+        candidates=candidates,
+        fit=fit,
+        system_fit=of_system,
+        quality=quality,
+        measured=whole,
+        notices=notices,
+        remarks=remarks,
     )
 
 

@@ -215,8 +215,16 @@ def _mode(
     macs = np.array([np.nan if j is None else j[1] for j in at])
     linear = None if np.isnan(of_freq.largest) else not (of_freq.beyond or of_damping.beyond)
     return ModeAtLevels(
-        levels[0].modes.labels[i], freq, freq_sd, damping, damping_sd, macs, of_freq, of_damping, linear
-    )  # fmt: skip
+        label=levels[0].modes.labels[i],
+        freq_hz=freq,
+        freq_sd_hz=freq_sd,
+        damping_ratio=damping,
+        damping_sd=damping_sd,
+        mac=macs,
+        frequency=of_freq,
+        damping=of_damping,
+        linear=linear,
+    )
 
 
 def _value(values: NDArray | None, j: int) -> float:

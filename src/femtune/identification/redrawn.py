@@ -342,7 +342,18 @@ def _end_steps(columns: Complexes, system: SystemFit, weights: Reals) -> _EndSte
     rows = (root * across).reshape(across.shape[0] * across.shape[1], d)
     turns = np.linalg.pinv(rows, rcond=_TURN_RANK) if d else rows.T
     turns = turns * np.repeat(root.ravel(), across.shape[1])
-    return _EndSteps(columns, Q, U, back, turns, by_turns, directions, shapes, ends, scale)
+    return _EndSteps(
+        columns=columns,
+        Q=Q,
+        U=U,
+        back=back,
+        turns=turns,
+        by_turns=by_turns,
+        directions=directions,
+        shapes=shapes,
+        participations=ends,
+        scale=scale,
+    )
 
 
 def _columns(Z: Complexes) -> Reals:

@@ -51,27 +51,6 @@ class AxisPoint:
         return self.true - self.linear > CURVED or self.true < FLAT * self.linear
 
 
-@dataclass(frozen=True)
-class ValleyLinearity:
-    """True beside linear χ² along the principal axes.
-
-    Parameters
-    ----------
-    axes : (a, k) changes of the parameters by one standard deviation, in units of their prior standard deviations
-    points : two for each axis, fewer where bounds leave no room
-    left : principal axes that were not evaluated, since the limit of evaluations was reached
-    """
-
-    axes: Reals
-    points: tuple[AxisPoint, ...]
-    left: int = 0
-
-    @property
-    def curved(self) -> tuple[AxisPoint, ...]:
-        """Points at which the linear residuals do not hold."""
-        return tuple(p for p in self.points if p.curved)
-
-
 def principal_axes(rows: Reals, spread: Reals, moving: Flags) -> Reals:
     """(a, k) changes of x by one standard deviation along the principal axes of the covariance, the widest first.
 

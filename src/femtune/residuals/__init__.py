@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from femtune.residuals.poles import ComplexEigenvalueResidual, DampingResidual
     from femtune.residuals.problem import Evaluation, Scatter, UpdateProblem
     from femtune.residuals.shape import ShapeResidual, StrainResidual
-    from femtune.residuals.state import paired_count, state_at
+    from femtune.residuals.state import state_at
     from femtune.residuals.static import DisplacementResidual, ForceResidual, StaticTest
     from femtune.residuals.weights import ResidualBlock, Weights
 else:
@@ -90,7 +90,6 @@ __all__ = [
     "measured_antiresonances",
     "modes_at_sensors",
     "pair_case",
-    "paired_count",
     "places_of",
     "solve_case",
     "state_at",

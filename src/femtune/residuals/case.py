@@ -107,9 +107,18 @@ class Residual(ABC):
     ) -> ResidualBlock:
         """A block of this kind; see `ResidualBlock`."""
         return ResidualBlock(
-            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal,
-            common,
-        )  # fmt: skip
+            kind=self.label,
+            configuration=configuration,
+            mode=mode,
+            values=values,
+            jacobian=jacobian,
+            sd=sd,
+            of_mode=self.of_modes,
+            lost=lost,
+            covariance=covariance,
+            not_normal=self.not_normal,
+            common=common,
+        )
 
     def weighted(
         self, configuration: str, mode: str, errors: Reals, jacobian: Reals, weights: Weights, size: float = 1.0
@@ -298,4 +307,14 @@ class CaseState:
                 value, slope = float(aligned.eigenvalues[a]), aligned.eigenvalue_gradients[a]
                 shape, gradient = aligned.shapes[:, a], aligned.shape_gradients[:, a]
                 turned = len(group[1]) - 1 - a
-                yield PairedMode(self.case, i, value, slope, shape, gradient, turned, self, tuple(group[1]))
+                yield PairedMode(
+                    case=self.case,
+                    position=i,
+                    eigenvalue=value,
+                    eigenvalue_gradient=slope,
+                    shape=shape,
+                    shape_gradient=gradient,
+                    turned=turned,
+                    state=self,
+                    members=tuple(group[1]),
+                )

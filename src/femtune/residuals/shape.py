@@ -101,14 +101,6 @@ def placement_covariance(
     return placement.covariance(case.configured.transformation @ (shapes @ mixture))
 
 
-def shape_difference(
-    shape: Reals, gradient: Reals, test: Reals, sd: float, scaling: ShapeScaling = "unit-norm"
-) -> tuple[Reals, Reals]:
-    """(φ − φ_e)/σ over the measured entries, both shapes scaled in the same way; see `scaled_difference`."""
-    values, jacobian, _ = scaled_difference(shape, gradient, test, scaling)
-    return values / sd, jacobian / sd
-
-
 _FROM_THE_SHAPE = ("unit-norm", "scale-factor")
 """Scales that follow from all entries of the shape: one combination of the differences is zero whatever the noise."""
 

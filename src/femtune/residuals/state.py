@@ -43,11 +43,6 @@ def followed(state: CaseState, x: NDArray) -> CaseState:
     return CaseState(there.case, there.point, groups, there.solution)
 
 
-def paired_count(states: Sequence[CaseState]) -> int:
-    """Number of paired test modes."""
-    return sum(len(tests) for s in states for tests, _ in s.groups)
-
-
 # ----------------------------------------------------------------------------------------------------
 # Cases on reduced models: the same comparison, its modes from a dense model of low order.
 

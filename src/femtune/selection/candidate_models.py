@@ -141,9 +141,17 @@ def rank_candidates(
     places = np.array([fit.place for fit in fits])
     distances = np.sqrt(np.mean((places[:, None] - places[None]) ** 2, axis=2))
     return CandidateRanking(
-        size, comparable, bic, _weights(-0.5 * bic), evidence, _weights(evidence), limit, admissible, distances,
-        _clusters(distances, admissible, chi2, cluster_distance),
-    )  # fmt: skip
+        size=size,
+        comparable=comparable,
+        bic=bic,
+        bic_weights=_weights(-0.5 * bic),
+        log_evidence=evidence,
+        probabilities=_weights(evidence),
+        limit=limit,
+        admissible=admissible,
+        distances=distances,
+        clusters=_clusters(distances, admissible, chi2, cluster_distance),
+    )
 
 
 def _log_evidence(fit: CandidateFit, size: float) -> float:

@@ -108,9 +108,16 @@ def identifiability(jacobian: Reals, prior_sd: Reals, names: tuple[str, ...], si
         Combination(_signed(vt[i]), float(s[i]), float(ratio[i])) for i in range(k) if ratio[i] > WEAK and not null[i]
     ]
     return Identifiability(
-        names, S, s, int((~null).sum()), tuple(undetermined), tuple(weak), sd,
-        covariance / np.outer(sd, sd), np.linalg.norm(S, axis=0),
-    )  # fmt: skip
+        names=names,
+        scaled_jacobian=S,
+        singular_values=s,
+        rank=int((~null).sum()),
+        undetermined=tuple(undetermined),
+        weak=tuple(weak),
+        reduction=sd,
+        correlation=covariance / np.outer(sd, sd),
+        sensitivity=np.linalg.norm(S, axis=0),
+    )
 
 
 def estimated_size(jacobian: Reals, r: Reals, lost: int) -> float:

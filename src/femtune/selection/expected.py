@@ -165,7 +165,17 @@ def expected_knowledge(
     together, alone = (np.where(prior_sd > 0.0, x, 0.0) * prior_sd for x in (np.where(open_, np.inf, sd), alone))
     correlation = covariance / np.outer(safe, safe)
     own = noise if measured else None
-    return ExpectedKnowledge(names, prior_sd, together, alone, correlation, null, measured, misfit, own)
+    return ExpectedKnowledge(
+        names=names,
+        prior_sd=prior_sd,
+        together=together,
+        alone=alone,
+        correlation=correlation,
+        null=null,
+        measured=measured,
+        misfit=misfit,
+        noise=own,
+    )
 
 
 def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:

@@ -48,12 +48,6 @@ class Information:
         """Names of the parameters that the data determine if all others are unknown."""
         return tuple(n for n, sd in zip(self.names, self.together) if sd <= KNOWN)
 
-    @property
-    def inflation(self) -> Reals:
-        """(k,) increase of the standard deviation because the others are unknown; NaN without effect."""
-        with np.errstate(invalid="ignore"):
-            return np.asarray(self.together / self.alone)
-
 
 def fisher_information(S: Reals, names: tuple[str, ...]) -> Information:
     """Computed from the scaled Jacobian S (n, k)."""

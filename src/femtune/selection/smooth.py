@@ -140,7 +140,17 @@ def line_smoothness(
         verdict = "rough"
     elif len(minima) > 1:
         verdict = "several minima"
-    return Smoothness(name, verdict, holds, where, minima, x, pairs[:, 0], pairs[:, 1], failed)
+    return Smoothness(
+        name=name,
+        verdict=verdict,
+        holds=holds,
+        where=where,
+        minima=minima,
+        x=x,
+        misfit=pairs[:, 0],
+        slope=pairs[:, 1],
+        failed=failed,
+    )
 
 
 class _Line:

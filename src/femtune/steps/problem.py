@@ -29,7 +29,7 @@ class FoundProblem(Record):
     """The smallest fix; "" if none is known."""
 
 
-class Failure(Record):
+class CommandFailure(Record):
     """Why a command has failed."""
 
     exit_code: int
@@ -72,13 +72,13 @@ def problem_of_notice(notice: Notice) -> FoundProblem:
     )  # fmt: skip
 
 
-def failure_of(error: FemtuneError, exit_code: int) -> Failure:
+def failure_of(error: FemtuneError, exit_code: int) -> CommandFailure:
     """What a command that ends with an error has to say; of several errors the place of the first one."""
     problems = error.errors if isinstance(error, FemtuneErrors) else ()
     first = problems[0] if problems else error
     where = first.where or Where()
     notes = dict.fromkeys((*map(str, error.notices), *getattr(error, "__notes__", ())))
-    return Failure(
+    return CommandFailure(
         exit_code=exit_code, code=error.code, message=printable(error.what), file=printable(where.file),
         line=where.line, record=printable(where.record), values=_texts(first), hint=printable(first.hint),
         notes=tuple(map(printable, notes)), problems=tuple(map(problem_of_error, problems)),

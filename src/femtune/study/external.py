@@ -476,10 +476,22 @@ def _solver(file: StudyFile, overrides: ConfigurationSolver, inputs: InputFiles)
     entry = FromSolver(file).solver.model_copy(update={k: v for k, v in overrides if v is not None and k != "deck"})
     checks = Checks(file.modes.count or 1, entry.mass, entry.mass_tolerance)
     solver = ExternalSolver(
-        entry.command, inputs, ResultFile(entry.result, entry.format), file.output_folder / RUNS_FOLDER, checks,
-        entry.timeout_s, entry.retries, entry.error_texts, entry.licence_texts, entry.licence_wait_s,
-        entry.licence_tries, tuple(sorted(entry.environment.items())), entry.version, entry.keep, entry.keep_most,
-    )  # fmt: skip
+        command=entry.command,
+        inputs=inputs,
+        result=ResultFile(entry.result, entry.format),
+        folder=file.output_folder / RUNS_FOLDER,
+        checks=checks,
+        timeout_s=entry.timeout_s,
+        retries=entry.retries,
+        error_texts=entry.error_texts,
+        licence_texts=entry.licence_texts,
+        licence_wait_s=entry.licence_wait_s,
+        licence_tries=entry.licence_tries,
+        environment=tuple(sorted(entry.environment.items())),
+        version=entry.version,
+        keep=entry.keep,
+        keep_most=entry.keep_most,
+    )
     place: tuple[str | int, ...] = ("solver", "command")
     if overrides.command is not None:
         known = [("configuration", i, c.solver) for i, c in enumerate(file.configurations)]

@@ -157,7 +157,18 @@ def _parameter(target: Target, built: BuiltModel) -> Parameter:
     if not entry.absolute:
         _check_factors(target, built, nominal, (lower, upper))
     positive = bool(target.refs) and all(field_nature(ref).positive for ref in target.refs)
-    return Parameter(entry.name, nominal, lower, upper, entry.unit, entry.mean, entry.sd, None, where, positive)
+    return Parameter(
+        name=entry.name,
+        nominal=nominal,
+        lower=lower,
+        upper=upper,
+        unit=entry.unit,
+        prior_mean=entry.mean,
+        prior_sd=entry.sd,
+        tie=None,
+        where=where,
+        positive=positive,
+    )
 
 
 LARGEST_FACTOR = 1e4

@@ -114,8 +114,16 @@ def response_request(study: Study, case: StudyCase, table: ResponseTable) -> Res
     measured = None if compared is None else _measured(case, compared, outputs, inputs)
     notices = tuple(dict.fromkeys((*about_inputs, *about_outputs, *about_lines)))
     return ResponseRequest(
-        case, table, outputs, inputs, ports, freq_hz, modal_damping(study, table), measured, notices
-    )  # fmt: skip
+        case=case,
+        table=table,
+        outputs=outputs,
+        inputs=inputs,
+        ports=ports,
+        freq_hz=freq_hz,
+        damping=modal_damping(study, table),
+        measured=measured,
+        notices=notices,
+    )
 
 
 def modal_damping(study: Study, table: ResponseTable) -> ModalDamping | None:

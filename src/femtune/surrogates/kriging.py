@@ -207,18 +207,18 @@ class RestrictedLikelihood:
         )
         each = np.diag(P)
         fit = KrigedResponse(
-            self.rules,
-            self.u,
-            lengths,
-            noise,
-            variance,
-            solve_triangular(T, Q.T @ y),
-            weights,
-            L,
-            T,
-            weights / each,
-            np.sqrt(variance / each),
-            float(likelihood),
+            rules=self.rules,
+            runs=self.u,
+            lengths=lengths,
+            noise=noise,
+            variance=variance,
+            trend=solve_triangular(T, Q.T @ y),
+            weights=weights,
+            factor=L,
+            trend_factor=T,
+            errors=weights / each,
+            error_sd=np.sqrt(variance / each),
+            log_likelihood=float(likelihood),
         )
         return fit, P
 

@@ -194,7 +194,18 @@ def fit_surrogate(
     values = np.log(y) if rules.logarithms else y
     spread = values.std(axis=0)
     scale = np.where(spread > 0.0, spread, 1.0)
-    empty = Surrogate(names, called, x, y, lower, upper, rules, (), values.mean(axis=0), scale)
+    empty = Surrogate(
+        parameters=names,
+        responses=called,
+        x=x,
+        y=y,
+        lower=lower,
+        upper=upper,
+        rules=rules,
+        fits=(),
+        centre=values.mean(axis=0),
+        scale=scale,
+    )
     return replace(empty, fits=rules.fits(empty._runs, empty._scaled))
 
 

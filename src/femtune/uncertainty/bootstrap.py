@@ -617,9 +617,17 @@ def _trouble(found: BootstrapResult) -> list[str]:
 def bootstrap_result(work: Bootstrap, runs: Sequence[BootstrapRun], check: Sequence[BootstrapRun]) -> BootstrapResult:
     """The statistics of runs (error ``bootstrap.no-runs`` where fewer than three converged)."""
     result = BootstrapResult(
-        work.problem.parameters, work.rules, work.at.x, work.moving, tuple(runs), tuple(check), work.groups,
-        work.linear_covariance, work.fisher_covariance, bool(work.identified),
-    )  # fmt: skip
+        parameters=work.problem.parameters,
+        rules=work.rules,
+        at=work.at.x,
+        moving=work.moving,
+        runs=tuple(runs),
+        check=tuple(check),
+        groups=work.groups,
+        linear_covariance=work.linear_covariance,
+        fisher_covariance=work.fisher_covariance,
+        identified=bool(work.identified),
+    )
     if len(result.samples) < _FEWEST_LINES:
         reason = next((r.problem for r in runs if r.problem), "the steps did not become small")
         raise FemtuneError("bootstrap.no-runs", converged=len(result.samples), runs=len(runs), reason=reason)

@@ -90,11 +90,16 @@ def interval_bounds(outputs: Outputs, lower: Reals, upper: Reals, signs: Reals |
     m = len(points[0].z)
     low, high = ends[:m], ends[m:]
     return Bounds(
-        np.array([p.z[j] for p, j, _ in low]), np.array([p.z[j] for p, j, _ in high]),
-        np.array([p.theta for p, *_ in low]), np.array([p.theta for p, *_ in high]),
-        np.array([p.slopes[j] for p, j, _ in low]), np.array([p.slopes[j] for p, j, _ in high]),
-        (lower, upper), proven, counted.solutions,
-    )  # fmt: skip
+        lower=np.array([p.z[j] for p, j, _ in low]),
+        upper=np.array([p.z[j] for p, j, _ in high]),
+        at_lower=np.array([p.theta for p, *_ in low]),
+        at_upper=np.array([p.theta for p, *_ in high]),
+        lower_slopes=np.array([p.slopes[j] for p, j, _ in low]),
+        upper_slopes=np.array([p.slopes[j] for p, j, _ in high]),
+        box=(lower, upper),
+        proven=proven,
+        solutions=counted.solutions,
+    )
 
 
 def _corners(counted: Counted, lower: Reals, upper: Reals, signs: Reals) -> list[_Point]:

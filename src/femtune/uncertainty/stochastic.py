@@ -630,9 +630,20 @@ def stochastic_update(
     G = counted.linearised(moments.mean)[1] if moments.G is None else moments.G
     covariance = moments.covariance if measured.noise is None else _definite(moments.covariance, start_sd)
     return StochasticResult(
-        tuple(names), moments.mean, covariance, start, start_sd, measured, moments.T, G, moments.steps,
-        moments.solutions, moments.status, rules, unexplained(G, measured),
-    )  # fmt: skip
+        names=tuple(names),
+        mean=moments.mean,
+        covariance=covariance,
+        start=start,
+        start_sd=start_sd,
+        measured=measured,
+        T=moments.T,
+        G=G,
+        steps=moments.steps,
+        solutions=moments.solutions,
+        status=moments.status,
+        rules=rules,
+        unexplained=unexplained(G, measured),
+    )
 
 
 def _definite(covariance: Reals, scale: Reals) -> Reals:

@@ -25,7 +25,6 @@ from femtune.fem.elements.solids.shape import (
     SolidPoints,
     SolidShape,
     eight_points,
-    four_points,
     gauss_jacobi,
     hexahedron_points,
     pentahedron_points,
@@ -147,12 +146,6 @@ def test_integration_is_exact_for_its_monomials(kind: str) -> None:
 def test_integration_is_no_better_than_it_says(kind: str) -> None:
     beyond = {"hexa20": (6, 0, 0), "penta15": (5, 0, 0), "tetra10": (6, 0, 0), "pyram13": (6, 0, 0)}
     assert error(kind, RULES[kind], beyond[kind]) > 1e-6
-
-
-def test_four_points_of_a_tetrahedron_are_of_degree_two() -> None:
-    for powers in (p for p in product(range(3), repeat=3) if sum(p) <= 2):
-        assert error("tetra10", four_points(), powers) < 1e-15
-    assert error("tetra10", four_points(), (3, 0, 0)) > 1e-5
 
 
 def test_eight_points_of_a_tetrahedron_are_of_degree_three() -> None:

@@ -161,7 +161,7 @@ ENDDATA"""
     assert (case.title, case.subtitle) == ("One, two,", "below")
     assert case.sets[5].expand() == (1, 2, 10, 11, 12)
     assert (case.subcases, case.used) == ((7, 8), 7)
-    assert case.other_counts == {"OUTPUT": 1, "SET": 1, "SPC": 1, "DISP": 1}
+    assert Counter(command.name for command in case.others) == {"OUTPUT": 1, "SET": 1, "SPC": 1, "DISP": 1}
     assert [notice.code for notice in case.notices] == ["deck.several-subcases"]
 
 

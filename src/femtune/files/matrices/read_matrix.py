@@ -218,10 +218,6 @@ class ReadMatrix:
         """n."""
         return int(self.upper.shape[0])
 
-    def row_name(self, i: int) -> str:
-        """A row in words: node and component, or its number from 1."""
-        return row_label(self.rows, i)
-
 
 def matrix_from(entries: Entries, name: str, where: Where, held: Integers | None = None) -> ReadMatrix:
     """The symmetric matrix of the entries; one triangle stands for both.

@@ -6,7 +6,6 @@ Commands of a subcase take precedence over those above all subcases, and those o
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -103,11 +102,6 @@ class CaseControl:
     def of_superelement(self, number: int) -> CaseControl:
         """Selections of the first subcase of a superelement, or else of the used subcase."""
         return next((case for numbers, case in self.of_superelements if number in numbers), self)
-
-    @property
-    def other_counts(self) -> dict[str, int]:
-        """Number of occurrences of each command that is not interpreted."""
-        return dict(Counter(command.name for command in self.others))
 
 
 def read_case_control(lines: Sequence[SourceLine], method_is_modal: bool = True) -> CaseControl:

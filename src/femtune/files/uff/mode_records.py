@@ -127,7 +127,17 @@ def _record(data_set: DataSet) -> ModeRecord:
         mass = 0.0  # a modal mass of 1 scales displacements, not these values
     lines, where = _id_lines(data_set), data_set.where()
     shape = values.conj() if conjugate else values
-    return ModeRecord(mode_number, freq_hz, damping, mass, lines, nodes, shape, where, conjugate)
+    return ModeRecord(
+        number=mode_number,
+        freq_hz=freq_hz,
+        damping_ratio=damping,
+        modal_mass=mass,
+        id_lines=lines,
+        nodes=nodes,
+        values=shape,
+        where=where,
+        conjugate=conjugate,
+    )
 
 
 Modal = tuple[float, float, float]

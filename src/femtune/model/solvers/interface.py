@@ -49,10 +49,6 @@ class SingularMatrixError(Exception):
     """The factorisation met a pivot that is exactly zero."""
 
 
-class NotPositiveDefiniteError(Exception):
-    """A solver for positive definite matrices met another one."""
-
-
 # ----------------------------------------------------------------------------------------------------
 # Scaling of rows and columns, so that pivots are judged alike where stiffness spans many decades.
 

@@ -178,12 +178,6 @@ def tetrahedron_points() -> SolidPoints:
     return SolidPoints(np.concatenate([places, np.array(edge)[:, :3]]), np.concatenate([weights, np.full(6, w)]) / 6.0)
 
 
-def four_points() -> SolidPoints:
-    """Four points of the tetrahedron, degree 2."""
-    places, weights = _orbits((((5.0 - np.sqrt(5.0)) / 20.0, 0.25),), 4)
-    return SolidPoints(places, weights / 6.0)
-
-
 def eight_points() -> SolidPoints:
     """Eight points of the tetrahedron of equal weight, degree 3: two orbits of four on the lines to the corners.
 
