@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.correlation.test_suspension import EVERYWHERE, beam
+from tests.correlation.free_beam import EVERYWHERE, beam
 
 from femtune.correlation import correlate
 from femtune.modal import ModeSet

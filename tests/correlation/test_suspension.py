@@ -6,30 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.correlation.free_beam import EVERYWHERE, beam
 
 from femtune.correlation import Correlation, correlate
-from femtune.dofs import Dof, DofSet
 from femtune.modal import ModeSet
 from femtune.validation import assess
-
-N = 12
-
-
-def beam(sensors: np.ndarray, soft_hz: float = 0.0, stiffer: float = 1.0, modes: int = 7) -> ModeSet:
-    """A free slender beam of unit length and mass at some sensors: two rigid-body modes and its bending modes.
-
-    On a continuous soft foundation the shapes are the same and λ grows by (2π soft_hz)². Source: Blevins, Formulas for
-    Natural Frequency and Mode Shape, table 8-1.
-    """
-    roots = np.array([4.730040745, 7.853204624, 10.995607838, 14.137165491, 17.278759657])
-    x = np.linspace(0.0, 1.0, len(sensors))[sensors] if sensors.dtype == bool else sensors
-    columns, hertz = [np.ones(len(x)), np.sqrt(12.0) * (x - 0.5)], [0.0, 0.0]
-    for b in roots[: modes - 2]:
-        s = (np.cosh(b) - np.cos(b)) / (np.sinh(b) - np.sin(b))
-        columns.append(np.cosh(b * x) + np.cos(b * x) - s * (np.sinh(b * x) + np.sin(b * x)))
-        hertz.append(40.0 * stiffer * (b / roots[0]) ** 2)
-    freq = np.sqrt(np.array(hertz) ** 2 + soft_hz**2)
-    return ModeSet(freq, np.array(columns).T, DofSet(Dof(i + 1, "Z") for i in range(len(x))))
 
 
 def compared(test: ModeSet, model: ModeSet, rigid: int = 2) -> Correlation:
@@ -38,9 +19,6 @@ def compared(test: ModeSet, model: ModeSet, rigid: int = 2) -> Correlation:
 
 def suspension(found: Correlation) -> list[int]:
     return [u.test for u in found.pairing.unpaired_test if u.suspension]
-
-
-EVERYWHERE = np.linspace(0.0, 1.0, N)
 
 
 def test_modes_of_the_suspension_are_set_apart() -> None:

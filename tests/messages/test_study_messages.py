@@ -174,7 +174,7 @@ CASES = (
          "beam.uff", None, "not a Universal File", "export"),
     Case("study.no-test", _no_modes, "study.toml", None, "beam.uff has no modes", "data sets 55"),
     Case("sensor.unmatched", lambda f: f.test(lift=0.1),
-         "study.toml", 11, "3Y+ = at (1, 0.1, 0), nearest grid point 3, distance 0.1", "by_id = true"),
+         "study.toml", 11, "3Y+ = at (1, 0.1, 0), nearest grid point 3, distance 0.1", "increase the tolerance"),
     Case("sensor.unmatched", lambda f: f.test(1000.0), "study.toml", 11, "2 of 2 sensors", "look like millimetres"),
     Case("correlate.no-pairs", lambda f: f.tail("[correlate]\nfrequency_gate = 1e-6\n"),
          "study.toml", 11, "test mode 1 (26 Hz) = the best candidate", "gates"),

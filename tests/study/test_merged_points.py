@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from tests.files.nastran.test_health import PLATE, SECOND
+from tests.files.nastran.plates import PLATE, SECOND
 from tests.messages.shown import check_shown
 
 import femtune as ft

@@ -18,7 +18,7 @@ from femtune.updating import (
     look_further,
     update,
 )
-from femtune.updating.minimum import _macs
+from femtune.updating.minimum import macs_of_pairs
 from structures.springs import factor_model, simulated_case, spring_structure
 
 TWO = [(-1, 0, 100.0), (-1, 1, 110.0), (0, 1, 1.5)]
@@ -160,14 +160,14 @@ def test_a_wrong_pairing_at_the_nominal_values_is_left() -> None:
     problem = tower(truth)
     plain, best = update(problem), update(problem, start=problem.start(np.array(truth)))
     assert plain.status.ok
-    assert min(_macs(plain.after)) < 0.85
+    assert min(macs_of_pairs(plain.after)) < 0.85
     assert plain.objective > 10.0 * best.objective
     # as on a large model, which has a single further update
     found = look_further(problem, SensitivityMethod(), plain, MinimumRules(small_dofs=0))
     assert found.status.ok
     assert found.objective == pytest.approx(best.objective, rel=1e-3)
-    assert len(_macs(found.after)) == 10
-    assert min(_macs(found.after)) > 0.95
+    assert len(macs_of_pairs(found.after)) == 10
+    assert min(macs_of_pairs(found.after)) > 0.95
     assert found.minimum is not None
     assert found.minimum.improved
     (trial,) = found.minimum.trials

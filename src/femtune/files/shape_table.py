@@ -73,10 +73,10 @@ def read_shape_table(path: Path, units: UnitSystem, name: str = "") -> ModalTest
         try:
             text = read_table_text(path, _LARGEST)
         except NotATable as error:
-            raise _error(path, "", error.line, reason=str(error)) from error
+            raise _error(path, "test.shapes", error.line, reason=str(error)) from error
         freq_hz, shapes, dofs, frame = _of_text(path, text)
     if not len(freq_hz) or not np.isfinite(freq_hz).all() or (freq_hz <= 0.0).any():
-        raise _error(path, "", None, reason="frequencies must be positive numbers in Hz")
+        raise _error(path, "test.shapes", None, reason="frequencies must be positive numbers in Hz")
     modes = ModeSet(freq_hz, shapes, DofSet(dofs), source=str(path))
     return ModalTest(
         name=name or path.stem,
@@ -93,12 +93,12 @@ _Read = tuple[Reals, np.ndarray, list[Dof], WireFrame]
 
 def _of_text(path: Path, text: TableText) -> _Read:
     if len(text.rows) < 2:
-        raise _error(path, "", None, reason="it has a heading and no values")
+        raise _error(path, "test.shapes", None, reason="it has a heading and no values")
     heads = [head.strip() for head in text.rows[0]]
     lower = [head.lower() for head in heads]
     for line, row in zip(text.lines[1:], text.rows[1:]):
         if len(row) != len(heads):
-            raise _error(path, "fields", line, fields=len(row), headings=len(heads))
+            raise _error(path, "test.shapes/fields", line, fields=len(row), headings=len(heads))
     if lower[0] != "dof" and lower[:2] != ["node", "direction"]:
         return _of_one_line(path, text, heads)
     first = 1 if lower[0] == "dof" else 2
@@ -115,14 +115,14 @@ def _of_text(path: Path, text: TableText) -> _Read:
     for (line, row), dof in zip(numbered, dofs):
         place = tuple(_value(path, line, cell, text) for cell in row[first:start])
         if not np.isfinite(place).all() or places.setdefault(dof.node, place) != place:
-            raise _error(path, "place", line, node=dof.node)
+            raise _error(path, "test.shapes/place", line, node=dof.node)
     return freq_hz, shapes, dofs, WireFrame(np.array(list(places)), np.array(list(places.values())))
 
 
 def _of_one_line(path: Path, text: TableText, heads: Sequence[str]) -> _Read:
     """The columns of a table of runs, with a single line."""
     if len(text.rows) > 2:
-        raise _error(path, "lines", text.lines[2], lines=len(text.rows) - 1)
+        raise _error(path, "test.shapes/lines", text.lines[2], lines=len(text.rows) - 1)
     line, row = text.lines[1], text.rows[1]
     freq: dict[int, float] = {}
     cells: dict[tuple[int, str], float] = {}
@@ -132,12 +132,12 @@ def _of_one_line(path: Path, text: TableText, heads: Sequence[str]) -> _Read:
         elif found := _SHAPE.fullmatch(head):
             cells[int(found[1]), found[2].upper()] = _value(path, line, cell, text)
         else:
-            raise _error(path, "heading", text.lines[0], head=head[:40])
+            raise _error(path, "test.shapes/heading", text.lines[0], head=head[:40])
     labels = list(dict.fromkeys(label for _, label in cells))
     modes = sorted(freq)
     unknown = sorted({mode for mode, _ in cells} - set(modes))
     if unknown:
-        raise _error(path, "no-frequency", text.lines[0], mode=unknown[0])
+        raise _error(path, "test.shapes/no-frequency", text.lines[0], mode=unknown[0])
     shapes = np.array([[cells.get((mode, label), math.nan) for mode in modes] for label in labels])
     dofs = [_dof(path, text.lines[0], label) for label in labels]
     return np.array([freq[mode] for mode in modes]), shapes.reshape(len(labels), -1), dofs, NO_GEOMETRY
@@ -147,17 +147,17 @@ def _of_arrays(path: Path, arrays: Mapping[str, Any]) -> _Read:
     missing = [name for name in ("freq_hz", "shapes", "dofs") if name not in arrays]
     cells = any(name.startswith("dofs{") for name in arrays)
     if [name for name in missing if name != "dofs" or not cells]:
-        raise _error(path, "arrays", None, missing=", ".join(missing), names=", ".join(list(arrays)[:20]))
+        raise _error(path, "test.shapes/arrays", None, missing=", ".join(missing), names=", ".join(list(arrays)[:20]))
     freq_hz = np.real(np.asarray(arrays["freq_hz"])).astype(float).ravel()
     shapes = np.atleast_2d(np.asarray(arrays["shapes"]))
     dofs = _dofs_of(path, arrays)
     if shapes.shape != (len(dofs), len(freq_hz)):
-        raise _error(path, "sizes", None, shapes=str(shapes.shape), dofs=len(dofs), modes=len(freq_hz))
+        raise _error(path, "test.shapes/sizes", None, shapes=str(shapes.shape), dofs=len(dofs), modes=len(freq_hz))
     if "nodes" not in arrays or "xyz" not in arrays:
         return freq_hz, shapes, dofs, NO_GEOMETRY
     nodes, xyz = np.asarray(arrays["nodes"]).ravel(), np.asarray(arrays["xyz"], float)
     if xyz.shape != (len(nodes), 3):
-        raise _error(path, "points", None, xyz=str(xyz.shape), nodes=len(nodes))
+        raise _error(path, "test.shapes/points", None, xyz=str(xyz.shape), nodes=len(nodes))
     return freq_hz, shapes, dofs, WireFrame(nodes.astype(np.int64), xyz)
 
 
@@ -170,11 +170,11 @@ def _dofs_of(path: Path, arrays: Mapping[str, Any]) -> list[Dof]:
     if values.dtype.kind in "US":
         return [_dof(path, None, str(label)) for label in values.ravel()]
     if values.dtype.kind not in "iuf" or values.ndim != 2 or values.shape[1] != 2:
-        raise _error(path, "dofs", None, shape=str(values.shape))
+        raise _error(path, "test.shapes/dofs", None, shape=str(values.shape))
     names = ("X", "Y", "Z", "RX", "RY", "RZ")
     rows = values.astype(np.int64)
     if (rows != values).any() or (rows[:, 0] < 1).any() or not np.isin(rows[:, 1], range(1, 7)).all():
-        raise _error(path, "dofs", None, shape=str(values.shape))
+        raise _error(path, "test.shapes/dofs", None, shape=str(values.shape))
     return [Dof(int(node), names[component - 1], 1) for node, component in rows]
 
 
@@ -186,7 +186,7 @@ def _frequency(path: Path, text: TableText, head: str) -> float:
     found = _FREQUENCY.fullmatch(head)
     value = text.number(found[1]) if found else math.inf
     if not 0.0 < value < math.inf:
-        raise _error(path, "frequency", text.lines[0], head=head[:40])
+        raise _error(path, "test.shapes/frequency", text.lines[0], head=head[:40])
     return value
 
 
@@ -195,7 +195,7 @@ def _value(path: Path, line: int, cell: str, text: TableText) -> float:
         return math.nan
     value = text.number(cell)
     if not math.isfinite(value):
-        raise _error(path, "number", line, text=cell[:40])
+        raise _error(path, "test.shapes/number", line, text=cell[:40])
     return value
 
 
@@ -204,9 +204,8 @@ def _dof(path: Path, line: int | None, label: str) -> Dof:
     try:
         return parse_dof(label if label.endswith(("+", "-")) else f"{label}+")
     except FemtuneError as error:
-        raise _error(path, "label", line, text=label[:40]) from error
+        raise _error(path, "test.shapes/label", line, text=label[:40]) from error
 
 
-def _error(path: Path, variant: str, line: int | None, **facts: Any) -> FemtuneError:
-    code = f"test.shapes/{variant}" if variant else "test.shapes"
+def _error(path: Path, code: str, line: int | None, **facts: Any) -> FemtuneError:
     return FemtuneError(code, where=Where(str(path), line), **facts)

@@ -56,7 +56,8 @@ def fit_in_place(
     ------
     FemtuneError : as `fit_with_neighbours`; ``identify.no-poles`` also where all poles leave, with the notices
     """
-    kept, held, told = list(candidates), np.zeros(len(candidates), bool), []
+    kept, held = list(candidates), np.zeros(len(candidates), bool)
+    told: list[Notice] = []
     while True:
         chosen = np.flatnonzero([c.chosen for c in kept])
         poles = chosen_poles(kept, table).poles

@@ -76,18 +76,19 @@ def _bounds(file: StudyFile, structure: Structure, targets: Sequence[Target]) ->
             found = None if given is None else next(_problems(structure, target, float(given), key), None)
             if found is not None:
                 ref, value, problem = found
+                in_percent, plain = "parameter.meaningless-bound/percent", "parameter.meaningless-bound"
                 yield Notice(
-                    f"parameter.meaningless-bound{_in_percent(entry)}", where=target.where, parameter=entry.name,
+                    in_percent if _in_percent(entry) else plain, where=target.where, parameter=entry.name,
                     key=key, given=float(given), field=ref, value=value, problem=problem, **_as_factors(entry),
                 )  # fmt: skip
                 break
 
 
-def _in_percent(entry: ParameterEntry) -> str:
-    """The variant of the message for bounds that are plausible as changes in percent."""
+def _in_percent(entry: ParameterEntry) -> bool:
+    """Whether bounds are plausible as changes in percent."""
     lower, upper = entry.lower, entry.upper
     percent = lower is not None and upper is not None and -100.0 < lower <= -1.0 and upper >= 1.0
-    return "/percent" if percent and not entry.absolute else ""
+    return percent and not entry.absolute
 
 
 def _as_factors(entry: ParameterEntry) -> dict[str, Any]:
@@ -140,11 +141,15 @@ def _lengths(file: StudyFile, structure: Structure) -> Iterator[Notice]:
     size = float(np.linalg.norm(np.ptp(nodes.xyz, axis=0))) if nodes.has_coordinates and len(nodes.xyz) else 0.0
     if not size:
         return
-    for key, limit in (("position_sd", LARGEST_POSITION_SD), ("tolerance", LARGEST_TOLERANCE)):
+    codes = {
+        "position_sd": (LARGEST_POSITION_SD, "study.large-length/position-sd"),
+        "tolerance": (LARGEST_TOLERANCE, "study.large-length/tolerance"),
+    }
+    for key, (limit, code) in codes.items():
         value = _largest(getattr(file.sensors, key))
         if value >= limit * size:
             where = file.where("sensors", key)
-            yield Notice(f"study.large-length/{key}", where=where, value=value, size=size, percent=100.0 * value / size)
+            yield Notice(code, where=where, value=value, size=size, percent=100.0 * value / size)
     for i, entry in enumerate(file.configuration):
         for j, mass in enumerate(entry.masses):
             value = float(np.linalg.norm(mass.offset))

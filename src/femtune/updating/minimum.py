@@ -143,7 +143,7 @@ class _Search:
         if not self.best.status.ok:
             out.append("the update did not end at an optimum")
         if self._compares_modes:
-            lowest = min(_macs(at), default=1.0)
+            lowest = min(macs_of_pairs(at), default=1.0)
             out += [f"the lowest MAC of a pair is {lowest:.2f}"] if lowest < LOW_MAC else []
             out += ["the pairing of modes changed during the update"] if self.best.events else []
         free = at.independent - len(self.best.x)
@@ -168,7 +168,7 @@ class _Search:
         """
         end, first = self.best.after.states, self.best.before.states
         wrong = any(crossed(s.case, s.groups) for s in end if not s.case.fixed)
-        if not wrong or min(_macs(self.best.after), default=1.0) >= LOW_MAC:
+        if not wrong or min(macs_of_pairs(self.best.after), default=1.0) >= LOW_MAC:
             return
         ordered = [s.with_groups(in_order(s.case, s.groups)) if s.groups else s for s in first]
         self._judge("pairing", "all pairs in the order of their frequencies", partial(self._ordered, ordered))
@@ -319,7 +319,7 @@ def _pairs(at: Evaluation) -> dict[tuple[str, int], PairedMode]:
     return {(p.case.name, p.position): p for p in pairs}
 
 
-def _macs(at: Evaluation) -> list[float]:
+def macs_of_pairs(at: Evaluation) -> list[float]:
     """MAC of each pair that has one."""
     every = (mac_where_defined(p.test_shape[:, None], p.shape[:, None])[0, 0] for p in _pairs(at).values())
     return [float(mac) for mac in every if np.isfinite(mac)]

@@ -6,47 +6,19 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
+from tests.files.nastran.plates import HEAD, PLATE, SECOND, flat, grid, shells, tube
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran import Deck, build_structure, read_deck
 from femtune.files.nastran.health import health_notices
 
 DeckOf = Callable[..., Deck]
-HEAD = "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\nMAT1,1,7.+10,,.3,2700.\nPSHELL,1,1,.01,1,,1\nPSOLID,2,1\n"
 CODES = (
     "deck.coincident-points", "deck.free-part", "deck.repeated-elements", "deck.alternating-normals", "deck.far-ends",
 )  # fmt: skip
 
 
-def _grid(n: int, at: Callable[[float, float], tuple[float, float, float]], first: int = 1, m: int = 4) -> str:
-    places = [(i, j, at(i / n, j / m)) for i in range(n + 1) for j in range(m + 1)]
-    return "".join(f"GRID,{first + i * (m + 1) + j},,{x:.6f},{y:.6f},{z:.6f}\n" for i, j, (x, y, z) in places)
-
-
-def _shells(n: int, first: int = 1, number: int = 1, m: int = 4, offset: str = "") -> str:
-    rows = []
-    for k, (i, j) in enumerate((i, j) for i in range(n) for j in range(m)):
-        a, b = first + i * (m + 1) + j, first + (i + 1) * (m + 1) + j
-        rows.append(f"CQUAD4,{number + k},1,{a},{b},{b + 1},{a + 1}{offset}\n")
-    return "".join(rows)
-
-
-def flat(u: float, v: float) -> tuple[float, float, float]:
-    return u, 0.5 * v, 0.0
-
-
-def beside(u: float, v: float) -> tuple[float, float, float]:
-    return 1.0 + u, 0.5 * v, 0.0
-
-
-def tube(u: float, v: float) -> tuple[float, float, float]:
-    return float(np.cos(2 * np.pi * u)), float(np.sin(2 * np.pi * u)), v
-
-
-PLATE = HEAD + "SPC1,1,123456,1,THRU,5\n" + _grid(4, flat) + _shells(4)
-SECOND = _grid(4, beside, 101) + _shells(4, 101, 101)
 SEAM = ["RBE2,{e},{a},123456,{b}\n", "CBUSH,{e},9,{a},{b},,,,0\n", "MPC,7,{a},1,1.,{b},1,-1.\n",
         "RBAR,{e},{a},{b},123456\n"]  # fmt: skip
 BOX = "".join(
@@ -61,9 +33,9 @@ def _told(deck_of: DeckOf, text: str) -> dict[str, str]:
 
 SOUND = {
     "plate": PLATE,
-    "plate with offsets to one side": PLATE.replace(_shells(4), _shells(4, offset=",,.005")),
-    "merged tube": HEAD + "SPC1,1,123456,1\n" + _grid(12, tube)
-    + re.sub(r",(6[1-5]),(6[1-5]),", lambda m: f",{int(m[1]) - 60},{int(m[2]) - 60},", _shells(12)),
+    "plate with offsets to one side": PLATE.replace(shells(4), shells(4, offset=",,.005")),
+    "merged tube": HEAD + "SPC1,1,123456,1\n" + grid(12, tube)
+    + re.sub(r",(6[1-5]),(6[1-5]),", lambda m: f",{int(m[1]) - 60},{int(m[2]) - 60},", shells(12)),
     "box of plates with offsets": HEAD + "SPC1,1,123456,1\n" + BOX
     + "CQUAD4,1,1,1,2,4,3,,.01\nCQUAD4,2,1,1,5,6,2,,.01\nCQUAD4,3,1,1,3,7,5,,.01\n",
     "hexahedron": HEAD + "SPC1,1,123,1\n" + BOX + HEXA,
@@ -96,7 +68,7 @@ FAULTS = {
     "one point of the seam is merged": (PLATE + SECOND.replace(",101,106", ",21,106").replace("GRID,101", "$"), {
         "deck.coincident-points": "4 pairs of grid points are in one place and not connected: 22 and 102",
     }),
-    "tube that is open along a line": (HEAD + "SPC1,1,123456,1,61\n" + _grid(12, tube) + _shells(12), {
+    "tube that is open along a line": (HEAD + "SPC1,1,123456,1,61\n" + grid(12, tube) + shells(12), {
         "deck.coincident-points": "5 pairs of grid points are in one place and not connected: 1 and 61",
     }),
     "two solids that were not merged": (
@@ -106,7 +78,7 @@ FAULTS = {
         "deck.coincident-points": "4 pairs of grid points of parts that nothing connects",
         "deck.free-part": "2 parts that nothing connects, of which 1 has no support: 8 grid points, the first is 10",
     }),
-    "doubled shells": (PLATE + _shells(4, 1, 501), {
+    "doubled shells": (PLATE + shells(4, 1, 501), {
         "deck.repeated-elements": "16 CQUAD4 elements lie on the grid points of another one with the same property",
     }),
     "doubled shells in another order": (PLATE + "CQUAD4,77,1,7,2,1,6\n", {
@@ -127,11 +99,11 @@ FAULTS = {
         "deck.far-ends": "the ends of CBUSH 990 are",
     }),
     "one shell with offset is reversed": (
-        PLATE.replace(_shells(4), _shells(4, offset=",,.005")).replace(",7,12,13,8,", ",8,13,12,7,"), {
+        PLATE.replace(shells(4), shells(4, offset=",,.005")).replace(",7,12,13,8,", ",8,13,12,7,"), {
         "deck.alternating-normals": "the normals of 4 pairs of neighbouring shells",
     }),
     "every second triangle is reversed": (
-        HEAD + "SPC1,1,123456,1\n" + _grid(1, flat, m=1)
+        HEAD + "SPC1,1,123456,1\n" + grid(1, flat, m=1)
         + "CTRIA3,1,1,1,3,4,,.01\nCTRIA3,2,1,1,2,4,,.01\n", {
         "deck.alternating-normals": "the normals of 1 pair of neighbouring shells",
     }),

@@ -100,10 +100,8 @@ def _mirrored(place: Place, entry: Data, source: StudyLines) -> Problems:
     except (TypeError, ValueError, IndexError):
         return  # told by the type of the key
     if (volume < 0.0) != (entry.get("left_handed") is True):
-        variant = "/right-handed" if volume > 0.0 else ""
-        yield source.error(
-            (*place, "rotation" if rows else "left_handed"), f"test.mirrored{variant}", {"rotation": rows}
-        )
+        code = "test.mirrored/right-handed" if volume > 0.0 else "test.mirrored"
+        yield source.error((*place, "rotation" if rows else "left_handed"), code, {"rotation": rows})
 
 
 def _test_modes(place: Place, entry: Data, source: StudyLines) -> Problems:
