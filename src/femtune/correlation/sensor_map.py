@@ -239,7 +239,10 @@ def map_sensors(
         errors.errors.append(_no_position(nowhere, same_place, request))
     if unmatched and not leave_unmatched:
         errors.errors.append(_unmatched_error(unmatched, len(sensors), request))
-    far = [m for m, _ in placed if m.how == _BY_ID and m.distance > tolerance]
+    # the model of an external solver may know no places
+    far = (
+        [m for m, _ in placed if m.how == _BY_ID and m.distance > tolerance] if structure.nodes.has_coordinates else []
+    )
     if far:
         errors.errors.append(_too_far(far, placed, sensors, request))
     errors.raise_if_any()

@@ -19,6 +19,7 @@ from femtune.steps.modes.vtu_files import check_cells
 from femtune.steps.run_folder import check_writable, unwritable
 from femtune.steps.run_lock import locked
 from femtune.study.inputs import check_outputs, inputs_of_study, named_inputs
+from femtune.study.study import check_solvers
 
 if TYPE_CHECKING:
     from femtune.study.inputs import Input
@@ -158,9 +159,10 @@ def held_for_solver(source: Path | str | StudyFile, step: str) -> Iterator[None]
 
     Raises
     ------
-    FemtuneError : as `held`, and as `read_study_file`
+    FemtuneError : as `held`, as `read_study_file`, and as `check_solvers`
     """
     if not isinstance(source, StudyFile):
+        check_solvers()
         if is_deck(source):
             yield
             return

@@ -123,11 +123,11 @@ def _alike(source: ReportSource) -> list[tuple[str, SensorResults]]:
 
 def _drawn(source: ReportSource, names: str, sensors: SensorResults) -> list[Block]:
     """The test points on the structure, each with its grid point; [] without places or mesh."""
-    kept = next((m for m in source.results.mode_shapes if m.configuration == sensors.configuration), None)
-    frame = None if kept is None or kept.reason else structure_of(source, kept)
     known = {s.test_node: s for s in sensors.matched if s.place is not None and s.grid_place is not None}
     points = [TestPoint(n, s.place, s.grid_place) for n, s in known.items() if s.place is not None]
-    if frame is None or not points:
+    kept = next((m for m in source.results.mode_shapes if m.configuration == sensors.configuration), None)
+    frame = structure_of(source, kept) if points and kept is not None and not kept.reason else None
+    if frame is None:
         return []
     alt = f"{names}: the structure with {counted(len(points), 'test point')}, seen from above and from below"
     caption = f"{names}: test points at their coordinates, each with a line to its grid point"
