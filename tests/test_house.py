@@ -154,6 +154,7 @@ def _literals(tree: ast.Module) -> Iterator[frozenset[str]]:
                 yield frozenset(words)
 
 
+@pytest.mark.slow
 def test_words_of_a_kind_stand_in_one_literal() -> None:
     """The second type takes the name of the first one, in a module ``kinds`` where layers lie between them."""
     places: dict[frozenset[str], list[str]] = {}
