@@ -97,8 +97,6 @@ def test_the_judge_on_a_sample_of_models(modules: dict[str, ModuleType]):
     # four to six parameters each, 95 % intervals
     hits = [hit for run in right for hit in opinion.covered(run)]
     assert sum(hits) >= 0.8 * len(hits)
-    # the test of all residuals together finds none of them with the standard deviations that a first study states
-    assert not any(opinion.found_today(run) for run in wrong)
     assert all(opinion.found_by(run, "missing parameter") for run in wrong)
     fields = ("PSHELL 3 T", "PSHELL 4 T")
     assert [opinion.rank_of(run, field) for run, field in zip(wrong, fields)] == [1, 1]
