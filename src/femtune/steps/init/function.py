@@ -58,7 +58,7 @@ def init(
     >>> from femtune.testing import example_deck, example_test
     >>> made = ft.init(example_deck(), example_test())
     >>> made
-    InitResult: study.toml: units m-kg-s, 4 test modes, 4 paired, 3 parameters
+    InitResult: study.toml: units m-kg-s, 4 test modes, 4 paired, 4 parameters
     >>> ft.correlate(made.path).pairs.column("mac").round(2)
     array([1., 1., 1., 1.])
     """
