@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.identification.conftest import Known
-from tests.messages.shown import check_shown
 
 from femtune.identification.choice import Candidate
 from femtune.identification.in_place import fit_in_place
@@ -61,10 +60,7 @@ def test_a_pole_that_was_selected_manually_is_held_and_doubtful(three_modes: Any
     assert [c.chosen for c in free[1]] == [True, True, False]
     assert all(c.chosen for c in after)
     assert not told
-    (left,) = free[2]
-    check_shown("identify.left-cluster", str(left))
     assert fit.poles[fit.begun_at == 2] == table.poles[2]
     (remark,) = remarks
     assert remark.doubtful
     assert remark.mode == 2
-    check_shown("identify.held-at-cluster", str(remark.notice))
