@@ -380,7 +380,12 @@ def _functions(folder: Path, scatter: float) -> Path:
 def test_functions_are_identified_first(tmp_path: Path, scatter: float) -> None:
     """Also simulated ones without noise, whose rounding had poles that were taken for modes."""
     made = ft.init(tmp_path / "cantilever.bdf", _functions(tmp_path, scatter), tmp_path / "new")
-    assert sorted(path.name for path in made.path.parent.iterdir()) == ["identified", "identify.toml", "study.toml"]
+    assert sorted(path.name for path in made.path.parent.iterdir()) == [
+        "identified",
+        "identify.toml",
+        "sensors.svg",
+        "study.toml",
+    ]
     assert tomllib.loads(made.path.read_text())["test"]["file"] == "identified/modes.uff"
     assert made.record.paired == made.record.test_modes >= 3
     assert ft.check(made.path).ok

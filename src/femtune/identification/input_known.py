@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Notice, with_notices
-from femtune.identification.choice import Candidate, Limits, Rule, change_choice, choose
+from femtune.identification.choice import Candidate, Limits, Rule, change_choice, choose, chosen_poles
 from femtune.identification.frf_checks import check_frfs, dead_responses
-from femtune.identification.in_place import fit_in_place
 from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.modal_fit import ModalFit
 from femtune.identification.modal_solve import OUT_OF_BAND
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
+from femtune.identification.near_band import fit_with_neighbours
 from femtune.identification.plscf import normal_equations, plscf_poles
 from femtune.identification.pole_table import PoleTable, join_tables
 from femtune.identification.rigid_body import with_rigid_body, without_rigid_body
@@ -132,16 +132,14 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
     band = asked.band_hz or (float(whole.freq_hz[0]), float(whole.freq_hz[-1]))
     candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
     candidates = without_poles_of_noise(candidates, table, elastic, 0.5 * asked.rule.share)
-    by_rule = candidates
     candidates = change_choice(candidates, asked.take, asked.drop)
-    by_hand = [now is not before for now, before in zip(candidates, by_rule)]
-    fit, candidates, left, held = fit_in_place(elastic, candidates, table, by_hand, errors, terms_outside(asked))
+    fit = fit_with_neighbours(elastic, chosen_poles(candidates, table).poles, errors, terms_outside(asked))
     of_system = _system(elastic, fit, band, asked)
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
     quality = fit_quality(system.frf(whole.freq_hz), whole)
-    remarks = (*held, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic))))
+    remarks = fit_remarks(fit, scaled_shapes(fit, driving_points(elastic)))
     phases = quadrature_notices(leading_shapes(fit), whole.responses.labels())
-    notices = (*left, *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
+    notices = (*phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
     return IdentifiedModes(
         modes=as_modes(fit, asked.real),
         system=system,

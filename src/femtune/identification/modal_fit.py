@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from femtune.arrays import Complexes, Flags, Integers, Reals
+from femtune.arrays import Complexes, Flags, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.join import complete_lines
 from femtune.identification.modal_solve import OUT_OF_BAND, Solved, modal_basis, solve_residues
@@ -54,7 +54,6 @@ class ModalFit:
     converged : whether they ended by themselves
     outside : (m,) modes outside the band, which are fitted because they bend the functions inside it
     deviance : −2 log likelihood, but for a constant: χ² where standard deviations were given
-    begun_at : (m,) position of the pole in `start` from which each mode was fitted; −1 outside the band
     """
 
     poles: Complexes
@@ -72,7 +71,6 @@ class ModalFit:
     converged: bool
     outside: Flags
     deviance: float
-    begun_at: Integers
 
 
 def fit_modes(
@@ -82,7 +80,6 @@ def fit_modes(
     terms: tuple[str, ...] = OUT_OF_BAND,
     most_steps: int = MOST_STEPS,
     neighbours: Complexes = NO_POLES,
-    held: Flags | None = None,
 ) -> ModalFit:
     """Refine poles on all functions.
 
@@ -94,7 +91,6 @@ def fit_modes(
     terms : real terms for what lies outside of the band, out of ``"lower"``, ``"upper"``
     most_steps : 0 keeps the poles, and fits residues only
     neighbours : further poles, of modes outside the band
-    held : (m,) poles of `start` that stay where they are; None for none
 
     Raises
     ------
@@ -105,15 +101,12 @@ def fit_modes(
     _check_start(poles, used, terms)
     kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
     problem = _Problem(used, kept, terms)
-    begun_at = np.append(np.arange(len(start)), np.full(len(neighbours), -1))
-    free = np.ones(len(poles), bool)
-    if held is not None:
-        free[: len(start)] = ~held
-    fitted_poles, now, steps, converged = _iterate(problem, poles, most_steps, free)
+    outside = np.arange(len(poles)) >= len(poles) - len(neighbours)
+    fitted_poles, now, steps, converged = _iterate(problem, poles, most_steps)
     order = np.argsort(np.abs(fitted_poles))
     if (np.diff(order) < 0).any():
-        fitted_poles, now, begun_at = fitted_poles[order], problem.solve(fitted_poles[order]), begun_at[order]
-    return _as_fit(problem, fitted_poles, now, steps, converged, begun_at)
+        fitted_poles, now, outside = fitted_poles[order], problem.solve(fitted_poles[order]), outside[order]
+    return _as_fit(problem, fitted_poles, now, steps, converged, outside)
 
 
 def deviance_at(frfs: FrfSet, poles: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> float:
@@ -148,12 +141,10 @@ class _Problem:
         return solve_residues(values, modal_basis(self.frfs.freq_hz, poles, self.frfs.kind, self.terms), weights)
 
 
-def _iterate(problem: _Problem, poles: Complexes, most_steps: int, free: Flags) -> tuple[Complexes, Solved, int, bool]:
+def _iterate(problem: _Problem, poles: Complexes, most_steps: int) -> tuple[Complexes, Solved, int, bool]:
     now = problem.solve(poles)
-    at = np.flatnonzero(np.tile(free, 2))
     for step in range(most_steps):
-        move = np.zeros(2 * len(poles))
-        move[at] = np.linalg.lstsq(now.normal[np.ix_(at, at)], now.gradient[at], rcond=1e-13)[0]
+        move = np.linalg.lstsq(now.normal, now.gradient, rcond=1e-13)[0]
         delta = move[: len(poles)] + 1j * move[len(poles) :]
         poles, now, length = _shortened(problem, poles, delta, now)
         if length * np.max(np.abs(delta) / np.abs(poles)) < SMALL:
@@ -174,9 +165,7 @@ def _shortened(problem: _Problem, poles: Complexes, delta: Complexes, now: Solve
     return poles, now, 0.0
 
 
-def _as_fit(
-    problem: _Problem, poles: Complexes, now: Solved, steps: int, converged: bool, begun_at: Integers
-) -> ModalFit:
+def _as_fit(problem: _Problem, poles: Complexes, now: Solved, steps: int, converged: bool, outside: Flags) -> ModalFit:
     frfs, m = problem.frfs, len(poles)
     n, u, k = frfs.values.shape
     misfit = _misfit(now, k, m) if problem.sd is not None else np.nan
@@ -200,9 +189,8 @@ def _as_fit(
         frfs,
         steps,
         converged,
-        begun_at < 0,
+        outside,
         _deviance(now, k, problem.sd is not None),
-        begun_at,
     )
 
 

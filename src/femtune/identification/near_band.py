@@ -8,12 +8,12 @@ several, so further ones are added while these explain more than chance.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtri
 
-from femtune.arrays import Complexes, Flags, Integers, Reals
+from femtune.arrays import Complexes, Reals
 from femtune.identification.modal_fit import ModalFit, deviance_at, fit_modes
 from femtune.modal import FrfSet, freq_and_damping, pole_of
 
@@ -31,14 +31,12 @@ _FARTHEST = 2.0
 """Factor on the ends of the band within which a pole beyond it is accepted; others act as a static or mass line."""
 
 
-def fit_with_neighbours(
-    frfs: FrfSet, start: Complexes, sd: Reals | None, terms: tuple[str, ...], held: Flags | None = None
-) -> ModalFit:
+def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> ModalFit:
     """The modal fit, with up to `MOST` further modes below the band and above it, where each explains more than chance.
 
     Parameters
     ----------
-    frfs, start, sd, terms, held : as for `fit_modes`
+    frfs, start, sd, terms : as for `fit_modes`
 
     Returns
     -------
@@ -48,8 +46,8 @@ def fit_with_neighbours(
     ------
     FemtuneError : as `fit_modes`
     """
-    search = _Search(frfs, np.asarray(start, complex), sd, terms, np.zeros(len(start), bool) if held is None else held)
-    fit = fit_modes(frfs, start, sd, terms, held=held)
+    search = _Search(frfs, np.asarray(start, complex), sd, terms)
+    fit = fit_modes(frfs, start, sd, terms)
     while True:
         sides = [above for above in (False, True) if _number(fit, above=above) < MOST]
         trials = [trial for above in sides if (trial := search.refined(fit, (above,))) is not None]
@@ -77,16 +75,13 @@ class _Search:
     start: Complexes
     sd: Reals | None
     terms: tuple[str, ...]
-    held: Flags
 
-    def fit(self, inside: Complexes, begun_at: Integers, neighbours: Complexes) -> ModalFit | None:
+    def fit(self, inside: Complexes, neighbours: Complexes) -> ModalFit | None:
         """None if neighbours come so close to each other that their residues are not unique."""
-        held = self.held[begun_at]
         try:
-            fit = fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours, held=held)
+            return fit_modes(self.frfs, inside, self.sd, self.terms, neighbours=neighbours)
         except np.linalg.LinAlgError:
             return None
-        return replace(fit, begun_at=np.where(fit.outside, -1, begun_at[fit.begun_at]))
 
     def _deviance(self, poles: Complexes) -> float:
         """Deviance of the fit with these poles; infinite if their residues are not unique."""
@@ -100,14 +95,14 @@ class _Search:
         lines = fit.measured.freq_hz
         if 2 * len(lines) <= 2 * (len(fit.poles) + len(sides)) + len(self.terms):
             return None
-        known, (inside, begun_at) = fit.poles[fit.outside], self._inside(fit)
+        known, inside = fit.poles[fit.outside], self._inside(fit)
         grids = [self._grid(lines, above=above, more=len(sides) == 1) for above in sides]
         places = [np.array(poles) for poles in itertools.product(*grids)]
         deviances = [self._deviance(np.concatenate([inside, known, poles])) for poles in places]
         best = places[int(np.argmin(deviances))]
         if not np.isfinite(min(deviances)):
             return None
-        trial = self.fit(inside, begun_at, np.append(known, best))
+        trial = self.fit(inside, np.append(known, best))
         return trial if trial is not None and _is_sound(trial) and _explains(trial, fit) else None
 
     def _grid(self, lines: Reals, *, above: bool, more: bool) -> Complexes:
@@ -118,15 +113,12 @@ class _Search:
         damping = (typical, 4.0 * typical) if more else (typical,)
         return pole_of(np.repeat(at, len(damping)), np.tile(damping, len(at)))
 
-    def _inside(self, fit: ModalFit) -> tuple[Complexes, Integers]:
-        """Where the modes begin, and their positions in the start.
-
-        They begin at the fit; at the start before there are neighbours, or if one has left the band.
-        """
+    def _inside(self, fit: ModalFit) -> Complexes:
+        """Where the modes begin: at the fit; at the start before there are neighbours, or if one has left the band."""
         lines, inside = fit.measured.freq_hz, fit.poles[~fit.outside]
         freq = freq_and_damping(inside)[0]
         stayed = fit.outside.any() and freq.min() >= lines[0] and freq.max() <= lines[-1]
-        return (inside, fit.begun_at[~fit.outside]) if stayed else (self.start, np.arange(len(self.start)))
+        return inside if stayed else self.start
 
 
 def _is_sound(fit: ModalFit) -> bool:

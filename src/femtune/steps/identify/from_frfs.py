@@ -78,14 +78,18 @@ def _by_method(made: IdentifiedModes) -> dict[str, NDArray[np.float64]]:
     """Median of each method's own poles in every chosen cluster."""
     names = np.array(made.table.method)
     chosen = [c for c in made.candidates if c.chosen]
-    # the order of the fitted modes may differ from that of the clusters from which they were fitted
-    begun_at = made.fit.begun_at[~made.fit.outside]
     out = {}
     for name in dict.fromkeys(made.table.method):
         own = [c.members[names[c.members] == name] for c in chosen]
         freq = [float(np.median(made.table.freq_hz[i])) if len(i) else float("nan") for i in own]
-        out[name] = np.array(freq)[begun_at]
+        out[name] = _in_order(np.array(freq), np.array([c.freq_hz for c in chosen]), made.modes.freq_hz)
     return out
+
+
+def _in_order(values: NDArray, chosen: NDArray, modes: NDArray) -> NDArray[np.float64]:
+    """Values of the chosen clusters in the order of the fitted modes, which may differ from that of the clusters."""
+    at = [int(np.argmin(np.abs(chosen - f))) for f in modes]
+    return np.asarray(values[at], dtype=float)
 
 
 def _curve(frfs: FrfSet) -> Curve:
