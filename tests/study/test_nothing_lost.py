@@ -12,7 +12,6 @@ import pytest
 
 import femtune as ft
 from femtune.errors import FemtuneError
-from femtune.steps.run import run
 from femtune.steps.run_folder import read_results, unwritable
 
 from .cantilever import Bench
@@ -81,7 +80,7 @@ def test_results_are_kept_when_the_write_back_fails(
     def fail(*_: object) -> None:
         raise fault
 
-    monkeypatch.setattr(run, "write_back", fail)
+    monkeypatch.setattr("femtune.steps.write.in_run.write_back", fail)
     with pytest.raises(type(fault)):
         ft.update(beam.study())
     results, _ = read_results(beam.folder / "run")
