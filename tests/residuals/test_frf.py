@@ -72,22 +72,6 @@ def test_forms_by_hand():
     np.testing.assert_allclose(jacobian, [[0.0, 0.5]])
 
 
-def test_thinned_lines():
-    """The values are those of the whole residual at the same lines, ends included; more lines than there are change
-    nothing."""
-    whole = residual_of("log-complex")
-    n = len(whole.measured.freq_hz)
-    assert whole.thinned(n) is whole
-    few = whole.thinned(7)
-    assert len(few.measured.freq_hz) == 7
-    assert set(few.measured.freq_hz) <= set(whole.measured.freq_hz)
-    assert few.measured.freq_hz[[0, -1]].tolist() == whole.measured.freq_hz[[0, -1]].tolist()
-    solution = solve_modes(chain().at(AT), 5)
-    of_whole, of_few = (r.values_of(r.compare(solution, False)) for r in (whole, few))
-    at = np.searchsorted(whole.measured.freq_hz, few.measured.freq_hz)
-    np.testing.assert_allclose(of_few, of_whole[:, :, at], rtol=1e-12)
-
-
 def test_the_phase_does_not_jump_where_both_pass_pi():
     model, test = np.array([np.exp(1j * 3.1)]), np.array([np.exp(-1j * 3.1)])
     values, _ = frf_comparison("log-complex").compare(model, np.zeros((1, 0)), test)

@@ -8,7 +8,7 @@ parameter p becomes p·c on the elements of the factor c.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,9 +21,7 @@ from femtune.model.derivatives.sensors import sensor_derivatives
 from femtune.model.full_model import ModelSolver, direct
 from femtune.parameters import Parameter, ParameterSet, parse_expression
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
-from femtune.residuals.case import Residual
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
-from femtune.residuals.frf.model_way import settled
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.updating import UpdateResult
 
@@ -31,12 +29,9 @@ _TOLERANCE = 1e-4
 """Error of the derivatives of a shape at the sensors: far below what noise leaves of a column, and above what many
 solutions would be needed for."""
 
-_LINES_BY_DOFS = 200_000
-"""FRF lines that are compared, at most, times the free DOFs: what they cost then hardly grows with the model."""
-_FEWEST_LINES = 30
-"""Lines that are compared on the largest models."""
-_ANTIRESONANCE_DOFS = 1_000
-"""Free DOFs up to which antiresonances are compared: each of them is an eigenproblem of its own."""
+_OF_FRFS = (FrfResidual.key, AntiresonanceResidual.key)
+_FRF_DOFS = 1_000
+"""Free DOFs up to which FRFs are compared too: their derivatives by many factors are those of all modes of the band."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +108,7 @@ def widened_problem(
 ) -> UpdateProblem:
     """The comparisons at the end of an update on the full model, with free factors and masses after the parameters.
 
-    FRFs are compared at some of their lines where the model is large, and antiresonances of large models are left out:
-    derivatives by many factors would take too long.
+    FRFs of models above 1,000 free DOFs are left out: their derivatives by many factors take too long.
 
     Raises
     ------
@@ -126,20 +120,11 @@ def widened_problem(
     cases = tuple(
         replace(
             case, configured=configure(wide, case.configured.configuration), full=None, solver=solver,
-            residuals=tuple(_affordable(case.residuals, case.configured.n_free)),
+            residuals=tuple(r for r in case.residuals if r.key not in _OF_FRFS or case.configured.n_free <= _FRF_DOFS),
         )
         for case in (state.case.on_full_model for state in after.states)
     )  # fmt: skip
     return UpdateProblem(cases, wide.parameters, common_sd=after.common_sd)
-
-
-def _affordable(residuals: Sequence[Residual], dofs: int) -> Iterator[Residual]:
-    for residual in residuals:
-        known = settled(residual)
-        if isinstance(known, FrfResidual):
-            yield known.thinned(max(_FEWEST_LINES, _LINES_BY_DOFS // max(dofs, 1)))
-        elif residual.key != AntiresonanceResidual.key or dofs <= _ANTIRESONANCE_DOFS:
-            yield residual
 
 
 class _BySensors(type(direct)):  # type: ignore[misc]

@@ -244,21 +244,6 @@ class FrfResidual(Residual):
         residuals, jacobian = (residuals / compared.sd)[order], (jacobian / compared.sd[:, None])[order]
         return [self._block(part, residuals[part.own], jacobian[part.own]) for part in compared.parts]
 
-    def thinned(self, most: int) -> FrfResidual:
-        """The residual at no more than `most` of its lines, evenly thinned."""
-        n = len(self.measured.freq_hz)
-        if n <= most:
-            return self
-        keep = np.unique(np.linspace(0, n - 1, most).round().astype(np.int64))
-        old = self.measured
-        measured = replace(
-            old, freq_hz=old.freq_hz[keep], values=old.values[:, :, keep],
-            coherence=None if old.coherence is None else old.coherence[:, :, keep],
-        )  # fmt: skip
-        regions = tuple(replace(r, at=np.flatnonzero(np.isin(keep, r.at))) for r in self.regions)
-        shift = None if self.shift is None else self.shift[:, :, keep]
-        return replace(self, measured=measured, sd=self.sd[:, :, keep], regions=regions, shift=shift)
-
     @property
     def block_count(self) -> int:
         """Number of blocks of `compared`."""

@@ -66,7 +66,7 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
         return MissingResults(reason=f"the model could not be extended by fields as parameters: {error.what}")
     record = _record(result, end)
     if record is None:
-        return MissingResults(reason="no residual has a known distribution")
+        return MissingResults(reason="no residual has a known distribution, or only FRFs are compared")
     rows, columns, bounded = record
     of_factors: list[TestedField | TestedMass] = [*fields, *masses]
     tested: list[Tested] = [*bounded_parameters(result), *of_factors]

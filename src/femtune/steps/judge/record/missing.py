@@ -84,8 +84,7 @@ class MissingResults(Record):
     left_out: int = 0
     """Number of further ones that were not tested because there are too many."""
     chi_square: float = 0.0
-    """χ² at the end of the update, over the lines of FRFs that are compared here: some of them where the model is
-    large."""
+    """χ² at the end of the update, over the residuals that are compared here: without FRFs where the model is large."""
     p_value: float | None = None
     """The least adjusted p value of all; None if nothing was tested."""
     fields: tuple[MissingField, ...] = ()
