@@ -209,7 +209,8 @@ def _head(rows: Sequence[Row], planned: int) -> Iterator[str]:
         + ". The default ones are those that `femtune init` writes, marked as guesses."
     )
     yield (
-        f"- A fit is harmful if a parameter misses the truth by more than {HARM:g} stated standard deviations. Errors "
+        f"- A fit is harmful if a parameter misses the truth by more than {HARM:g} standard deviations, as the stated "
+        "deviations of the data give them, before the residuals widen them. Errors "
         "whose effect the parameters imitate are not among those of fields of the deck: they harm, and leave no "
         "residuals that a test could find. A rate meets its limit if the limit lies inside its "
         f"{100 * CONFIDENCE:g} % binomial interval or on the right side of it."
