@@ -107,6 +107,12 @@ def rank_of_mass(run: Row, node: int) -> int | None:
     return next(places, None)
 
 
+def rank_of_support(run: Row) -> int | None:
+    """Place of a support among the suspects, from 1."""
+    places = (place for place, suspect in enumerate(suspects(run), start=1) if suspect["field"] == "support")
+    return next(places, None)
+
+
 def sign_right(run: Row, field: str, factor: float) -> bool | None:
     """Whether the foretold change of a field has the sign of the true one; None if it is no suspect of its own."""
     for suspect in suspects(run):
