@@ -184,8 +184,8 @@ def page(rows: Sequence[Row], started: Sequence[Row], planned: int) -> str:
     """The whole text; `started` are the rows of the updates from many starts."""
     return "\n".join([
         *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_named(rows),
-        *_culprits(rows), *_masses(rows), *_clamps(rows), *_coverage(rows), *_by_structure(rows, started), *_reasons(rows),
-        *_failures(rows),
+        *_culprits(rows), *_masses(rows), *_clamps(rows), *_coverage(rows),
+        *_by_structure(rows, started), *_reasons(rows), *_failures(rows),
     ])  # fmt: skip
 
 
@@ -296,8 +296,8 @@ def _masses(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _clamps(rows: Sequence[Row]) -> Iterator[str]:
-    yield from ("## Elastic clamps", "",
-                "Of the harmful models whose clamp is elastic in the structure: how often a support is a suspect.", "")  # fmt: skip
+    what = "Of the harmful models whose clamp is elastic in the structure: how often a support is a suspect."
+    yield from ("## Elastic clamps", "", what, "")
     yield from _table(
         ["stated σ", "first", "in the first three"],
         [[WORDS[s], support_ranks(rows, s, 1), support_ranks(rows, s, 3)] for s in STATED],

@@ -106,13 +106,14 @@ def tested_supports(
     """
     none = list[TestedSupport](), list[Support](), list[SupportRows]()
     states = result.after.states
-    cases, solutions = [s.case.on_full_model for s in states], [s.solved for s in states]
+    cases = [s.case.on_full_model for s in states]
+    solutions = [s.solved for s in states if isinstance(s.solved, EigenSolution)]
     structure = study.model.structure
     plain = structure.preload is None and not study.model.tables and structure.nodes.has_coordinates
     if not plain or not all(map(_served, cases)) or max(c.configured.n_free for c in cases) >= LARGE:
         return none
     dofs = supported_dofs(structure, [c.configured.configuration for c in cases])
-    if not len(dofs) or not all(isinstance(s, EigenSolution) for s in solutions):
+    if not len(dofs) or len(solutions) < len(states):
         return none
     rows = [support_rows(c.configured, dofs, result.x) for c in cases]
     felt = _felt(rows, solutions, dofs)
