@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import errno
 import json
+import logging
 import os
 import platform
 import signal
@@ -146,6 +147,8 @@ def _is_unicode(stream: TextIOWrapper) -> bool:
     return stream.encoding.lower().startswith("utf")
 
 
+# without a handler Python would print them all the same
+logging.getLogger("py.warnings").addHandler(logging.NullHandler())
 codecs.register_error(_REPLACING, _replaced)
 
 
@@ -157,13 +160,20 @@ class GuardedGroup(click.Group):
         return list(self.commands)
 
     def main(self, *words: Any, **options: Any) -> Any:
-        """Run the command line; characters that a console or a pipe lacks are replaced."""
+        """Run the command line; characters that a console or a pipe lacks are replaced.
+
+        Warnings of Python and of libraries are no messages for a user, and are not shown.
+        """
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper) and not (
                 stream.encoding.lower().startswith("utf") and stream is sys.stderr
             ):
                 stream.reconfigure(errors=_REPLACING)
-        return super().main(*words, **options)
+        logging.captureWarnings(True)
+        try:
+            return super().main(*words, **options)
+        finally:
+            logging.captureWarnings(False)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""

@@ -6,6 +6,7 @@ import the main module of the parent: a script needs no guard against being run 
 
 from __future__ import annotations
 
+import logging
 import os
 import pickle
 import queue
@@ -58,6 +59,9 @@ def main() -> None:
     tasks, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     # what a run prints must not come between the answers
     os.dup2(2, 1)
+    # warnings of Python are no messages for a user
+    logging.getLogger("py.warnings").addHandler(logging.NullHandler())
+    logging.captureWarnings(True)
     inbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(tasks, inbox), daemon=True).start()
     try:

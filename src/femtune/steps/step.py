@@ -8,6 +8,7 @@ when the step runs, so that the help of the command line stays quick.
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -261,7 +262,22 @@ def _set(name: str) -> Iterator[None]:
             os.environ[_VARIABLE] = before
 
 
-FILE = click.Path(path_type=Path)
+class _FilePath(click.Path):
+    """A path that is no pipe and no device: reading these may never end."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path, refused for what is there and is neither a file nor a folder."""
+        path = super().convert(value, param, ctx)
+        try:
+            mode = os.stat(path).st_mode
+        except (OSError, ValueError):
+            return path
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            self.fail(f"{printable(str(value))!r} is a pipe or a device, not a file", param, ctx)
+        return path
+
+
+FILE = _FilePath(path_type=Path)
 SCATTER = click.FloatRange(min=0.0, max=1.0)
 
 _STRICT_KEY = "femtune.strict"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import warnings
 import zlib
@@ -163,11 +164,47 @@ class _Dataset:
         self.dtype = np.dtype(complex) if dataset.dtype.names else dataset.dtype
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        _check_own_values(self._dataset, self._path)
         check_size(self._path, int(self._dataset.nbytes))
         raw = self._dataset[()]
         values = raw["real"] + 1j * raw["imag"] if raw.dtype.names else raw
         turned = np.asarray(values.T if self._turned else values)
         return turned if dtype is None else turned.astype(dtype)
+
+
+def _check_own_values(dataset: Any, path: Path) -> None:
+    """Refuse a dataset whose values lie in other files of this machine, and chunks that fill the memory.
+
+    Raises
+    ------
+    FemtuneError : ``record.other-file``, ``record.too-large``
+    """
+    others = list(_elsewhere(dataset, 0))
+    if others:
+        raise problem(
+            path, "record.other-file", name=dataset.name, others=", ".join(dict.fromkeys(others[:_MOST_TOLD]))
+        )
+    # a chunk is read as a whole, and may be larger than the dataset
+    check_size(path, math.prod(dataset.chunks or ()) * dataset.dtype.itemsize)
+
+
+def _elsewhere(dataset: Any, depth: int) -> Iterator[str]:
+    """Other files that have values of a dataset, itself or by datasets of its own file that it is composed of."""
+    yield from (_text_of(name) for name, *_ in dataset.external or ())
+    for source in dataset.virtual_sources() if dataset.is_virtual else ():
+        inner = dataset.file.get(source.dset_name, getlink=True) if source.file_name == "." else None
+        if inner is None or type(inner).__name__ != "HardLink" or depth > _DEEPEST:
+            yield _text_of(source.file_name)
+        else:
+            yield from _elsewhere(dataset.file[source.dset_name], depth + 1)
+
+
+_MOST_TOLD = 5
+"""Names of other files that a message lists."""
+
+
+def _text_of(name: Any) -> str:
+    return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
 
 
 # ----------------------------------------------------------------------------------------------------
