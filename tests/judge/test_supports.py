@@ -131,6 +131,30 @@ def test_the_eigenvalue_by_complex_step(tmp_path: Path) -> None:
     assert la.norm(own.stiffness.toarray()) > 0.0
 
 
+@pytest.mark.parametrize(
+    ("held", "supports"),
+    [
+        ("123456", "SPC1,1,123456,6"),
+        ("123456", "SPC1,1,123456,11"),
+        ("1234", "SPC1,1,1234,11\nSPC1,1,23,1"),
+    ],
+)
+def test_a_beam_that_turns_about_itself_without_its_support(held: str, supports: str, tmp_path: Path) -> None:
+    """A line of bars without polar inertia is then held at a point of it; the other directions are still tested."""
+    deck = beam(held).replace(f"SPC1,1,{held},1", supports)
+    rigid = _configured(tmp_path / "beam.bdf", deck)
+    dofs = supported_dofs(rigid.model.structure, [Configuration("a")])
+    own = support_rows(rigid, dofs, np.zeros(1))
+    solution = solve_modes(rigid.at(np.zeros(1)), _MODES)
+    assert set(own.dofs.tolist()) == {int(d) for d in dofs if d % 6 != 3}
+    assert own.dofs.tolist() == sorted(own.dofs.tolist())
+    for dof in own.dofs.tolist():
+        # each row is that of the model in which this direction alone is free
+        alone = support_rows(rigid, np.array([dof]), np.zeros(1))
+        row = own.forces(solution)[own.dofs == dof]
+        np.testing.assert_allclose(row, alone.forces(solution), rtol=1e-9, atol=1e-9 * np.abs(row).max())
+
+
 def test_what_a_plane_model_holds_everywhere_is_no_support(tmp_path: Path) -> None:
     path = tmp_path / "beam.bdf"
     path.write_text(beam().replace("ENDDATA", "SPC1,1,246,2,THRU,11\nENDDATA"))

@@ -105,12 +105,29 @@ class SupportRows:
 def support_rows(configured: ConfiguredModel, dofs: Integers, x: Reals) -> SupportRows:
     """The rows at some parameters, of the model without these supports.
 
+    A line of bars that nothing else keeps from turning about itself is held at a grid point of the line when its
+    supports are removed. Directions are then removed one by one, and those are left out for which it still turns.
+
     Raises
     ------
     FemtuneError : as `configure`
     """
+    found = _rows(configured, dofs, x)
+    if found is not None:
+        return found
+    parts = [part for c in range(6) if (part := _rows(configured, dofs[dofs % 6 == c], x)) is not None]
+    known = np.concatenate([part.dofs for part in parts])
+    order = np.argsort(known)
+    stiffness, mass = (sp.vstack([getattr(part, name) for part in parts], "csr") for name in ("stiffness", "mass"))
+    return SupportRows(known[order], sp.csr_array(stiffness[order]), sp.csr_array(mass[order]))
+
+
+def _rows(configured: ConfiguredModel, dofs: Integers, x: Reals) -> SupportRows | None:
+    """The rows of supports that are removed together; None where a DOF that was free is then held."""
     free = configure(configured.model, released(configured, dofs))
     point, place = free.at(x), {int(dof): i for i, dof in enumerate(free.free)}
+    if not place.keys() >= set(configured.free.tolist()):
+        return None
     known = np.array([dof for dof in dofs.tolist() if dof in place], np.int64)
     rows, columns = ([place[int(dof)] for dof in some] for some in (known, configured.free))
     return SupportRows(known, *(sp.csr_array(m[rows][:, columns]) for m in (point.stiffness, point.mass)))
