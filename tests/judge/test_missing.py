@@ -106,6 +106,27 @@ def test_a_plausible_change_ranks_first() -> None:
     assert found.order.tolist() == [1, 0]
 
 
+def test_the_digits_of_exact_data_say_nothing() -> None:
+    """Residuals are the rounding of a file: a pattern of it explains them, and nothing is missing. At a size that a
+    reader could use the same pattern is found."""
+    random, n = np.random.default_rng(9), 40
+    J, c = random.normal(size=(n, 2)), random.normal(size=(n, 1))
+    pattern = c[:, 0] + 0.2 * random.normal(size=n)
+    kinds = ("frequency",) * 10 + ("shape",) * (n - 10)
+    p, refit = [], []
+    for size in (1e-4, 1.0):
+        record = _record(size * pattern, J, kinds)
+        found = score_test(record, c, _wide(1))
+        assert found is not None
+        p.append(found.p[0])
+        after = record.r + found.change[0] * c[:, 0]
+        refit.append(p_of_refit(record, _record(after, np.hstack([J, c]), kinds)))
+    assert p[0] > 0.9
+    assert p[1] < 0.01
+    assert refit[0] > 0.9
+    assert refit[1] < 0.01
+
+
 def test_too_few_degrees_of_freedom() -> None:
     random = np.random.default_rng(7)
     J, c = random.normal(size=(5, 3)), random.normal(size=(5, 1))

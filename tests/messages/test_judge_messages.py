@@ -11,6 +11,7 @@ _CASES: dict[str, Notice] = {
     "judge.curved": Notice("judge.curved", axis="+Iby1, −Icx2", step=1.5, true=508.5, linear=2.25, count=3, of=20),
     "judge.curved, unsolved": Notice("judge.curved/unsolved", axis="+Iby1, −Icx2", step=1.5, count=3, of=20),
     "judge.lower-beside": Notice("judge.lower-beside", axis="+Iby1", step=1.5, decrease=12.31),
+    "judge.not-looked-further": Notice("judge.not-looked-further"),
     "judge.better-minimum": Notice(
         "judge.better-minimum", tried="as built: test mode 8 with model mode 8", first=344.21, now=30.512
     ),

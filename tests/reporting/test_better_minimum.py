@@ -31,7 +31,7 @@ def trial(kind: Any, sentence: str, chi_square: float, better: bool, held: float
     )
 
 
-def results(minimum: MinimumResults | None = None, before: Any = (), after: Any = ()) -> Any:
+def results(minimum: MinimumResults | None = None, before: Any = (), after: Any = (), looked: bool = True) -> Any:
     """Results with what the reasons read: the search, and frequency errors in % by mode."""
     compared = [
         SimpleNamespace(
@@ -40,11 +40,17 @@ def results(minimum: MinimumResults | None = None, before: Any = (), after: Any 
         )
         for stage, errors in (("before", before), ("after", after))
     ]  # fmt: skip
-    return SimpleNamespace(update=SimpleNamespace(minimum=minimum), correlations=compared)
+    return SimpleNamespace(update=SimpleNamespace(minimum=minimum, looked_further=looked), correlations=compared)
 
 
-def said(minimum: MinimumResults | None = None, before: Any = (), after: Any = ()) -> list[tuple[str, str]]:
-    return [(r.weight, r.code) for r in minimum_reasons(results(minimum, before, after))]
+def said(
+    minimum: MinimumResults | None = None, before: Any = (), after: Any = (), looked: bool = True
+) -> list[tuple[str, str]]:
+    return [(r.weight, r.code) for r in minimum_reasons(results(minimum, before, after, looked))]
+
+
+def test_that_nothing_was_looked_for_is_a_reservation() -> None:
+    assert said(None, looked=False) == [("reservation", "judge.not-looked-further")]
 
 
 def test_a_better_minimum_is_told_with_what_led_to_it() -> None:

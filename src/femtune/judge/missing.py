@@ -35,6 +35,10 @@ DRAWS = 1_000
 """Draws of noise for the adjusted p values: a level of 1 % is then known to 0.3 %, one of 5 % to 0.7 %."""
 SEED = 2026
 """Of these draws, so that a result can be repeated."""
+LEAST_SIZE = 0.01
+"""Errors relative to the stated standard deviations below which residuals say nothing of the model. They are then the
+digits of the data, or of the iterations, which no noise resembles: a value that is compared to three digits is written
+with five or six. Nobody acts on a field that explains a hundredth of a standard deviation."""
 _ROUNDING = 1e-6
 """Of degrees of freedom."""
 _NO_EFFECT = 1e-9
@@ -109,7 +113,7 @@ def score_test(
     (1, 0.1, True)
     """
     names = tuple(dict.fromkeys(record.kinds))
-    size = _sizes(record)
+    size, smallest = _sizes(record)
     weighted = _divided(record, size)
     places = [weighted.of_kind(name) for name in names]
     freedom = np.array([weighted.degrees(at)[0] for at in places])
@@ -121,7 +125,7 @@ def score_test(
     if freedom.sum() < FEWEST_DEGREES - _ROUNDING or not seen.any():
         return None
     which = np.flatnonzero(seen)
-    fixed = np.array([name == PRIOR for name in names]) | (freedom < FEWEST_DEGREES - _ROUNDING)
+    fixed = np.array([name == PRIOR or name in smallest for name in names]) | (freedom < FEWEST_DEGREES - _ROUNDING)
     parts = _Parts(C[:, which], tuple(places), freedom, fixed)
     left = weighted.across(weighted.r)
     change, sd, f, degrees = (values[0] for values in parts.statistics(left[:, None]))
@@ -150,17 +154,18 @@ def p_of_refit(before: Whitened, after: Whitened) -> float | None:
     are compared, or no degrees of freedom are left.
     """
     labels = (before.kinds, before.configurations, before.modes), (after.kinds, after.configurations, after.modes)
-    size = _sizes(after)
+    size, smallest = _sizes(after)
     weighted = _divided(after, size)
     degrees = weighted.degrees(np.arange(len(size)))[0]
     if labels[0] != labels[1] or degrees < FEWEST_DEGREES - _ROUNDING:
         return None
     least, first = (float(np.sum(record.across(record.r) ** 2)) for record in (weighted, _divided(before, size)))
-    return float(fdtrc(1.0, degrees, max(first - least, 0.0) / (least / degrees)))
+    variance = max(least / degrees, 1.0) if smallest else least / degrees
+    return float(fdtrc(1.0, degrees, max(first - least, 0.0) / variance))
 
 
-def _sizes(record: Whitened) -> Reals:
-    """(n,) size of the errors of each row in units of the stated standard deviations.
+def _sizes(record: Whitened) -> tuple[Reals, frozenset[str]]:
+    """(n,) size of the errors of each row in units of the stated standard deviations; kinds that have the least size.
 
     A kind with too few degrees of freedom to tell has the stated size, or that of its residuals if they are larger.
     """
@@ -170,7 +175,8 @@ def _sizes(record: Whitened) -> Reals:
         at = record.of_kind(kind.kind)
         if not kind.estimated:
             size[at] *= max(1.0, float(np.sqrt(np.mean(left[at] ** 2))))
-    return size
+    smallest = frozenset(kind.kind for kind in found.kinds if kind.estimated and kind.factor < LEAST_SIZE)
+    return np.maximum(size, LEAST_SIZE), smallest
 
 
 def _divided(record: Whitened, size: Reals) -> Whitened:

@@ -73,6 +73,11 @@ class UpdateTable(TomlTable):
     """`"equation-error"`: each start first minimises the equation error of the test modes, which needs no pairing;
     requires `[reduction]`. `"none"`: the residuals from the start. Example: `"equation-error"`"""
 
+    look_further: bool = True
+    """`false`: the end of the update is not doubted by further updates: no other pairings or starts are tried, and no
+    field that may be missing is made a parameter. For updates in a loop; the verdict has a reservation. Example:
+    `false`"""
+
 
 class ReductionTable(TomlTable):
     """[reduction]: the update searches on reduced models and is certified on the full one."""

@@ -94,5 +94,6 @@ def find_on_reduced(
     assert rules is not None
     told = TrainingProgress(progress, rules.full_solutions)
     told.begin(case.name for case in problem.cases)
-    found = update_reduced(problem, method, rules, report, at, told, further=MinimumRules())
+    further = MinimumRules() if study.file.update.look_further else None
+    found = update_reduced(problem, method, rules, report, at, told, further=further)
     return found.result, reduction_results(found, rules), found.search

@@ -117,4 +117,5 @@ def _found(study: Study, folder: Path, at: Evaluation, progress: Progress) -> Fo
         result, facts, search = find_on_reduced(study, method, tell, at, progress)
         return FoundParameters(result, facts, search=search)
     problem = study.problem()
-    return FoundParameters(look_further(problem, method, update(problem, method, tell, at), report=tell))
+    result = update(problem, method, tell, at)
+    return FoundParameters(look_further(problem, method, result, report=tell) if table.look_further else result)

@@ -162,7 +162,8 @@ class _Found:
     def results(self) -> MissingResults:
         """The record, with the first groups refitted if something is suspected to be missing."""
         test, groups = self.test, self._groups()
-        refits = self._refitted([g[0] for g in groups]) if test.p.min() < RESERVED else {}
+        further = self.fit.study.file.update.look_further
+        refits = self._refitted([g[0] for g in groups]) if further and test.p.min() < RESERVED else {}
         # the lowest misfit decides between those that were refitted
         groups.sort(key=lambda g: refits[g[0]].chi_square if g[0] in refits else np.inf)
         corners, gain = self._drawing() if test.p.min() < RESERVED else (None, None)

@@ -29,6 +29,8 @@ def minimum_reasons(results: Results) -> Iterable[ReasonRecord]:
     update = results.update
     if update is not None and update.minimum is not None:
         yield from _of_search(update.minimum)
+    if update is not None and not update.looked_further:
+        yield reason("reservation", "judge.not-looked-further")
     written = any(comparison.stage == "after as written" for comparison in results.correlations)
     yield from _of_frequencies(results, "after as written" if written else "after")
 

@@ -278,6 +278,7 @@ def update_results(
         certificate=certificate_results(result),
         smallest_change=smallest_change_results(result),
         minimum=minimum_results(result),
+        looked_further=table.look_further,
     )
 
 

@@ -323,5 +323,7 @@ class UpdateResults(Record):
     smallest_change: SmallestChangeResults | None = None
     """The smallest change within a margin of the minimum; None where the result is a minimum within the bounds."""
     minimum: MinimumResults | None = None
-    """What was tried for a better minimum at the end; None of several starts, of stages, of an external solver, and in
-    older results."""
+    """What was tried for a better minimum at the end; None of several starts, of stages, of an external solver, with
+    `look_further = false`, and in older results."""
+    looked_further: bool = True
+    """False with `look_further = false`: no better minimum was looked for, no missing field was made a parameter."""
