@@ -68,9 +68,9 @@ def in_place(
     FemtuneError : ``identify.no-poles`` where no mode is in place
     """
     kept, left, told, doubts = list(candidates), np.zeros(len(fit.poles), bool), [], []
-    chosen = np.flatnonzero([c.chosen for c in candidates])
+    chosen = np.flatnonzero([c.chosen for c in candidates]).tolist()
     for r, variant in _away(fit, [candidates[i] for i in chosen], table, band_hz).items():
-        i = int(chosen[fit.begun_at[r]])
+        i = chosen[fit.begun_at[r]]
         hz, ratio = (float(x[r]) for x in freq_and_damping(fit.poles))
         notice = Notice(f"identify.left-cluster{variant}", cluster_hz=candidates[i].freq_hz, end_hz=hz, end_ratio=ratio)
         if by_hand[i] or variant == "/shape":
