@@ -44,9 +44,10 @@ class IdentifyTable(TomlTable):
 
     title: Text | None = None
     """Title of the report. Default: the name of the file. Example: `"Building, state BC"`"""
-    record: RecordName | None = None
+    record: RecordName | Annotated[tuple[RecordName, ...], Field(min_length=1)] | None = None
     """Time histories: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5 (`pip install "femtune[hdf5]"`), WAV,
-    LVM, TDMS (`pip install npTDMS`). Example: `"bc.csv"`"""
+    LVM, TDMS (`pip install npTDMS`). With measured forces also several records of the same channels, such as the hits
+    of a hammer. Example: `"bc.csv"`"""
     frfs: FrfsName | tuple[FrfsName, ...] | None = None
     """Instead of `record`: measured FRFs (motion over force): UFF 58, ASCII or binary, one or several files of one
     test; or arrays and tables with [`[functions]`](#functions): .mat, .npy, .npz, HDF5, CSV and other text. Example:
@@ -83,6 +84,13 @@ class IdentifyTable(TomlTable):
     period_s: Positive | None = None
     """Period of a periodic force, s: no window and no leakage; the standard deviations are computed from the variation
     between the periods. Example: `10.0`"""
+    exponential_s: Positive | None = None
+    """Time constant τ of an exponential window e^(−t/τ) on forces and responses, s. It is applied to the hits of a
+    record; FRFs from a file were made with it elsewhere. The damping that it adds, 1/τ in rad/s, is subtracted from all
+    poles. Example: `0.5`"""
+    force_window_s: Positive | None = None
+    """Length of the force window, s: after this time from the beginning of a hit the force is set to zero. Example:
+    `0.01`"""
     fragments: Annotated[int, Field(ge=1, le=1000)] = 1
     """Number of fragments into which the record is divided; each method is applied to each fragment, and the result is
     their mean, with standard deviations. Example: `4`"""

@@ -32,6 +32,7 @@ from femtune.identification.shapes import (
 from femtune.identification.significance import without_poles_of_noise
 from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
+from femtune.modal.frf_set import KINDS
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ class InputKnown:
     low, high : residual modes below and above the band that the system gets
     reciprocal : whether the system is reciprocal
     real : real shapes
+    exponential_s : time constant τ of an exponential window e^{−t/τ} with which the functions were made. They are those
+        of the structure at s = iω + 1/τ; poles, modes and system are those without the window
     """
 
     band_hz: tuple[float, float] | None = None
@@ -63,6 +66,7 @@ class InputKnown:
     high: int = 2
     reciprocal: bool = False
     real: bool = True
+    exponential_s: float | None = None
 
     def __post_init__(self) -> None:
         unknown = set(self.methods) - set(KNOWN_INPUT)
@@ -131,6 +135,8 @@ def _without_dead(frfs: FrfSet) -> FrfSet:
 def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None) -> IdentifiedModes:
     whole, errors = _used(frfs, asked, sd)
     elastic = whole if asked.rigid is None else without_rigid_body(whole, asked.rigid)
+    shift = 0.0 if asked.exponential_s is None else 1.0 / asked.exponential_s
+    motion, elastic = elastic, _without_window(elastic, shift)
     table = join_tables([_poles(elastic, method, asked.largest_order, errors) for method in asked.methods])
     band = asked.band_hz or (float(whole.freq_hz[0]), float(whole.freq_hz[-1]))
     candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
@@ -140,10 +146,14 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
     by_hand = [now is not before for now, before in zip(candidates, by_rule)]
     chosen = np.flatnonzero([c.chosen for c in candidates])
     fit = fit_with_neighbours(elastic, chosen_poles(candidates, table).poles, errors, terms_outside(asked))
+    of_system = _system(motion, fit, band, asked)
+    if shift:
+        fit, of_system = replace(fit, poles=fit.poles + shift), _moved_system(of_system, shift)
+        table = replace(table, poles=table.poles + shift)
+        candidates = tuple(_moved(one, table) for one in candidates)
     fit, candidates, left, kept = in_place(fit, candidates, by_hand, table, band)
-    of_system = _system(elastic, fit, band, asked)
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
-    quality = fit_quality(system.frf(whole.freq_hz), whole)
+    quality = fit_quality(_with_window(system, shift).frf(whole.freq_hz), whole)
     remarks = (*kept, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic))))
     phases = quadrature_notices(leading_shapes(fit), whole.responses.labels())
     notices = (*left, *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
@@ -160,6 +170,32 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
         remarks=remarks,
         clusters=tuple(chosen[fit.begun_at[fit.reported]].tolist()),
     )
+
+
+def _without_window(frfs: FrfSet, shift: float) -> FrfSet:
+    """Functions (iω)^d Σ R/(iω + σ − λ) of those with an exponential window, (iω + σ)^d Σ R/(iω + σ − λ).
+
+    The window moves s = iω to iω + σ, σ = 1/τ. They are a sum of modes again, with poles λ − σ and the same residues.
+    """
+    if not shift:
+        return frfs
+    s = 2j * np.pi * frfs.freq_hz
+    return replace(frfs, values=frfs.values * (s / (s + shift)) ** KINDS.index(frfs.kind))
+
+
+def _with_window(system: StateSpace, shift: float) -> StateSpace:
+    """The system whose functions at iω are those of the given one at iω + σ."""
+    return replace(system, A=system.A - shift * np.eye(len(system.A)))
+
+
+def _moved_system(found: SystemFit, shift: float) -> SystemFit:
+    return replace(found, system=_with_window(found.system, -shift), poles=found.poles + shift)
+
+
+def _moved(one: Candidate, table: PoleTable) -> Candidate:
+    """A cluster with the medians of its poles, which have been moved."""
+    of = table.select(one.members)
+    return replace(one, freq_hz=float(np.median(of.freq_hz)), damping_ratio=float(np.median(of.damping_ratio)))
 
 
 def _used(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None) -> tuple[FrfSet, NDArray[np.float64] | None]:

@@ -92,10 +92,10 @@ def test_equal_degrees_of_freedom_are_numbered(tmp_path: Path) -> None:
 
 def test_a_force_by_its_heading_is_told(tmp_path: Path) -> None:
     file = asked_of(table(tmp_path, "time,force [lbf],2Z+ [g],top", T, FORCE, ONE, TWO), {"band_hz": (1.0, 50.0)})
-    (notice,) = heading_notices(read_asked(file), file)
+    (notice,) = heading_notices(*read_asked(file), file)
     check_shown("record.headings", notice)
     quiet = asked_of(table(tmp_path, "time,a,b", T, ONE, TWO), {"band_hz": (1.0, 50.0)})
-    assert not list(heading_notices(read_asked(quiet), quiet))
+    assert not list(heading_notices(*read_asked(quiet), quiet))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def test_a_rate_that_leaves_no_line_in_the_band(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", RNG.standard_normal((2, 6000)))
     file = asked_of(tmp_path / "a.npy", {"band_hz": (1.0, 30.0), "sampling_hz": 1e9})
     with pytest.raises(FemtuneError) as caught:
-        check_length(read_asked(file), Operational((1.0, 30.0)), file)
+        check_length(*read_asked(file), Operational((1.0, 30.0)), file)
     assert caught.value.code == "identify.short-record"
 
 

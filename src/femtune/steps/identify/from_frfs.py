@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.files.described_test import read_described
-from femtune.identification.averaging import Averaging, input_output_spectra
+from femtune.identification.averaging import Averaging, input_output_spectra, no_lost_samples
 from femtune.identification.estimators import estimate_frfs
+from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, still_moving
 from femtune.identification.input_known import InputKnown, identify_frfs
 from femtune.identification.join import at_lines
 from femtune.identification.kinds import KNOWN_INPUT
@@ -57,8 +60,8 @@ def found_from_frfs(
     table = file.identify
     methods = tuple(m for m in table.methods or KNOWN_INPUT if m in KNOWN_INPUT)
     asked = InputKnown(
-        table.band_hz, table.largest_order or DEFAULT_ORDER, methods, take=table.take_hz, drop=table.drop_hz,
-        real=table.real,
+        table.band_hz, table.largest_order or _order(frfs, table.band_hz), methods, take=table.take_hz,
+        drop=table.drop_hz, real=table.real, exponential_s=table.exponential_s,
     )  # fmt: skip
     made = identify_frfs(frfs, asked, sd)
     measured, synthesised = made.fit.measured, made.fit.synthesised
@@ -72,6 +75,13 @@ def found_from_frfs(
         notices=made.notices, remarks=made.remarks, geometry=geometry,
         measured_sd=None if sd is None else sd[:, :, np.isin(frfs.freq_hz, measured.freq_hz)],
     )  # fmt: skip
+
+
+def _order(frfs: FrfSet, band_hz: tuple[float, float] | None) -> int:
+    """The largest order: `DEFAULT_ORDER`, or half the number of lines where these are fewer than the order."""
+    low, high = band_hz or (0.0, np.inf)
+    lines = int(np.sum((frfs.freq_hz >= low) & (frfs.freq_hz <= high)))
+    return DEFAULT_ORDER if lines > DEFAULT_ORDER else max(4, 2 * (lines // 4))
 
 
 def _by_method(made: IdentifiedModes) -> dict[str, NDArray[np.float64]]:
@@ -108,31 +118,82 @@ def has_forces(record: TimeSeries) -> bool:
     return quantities == {"force"}
 
 
-def found_from_forces(record: TimeSeries, file: IdentifyFile) -> Found:
+def found_from_forces(records: Sequence[TimeSeries], file: IdentifyFile) -> Found:
     """Modes of the functions that the record gives, weighted by their standard deviations; without dead responses.
 
     Raises
     ------
     FemtuneError : ``identify.*``, ``record.*``
     """
-    dead = dead_channels(record)
-    alive = [i for i, c in enumerate(record.channels) if c.role == "input" or not dead[i]]
-    frfs, sd = functions_of(record.select_channels(alive), file)
+    dead = np.all([dead_channels(record) for record in records], axis=0)
+    alive = [i for i, c in enumerate(records[0].channels) if c.role == "input" or not dead[i]]
+    frfs, sd, notices = functions_of([record.select_channels(alive) for record in records], file)
     usable = np.isfinite(frfs.values).all(axis=(0, 1)) & (frfs.freq_hz > 0.0)
     kept = np.flatnonzero(usable)
     errors = sd[:, :, kept]
     known = np.isfinite(errors).all() and (errors > 0.0).all()
-    return found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None)
+    with with_notices(notices):
+        found = found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None)
+    return replace(found, notices=(*notices, *found.notices))
 
 
-def functions_of(record: TimeSeries, file: IdentifyFile) -> tuple[FrfSet, NDArray[np.float64]]:
-    """The functions and √E|error|² of each, (n, u, k)."""
-    table = file.identify
+def functions_of(
+    records: Sequence[TimeSeries], file: IdentifyFile
+) -> tuple[FrfSet, NDArray[np.float64], tuple[Notice, ...]]:
+    """The functions, √E|error|² of each, (n, u, k), and what a user should know of their making."""
+    table, record = file.identify, records[0]
     if table.period_s is not None:
-        periodic = periodic_frfs([record], _period(record, file))
-        return periodic.frfs, periodic.sd
-    estimate = estimate_frfs(input_output_spectra([record], Averaging(_segment(record, file))), table.estimator)
-    return replace(estimate.frfs, source=record.source), estimate.sd
+        periodic = periodic_frfs(records, _period(record, file))
+        return periodic.frfs, periodic.sd, ()
+    if len(record.positions("input")) == 1 and all(map(is_impulsive, records)):
+        return _functions_of_hits(records, file)
+    asked = [key for key in ("exponential_s", "force_window_s") if getattr(table, key) is not None]
+    if asked:
+        raise FemtuneError("identify.no-hits", where=file.where("identify", asked[0]), key=asked[0])
+    estimate = estimate_frfs(input_output_spectra(records, Averaging(_segment(record, file))), table.estimator)
+    return replace(estimate.frfs, source=record.source), estimate.sd, ()
+
+
+MOST_LINES = 4000
+"""Lines of a band that a block of a hit may have: longer blocks are cut, since the response has decayed long before."""
+
+
+def _functions_of_hits(
+    records: Sequence[TimeSeries], file: IdentifyFile
+) -> tuple[FrfSet, NDArray[np.float64], tuple[Notice, ...]]:
+    """Functions over the hits of a hammer; standard deviations come from the scatter over three hits or more."""
+    table, rate = file.identify, records[0].even_hz
+    for record in records:
+        no_lost_samples(record)
+    wanted = None if table.resolution_hz is None else round(rate / table.resolution_hz)
+    force_window = None if table.force_window_s is None else max(1, round(table.force_window_s * rate))
+    hits = hits_of(records, wanted, force_window)
+    low, high = table.band_hz or (0.0, 0.5 * rate)
+    block = min(hits.blocks[0].samples, max(int(MOST_LINES * rate / (high - low)), 4))
+    blocks = [one.select_samples(0, block) for one in hits.blocks]
+    averaging = Averaging(block, 0.0, "boxcar", table.exponential_s)
+    estimate = estimate_frfs(input_output_spectra(blocks, averaging), table.estimator)
+    count, notices = len(blocks), list(hits.notices)
+    notices.append(Notice("identify.hits", level="info", count=count, seconds=block / rate, step=rate / block))
+    if count == 1:
+        notices.append(Notice("identify.one-hit", level="info"))
+    moving = still_moving(blocks)
+    if moving > DECAYED and table.exponential_s is None:
+        notices.append(Notice("identify.hits-not-decayed", part=moving, seconds=block / rate))
+    frfs = replace(estimate.frfs, source=records[0].source, coherence=None if count == 1 else estimate.frfs.coherence)
+    if count < LEAST_HITS:
+        return frfs, np.full(estimate.sd.shape, np.nan), tuple(notices)
+    # few hits give the noise of one line with a large error, that of its neighbourhood with a small one
+    width = 2 * int(np.ceil(LEAST_FREEDOM / (count - 1) / 2.0)) + 1
+    variance = np.where(np.isfinite(estimate.sd), estimate.sd, 0.0) ** 2
+    smooth = np.sqrt(uniform_filter1d(variance, min(width, variance.shape[2]), axis=2, mode="nearest"))
+    return frfs, smooth, tuple(notices)
+
+
+LEAST_HITS = 3
+"""Hits from which their scatter gives the noise of the functions."""
+LEAST_FREEDOM = 30
+"""Degrees of freedom of a variance of the noise, over hits and neighbouring lines."""
 
 
 def _period(record: TimeSeries, file: IdentifyFile) -> int:

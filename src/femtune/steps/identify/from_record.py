@@ -61,8 +61,8 @@ Noise lowers the MAC of one mode by two methods; the MAC of different modes is m
 """
 
 
-def read_asked(file: IdentifyFile) -> TimeSeries:
-    """The record with its channels.
+def read_asked(file: IdentifyFile) -> list[TimeSeries]:
+    """The records with their channels.
 
     Raises
     ------
@@ -70,8 +70,11 @@ def read_asked(file: IdentifyFile) -> TimeSeries:
     """
     table = file.identify
     columns = [_column(entry) for entry in file.channel]
-    path, units = file.measured_path, unit_system(table.units)
-    return read_record(path, columns, table.sampling_hz, table.variable, table.format, units)
+    units = unit_system(table.units)
+    return [
+        read_record(path, columns, table.sampling_hz, table.variable, table.format, units)
+        for path in file.measured_paths
+    ]
 
 
 def heading_notices(record: TimeSeries, file: IdentifyFile) -> Iterable[Notice]:

@@ -32,6 +32,7 @@ from femtune.study.record import InputFile
 
 if TYPE_CHECKING:
     from femtune.files.identification_file import IdentifyFile
+    from femtune.modal import TimeSeries
     from femtune.steps.identify.identified import Found
     from femtune.steps.identify.setups import IdentifyEach
     from femtune.study.progress import Progress
@@ -92,13 +93,20 @@ def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
         progress.step("poles of every order", 0, None)
         return _with_agreement(found_from_file(file))
     geometry = read_described_geometry(file)
-    read = read_asked(file)
-    record, of_bodies = with_rigid_bodies(read, file, geometry)
-    check_usable(record)
-    notices = (*heading_notices(read, file), *of_bodies, *check_record(record))
-    check_methods(file, has_forces(record))
+    records: list[TimeSeries] = []
+    notices: tuple[Notice, ...] = ()
+    for read in read_asked(file):
+        record, of_bodies = with_rigid_bodies(read, file, geometry)
+        check_usable(record)
+        told = (*heading_notices(read, file), *of_bodies, *check_record(record))
+        notices = (*notices, *(notice for notice in told if notice not in notices))
+        records.append(record)
+    forces = has_forces(records[0])
+    check_methods(file, forces)
+    if len(records) > 1 and not forces:
+        raise FemtuneError("identify.several-records", where=file.where("identify", "record"), count=len(records))
     with with_notices(notices):
-        found = found_from_forces(record, file) if has_forces(record) else found_from_record(record, file, progress)
+        found = found_from_forces(records, file) if forces else found_from_record(records[0], file, progress)
     found = replace(found, notices=(*notices, *found.notices))
     return _with_agreement(found if geometry is None else replace(found, geometry=geometry))
 

@@ -1,0 +1,165 @@
+"""Hits of a hammer in a record: found by the force, cut into blocks of one length, double hits and overloads left out.
+
+A hit is short beside the response, which decays after it. Segments of a random signal, each with a window that begins
+and ends at zero, would cut the response from its force; a block from each hit to the next one needs no window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from femtune.arrays import Flags, Reals
+from femtune.errors import FemtuneError, Notice
+from femtune.modal import TimeSeries
+
+LEVEL = 0.1
+"""Part of the largest force beyond which a sample belongs to a hit."""
+MOST_SAMPLES = 0.02
+"""Part of the samples beyond that level up to which a force is that of a hammer: random forces have 60 %, sweeps 90 %,
+and bursts as much as they last."""
+LEAST_ENERGY = 0.3
+"""Part of the energy of the force that these samples have at least: a spike in a random force has less."""
+DOUBLE = 0.2
+"""Part of the longest time from one hit to the next; hits that follow sooner are bounces of the hammer."""
+FLAT = 3
+"""Equal samples in a row at the largest value of a channel, from which the channel was overloaded in a hit."""
+_EXTREME = 0.98
+"""Part of the largest value of a channel over the record above which a hit may have overloaded it."""
+_BEFORE = 8
+"""Samples before a hit that its block begins with at most."""
+DECAYED = 0.05
+"""Part of its largest value that the response may still have at the end of a block without a remark."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Blocks of the same length, each with one hit; notices say what was left out and why."""
+
+    blocks: tuple[TimeSeries, ...]
+    notices: tuple[Notice, ...]
+
+
+def is_impulsive(record: TimeSeries) -> bool:
+    """Whether the force of a record is that of a hammer: a few samples with most of its energy."""
+    force = _force(record)
+    at = _beyond(force)
+    energy = float(np.sum(force**2))
+    return bool(0 < at.sum() <= MOST_SAMPLES * len(force) and np.sum(force[at] ** 2) >= LEAST_ENERGY * energy)
+
+
+def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_window: int | None = None) -> Hits:
+    """The hits of records that have one or more each.
+
+    Parameters
+    ----------
+    records : with one input, the force
+    longest : samples of a block; as long as the hits allow where None
+    force_window : samples from the beginning of a hit on after which the force is set to zero, or None
+
+    Raises
+    ------
+    FemtuneError : ``identify.resolution/hits`` where no block is as long as that; ``record.lost-samples``
+    """
+    found = [(record, *hit) for record in records for hit in _hits(record)]
+    good = [one for one in found if not one[3]]
+    left = tuple(
+        Notice("identify.hit-left-out", time_s=float(record.time_s[begin]), reason=reason)
+        for record, begin, _, reason in found
+        if reason
+    )
+    if not good:
+        # there is nothing better, and the reader is told
+        good, left = found, (Notice("identify.hits-doubtful", reasons=", ".join(sorted({one[3] for one in found}))),)
+    lengths = np.array([end - begin for _, begin, end, _ in good])
+    usual = float(np.median(lengths))
+    kept = [one for one, length in zip(good, lengths) if length >= (longest or 0.5 * usual)]
+    if not kept:
+        values = {"block": f"{longest} samples", "longest hit": f"{lengths.max()} samples"}
+        raise FemtuneError("identify.resolution/hits", values=values)
+    block = longest or int(min(end - begin for _, begin, end, _ in kept))
+    before = min(_BEFORE, *(begin for _, begin, _, _ in kept))
+    pieces = [record.select_samples(begin - before, begin - before + block) for record, begin, _, _ in kept]
+    cut = (
+        (Notice("identify.hits-cut", level="info", count=len(good) - len(kept), seconds=block / records[0].even_hz),)
+        if len(good) > len(kept)
+        else ()
+    )
+    if force_window is not None:
+        pieces = [_with_force_window(piece, before + force_window) for piece in pieces]
+    return Hits(tuple(pieces), (*left, *cut))
+
+
+def still_moving(blocks: Sequence[TimeSeries]) -> float:
+    """Median over the hits of the part of its size that the response has in the last tenth of a block."""
+    parts = []
+    for block in blocks:
+        y = block.values[[i for i, c in enumerate(block.channels) if c.role != "input"]]
+        y = y - np.median(y, axis=1, keepdims=True)
+        tail = y[:, -max(y.shape[1] // 10, 1) :]
+        parts.append(float(np.sqrt(np.mean(tail**2)) / max(float(np.sqrt(np.mean(y**2))), np.finfo(float).tiny)))
+    return float(np.median(parts))
+
+
+def _force(record: TimeSeries) -> Reals:
+    row = record.values[record.positions("input")[0]]
+    return np.asarray(row - np.nanmedian(row), float)
+
+
+def _beyond(force: Reals) -> Flags:
+    return np.asarray(np.abs(force) > LEVEL * np.nanmax(np.abs(force), initial=0.0))
+
+
+def _hits(record: TimeSeries) -> list[tuple[int, int, str]]:
+    """Begin and end of each hit, and why it is left out ("" if it is not)."""
+    at = np.flatnonzero(_beyond(_force(record)))
+    apart = np.append(np.diff(at), record.samples - at[-1])
+    # pulses that follow much sooner than the others do are one hit with its bounces
+    least = DOUBLE * apart.max()
+    last = np.flatnonzero(np.append(apart[:-1] >= least, True))
+    first = np.append(0, last[:-1] + 1)
+    begins = at[first]
+    ends = np.append(begins[1:] - _BEFORE, record.samples)
+    hits = []
+    for i, (begin, end) in enumerate(zip(begins.tolist(), ends.tolist())):
+        own = at[first[i] : last[i] + 1]
+        # within one pulse the force falls below the level only where it crosses zero
+        bounce = np.diff(own).max(initial=1) > max(2 * _first_pulse(own), 4)
+        hits.append((begin, end, "double hit" if bounce else _overload(record, begin, end)))
+    return hits
+
+
+def _first_pulse(own: np.ndarray) -> int:
+    """Samples of the first run beyond the level."""
+    gaps = np.flatnonzero(np.diff(own) > 1)
+    return int(gaps[0] + 1 if len(gaps) else len(own))
+
+
+def _overload(record: TimeSeries, begin: int, end: int) -> str:
+    """Which channels are flat at the largest values that they have."""
+    names = []
+    for channel, row in zip(record.channels, record.values):
+        largest, piece = float(np.nanmax(np.abs(row))), row[begin:end]
+        high = np.abs(piece) >= _EXTREME * largest
+        equal = high[1:] & high[:-1] & (piece[1:] == piece[:-1])
+        runs = np.convolve(equal, np.ones(FLAT - 1), "valid") if len(equal) >= FLAT - 1 else np.zeros(0)
+        if largest > 0.0 and (runs >= FLAT - 1).any() and not _coarse(row):
+            names.append(str(channel))
+    return f"overload of {', '.join(names)}" if names else ""
+
+
+def _coarse(row: Reals) -> bool:
+    """Whether the steps of a converter are so coarse that equal samples say nothing."""
+    steps = np.abs(np.diff(row))
+    moving = steps[steps > 0.0]
+    return bool(not len(moving) or moving.min() > 2e-3 * np.nanmax(np.abs(row)))
+
+
+def _with_force_window(piece: TimeSeries, samples: int) -> TimeSeries:
+    values = piece.values.copy()
+    for i in piece.positions("input"):
+        values[i] -= np.median(values[i])
+        values[i, samples:] = 0.0
+    return replace(piece, values=values)

@@ -1,0 +1,171 @@
+"""Hits of a hammer: found, cut, judged; windows and the damping that they add."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import chirp, lfilter
+from tests.messages.shown import check_shown
+
+from femtune import identify
+from femtune.dofs import Dof
+from femtune.errors import FemtuneError, Notice
+from femtune.identification import InputKnown, identify_frfs
+from femtune.identification.hammer import hits_of, is_impulsive
+from femtune.modal import Channel, FrfSet, TimeSeries, pole_of
+
+from .conftest import Known
+
+RATE = 512.0
+FREQ, DAMPING = np.array([22.0, 41.0, 63.0]), np.array([0.02, 0.015, 0.01])
+SHAPES = np.array([[1.0, 0.7, -0.5], [0.6, -0.9, 0.8]])
+CHANNELS = (Channel(Dof(1, "Z"), "force", role="input"), *(Channel(Dof(i, "Z"), "acceleration") for i in (1, 2)))
+
+
+def response(force: np.ndarray) -> np.ndarray:
+    """(2, n) accelerations of sampled modes."""
+    y = np.zeros((2, len(force)))
+    for k, pole in enumerate(np.exp(pole_of(FREQ, DAMPING) / RATE)):
+        q = lfilter([0.0, pole.imag], [1.0, -2.0 * pole.real, abs(pole) ** 2], SHAPES[0, k] * force)
+        y += np.outer(SHAPES[:, k], np.gradient(np.gradient(q)))
+    return y
+
+
+def measured(hits: list[int], samples: int, seed: int = 0, again: int | None = None) -> TimeSeries:
+    """A record with a hit at each of some samples; `again`: samples after which the first hit bounces."""
+    rng, force, pulse = np.random.default_rng(seed), np.zeros(samples), 50.0 * np.hanning(7)
+    for at in hits:
+        force[at : at + 7] += pulse * rng.uniform(0.7, 1.3)
+    if again is not None:
+        force[hits[0] + again : hits[0] + again + 7] += 0.6 * pulse
+    y = response(force)
+    noise = rng.standard_normal((3, samples)) * np.array([[0.02], [3e-4 * y.std()], [3e-4 * y.std()]])
+    return TimeSeries(np.vstack([force, y]) + noise, CHANNELS, RATE)
+
+
+def written(record: TimeSeries, path: Path) -> Path:
+    np.savetxt(path, record.values.T, delimiter=",", header="force,1Z+,2Z+", comments="", fmt="%.7g")
+    return path
+
+
+def codes(notices: tuple[Notice, ...]) -> list[str]:
+    return [n.code for n in notices]
+
+
+@pytest.mark.parametrize("hits", [[40], [40, 1300, 3100]])
+def test_hits_are_recognised_and_other_signals_are_not(hits: list[int]) -> None:
+    rng, n, t = np.random.default_rng(1), 4096, np.arange(4096) / RATE
+    assert is_impulsive(measured(hits, n))
+    random = rng.standard_normal(n)
+    spike = random.copy()
+    spike[700] = 40.0
+    for force in (random, random * (t < 1.0), chirp(t, 1.0, 8.0, 200.0), np.sin(60.0 * t), spike):
+        assert not is_impulsive(TimeSeries(force[None], CHANNELS[:1], RATE))
+
+
+def test_double_hits_and_overloads_are_left_out() -> None:
+    good = measured([40, 1100, 2100], 3200)
+    assert len(hits_of([good]).blocks) == 3
+    double = hits_of([measured([40, 1100, 2100], 3200, again=60)])
+    assert [round(float(b.time_s[0]) * RATE) for b in double.blocks] == [
+        1093,
+        2093,
+    ]  # the pulse passes the level one sample after it begins, the block begins eight before
+    check_shown("identify.hit-left-out", double.notices[0])
+    values = good.values.copy()
+    at = slice(1100, 1300)
+    limit = 0.5 * np.abs(values[1, at]).max()
+    values[1] = np.clip(values[1], -limit, limit)
+    values[1, :1000], values[1, 2000:] = 0.4 * good.values[1, :1000], 0.4 * good.values[1, 2000:]
+    clipped = hits_of([TimeSeries(values, CHANNELS, RATE)])
+    assert len(clipped.blocks) == 2
+    assert "overload of 1Z+" in clipped.notices[0].what
+    alone = hits_of([measured([40], 1200, again=60)])
+    assert len(alone.blocks) == 1
+    check_shown("identify.hits-doubtful", alone.notices[0])
+    short = hits_of([measured([40, 1100, 2100, 3100], 3300)])
+    assert len(short.blocks) == 3
+    check_shown("identify.hits-cut", short.notices[0])
+    with pytest.raises(FemtuneError, match=r"identify\.resolution"):
+        hits_of([good], longest=2000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("several", [False, True])
+def test_modes_of_hits_in_one_record_or_in_several(tmp_path: Path, several: bool) -> None:
+    if several:
+        for i in range(3):
+            written(measured([40 + 5 * i], 1100, i), tmp_path / f"{i}.csv")
+        (tmp_path / "i.toml").write_text(
+            '[identify]\nrecord = ["0.csv", "1.csv", "2.csv"]\nsampling_hz = 512.0\nband_hz = [10.0, 90.0]\n'
+        )
+        made = identify(tmp_path / "i.toml")
+    else:
+        path = written(measured([40, 1150, 2290], 3400), tmp_path / "all.csv")
+        made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0))
+    assert made.modes.damping_ratio is not None
+    np.testing.assert_allclose(made.modes.freq_hz, FREQ, rtol=1e-3)
+    np.testing.assert_allclose(made.modes.damping_ratio, DAMPING, rtol=0.03)
+    (said,) = [n for n in made.found.notices if n.code == "identify.hits"]
+    check_shown("identify.hits", said) if not several else None
+    assert "3 hits" in said.what
+    assert made.found.measured is not None
+    assert made.found.measured.coherence is not None
+    assert made.found.measured_sd is not None
+
+
+@pytest.mark.slow
+def test_one_short_hit_with_windows(tmp_path: Path) -> None:
+    path = written(measured([40], 300), tmp_path / "one.csv")
+    plain = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0))
+    notices = {n.code: n for n in plain.found.notices}
+    check_shown("identify.one-hit", notices["identify.one-hit"])
+    check_shown("identify.hits-not-decayed", notices["identify.hits-not-decayed"])
+    assert plain.found.measured is not None
+    assert plain.found.measured.coherence is None
+    made = identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0), exponential_s=0.15, force_window_s=0.02)
+    assert "identify.hits-not-decayed" not in codes(made.found.notices)
+    assert made.modes.damping_ratio is not None
+    np.testing.assert_allclose(made.modes.freq_hz, FREQ, rtol=2e-3)
+    np.testing.assert_allclose(made.modes.damping_ratio, DAMPING, rtol=0.05)
+
+
+@pytest.mark.parametrize("kind", ["receptance", "accelerance"])
+def test_the_damping_of_an_exponential_window_is_taken_out_exactly(three_modes: Known, kind: str) -> None:
+    lines, sigma = np.linspace(5.0, 30.0, 300), 1.0 / 0.8
+    frfs = three_modes.frfs(lines, kind=kind)
+    poles = pole_of(three_modes.freq_hz, three_modes.damping_ratio)
+    residues = np.einsum("ir,jr,r->ijr", three_modes.shapes, three_modes.shapes[:1], 1.0 / (2j * poles.imag))
+    s = 2j * np.pi * lines + sigma
+    values = residues @ (1.0 / (s - poles[:, None])) + residues.conj() @ (1.0 / (s - poles.conj()[:, None]))
+    values = values * s ** (0 if kind == "receptance" else 2)
+    made = identify_frfs(
+        FrfSet(lines, values, frfs.responses, frfs.references, kind), InputKnown(largest_order=12, exponential_s=0.8)
+    )
+    assert made.modes.damping_ratio is not None
+    np.testing.assert_allclose(made.modes.freq_hz, three_modes.freq_hz, rtol=1e-8)
+    np.testing.assert_allclose(made.modes.damping_ratio, three_modes.damping_ratio, rtol=1e-6)
+    np.testing.assert_allclose(np.abs(made.modes.shapes), np.abs(three_modes.shapes), rtol=1e-6)
+    # the system is that of the structure: its functions at iω are those without the window
+    np.testing.assert_allclose(made.system.frf(lines).values, frfs.values, atol=2e-3 * np.abs(frfs.values).max())
+
+
+def test_windows_of_hits_and_several_records_are_for_hits_and_forces(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    force = rng.standard_normal(2000)
+    path = written(TimeSeries(np.vstack([force, response(force)]), CHANNELS, RATE), tmp_path / "random.csv")
+    with pytest.raises(FemtuneError) as told:
+        identify(path, sampling_hz=RATE, band_hz=(10.0, 90.0), exponential_s=0.5)
+    assert "identify.no-hits" in str(told.value)
+    check_shown("identify.no-hits", Notice("identify.no-hits", key="exponential_s"))
+    for name in "ab":
+        np.savetxt(tmp_path / f"{name}.csv", response(force).T, delimiter=",", header="1Z+,2Z+", comments="")
+    (tmp_path / "i.toml").write_text(
+        '[identify]\nrecord = ["a.csv", "b.csv"]\nsampling_hz = 512.0\nband_hz = [10.0, 90.0]\n'
+    )
+    with pytest.raises(FemtuneError) as told:
+        identify(tmp_path / "i.toml")
+    assert "identify.several-records" in str(told.value)
+    check_shown("identify.several-records", Notice("identify.several-records", count=2))
