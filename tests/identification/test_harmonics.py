@@ -6,8 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from messages.shown import check_shown
 from scipy.signal import lfilter
+from tests.messages.shown import check_shown
 
 import femtune as ft
 from femtune.dofs import Dof

@@ -116,10 +116,10 @@ def _standing_out(moving: Reals, rate: float, band_hz: tuple[float, float]) -> t
     power = np.abs(np.fft.rfft(moving * np.hanning(moving.shape[1]), axis=1)) ** 2
     middle = np.maximum(median_filter(power, size=(1, _AROUND)), np.finfo(float).tiny)
     ratio = np.minimum(power / middle, 1e12).mean(axis=0)
-    level = np.max([uniform_filter1d(ratio, n) for n in _SPREAD], axis=0)
+    level: Reals = np.max([uniform_filter1d(ratio, n) for n in _SPREAD], axis=0)
     freq = np.fft.rfftfreq(moving.shape[1], 1.0 / rate)
     inside = (freq >= band_hz[0]) & (freq <= band_hz[1])
-    return freq[inside], level[inside]
+    return np.asarray(freq[inside], float), np.asarray(level[inside], float)
 
 
 def _candidates(freq: Reals, level: Reals, modes_hz: Sequence[float]) -> list[float]:
