@@ -101,6 +101,9 @@ class IdentifyTable(TomlTable):
     fragment. Example: `[7.8]`"""
     drop_hz: tuple[Positive, ...] = ()
     """Clusters of stable poles that are rejected manually, Hz. Example: `[7.8]`"""
+    remove_hz: Annotated[tuple[Positive, ...], Field(max_length=100)] = ()
+    """Lines of machines or of the mains that are subtracted from a record without measured forces before the
+    identification, Hz, within 0.2 %. Example: `[11.0, 22.0]`"""
 
 
 class ChannelEntry(TomlTable):

@@ -119,6 +119,10 @@ def joined_by_average(distance: Reals, farthest: float) -> list[NDArray[np.int64
     return [np.flatnonzero(labels == label) for label in np.unique(labels)]
 
 
+CHOSEN_BY_USER = "chosen by the user"
+"""Reason of a candidate that the user takes."""
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """One cluster of stable poles.
@@ -195,7 +199,7 @@ def change_choice(
     changed = list(candidates)
     for freq, chosen in (*((f, True) for f in take), *((f, False) for f in drop)):
         i = _nearest(changed, freq, within)
-        reason = "chosen by the user" if chosen else "dropped by the user"
+        reason = CHOSEN_BY_USER if chosen else "dropped by the user"
         changed[i] = replace(changed[i], chosen=chosen, reason=reason)
     return tuple(changed)
 

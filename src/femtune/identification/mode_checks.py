@@ -24,7 +24,7 @@ QUADRATURE_DEG = 70.0
 which it is reported: a channel of another quantity has 90°."""
 QUADRATURE_MODES = 2
 """Modes in which it must move; a single one may be complex."""
-_DOUBTFUL = ("identify.damping", "identify.driving-point-sign", "identify.left-cluster")
+_DOUBTFUL = ("identify.damping", "identify.driving-point-sign", "identify.left-cluster", "identify.harmonic")
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,13 @@ STEP = Step(
             click.Option(
                 ["--drop", "drop_hz"], type=float, multiple=True, metavar="HZ", help="Drop this cluster; repeatable."
             ),
+            click.Option(
+                ["--remove", "remove_hz"],
+                type=float,
+                multiple=True,
+                metavar="HZ",
+                help="Subtract the line of a machine from the record; repeatable.",
+            ),
             click.Option(["--units"], metavar="m-kg-s", help="Units, if the file states none."),
             JOBS,
             JSON,

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune import __version__
-from femtune.steps.identify.record import Identification, IdentifiedMode, LinearityResults, PoleCluster
+from femtune.identification.harmonics import multiples
+from femtune.steps.identify.record import HarmonicLine, Identification, IdentifiedMode, LinearityResults, PoleCluster
 from femtune.steps.info.facts import alert_of
 from femtune.study.record import InputFile
 
@@ -34,6 +35,10 @@ def identification(
         clusters=clusters,
         largest_misfit_percent=None if identified.misfit_percent is None else float(identified.misfit_percent.max()),
         alerts=tuple(alert_of(notice) for notice in identified.notices),
+        harmonics=tuple(
+            HarmonicLine(freq_hz=e.freq_hz, kurtosis=e.kurtosis, width_hz=e.width_hz, share=e.share, multiple=word)
+            for e, word in zip(identified.lines, multiples(identified.lines))
+        ),
         linearity=linearity,
     )
 

@@ -11,13 +11,19 @@ from numpy.typing import NDArray
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Notice
 from femtune.files.records import ChannelColumn, read_record
-from femtune.identification.averaging import cross_spectra
-from femtune.identification.choice import change_choice, has_candidate
+from femtune.identification.averaging import cross_spectra, no_lost_samples
+from femtune.identification.choice import CHOSEN_BY_USER, change_choice, has_candidate
 from femtune.identification.combine import Estimate, combine
 from femtune.identification.fdd import decompose
+from femtune.identification.harmonics import Line, find_lines, multiples, without_lines
 from femtune.identification.input_lines import judge_peaks
 from femtune.identification.kinds import OUTPUT_ONLY
-from femtune.identification.mode_checks import collinearity_remarks, damping_remarks, quadrature_notices
+from femtune.identification.mode_checks import (
+    ModeRemark,
+    collinearity_remarks,
+    damping_remarks,
+    quadrature_notices,
+)
 from femtune.identification.operational import (
     Operational,
     chosen_modes,
@@ -103,6 +109,7 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     names = [m for m in table.methods or DEFAULT_METHODS if m in OUTPUT_ONLY]
     check_length(record, asked, file)
     levels = level_ratios(record)
+    record, removed = subtracted(record, file)
     measured, record = record, replace(record, values=record.values / levels[:, None])
     length = record.samples // table.fragments
     several: dict[tuple[str, int], OperationalModes] = {}
@@ -112,16 +119,93 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
             progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
             several[name, i] = _by_hand(OUTPUT_ONLY[name].load()(piece, asked), file)
     _check_choice([several[names[0], i] for i in range(table.fragments)], file)
+    ready = prepared(record, asked)
+    lines = find_lines(ready, asked.band_hz, [float(f) for one in several.values() for f in one.modes.freq_hz])
+    several = {key: _without_harmonics(one, lines, ready, asked, table.take_hz) for key, one in several.items()}
     identified = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
     labels = identified.modes.dofs.labels()
     phases = next((n for one in several.values() if (n := quadrature_notices(one.complex_shapes, labels))), ())
-    ready = prepared(record, asked)
     spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
     level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
     inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
     curve = Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
     identified = _unscaled(_judged(identified, measured), measured, levels)
-    return replace(identified, curve=curve, notices=(*phases, *identified.notices))
+    notices = (*removed, *line_notices(lines), *phases, *identified.notices)
+    return _beside_lines(replace(identified, curve=curve, notices=notices), lines)
+
+
+def subtracted(record: TimeSeries, file: IdentifyFile) -> tuple[TimeSeries, tuple[Notice, ...]]:
+    """The record without the lines that the request names, and what was subtracted."""
+    if not file.identify.remove_hz:
+        return record, ()
+    no_lost_samples(record)
+    try:
+        record, removed = without_lines(record, file.identify.remove_hz)
+    except FemtuneError as error:
+        error.where = file.where("identify", "remove_hz")
+        raise
+    said = ", ".join(f"{line.freq_hz:.5g} Hz ({line.share:.2g} of the power)" for line in removed)
+    return record, (Notice("identify.removed-lines", level="info", lines=said),)
+
+
+def _is_line(freq: float, ratio: float | None, line: Line, step_hz: float) -> bool:
+    """Whether a pole is that of a line: it is nearer than its bandwidth, and its own bandwidth is not larger."""
+    width = max(line.width_hz, step_hz)
+    narrow = ratio is None or not np.isfinite(ratio) or ratio * freq <= width
+    return narrow and abs(freq - line.freq_hz) <= width
+
+
+def _without_harmonics(
+    found: OperationalModes, lines: tuple[Line, ...], record: TimeSeries, asked: Operational, taken: tuple[float, ...]
+) -> OperationalModes:
+    """The modes of a method without the lines of machines, except those that the user takes."""
+    # the resolution of spectra limits only the methods that use them
+    step = 0.0 if found.table is not None else 2.0 * record.even_hz / segment_of(record, asked)
+    if found.table is not None:
+        candidates = tuple(
+            replace(c, chosen=False, reason=f"harmonic at {at.freq_hz:.4g} Hz")
+            if c.chosen
+            and c.reason != CHOSEN_BY_USER
+            and (at := next((e for e in lines if _is_line(c.freq_hz, c.damping_ratio, e, step)), None))
+            else c
+            for c in found.candidates
+        )
+        return found if candidates == found.candidates else chosen_modes(found, candidates)
+    ratios = found.modes.damping_ratio
+    keep = [
+        i
+        for i, f in enumerate(found.modes.freq_hz.tolist())
+        if any(abs(f - t) <= 0.01 * t for t in taken)
+        or not any(_is_line(f, None if ratios is None else float(ratios[i]), line, step) for line in lines)
+    ]
+    return replace(found, modes=found.modes.select_modes(keep), complex_shapes=found.complex_shapes[:, keep])
+
+
+def line_notices(lines: tuple[Line, ...]) -> tuple[Notice, ...]:
+    if not lines:
+        return ()
+    ratios = multiples(lines)
+    said = "; ".join(
+        f"{line.freq_hz:.5g} Hz (kurtosis {line.kurtosis:.2f}, {100.0 * line.share:.2g} % of the power"
+        f"{', ' + ratios[i] if ratios[i] else ''})"
+        for i, line in enumerate(lines)
+    )
+    hz = ", ".join(f"{line.freq_hz:.5g}" for line in lines)
+    return (Notice("identify.harmonic", lines=said, remove=hz),)
+
+
+def _beside_lines(identified: Found, lines: tuple[Line, ...]) -> Found:
+    """With the lines, and a remark on modes within whose half-power bandwidth one of them is."""
+    modes = identified.modes
+    ratios = np.zeros(len(modes)) if modes.damping_ratio is None else np.nan_to_num(modes.damping_ratio)
+    remarks = tuple(
+        ModeRemark(i, Notice("identify.harmonic/in-bandwidth", frequency_hz=float(f), line_hz=line.freq_hz))
+        for i, (f, ratio) in enumerate(zip(modes.freq_hz, ratios))
+        for line in lines
+        if abs(line.freq_hz - f) <= max(ratio * f, line.width_hz)
+    )
+    notices = (*identified.notices, *(r.notice for r in remarks))
+    return replace(identified, lines=lines, remarks=(*identified.remarks, *remarks), notices=notices)
 
 
 def _unscaled(identified: Found, record: TimeSeries, levels: NDArray[np.float64]) -> Found:
@@ -174,7 +258,7 @@ def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
 
 def _first(names: list[str], several: dict[tuple[str, int], OperationalModes], dropped: tuple[float, ...]) -> Found:
     first = several[names[0], 0]
-    if not len(first.modes):
+    if not len(first.modes) and not any(c.reason.startswith("harmonic") for c in first.candidates):
         raise FemtuneError("identify.no-modes/of-first-method", method=names[0])
     by_method = {name: _beside(first.modes, several[name, 0].modes) for name in names}
     notices = _further(names[0], {name: several[name, 0].modes for name in names}, dropped)
@@ -250,7 +334,7 @@ def _remarked(identified: Found, deviation_deg: NDArray[np.float64]) -> Found:
 def _judged(identified: Found, record: TimeSeries) -> Found:
     """Peaks that a recorded ground has too."""
     ground = record.positions("input")
-    if not ground:
+    if not ground or not len(identified.modes):
         return identified
     segment = min(2 ** int(np.log2(record.even_hz / identified.modes.freq_hz.min() * 200.0)), record.samples // 8)
     spectra = cross_spectra(record.values - record.values.mean(axis=1, keepdims=True), record.even_hz, segment)

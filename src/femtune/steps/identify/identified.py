@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Flags
     from femtune.errors import Notice
     from femtune.identification.choice import Candidate
+    from femtune.identification.harmonics import Line
     from femtune.identification.input_lines import InputVerdict
     from femtune.identification.mode_checks import ModeRemark
     from femtune.identification.pole_table import PoleTable
@@ -52,6 +53,7 @@ class Found:
     remarks : those of them that belong to one mode
     collinearity : (m,) phase collinearity of the complex shapes, also where `modes` has real ones
     geometry : of the test, where its file has one
+    lines : of machines and of the mains in a record of responses, which are no modes
     """
 
     modes: ModeSet
@@ -70,6 +72,7 @@ class Found:
     of_input: tuple[InputVerdict, ...] = ()
     notices: tuple[Notice, ...] = ()
     remarks: tuple[ModeRemark, ...] = ()
+    lines: tuple[Line, ...] = ()
     measured_sd: NDArray[np.float64] | None = field(default=None, repr=False)
     geometry: WireFrame = field(default=NO_GEOMETRY, repr=False)
 

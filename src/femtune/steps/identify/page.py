@@ -89,6 +89,8 @@ def _verdict(made: IdentifyResult) -> tuple[str, Level]:
     if doubtful:
         text += f", {doubtful} of them doubtful"
     text += _agreement(structural)
+    if made.record.harmonics:
+        text += f"; {counted(len(made.record.harmonics), 'harmonic')} excluded"
     others = len(modes) - len(structural)
     if others:
         text += f"; {counted(others, 'peak')} of the excitation excluded"
@@ -133,10 +135,21 @@ def _modes(made: IdentifyResult) -> Iterator[Block]:
     rows = [row(*_mode_cells(m, methods, made.found.estimates, counted_in)) for m in record.modes]
     note = (
         "σ is the standard deviation (– if the method gives none). The collinearity of a real shape is 1. A mode is "
-        f"doubtful if its damping ratio is not between 0 and {100.0 * LARGE_DAMPING:g} %, or if its modal mass is "
-        "negative."
+        f"doubtful if its damping ratio is not between 0 and {100.0 * LARGE_DAMPING:g} %, or not above zero by two "
+        "standard deviations, if its modal mass is negative, or if a harmonic is within its half-power bandwidth."
     )
     yield Table("Modes", heads, tuple(rows), note)
+    if record.harmonics:
+        heads = columns(">Hz", ">Kurtosis", ">Power %", "Ratio")
+        lines = tuple(
+            row(freq(e.freq_hz), f"{e.kurtosis:.2f}", percent(100.0 * e.share), e.multiple) for e in record.harmonics
+        )
+        note = (
+            "Lines of machines and of the mains, which are not modes: the kurtosis of the band-passed signal is 1.5 "
+            "for a sine and 3 for a mode under random forces. The key remove_hz, or --remove, subtracts them from the "
+            "record."
+        )
+        yield Table("Harmonics", heads, lines, note)
 
 
 def _mode_cells(mode: IdentifiedMode, methods: list[str], estimates: int, counted_in: bool) -> list[str]:

@@ -45,6 +45,21 @@ class PoleCluster(Record):
     """The reason."""
 
 
+class HarmonicLine(Record):
+    """A line of a machine or of the mains in a record of responses; it is no mode."""
+
+    freq_hz: float
+    """Its mean frequency."""
+    kurtosis: float
+    """Kurtosis of the band-passed signal: 1.5 for a sine, 3 for a mode under random forces."""
+    width_hz: float
+    """Half the bandwidth within which it was judged."""
+    share: float
+    """Share of the power of the channels in this bandwidth, each channel relative to its own power."""
+    multiple: str
+    """Its integer ratio to another line or to the mains; "" if it has none."""
+
+
 class LevelTrend(Record):
     """Change of the frequency or the damping ratio of a mode with the level of the force."""
 
@@ -150,5 +165,7 @@ class Identification(Record):
     """Relative error of the synthesised function with the poorest fit; None if the input is not known."""
     alerts: tuple[Alert, ...]
     """Alerts."""
+    harmonics: tuple[HarmonicLine, ...] = ()
+    """Lines of machines and of the mains, which are not among the modes."""
     linearity: LinearityResults | None = None
     """Comparison of tests at several levels of force; None if only one level was measured."""

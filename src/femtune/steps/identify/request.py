@@ -110,8 +110,10 @@ def check_methods(file: IdentifyFile, forces: bool) -> None:
 
     Raises
     ------
-    FemtuneError : ``identify.output-only``
+    FemtuneError : ``identify.output-only``, ``identify.no-line`` where lines shall be subtracted beside forces
     """
+    if forces:
+        check_no_lines(file)
     known = KNOWN_INPUT if forces else OUTPUT_ONLY
     wrong = [m for m in file.identify.methods or () if m not in known]
     if wrong:
@@ -122,6 +124,17 @@ def check_methods(file: IdentifyFile, forces: bool) -> None:
             method=wrong[0],
             methods=", ".join(known),
         )
+
+
+def check_no_lines(file: IdentifyFile) -> None:
+    """No lines shall be subtracted where the forces were measured.
+
+    Raises
+    ------
+    FemtuneError : ``identify.no-line``
+    """
+    if file.identify.remove_hz:
+        raise FemtuneError("identify.no-line/forces", where=file.where("identify", "remove_hz"))
 
 
 def check_length(record: TimeSeries, asked: Operational, file: IdentifyFile) -> None:

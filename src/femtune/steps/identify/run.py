@@ -20,7 +20,7 @@ from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.steps.identify.from_record import found_from_record, heading_notices, read_asked
 from femtune.steps.identify.levels import level_file, linearity_notice, linearity_of
-from femtune.steps.identify.request import asked_of, check_methods, check_usable
+from femtune.steps.identify.request import asked_of, check_methods, check_no_lines, check_usable
 from femtune.steps.identify.result import IdentifyResult
 from femtune.steps.identify.rigid_bodies import with_rigid_bodies
 from femtune.steps.identify.setups import found_from_setups
@@ -90,6 +90,7 @@ def _found(file: IdentifyFile, progress: Progress, each: IdentifyEach) -> Found:
 
 def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
     if file.identify.frfs is not None:
+        check_no_lines(file)
         progress.step("poles of every order", 0, None)
         return _with_agreement(found_from_file(file))
     geometry = read_described_geometry(file)

@@ -10,6 +10,7 @@ import numpy as np
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.identification_file import IdentifyFile, SetupEntry
 from femtune.identification.choice import has_candidate
+from femtune.identification.harmonics import distinct
 from femtune.identification.setups import PartlyFound, merge_setups, same_modes
 from femtune.modal import ModeSet
 from femtune.steps.identify.identified import Found
@@ -62,6 +63,7 @@ def found_from_setups(file: IdentifyFile, identify: IdentifyEach) -> Found:
     return Found(
         merged, collinearity, None, (), {}, replace(each[0].curve, words=f"{each[0].curve.words}, set-up {names[0]}"),
         found_in=np.full(len(merged), len(each)), estimates=len(each),
+        lines=distinct([line for setup in each for line in setup.lines]),
         notices=(*_notices(each), *left_notice(left, len(each))),
         geometry=next((setup.geometry for setup in each if len(setup.geometry)), NO_GEOMETRY),
     )  # fmt: skip
