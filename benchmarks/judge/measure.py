@@ -9,12 +9,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from decks import STRUCTURES
 from trials import NOISE, STATED, Deviations, Trial, TrialKind, trial, write_data, write_study
 
 import femtune as ft
 from femtune.errors import FemtuneError
 from femtune.steps.results import Results
+from femtune.study.study import load_study
 
 Row = dict[str, Any]
 STARTS = 20
@@ -32,9 +34,9 @@ def measured(kind: TrialKind, number: int, seed: int, stated: Sequence[str], wro
     ----------
     kind, number, seed : of the trial
     stated : which standard deviations its studies state
-    wrong_every : of how many rounds of the structures one has wrong standard deviations too
+    wrong_every : of how many trials of a structure one has wrong standard deviations too; structures take turns
     """
-    one, begun, turn = trial(kind, number, seed), time.process_time(), number // len(STRUCTURES)
+    one, begun, turn = trial(kind, number, seed), time.process_time(), sum(divmod(number, len(STRUCTURES)))
     with tempfile.TemporaryDirectory(prefix="femtune-judge-") as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         write_data(one, Path(folder))
@@ -58,7 +60,22 @@ def run_of(one: Trial, folder: Path, stated: Deviations, name: str) -> Row:
         results = ft.validate(study).results
     except FemtuneError as problem:
         return {"error": problem.code, "seconds": round(time.process_time() - begun, 2)}
-    return {**facts_of(results, one.truth), "seconds": round(time.process_time() - begun, 2)}
+    seconds = round(time.process_time() - begun, 2)
+    row = facts_of(results, one.truth)
+    for parameter, sd in zip(row["parameters"], stated_sd(study, [p["value"] for p in row["parameters"]])):
+        parameter["stated_sd"] = sd
+    return {**row, "seconds": seconds}
+
+
+def stated_sd(study: Path, values: Sequence[float]) -> list[float]:
+    """Standard deviations of factors by the stated deviations of the data alone, however large the residuals are.
+
+    Parameters
+    ----------
+    values : of the parameters at the end of the update, in the order of the study
+    """
+    J = load_study(study).problem().start(np.array(values) - 1.0).jacobian
+    return [float(sd) for sd in np.linalg.norm(np.linalg.pinv(J), axis=1)]
 
 
 def facts_of(results: Results, truth: dict[str, float]) -> Row:

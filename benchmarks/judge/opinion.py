@@ -32,14 +32,17 @@ def solved(run: Row | None) -> bool:
 
 
 def misses(run: Row) -> Iterator[float]:
-    """Error of each parameter in its stated standard deviation."""
+    """Error of each parameter in the standard deviation that the stated deviations of the data give it.
+
+    That of its interval is wider where residuals are large: by it a misfit would excuse the error that it comes from.
+    """
     for p in run["parameters"]:
         if p["sd"]:
-            yield abs(p["value"] - p["true"]) / p["sd"]
+            yield abs(p["value"] - p["true"]) / p["stated_sd"]
 
 
 def harmful(run: Row) -> bool:
-    """True if a parameter misses the truth by more than `HARM` of its standard deviations."""
+    """True if a parameter misses the truth by more than `HARM` standard deviations."""
     return any(miss > HARM for miss in misses(run))
 
 
@@ -101,6 +104,12 @@ def rank_of(run: Row, field: str) -> int | None:
 def rank_of_mass(run: Row, node: int) -> int | None:
     """Place of a mass at a grid point, or at a neighbourhood with it, among the suspects, from 1."""
     places = (place for place, suspect in enumerate(suspects(run), start=1) if node in suspect.get("points", ()))
+    return next(places, None)
+
+
+def rank_of_support(run: Row) -> int | None:
+    """Place of a support among the suspects, from 1."""
+    places = (place for place, suspect in enumerate(suspects(run), start=1) if suspect["field"] == "support")
     return next(places, None)
 
 

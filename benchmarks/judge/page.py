@@ -31,6 +31,7 @@ from opinion import (
     names_deviations,
     rank_of,
     rank_of_mass,
+    rank_of_support,
     reasons,
     refused,
     sign_right,
@@ -45,6 +46,8 @@ Row = dict[str, Any]
 Test = Callable[[Row], bool]
 NAME = "benchmark_judge"
 FRF = SUBFRAME.name
+_CLAMP = "clamp"
+"""Key of elastic clamps."""
 _MASS = "mass at "
 """Beginning of the keys of forgotten masses, before the grid point."""
 WORDS = {
@@ -92,6 +95,13 @@ def mass_ranks(rows: Sequence[Row], stated: str, most: int) -> Rate:
     """How often a forgotten mass is among the first suspects at its place, over the harmful fits."""
     pairs = [p for p in judged_runs(rows, stated, "hidden") if p[0]["fault"][0].startswith(_MASS) and harmful(p[1])]
     places = [rank_of_mass(run, int(row["fault"][0].removeprefix(_MASS))) for row, run in pairs]
+    return rate(place is not None and place <= most for place in places)
+
+
+def support_ranks(rows: Sequence[Row], stated: str, most: int) -> Rate:
+    """How often a support is among the first suspects, over the harmful fits of structures whose clamp is elastic."""
+    pairs = [p for p in judged_runs(rows, stated, "hidden") if p[0]["fault"][0] == _CLAMP and harmful(p[1])]
+    places = [rank_of_support(run) for _, run in pairs]
     return rate(place is not None and place <= most for place in places)
 
 
@@ -174,8 +184,8 @@ def page(rows: Sequence[Row], started: Sequence[Row], planned: int) -> str:
     """The whole text; `started` are the rows of the updates from many starts."""
     return "\n".join([
         *_head(rows, planned), *_criteria(rows, started), *_level(rows), *_power(rows), *_named(rows),
-        *_culprits(rows), *_masses(rows), *_coverage(rows), *_by_structure(rows, started), *_reasons(rows),
-        *_failures(rows),
+        *_culprits(rows), *_masses(rows), *_clamps(rows), *_coverage(rows),
+        *_by_structure(rows, started), *_reasons(rows), *_failures(rows),
     ])  # fmt: skip
 
 
@@ -209,7 +219,8 @@ def _head(rows: Sequence[Row], planned: int) -> Iterator[str]:
         + ". The default ones are those that `femtune init` writes, marked as guesses."
     )
     yield (
-        f"- A fit is harmful if a parameter misses the truth by more than {HARM:g} stated standard deviations. Errors "
+        f"- A fit is harmful if a parameter misses the truth by more than {HARM:g} standard deviations, as the stated "
+        "deviations of the data give them, before the residuals widen them. Errors "
         "whose effect the parameters imitate are not among those of fields of the deck: they harm, and leave no "
         "residuals that a test could find. A rate meets its limit if the limit lies inside its "
         f"{100 * CONFIDENCE:g} % binomial interval or on the right side of it."
@@ -281,6 +292,15 @@ def _masses(rows: Sequence[Row]) -> Iterator[str]:
     yield from _table(
         ["stated σ", "first", "in the first three"],
         [[WORDS[s], mass_ranks(rows, s, 1), mass_ranks(rows, s, 3)] for s in STATED],
+    )
+
+
+def _clamps(rows: Sequence[Row]) -> Iterator[str]:
+    what = "Of the harmful models whose clamp is elastic in the structure: how often a support is a suspect."
+    yield from ("## Elastic clamps", "", what, "")
+    yield from _table(
+        ["stated σ", "first", "in the first three"],
+        [[WORDS[s], support_ranks(rows, s, 1), support_ranks(rows, s, 3)] for s in STATED],
     )
 
 

@@ -20,6 +20,7 @@ from pathlib import Path
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
 
+from decks import STRUCTURES
 from measure import STARTS, Row, from_starts, measured
 from page import NAME, page
 from trials import STATED, TrialKind
@@ -30,12 +31,15 @@ Job = tuple[TrialKind, int]
 def jobs_of(each: int) -> list[Job]:
     """As many right as wrong models, half of the wrong ones with an error that is no field of the deck.
 
-    They take turns, so that a run that is interrupted has some of all.
+    They take turns, so that a run that is stopped early is a fair table: twelve jobs have a right and a wrong model of
+    each structure, 24 jobs a wrong one of each kind.
     """
     jobs: list[Job] = []
     for number in range(each):
+        turn, place = divmod(number, len(STRUCTURES))
+        wrong: TrialKind = "candidate" if (turn + place) % 2 == 0 else "hidden"
         jobs.append(("right", number))
-        jobs.append(("candidate" if number % 2 == 0 else "hidden", number // 2))
+        jobs.append((wrong, turn // 2 * len(STRUCTURES) + place))
     return jobs
 
 
@@ -126,7 +130,7 @@ def main() -> None:
     parser.add_argument("--stated", nargs="+", choices=list(STATED), default=list(STATED),
                         help="standard deviations that the studies state")  # fmt: skip
     parser.add_argument("--wrong-every", type=int, default=1,
-                        help="of how many models one has standard deviations that are 3 times wrong")  # fmt: skip
+                        help="of how many models of a structure one has deviations that are 3 times wrong")  # fmt: skip
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no model after this time")
     parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
     parser.add_argument("--work", type=Path, default=Path(__file__).resolve().parent / "partial",

@@ -87,6 +87,28 @@ def test_an_interrupted_run_goes_on_where_it_ended(modules: dict[str, ModuleType
     assert sum(kind == "right" for kind, _ in jobs) == 4
 
 
+def test_a_run_that_is_stopped_early_is_balanced(modules: dict[str, ModuleType]):
+    run, structures = modules["run"], [s.name for s in modules["decks"].STRUCTURES]
+    jobs = run.jobs_of(500)
+    assert len(jobs) == len(set(jobs)) == 1000
+    for first in range(0, 996, 12):
+        some = jobs[first : first + 12]
+        for wrong in (False, True):
+            assert [structures[n % 6] for kind, n in some if (kind != "right") == wrong] == structures
+        assert sum(kind == "hidden" for kind, _ in some) == 3
+    for first in range(0, 984, 24):
+        some = jobs[first : first + 24]
+        assert {(kind, n % 6) for kind, n in some} == {
+            (k, n) for k in ("right", "candidate", "hidden") for n in range(6)
+        }
+
+
+def test_harm_is_not_excused_by_intervals_that_a_misfit_widens(modules: dict[str, ModuleType]):
+    run = row("candidate", [3.5], 0.001, [])["runs"]["true"]
+    run["parameters"][0]["sd"] = 1.0
+    assert modules["opinion"].harmful(run)
+
+
 @pytest.mark.slow
 def test_the_judge_on_a_sample_of_models(modules: dict[str, ModuleType]):
     measure, opinion = modules["measure"], modules["opinion"]
@@ -104,8 +126,8 @@ def test_the_judge_on_a_sample_of_models(modules: dict[str, ModuleType]):
 
 def row(kind: str, misses: list[float], p: float, reasons: list[dict[str, str]], **more: object) -> dict[str, object]:
     """Of a model whose parameters miss by so many standard deviations."""
-    parameters = [{"true": 1.0, "value": 1.0 + 0.1 * z, "sd": 0.1, "interval": [1.0 + 0.1 * z - 0.196, 1.0 + 0.1 * z
-                  + 0.196], "at_bound": ""} for z in misses]  # fmt: skip
+    parameters = [{"true": 1.0, "value": 1.0 + 0.1 * z, "sd": 0.1, "stated_sd": 0.1, "at_bound": "",
+                   "interval": [1.0 + 0.1 * z - 0.196, 1.0 + 0.1 * z + 0.196]} for z in misses]  # fmt: skip
     verdict = "not accepted" if any(r["weight"] == "not accepted" for r in reasons) else "accepted with reservations"
     run = {
         "status": "CONVERGED", "ok": True, "chi_square": 10.0, "compared": 9, "parameters": parameters,

@@ -21,7 +21,7 @@ from femtune.errors import FemtuneError
 from femtune.executor import Threads
 from femtune.files.modes.solved import SolvedModes
 from femtune.runs import FunctionSolver, ResultFile, check_repeatable, evaluate
-from femtune.runs.external import Checks, file_digest
+from femtune.runs.external import Checks
 from femtune.runs.folders import FACTS_FILE
 from femtune.runs.outcome import FailureKind
 from femtune.runs.process import begun, run_process
@@ -228,18 +228,6 @@ def test_the_key_holds_all_that_matters(tmp_path: Path) -> None:
         replace(solver, result=ResultFile("other.txt", "table")).key(POINT),
     )
     assert len({solver.key(POINT), *others}) == 5
-
-
-def test_a_script_that_has_changed_has_a_new_key(tmp_path: Path) -> None:
-    script = tmp_path / "solver.py"
-    script.write_text("f = 10", encoding="utf-8")
-    solver = replace(fake_solver(tmp_path), command=("python3", str(script)))
-    before = solver.key(POINT)
-    file_digest.cache_clear()
-    assert solver.key(POINT) == before
-    script.write_text("f = 9.5", encoding="utf-8")
-    file_digest.cache_clear()
-    assert solver.key(POINT) != before
 
 
 def test_each_point_is_run_once(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.signal import lfilter
 from tests.messages.shown import check_shown
 from tests.reporting.packed import unpacked
 from tests.reporting.page_scripts import without_own_scripts
@@ -373,3 +374,18 @@ def test_means_over_fragments_show_the_collinearity_of_complex_shapes(record, tm
     text = 'sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 12\nfragments = 2\nmethods = ["FDD"]'
     made = identify(described(record, tmp_path, text))
     assert all(0.99 < m.phase_collinearity < 1.0 for m in made.record.modes)
+
+
+def test_damping_that_is_not_known_is_told_of_records_of_responses_too(tmp_path):
+    # three oscillators under white noise for so short a time that their damping cannot be told from zero
+    rng, freq, rate, n = np.random.default_rng(3), np.array([4.0, 9.0, 14.0]), 60.0, 900
+    poles = np.exp(2.0 * np.pi * freq * (-0.004 + 1j) / rate)
+    modal = [lfilter([1.0], [1.0, -2.0 * p.real, abs(p) ** 2], rng.standard_normal(n)) for p in poles]
+    values = np.array([[1.0, 0.7, 0.5], [0.8, -0.6, 0.9]]) @ modal
+    np.savetxt(tmp_path / "r.csv", values.T, delimiter=",", header="1Z+,2Z+", comments="")
+    made = identify(tmp_path / "r.csv", sampling_hz=rate, band_hz=(1.0, 25.0), largest_order=24, methods=("SSI-cov",))
+    unknown = [m for m in made.record.modes if m.damping_sd and m.damping_ratio < 2.0 * m.damping_sd]
+    assert unknown
+    for m in unknown:
+        assert m.doubtful
+        assert "it may be noise" in m.remark

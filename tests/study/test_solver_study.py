@@ -105,7 +105,7 @@ def _without_digits(text: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="SIGTERM ends a process of Windows without asking it")
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
 def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, name: str) -> None:
     slow = study.parent / "state" / "slow"
     slow.touch()
@@ -121,10 +121,10 @@ def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, na
         finally:
             process.kill()
     stopped = started(study)
-    assert process.returncode == {"SIGTERM": 143, "SIGINT": 130}[name]
+    assert process.returncode == {"SIGTERM": 143, "SIGINT": 130, "SIGHUP": 129}[name]
     place = study.parent / "run" / "journal" / "runs.sqlite"
     said = re.sub(r"\d+ external runs?", "N external runs", said).replace(str(place), "RUNS")
-    by = {"SIGTERM": "SIGTERM", "SIGINT": "Ctrl-C"}[name]
+    by = "Ctrl-C" if name == "SIGINT" else name
     assert said == f"stopped by {by}; kept: N external runs in RUNS; the same command continues from there"
     time.sleep(0.5)
     assert started(study) == stopped

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import json
 import os
@@ -13,8 +14,9 @@ import threading
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -24,7 +26,7 @@ from femtune import __version__
 from femtune.cli.log import RESULTS
 from femtune.errors import FemtuneError, printable
 from femtune.journal.run_files import OWNER_FILE
-from femtune.steps.exit_codes import BAD_INPUT, FAULT, INTERRUPTED, TERMINATED
+from femtune.steps.exit_codes import BAD_INPUT, FAULT, HUNG_UP, INTERRUPTED, TERMINATED
 from femtune.steps.step import coloured
 
 CRASH_FILE = "femtune-crash.txt"
@@ -83,25 +85,68 @@ def _rows(path: Path) -> int:
         return 0
 
 
+_ENDING = tuple(s for s in (signal.SIGTERM, getattr(signal, "SIGHUP", None)) if s is not None)
+"""Signals that ask a process to end: by a queue, and where its terminal was closed. Windows has no SIGHUP."""
+_EXIT_CODES = {signal.SIGTERM: TERMINATED, getattr(signal, "SIGHUP", None): HUNG_UP}
+
+
 class TerminatedError(KeyboardInterrupt):
-    """The process was asked to end (SIGTERM): it ends as after Ctrl-C."""
+    """The process was asked to end by a signal: it ends as after Ctrl-C."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.signal = signal.Signals(number)
 
 
-def _terminate(*_: object) -> NoReturn:
-    raise TerminatedError
+def _terminate(number: int, *_: object) -> NoReturn:
+    # a second one must not interrupt the end of the solvers
+    for other in _ENDING:
+        signal.signal(other, signal.SIG_IGN)
+    raise TerminatedError(number)
 
 
 @contextmanager
 def _ends_when_asked() -> Iterator[None]:
-    """Let SIGTERM end the command as Ctrl-C does; only the main thread may set a handler."""
+    """Let SIGTERM and SIGHUP end the command as Ctrl-C does; only the main thread may set a handler.
+
+    A signal that is ignored stays so: under `nohup` a command outlives its terminal.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, _terminate)
+    before = {s: signal.getsignal(s) for s in _ENDING}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, _terminate)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+_REPLACING = "femtune.replace"
+"""Name of the treatment of characters that an encoding lacks."""
+_PLAIN = {
+    "≤": "<=", "≥": ">=", "→": "->", "←": "<-", "−": "-", "–": "-", "—": "-", "…": "...", "•": "*", "·": "*", "×": "x",
+    "±": "+/-", "≈": "~", "√": "sqrt", "Σ": "Sum", "σ": "sigma", "χ": "chi", "δ": "delta", "ζ": "zeta", "λ": "lambda",
+    "φ": "phi", "η": "eta", "ν": "nu", "ρ": "rho", "ω": "omega", "²": "^2", "³": "^3", "°": " deg", "µ": "u",
+    "é": "e", "ö": "o", "ä": "a", "ü": "u", "’": "'", "“": '"', "”": '"', "─": "-", "━": "-", "│": "|",
+}  # fmt: skip
+"""What stands for characters that an encoding lacks."""
+
+
+def _replaced(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(_PLAIN.get(c, "?") for c in error.object[error.start : error.end]), error.end
+
+
+def _is_unicode(stream: TextIOWrapper) -> bool:
+    return stream.encoding.lower().startswith("utf")
+
+
+codecs.register_error(_REPLACING, _replaced)
 
 
 class GuardedGroup(click.Group):
@@ -110,6 +155,15 @@ class GuardedGroup(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The commands in the order of the steps."""
         return list(self.commands)
+
+    def main(self, *words: Any, **options: Any) -> Any:
+        """Run the command line; characters that a console or a pipe lacks are replaced."""
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper) and not (
+                stream.encoding.lower().startswith("utf") and stream is sys.stderr
+            ):
+                stream.reconfigure(errors=_REPLACING)
+        return super().main(*words, **options)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
@@ -209,11 +263,13 @@ def _interrupted(ctx: click.Context, asked: KeyboardInterrupt) -> NoReturn:
     if journaled:
         kept = f"{f'kept: {files}, and' if files else 'kept:'} {' and '.join(journaled)}"
         kept += "; the same command continues from there"
-    by_signal = isinstance(asked, TerminatedError)
-    told = f"stopped by {'SIGTERM' if by_signal else 'Ctrl-C'}; {kept}"
+    signalled = asked.signal if isinstance(asked, TerminatedError) else None
+    told = f"stopped by {'Ctrl-C' if signalled is None else signalled.name}; {kept}"
     RESULTS.error(told)
-    click.echo(printable(told), err=True)
-    exit_code = TERMINATED if by_signal else INTERRUPTED
+    # the terminal may be closed
+    with suppress(OSError):
+        click.echo(printable(told), err=True)
+    exit_code = INTERRUPTED if signalled is None else _EXIT_CODES[signalled]
     _as_json(ctx, told, exit_code)
     _end(ctx, exit_code)
 

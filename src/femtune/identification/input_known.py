@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.identification.choice import Candidate, Limits, Rule, change_choice, choose, chosen_poles
 from femtune.identification.frf_checks import check_frfs, dead_responses
+from femtune.identification.in_place import in_place
 from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.modal_fit import ModalFit
@@ -87,6 +88,7 @@ class IdentifiedModes:
     measured : the functions that were used
     notices : what a user should know
     remarks : those of the notices that belong to one mode
+    clusters : of each mode, the position of its candidate
     """
 
     modes: ModeSet
@@ -99,6 +101,7 @@ class IdentifiedModes:
     measured: FrfSet
     notices: tuple[Notice, ...]
     remarks: tuple[ModeRemark, ...] = ()
+    clusters: tuple[int, ...] = ()
 
 
 def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None = None) -> IdentifiedModes:
@@ -132,14 +135,18 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
     band = asked.band_hz or (float(whole.freq_hz[0]), float(whole.freq_hz[-1]))
     candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
     candidates = without_poles_of_noise(candidates, table, elastic, 0.5 * asked.rule.share)
+    by_rule = candidates
     candidates = change_choice(candidates, asked.take, asked.drop)
+    by_hand = [now is not before for now, before in zip(candidates, by_rule)]
+    chosen = np.flatnonzero([c.chosen for c in candidates])
     fit = fit_with_neighbours(elastic, chosen_poles(candidates, table).poles, errors, terms_outside(asked))
+    fit, candidates, left, kept = in_place(fit, candidates, by_hand, table, band)
     of_system = _system(elastic, fit, band, asked)
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
     quality = fit_quality(system.frf(whole.freq_hz), whole)
-    remarks = fit_remarks(fit, scaled_shapes(fit, driving_points(elastic)))
+    remarks = (*kept, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic))))
     phases = quadrature_notices(leading_shapes(fit), whole.responses.labels())
-    notices = (*phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
+    notices = (*left, *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
     return IdentifiedModes(
         modes=as_modes(fit, asked.real),
         system=system,
@@ -151,6 +158,7 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
         measured=whole,
         notices=notices,
         remarks=remarks,
+        clusters=tuple(chosen[fit.begun_at[fit.reported]].tolist()),
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from femtune.arrays import Complexes, Flags, Reals
+from femtune.arrays import Complexes, Flags, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.join import complete_lines
 from femtune.identification.modal_solve import OUT_OF_BAND, Solved, modal_basis, solve_residues
@@ -52,7 +52,8 @@ class ModalFit:
     measured : the functions there
     steps : Gauss-Newton steps that were taken
     converged : whether they ended by themselves
-    outside : (m,) modes outside the band, which are fitted because they bend the functions inside it
+    begun_at : (m,) position in `start` of the pole from which each mode was fitted; −1 for `neighbours`
+    left : (m,) modes that ended too far from where they began to be the same
     deviance : −2 log likelihood, but for a constant: χ² where standard deviations were given
     """
 
@@ -69,8 +70,19 @@ class ModalFit:
     measured: FrfSet
     steps: int
     converged: bool
-    outside: Flags
+    begun_at: Integers
+    left: Flags
     deviance: float
+
+    @property
+    def outside(self) -> Flags:
+        """(m,) modes outside the band, which are fitted because they bend the functions inside it."""
+        return np.asarray(self.begun_at < 0)
+
+    @property
+    def reported(self) -> Flags:
+        """(m,) modes that are a result: neither outside the band nor away from where they began."""
+        return np.asarray(~self.outside & ~self.left)
 
 
 def fit_modes(
@@ -101,12 +113,12 @@ def fit_modes(
     _check_start(poles, used, terms)
     kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
     problem = _Problem(used, kept, terms)
-    outside = np.arange(len(poles)) >= len(poles) - len(neighbours)
+    begun_at = np.append(np.arange(len(start)), np.full(len(neighbours), -1))
     fitted_poles, now, steps, converged = _iterate(problem, poles, most_steps)
     order = np.argsort(np.abs(fitted_poles))
     if (np.diff(order) < 0).any():
-        fitted_poles, now, outside = fitted_poles[order], problem.solve(fitted_poles[order]), outside[order]
-    return _as_fit(problem, fitted_poles, now, steps, converged, outside)
+        fitted_poles, now, begun_at = fitted_poles[order], problem.solve(fitted_poles[order]), begun_at[order]
+    return _as_fit(problem, fitted_poles, now, steps, converged, begun_at)
 
 
 def deviance_at(frfs: FrfSet, poles: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> float:
@@ -165,7 +177,9 @@ def _shortened(problem: _Problem, poles: Complexes, delta: Complexes, now: Solve
     return poles, now, 0.0
 
 
-def _as_fit(problem: _Problem, poles: Complexes, now: Solved, steps: int, converged: bool, outside: Flags) -> ModalFit:
+def _as_fit(
+    problem: _Problem, poles: Complexes, now: Solved, steps: int, converged: bool, begun_at: Integers
+) -> ModalFit:
     frfs, m = problem.frfs, len(poles)
     n, u, k = frfs.values.shape
     misfit = _misfit(now, k, m) if problem.sd is not None else np.nan
@@ -189,7 +203,8 @@ def _as_fit(problem: _Problem, poles: Complexes, now: Solved, steps: int, conver
         frfs,
         steps,
         converged,
-        outside,
+        begun_at,
+        np.zeros(m, bool),
         _deviance(now, k, problem.sd is not None),
     )
 

@@ -24,7 +24,7 @@ QUADRATURE_DEG = 70.0
 which it is reported: a channel of another quantity has 90°."""
 QUADRATURE_MODES = 2
 """Modes in which it must move; a single one may be complex."""
-_DOUBTFUL = ("identify.damping", "identify.driving-point-sign")
+_DOUBTFUL = ("identify.damping", "identify.driving-point-sign", "identify.left-cluster")
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,10 @@ class ModeRemark:
 
     @property
     def doubtful(self) -> bool:
-        """True where the mode may not be one of the structure: impossible or large damping, negative modal mass."""
+        """True where the mode may not be one of the structure.
+
+        Its damping is impossible, large or not known, its modal mass is negative, or its fit left its cluster.
+        """
         return self.notice.code in _DOUBTFUL
 
 

@@ -115,7 +115,7 @@ class _Search:
 
     def _inside(self, fit: ModalFit) -> Complexes:
         """Where the modes begin: at the fit; at the start before there are neighbours, or if one has left the band."""
-        lines, inside = fit.measured.freq_hz, fit.poles[~fit.outside]
+        lines, inside = fit.measured.freq_hz, fit.poles[~fit.outside][np.argsort(fit.begun_at[~fit.outside])]
         freq = freq_and_damping(inside)[0]
         stayed = fit.outside.any() and freq.min() >= lines[0] and freq.max() <= lines[-1]
         return inside if stayed else self.start

@@ -214,7 +214,7 @@ def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> 
 
     Returns
     -------
-    the modes inside the band: mass-normalised where a reference is among the responses (``modal_a`` is 2iω_d then),
+    the modes that are reported: mass-normalised where a reference is among the responses (``modal_a`` is 2iω_d then),
     else scaled to 1 at the largest entry, without ``modal_a``
     """
     made = scaled_shapes(fit, driving_points(fit.measured), real)
@@ -239,7 +239,7 @@ def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> 
         damping_sd=sd[m:],
         covariance=covariance,
         modal_a=modal_a if made.mass_normalised else None,
-    ).select_modes(~fit.outside)
+    ).select_modes(fit.reported)
     return replace(modes, labels=labels)
 
 
@@ -258,16 +258,16 @@ def freq_damping_covariance(fit: ModalFit) -> Reals:
 
 
 def leading_shapes(fit: ModalFit) -> Complexes:
-    """(n, m) complex shapes of the modes inside the band, the leading singular vectors of the residues."""
-    residues = fit.residues[:, :, ~fit.outside]
+    """(n, m) complex shapes of the modes that are reported, the leading singular vectors of the residues."""
+    residues = fit.residues[:, :, fit.reported]
     return np.stack(
         [np.linalg.svd(residues[:, :, r], full_matrices=False)[0][:, 0] for r in range(residues.shape[2])], axis=1
     )
 
 
 def fit_remarks(fit: ModalFit, made: ScaledShapes) -> tuple[ModeRemark, ...]:
-    """Remarks on the modes inside the band: damping, complex shapes, wrong signs, functions that disagree."""
-    inside = ~fit.outside
+    """Remarks on the modes that are reported: damping, complex shapes, wrong signs, functions that disagree."""
+    inside = fit.reported
     freq, damping = freq_and_damping(fit.poles[inside])
     damping_sd = np.sqrt(np.diag(freq_damping_covariance(fit)))[len(inside) :][inside]
     shapes = leading_shapes(fit).T

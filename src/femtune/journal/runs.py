@@ -10,14 +10,15 @@ import json
 import os
 import sqlite3
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femtune.errors import Notice, Where
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.executor.interface import nothing
 from femtune.files.modes.solved import SolvedModes
 from femtune.journal.run_files import JOURNAL_FOLDER
 from femtune.runs.outcome import Failure, FailureKind, RunOutcome
@@ -33,6 +34,10 @@ _TABLE = (
     "freq_hz BLOB, nodes BLOB, shapes BLOB)"
 )
 """Table of the runs: the outcome of each key, and the modes of a run that succeeded."""
+_QUIET_WAIT_S = 1.0
+"""Time in s for which another program is waited for without a word."""
+_LONGEST_WAIT_S = 30.0
+"""Time in s after which a program that still holds the journal is not one that soon ends."""
 _REAL = np.dtype("<f8")
 """Type of frequencies and shapes in the database, the same on all machines."""
 _INTEGER = np.dtype("<i8")
@@ -50,10 +55,13 @@ class RunJournal:
     recalled: Counter[str] = field(default_factory=Counter)
     stopped: Notice | None = None
     _remarks: list[Notice] = field(default_factory=list)
+    _waiting: dict[str, RunOutcome] = field(default_factory=dict)
     _database: sqlite3.Connection | None = None
 
     def recall(self, key: str) -> RunOutcome | None:
         """The outcome of a key; None if there is none that can be used."""
+        if key in self._waiting:
+            return self._waiting[key]
         if self._database is None:
             return None
         try:
@@ -62,21 +70,41 @@ class RunJournal:
             ).fetchone()
             outcome = None if row is None else _outcome(key, row)
         except _TROUBLES as error:
+            if _is_locked(error):
+                raise FemtuneError("journal.locked", where=Where(str(self.path)), seconds=_LONGEST_WAIT_S) from error
             self._remarks.append(_damaged(self.path, error))
             return None
         self.recalled[_KIND] += outcome is not None
         return outcome
 
     def keep(self, outcome: RunOutcome) -> None:
-        """Keep an outcome; if that fails, the runs continue without the journal, with a notice."""
+        """Keep an outcome; if that fails, the runs continue without the journal, with a notice.
+
+        While another program holds the journal, outcomes wait in memory.
+        """
         self.solved[_KIND] += 1
         if self._database is None or self.stopped is not None:
             return
+        self._waiting[outcome.key] = outcome
+        self._write(_QUIET_WAIT_S)
+
+    def _write(self, wait_s: float) -> None:
+        """Write what waits, unless another program holds the file for longer than `wait_s`."""
+        if self._database is None or not self._waiting:
+            return
+        _wait(self._database, wait_s)
         try:
             with self._database:
-                self._database.execute("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?)", _row(outcome))
+                self._database.executemany(
+                    "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?)", map(_row, self._waiting.values())
+                )
+            self._waiting.clear()
         except sqlite3.Error as error:
-            self.stopped = Notice("journal.unwritable", where=Where(str(self.path)), reason=error)
+            if not _is_locked(error):
+                self._waiting.clear()
+                self.stopped = Notice("journal.unwritable", where=Where(str(self.path)), reason=error)
+        finally:
+            _wait(self._database, _LONGEST_WAIT_S)
 
     def states(self) -> dict[str, int]:
         """Number of outcomes by their state, for tables."""
@@ -86,8 +114,11 @@ class RunJournal:
         return {str(state): int(count) for state, count in counts}
 
     def close(self) -> None:
-        """Close the file."""
+        """Write what waits, and close the file."""
         if self._database is not None:
+            self._write(_LONGEST_WAIT_S)
+            if self._waiting:
+                self.stopped = Notice("journal.unwritable", where=Where(str(self.path)), reason="it is locked")
             self._database.close()
             self._database = None
 
@@ -97,16 +128,24 @@ class RunJournal:
         return (*self._remarks, *(() if self.stopped is None else (self.stopped,)))
 
 
-def open_run_journal(run_folder: Path, *, fresh: bool = False) -> RunJournal:
+def open_run_journal(run_folder: Path, *, fresh: bool = False, waiting: Callable[[], None] = nothing) -> RunJournal:
     """The journal of external runs in a run folder; `fresh` removes what is in it.
 
     A file that is not such a journal is put aside. If none can be made, there is a notice, and the runs continue
     without it.
+
+    Parameters
+    ----------
+    waiting : is called where another program has locked the journal, and is waited for
+
+    Raises
+    ------
+    FemtuneError : ``journal.locked``
     """
     journal = RunJournal(run_folder / JOURNAL_FOLDER / FILE)
     try:
         _prepare(journal.path, fresh)
-        journal._database = _opened(journal.path)
+        journal._database = _unlocked(journal.path, waiting)
     except OSError as error:
         journal.stopped = Notice("journal.unwritable", where=Where(str(journal.path)), reason=error.strerror or error)
     except (sqlite3.Error, ValueError) as error:
@@ -137,9 +176,37 @@ def _begin_anew(journal: RunJournal) -> None:
         journal.stopped = Notice("journal.unwritable", where=Where(str(journal.path)), reason=error)
 
 
-def _opened(path: Path) -> sqlite3.Connection:
+def _wait(database: sqlite3.Connection, wait_s: float) -> None:
+    """How long another program that holds the database is waited for."""
+    database.execute(f"PRAGMA busy_timeout = {int(1000.0 * wait_s)}")
+
+
+def _is_locked(error: Exception) -> bool:
+    """Whether another program holds the database: nothing is wrong with it."""
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    return code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+
+
+def _unlocked(path: Path, waiting: Callable[[], None]) -> sqlite3.Connection:
+    """The database, when another program has released it (errors as of `_opened`, ``journal.locked``)."""
+    try:
+        return _opened(path, _QUIET_WAIT_S)
+    except sqlite3.Error as error:
+        if not _is_locked(error):
+            raise
+    waiting()
+    try:
+        return _opened(path, _LONGEST_WAIT_S)
+    except sqlite3.Error as error:
+        if not _is_locked(error):
+            raise
+        waited = _QUIET_WAIT_S + _LONGEST_WAIT_S
+        raise FemtuneError("journal.locked", where=Where(str(path)), seconds=waited) from error
+
+
+def _opened(path: Path, wait_s: float = 0.0) -> sqlite3.Connection:
     """Errors: sqlite3.Error, ValueError if the file is another kind of database."""
-    database = sqlite3.connect(path, timeout=30.0)
+    database = sqlite3.connect(path, timeout=wait_s)
     try:
         database.execute("PRAGMA trusted_schema = OFF")
         version = database.execute("PRAGMA user_version").fetchone()[0]
@@ -151,6 +218,7 @@ def _opened(path: Path) -> sqlite3.Connection:
         with database:
             database.execute(_TABLE)
             database.execute(f"PRAGMA user_version = {_SCHEMA}")
+        _wait(database, _LONGEST_WAIT_S)
     except BaseException:
         database.close()
         raise

@@ -1,6 +1,6 @@
 """A model with further parameters at its own values, which move nothing and whose derivatives are exact.
 
-They are factors of one on fields, and masses of zero at grid points.
+They are factors of one on fields, masses of zero at grid points, and compliances of zero at supports.
 
 A field that a parameter already sets, on all elements or in a region, is multiplied by the factor there too: the
 parameter p becomes p·c on the elements of the factor c.
@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from femtune.fem.fields import FieldRef
 from femtune.judge.point_masses import PointMass, with_point_masses
+from femtune.judge.supports import GivingWay, Support, SupportRows, with_carriers
 from femtune.model import Assignment, EigenSolution, ParametricModel, SubspaceDerivative, configure, parametric_model
 from femtune.model.derivatives.sensors import sensor_derivatives
 from femtune.model.full_model import ModelSolver, direct
@@ -52,9 +53,14 @@ class WideningFactor:
 
 
 def widened(
-    model: ParametricModel, factors: Sequence[WideningFactor], masses: Sequence[PointMass] = ()
+    model: ParametricModel,
+    factors: Sequence[WideningFactor],
+    masses: Sequence[PointMass] = (),
+    supports: Sequence[Support] = (),
 ) -> ParametricModel:
-    """The model with free factors and masses after its own parameters; at their values of one and zero it is the same.
+    """The model with free factors, masses and compliances after its own parameters; at one and zero it is the same.
+
+    Compliances of supports act only where `GivingWay` solves the model.
 
     Raises
     ------
@@ -83,7 +89,14 @@ def widened(
     if masses:
         given, of_masses = with_point_masses(given, masses)
         assignments += of_masses
-    free = (*(Parameter(f.name, 1.0, f.lower, f.upper) for f in factors), *(m.parameter for m in masses))
+    if supports:
+        given, of_supports = with_carriers(given, supports)
+        assignments += of_supports
+    free = (
+        *(Parameter(f.name, 1.0, f.lower, f.upper) for f in factors),
+        *(m.parameter for m in masses),
+        *(Parameter(s.name, 0.0, 0.0, 1.0) for s in supports),
+    )
     parameters = ParameterSet((*model.parameters.parameters, *free, *products.values()))
     return parametric_model(given, parameters, assignments, model.tables)
 
@@ -104,25 +117,35 @@ def _product(parameter: str, factor: str) -> Parameter:
 
 
 def widened_problem(
-    result: UpdateResult, model: ParametricModel, factors: Sequence[WideningFactor], masses: Sequence[PointMass] = ()
+    result: UpdateResult,
+    model: ParametricModel,
+    factors: Sequence[WideningFactor],
+    masses: Sequence[PointMass] = (),
+    supports: Sequence[Support] = (),
+    rows: Sequence[SupportRows] = (),
 ) -> UpdateProblem:
-    """The comparisons at the end of an update on the full model, with free factors and masses after the parameters.
+    """The comparisons at the end of an update on the full model, with what is free in it after the parameters.
 
     FRFs of models above 1,000 free DOFs are left out: their derivatives by many factors take too long.
+
+    Parameters
+    ----------
+    rows : of each configuration, where there are supports
 
     Raises
     ------
     FemtuneError : as `parametric_model` and `configure`
     """
-    wide = widened(model, factors, masses)
+    wide = widened(model, factors, masses, supports)
     after = result.after
-    solver: ModelSolver = _BySensors()
+    many: ModelSolver = _BySensors()
+    solvers = [GivingWay(many, own, tuple(supports)) for own in rows] if supports else [many] * len(after.states)
     cases = tuple(
         replace(
             case, configured=configure(wide, case.configured.configuration), full=None, solver=solver,
             residuals=tuple(r for r in case.residuals if r.key not in _OF_FRFS or case.configured.n_free <= _FRF_DOFS),
         )
-        for case in (state.case.on_full_model for state in after.states)
+        for case, solver in zip((state.case.on_full_model for state in after.states), solvers, strict=True)
     )  # fmt: skip
     return UpdateProblem(cases, wide.parameters, common_sd=after.common_sd)
 

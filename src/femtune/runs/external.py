@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -20,10 +21,11 @@ from femtune.files.modes.read import read_modes
 from femtune.files.modes.solved import SolvedModes
 from femtune.files.runs_table import LARGEST_HZ
 from femtune.runs import folders
-from femtune.runs.kinds import KeptFolders
+from femtune.runs.kinds import KeptFolders, check_result_name
 from femtune.runs.outcome import Failure, FailureKind, RunOutcome
 from femtune.runs.process import LOG, RunInterruptedError, begun, pause, run_process
 from femtune.runs.template import InputFiles
+from femtune.runs.watched import Watched, content_digest, signature, watched
 
 Values = Mapping[str, float]
 
@@ -33,16 +35,22 @@ _MOST_SEARCHED_BYTES = 1 << 26
 """Bytes at the end of a file in which error texts are searched."""
 _ASCENDING = 1e-6
 """Decrease from one frequency to the next, relative to the highest, that is rounding of the listing."""
+_TIME_STEP_NS = 2_000_000_000
+"""Largest step of the times that file systems keep, in ns: 2 s."""
 _SHOWN_CHARACTERS = 120
 """Characters of a line of the output that a message shows."""
 
 
 @dataclass(frozen=True)
 class ResultFile:
-    """A file that the solver writes, and its format."""
+    """A file that the solver writes into the folder of its run, and its format (error ``external.result``)."""
 
     name: str
     format: ModesFormatKey
+
+    def __post_init__(self) -> None:
+        """Refuse a name outside of the folder."""
+        check_result_name(self.name)
 
 
 @dataclass(frozen=True)
@@ -165,20 +173,29 @@ class ExternalSolver:
             raise FemtuneError("external.no-program", program=self.command[0])
         return os.path.abspath(program)
 
+    @cached_property
+    def watched(self) -> Watched:
+        """Files outside the folder of a run on which its result depends, as they were at the first call."""
+        words, environment = self.command[1:], dict(self.environment)
+        return watched(words, environment, self.inputs.texts(), self.folder / "run", self._program)
+
     def key(self, values: Values) -> str:
         """Digest of all that the result depends on: input files, command, program, version, and what is read.
 
-        Of an argument that is a file, such as the script that an interpreter runs, the content counts.
+        Of files elsewhere, such as the script that an interpreter runs or the mesh that an input file includes, the
+        content counts (`watched`).
         """
+        return self._key(self.inputs.files(values))
+
+    def _key(self, files: Mapping[str, bytes]) -> str:
         digest = sha256(b"femtune run 1")
-        scripts = tuple(file_digest(a) for a in self.command[1:] if os.path.isabs(a) and os.path.isfile(a))
-        settings = (
-            *self.command, *scripts, self.version, file_digest(self._program), self.result.name, self.result.format,
-        )  # fmt: skip
+        read = (self.watched.digest,) if self.watched.files else ()
+        program = content_digest(self._program, signature(self._program))
+        settings = (*self.command, *read, self.version, program, self.result.name, self.result.format)
         environment = tuple(f"{name}={value}" for name, value in self.environment)
         for text in (*settings, *environment, self.inputs.version):
             digest.update(sha256(text.encode()).digest())
-        for name, content in sorted(self.inputs.files(values).items()):
+        for name, content in sorted(files.items()):
             digest.update(sha256(name.encode()).digest() + sha256(content).digest())
         return digest.hexdigest()
 
@@ -187,13 +204,15 @@ class ExternalSolver:
 
         Raises
         ------
-        FemtuneError : ``external.folder`` (the disk is full), ``external.not-started``, ``external.placeholder``
+        FemtuneError : ``external.folder`` (the disk is full), ``external.not-started``, ``external.placeholder``,
+            ``external.same-name``
         """
-        key, stop = self.key(values), begun()
+        files = self.inputs.files(values)
+        key, stop = self._key(files), begun()
         failures: list[Failure] = []
         licence, others = self.licence_tries, self.retries + 1
         while licence > 0 and others > 0:
-            result = self._attempt(key, values, stop)
+            result = self._attempt(key, values, files, stop)
             if isinstance(result, SolvedModes):
                 return RunOutcome(key, result, tuple(failures))
             failures.append(result)
@@ -205,17 +224,21 @@ class ExternalSolver:
                 others -= 1
         return RunOutcome(key, None, tuple(failures))
 
-    def _attempt(self, key: str, values: Values, stop: threading.Event) -> SolvedModes | Failure:
-        folder = self._new_folder(key, values)
-        command = (self._program, *self.command[1:])
+    def _attempt(
+        self, key: str, values: Values, files: Mapping[str, bytes], stop: threading.Event
+    ) -> SolvedModes | Failure:
+        folder = self._new_folder(key, values, files)
+        command, begin = (self._program, *self.command[1:]), os.lstat(folder)
         try:
-            code = run_process(command, folder, self.timeout_s, dict(self.environment), stop)
+            code = run_process(
+                command, folder, self.timeout_s, dict(self.environment), stop, partial(folders.begun, folder)
+            )
         except RunInterruptedError:
             shutil.rmtree(folder, ignore_errors=True)
             raise
-        result = self._judged(folder, code)
+        result = self._judged(folder, code) if _is_still(folder, begin) else _removed(folder)
         failed = isinstance(result, Failure)
-        if failed and shutil.disk_usage(folder).free < _LEAST_FREE_BYTES:
+        if failed and _is_full(self.folder):
             raise FemtuneError("external.folder/full", where=Where(str(folder)))
         if self.keep == "none" or (self.keep == "failed" and not failed):
             shutil.rmtree(folder, ignore_errors=True)
@@ -223,16 +246,23 @@ class ExternalSolver:
             folders.end(folder, str(result) if isinstance(result, Failure) else "")
         return result
 
-    def _new_folder(self, key: str, values: Values) -> Path:
+    def _new_folder(self, key: str, values: Values, files: Mapping[str, bytes]) -> Path:
         """A folder with the input files; another attempt of a run that was killed may still write into its own."""
-        files = self.inputs.files(values)
         folder = None
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             folder = Path(tempfile.mkdtemp(prefix=f"{key[:16]}-", dir=self.folder))
             for name, content in files.items():
+                # on a file system that does not tell capitals from small letters, two names may be one file
+                if os.path.lexists(folder / name) or name in (LOG, folders.FACTS_FILE):
+                    raise FemtuneError("external.same-name/taken", name=name)
                 (folder / name).write_bytes(content)
+            if os.path.lexists(folder / self.result.name) or self.result.name in (LOG, folders.FACTS_FILE):
+                raise FemtuneError("external.result/input", name=self.result.name)
             folders.begin(folder, key, values)
+        except FemtuneError:
+            shutil.rmtree(folder or "", ignore_errors=True)
+            raise
         except OSError as error:
             if folder is not None:
                 shutil.rmtree(folder, ignore_errors=True)
@@ -255,8 +285,9 @@ class ExternalSolver:
             sentence = f"the solver ended with exit code {code}{_last_said(texts[0])}"
             return Failure(FailureKind.EXIT_CODE, sentence, place)
         path = folder / self.result.name
-        if not path.is_file():
-            sentence = f"the solver wrote no file {self.result.name}{_last_said(texts[0])}"
+        strange = f": {_strange(path, folder)}" if os.path.lexists(path) else ""
+        if strange != ": ":
+            sentence = f"the solver wrote no file {self.result.name}{strange}{_last_said(texts[0])}"
             return Failure(FailureKind.NO_OUTPUT, sentence, place)
         try:
             modes = read_modes(path, self.result.format)
@@ -268,23 +299,52 @@ class ExternalSolver:
         return Failure(FailureKind.NOT_SANE, fault, place) if fault else modes
 
 
-@lru_cache(maxsize=16)
-def file_digest(path: str) -> str:
-    """Of the program, or of a script that it runs, so that a new version has new results."""
-    digest = sha256()
+def _is_still(folder: Path, begin: os.stat_result) -> bool:
+    """Whether the folder of a run is the one that was made for it."""
     try:
-        with open(path, "rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
+        return os.path.samestat(os.lstat(folder), begin)
     except OSError:
-        return path
-    return digest.hexdigest()
+        return False
+
+
+def _removed(folder: Path) -> Failure:
+    return Failure(FailureKind.NO_OUTPUT, "the solver removed the folder of its run", str(folder))
+
+
+def _is_full(folder: Path) -> bool:
+    try:
+        return shutil.disk_usage(folder).free < _LEAST_FREE_BYTES
+    except OSError:
+        return False
+
+
+def _strange(path: Path, folder: Path) -> str:
+    """Why a file is none that the solver has written into the folder of its run; "" if it is one."""
+    try:
+        if Path(os.path.realpath(path.parent)) != Path(
+            os.path.realpath(folder), *path.parent.relative_to(folder).parts
+        ):
+            return "its folder is a link"
+        found, begin = os.lstat(path), os.lstat(folder / folders.FACTS_FILE)
+    except OSError as error:
+        return error.strerror or str(error)
+    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+        return "it is a link, a folder, a pipe or a device"
+    # the input files were written when the run began, and by the clock of the same file system
+    if found.st_mtime_ns < begin.st_mtime_ns - _TIME_STEP_NS:
+        return "the file of this name is older than the run"
+    return ""
 
 
 def _end_of(path: Path) -> str:
+    """The end of a file; "" for a link, a pipe or a device, which the solver may have put there."""
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
-        with path.open("rb") as stream:
-            stream.seek(max(path.stat().st_size - _MOST_SEARCHED_BYTES, 0))
+        with os.fdopen(os.open(path, flags), "rb") as stream:
+            known = os.fstat(stream.fileno())
+            if not stat.S_ISREG(known.st_mode):
+                return ""
+            stream.seek(max(known.st_size - _MOST_SEARCHED_BYTES, 0))
             return stream.read().decode("latin-1")
     except OSError:
         return ""

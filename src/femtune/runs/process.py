@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from femtune.errors import FemtuneError, Where
 
 LOG = "femtune_solver.log"
 """What the solver prints, in the folder of the run."""
-_RUNNING: set[subprocess.Popen[bytes]] = set()
+MARK = "FEMTUNE_RUN"
+"""Variable of the environment of a solver, with the folder of its run: what it starts has it too, wherever it goes."""
+_PROC = Path("/proc")
+"""What Linux tells of processes; absent on other systems."""
+_ROUNDS = 20
+"""How often processes of a run are looked for and ended: one may start others while it is ended."""
+_PAUSE_S = 0.01
+"""Time in s that the system gets to remove processes that were ended."""
+_RUNNING: dict[subprocess.Popen[bytes], Path] = {}
 _STOPS: list[threading.Event] = [threading.Event()]
 """The last event is that of the runs that go on; it is set when they are interrupted."""
 _LOCK = threading.Lock()
@@ -36,9 +46,18 @@ def pause(seconds: float, stop: threading.Event) -> None:
 
 
 def run_process(
-    command: Sequence[str], folder: Path, timeout_s: float, environment: Mapping[str, str], stop: threading.Event
+    command: Sequence[str],
+    folder: Path,
+    timeout_s: float,
+    environment: Mapping[str, str],
+    stop: threading.Event,
+    started: Callable[[int], None] = lambda pid: None,
 ) -> int | None:
     """The exit code of a command, None where it was ended because it took longer than `timeout_s`.
+
+    Parameters
+    ----------
+    started : is called with the number of the process
 
     Raises
     ------
@@ -51,36 +70,42 @@ def run_process(
             # a group of its own, so that what the solver starts ends with it
             process = subprocess.Popen(
                 list(command), cwd=folder, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                env={**os.environ, **environment}, start_new_session=True,
+                env={**os.environ, **environment, MARK: str(folder.resolve())}, start_new_session=True,
             )  # fmt: skip
         except OSError as error:
             raise FemtuneError(
                 "external.not-started", where=Where(str(folder)), program=command[0], reason=error.strerror
             ) from error
     with _LOCK:
-        _RUNNING.add(process)
+        _RUNNING[process] = folder.resolve()
     try:
+        started(process.pid)
         code = process.wait(timeout_s)
     except subprocess.TimeoutExpired:
         code = None
     finally:
-        _end(process)
+        _end(process, folder)
         with _LOCK:
-            _RUNNING.discard(process)
+            del _RUNNING[process]
     pause(0.0, stop)
     return code
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
     """End the process and what it has started, and wait for it."""
-    try:
-        if hasattr(os, "killpg"):
-            os.killpg(process.pid, signal.SIGKILL)
-        else:
-            process.kill()
-    except (ProcessLookupError, PermissionError):
-        pass
+    if hasattr(os, "killpg"):
+        _signal(os.killpg, process.pid)
+    else:
+        process.kill()
+    end_marked(folder)
     process.wait()
+
+
+def _signal(send: Callable[[int, int], None], pid: int) -> None:
+    try:
+        send(pid, signal.SIGKILL)
+    except (ProcessLookupError, PermissionError):
+        return
 
 
 def end_all() -> None:
@@ -89,9 +114,62 @@ def end_all() -> None:
         _STOPS[-1].set()
         _STOPS.append(threading.Event())
         del _STOPS[:-1]
-        running = list(_RUNNING)
-    for process in running:
-        _end(process)
+        running = list(_RUNNING.items())
+    for process, folder in running:
+        _end(process, folder)
+
+
+# however the program ends, short of a signal that cannot be handled
+atexit.register(end_all)
+
+
+def end_left(folder: Path, pid: int, since: str) -> bool:
+    """End what an interrupted run has left in its folder; False if something of it is still there.
+
+    Parameters
+    ----------
+    pid, since : of the solver, when it was started: the number may belong to another process by now
+    """
+    if pid > 0 and since and start_of(pid) == since:
+        # the solver leads its group
+        _signal(os.killpg, pid)
+    return end_marked(folder) and not (pid > 0 and since and start_of(pid) == since)
+
+
+def end_marked(folder: Path) -> bool:
+    """End processes that a run has started, also those in sessions of their own; False if some are still there."""
+    marked = f"{MARK}={folder.resolve()}".encode()
+    for _ in range(_ROUNDS):
+        found = list(_with(marked))
+        if not found:
+            return True
+        for pid in found:
+            _signal(os.kill, pid)
+        time.sleep(_PAUSE_S)
+    return False
+
+
+def _with(variable: bytes) -> Iterator[int]:
+    """Processes of this user with a variable in their environment; none where the system does not tell."""
+    try:
+        names = [name for name in os.listdir(_PROC) if name.isdecimal() and int(name) != os.getpid()]
+    except OSError:
+        return
+    for name in names:
+        try:
+            if variable in (_PROC / name / "environ").read_bytes().split(b"\0"):
+                yield int(name)
+        except OSError:
+            continue
+
+
+def start_of(pid: int) -> str:
+    """Start of a living process in ticks since the system was started; "" for none, or where that cannot be told."""
+    try:
+        state, *rest = (_PROC / str(pid) / "stat").read_bytes().rpartition(b")")[2].split()
+        return "" if state in (b"Z", b"X") else rest[18].decode()
+    except (OSError, ValueError, IndexError):
+        return ""
 
 
 def is_alive(pid: str) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from femtune.errors import Notice
+from femtune.errors import FemtuneError, Notice
 from femtune.executor import Executor
 from femtune.executor.interface import nothing
 from femtune.runs.external import Solver, Values
@@ -65,7 +65,8 @@ def evaluate(
 
     Raises
     ------
-    FemtuneError : ``external.no-program``, ``external.folder``, ``external.placeholder``, ``executor.*``
+    FemtuneError : ``external.no-program``, ``external.folder``, ``external.placeholder``, ``external.changed`` for
+        input files that were changed meanwhile, ``executor.*``
     """
     solver.check()
     solver.clean()
@@ -78,10 +79,12 @@ def evaluate(
     first = {key: i for i, key in reversed(list(enumerate(keys)))}
     wanted = [key for key in dict.fromkeys(keys) if key not in known]
 
-    def keep(_: int, outcome: RunOutcome) -> None:
-        known[outcome.key] = outcome
+    def keep(at: int, outcome: RunOutcome) -> None:
         if keeper is not None:
             keeper.keep(outcome)
+        if outcome.key != wanted[at]:
+            raise FemtuneError("external.changed")
+        known[outcome.key] = outcome
         finished(len(known), outcome)
 
     try:

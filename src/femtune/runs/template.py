@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Protocol
 
 from femtune.errors import ErrorCollector, FemtuneError, Where, did_you_mean
-from femtune.files.nastran.lines import format_real
+from femtune.files.nastran.lines import format_real, parse_real
 
 ENCODING = "latin-1"
 """Every byte is a character and is written as it was read."""
@@ -35,6 +35,10 @@ class InputFiles(Protocol):
     @property
     def version(self) -> str:
         """Changes where something changes that the files refer to."""
+        ...
+
+    def texts(self) -> Iterable[bytes]:
+        """Texts that may name further files, which the files of a run refer to; not those that `version` has."""
         ...
 
     def files(self, values: Mapping[str, float]) -> dict[str, bytes]:
@@ -66,6 +70,13 @@ class _Field:
                 "external.placeholder/too-wide", where=where, name=self.name, value=value, text=text, width=width
             )
         return text
+
+    def read_back(self, value: float, where: Where) -> float:
+        """The number that the solver reads."""
+        text = self.text(value, where)
+        number = parse_real(text.strip()) if self.format in _NASTRAN else float(text)
+        assert number is not None
+        return number
 
 
 @dataclass(frozen=True)
@@ -132,6 +143,13 @@ class Template:
             for part in self.parts
         )
 
+    def read_back(self, name: str, value: float) -> Iterator[tuple[Where, float]]:
+        """What the solver reads where a value stands, for each placeholder of a name (errors as of `fill`)."""
+        for part in self.parts:
+            if isinstance(part, _Field) and part.name == name:
+                where = Where(self.where.file, part.line)
+                yield where, part.read_back(value, where)
+
 
 def _check_format(text: str, name: str, where: Where) -> None:
     if text and text not in _NASTRAN and not _NUMBER_FORMAT.fullmatch(text):
@@ -174,6 +192,22 @@ class Templates:
     def names(self) -> tuple[str, ...]:
         """Names of all placeholders."""
         return tuple(dict.fromkeys(name for template in self.templates for name in template.names))
+
+    def __post_init__(self) -> None:
+        """Refuse two files of one name, of which one would replace the other (error ``external.same-name``)."""
+        places: dict[str, str] = {}
+        for name, place in [(t.name, t.where.file or t.name) for t in self.templates] + [
+            (path.name, str(path)) for path in self.copied
+        ]:
+            if name in places:
+                raise FemtuneError("external.same-name", name=name, values={"one": places[name], "other": place})
+            places[name] = place
+
+    def texts(self) -> Iterator[bytes]:
+        """See `InputFiles`; placeholders are left out."""
+        for template in self.templates:
+            yield "".join(part for part in template.parts if isinstance(part, str)).encode(ENCODING)
+        yield from map(_content, self.copied)
 
     def files(self, values: Mapping[str, float]) -> dict[str, bytes]:
         """See `InputFiles`; errors as of `Template.fill`, ``external.unreadable``."""

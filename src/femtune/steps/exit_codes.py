@@ -16,6 +16,8 @@ NOT_ACCEPTED = 4
 """The verdict is "not accepted"."""
 FAULT = 70
 """An error in femtune itself: EX_SOFTWARE of sysexits.h."""
+HUNG_UP = 129
+"""The terminal was closed: 128 + SIGHUP, as shells report it."""
 INTERRUPTED = 130
 """Ctrl-C: 128 + SIGINT, as shells report it."""
 TERMINATED = 143
@@ -40,6 +42,7 @@ EXIT_CODES = (
     ExitCode(RESERVATIONS, _JUDGED, "with `--strict`: the verdict is *accepted with reservations*"),
     ExitCode(NOT_ACCEPTED, _JUDGED, "the verdict is *not accepted*"),
     ExitCode(FAULT, "all", "internal error of femtune"),
+    ExitCode(HUNG_UP, "all", "SIGHUP: the terminal was closed"),
     ExitCode(INTERRUPTED, "all", "Ctrl-C"),
     ExitCode(TERMINATED, "all", "SIGTERM"),
 )

@@ -61,9 +61,14 @@ def no_file(path: Path) -> NamedFile | None:
     return None
 
 
+_COLOURS = {"info": "blue", "warning": "yellow", "problem": "red"}
+"""Colours of the levels of messages, as on the pages."""
+
+
 def coloured(said: FemtuneError | Notice) -> str:
-    """A message with its code in red; click removes the colour where no terminal shows it."""
-    return said.text(lambda code: click.style(code, fg="red", bold=True))
+    """A message with its code in the colour of its level, unless NO_COLOR is set; click removes it from files."""
+    colour = None if os.environ.get("NO_COLOR") else _COLOURS[getattr(said, "level", "problem")]
+    return said.text(lambda code: click.style(code, fg=colour, bold=True))
 
 
 @dataclass(frozen=True)

@@ -58,6 +58,8 @@ _SMALLEST_STEP = 0.01
 are compared must not spoil the differences."""
 _LARGEST_STEP = 0.2
 """Largest such step: beyond it the curvature of the results would spoil the differences."""
+_MOST_ROUNDING = 0.01
+"""Relative error of the difference between two runs, due to the digits of a placeholder, that is not told."""
 _OFFSETS = (1.0, -1.0, 0.5, -0.5, 2.0, -2.0, 0.25, -0.25)
 """Places of the runs beside the central one, in steps; the first two within the bounds that succeed are used."""
 
@@ -91,6 +93,10 @@ class DeckFiles:
     def version(self) -> str:
         """Digest of all files of the deck; the folder of a run contains only those that change."""
         return sha256("".join(line.text for file in self.built.deck.files for line in file.lines).encode()).hexdigest()
+
+    def texts(self) -> tuple[bytes, ...]:
+        """None: `version` has all files of the deck."""
+        return ()
 
     def files(self, values: Mapping[str, float]) -> dict[str, bytes]:
         """See `InputFiles` (errors ``write.*``)."""
@@ -164,6 +170,7 @@ class SolverRuns:
     solvers : with the inputs of the configurations, in the order of `sources`
     noise : relative scatter and rounding of the results
     replaced : what was said of runs that failed for good
+    rounded : what was said of placeholders that round differences, by parameter
     decks : femtune's own model of each of the inputs, where derivatives come from it, in its configuration
     by_deck : whether they do at the next point
     compared : what was said of both models, at the first point where they were compared
@@ -180,6 +187,7 @@ class SolverRuns:
     replaced: list[Notice] = field(default_factory=list)
     decks: tuple[tuple[DeckFiles, ConfiguredModel], ...] = ()
     by_deck: bool = False
+    rounded: dict[str, Notice] = field(default_factory=dict)
     compared: list[Notice] = field(default_factory=list)
     beside: list[ModesBeside] = field(default_factory=list)
 
@@ -205,6 +213,19 @@ class SolverRuns:
     def asked(self) -> SolverTable:
         """[solver] of the study."""
         return FromSolver(self.file).solver
+
+    @property
+    def remarks(self) -> tuple[Notice, ...]:
+        """What the journal tells, and files on which the runs depend and which were changed or cannot be compared."""
+        read = [solver.watched for solver in self.solvers]
+        unread, changed = (
+            ", ".join(dict.fromkeys(path for one in read for path in paths(one)))
+            for paths in (lambda one: one.unread, lambda one: one.changed)
+        )
+        where = self.file.where("solver")
+        told = [Notice("external.not-watched", where=where, level="info", names=unread)] if unread else []
+        told += [Notice("external.changed/file", where=where, names=changed)] if changed else []
+        return (*told, *self.rounded.values(), *self.journal.notices)
 
     @property
     def relative_step(self) -> float:
@@ -247,6 +268,7 @@ class SolverRuns:
         if self.by_deck and (tables := self._by_deck(point)) is not None:
             return tables
         offsets = [_within(i, point, self.steps, self.bounds) for i in range(len(point))]
+        self._check_rounding(point, offsets)
         first = [point + o for some in offsets for o in some[:2]]
         outcomes = dict(zip(map(tuple, [point, *first]), self.run([point, *first])))
         centre = outcomes[tuple(point)]
@@ -256,6 +278,28 @@ class SolverRuns:
         for i, some in enumerate(offsets):
             rows += self._pair(i, point, some, outcomes)
         return self.tables(rows)
+
+    def _check_rounding(self, point: Reals, offsets: Sequence[Sequence[Reals]]) -> None:
+        """Tell, or refuse, placeholders whose format rounds the difference between two runs (error
+        ``external.placeholder/rounded-away``).
+        """
+        for i, (name, some) in enumerate(zip(self.names, offsets)):
+            for offset in some[:2]:
+                self._tell_rounding(name, float(point[i]), float(offset[i]))
+
+    def _tell_rounding(self, name: str, value: float, step: float) -> None:
+        templates = [t for solver in self.solvers for t in getattr(solver.inputs, "templates", ())]
+        fields = [pair for t in templates for pair in zip(t.read_back(name, value), t.read_back(name, value + step))]
+        for (where, here), (_, there) in fields:
+            if here == there:
+                raise FemtuneError(
+                    "external.placeholder/rounded-away", where=where, name=name, value=value, other=value + step,
+                    written=here,
+                )  # fmt: skip
+            error = abs((there - here) / step - 1.0)
+            if error > _MOST_ROUNDING:
+                said = Notice("external.rounding", where=where, name=name, percent=100.0 * error)
+                self.rounded.setdefault(name, said)
 
     def follow_deck(self, point: Reals) -> None:
         """Take derivatives from the deck from now on, if both models agree at a point that was run."""
@@ -459,7 +503,13 @@ def _runs(
     executor: Executor = (
         Cluster(parallel.address, parallel.remote) if parallel.how == "cluster" else Threads(_workers(file))
     )
-    return SolverRuns(file, solvers, executor, open_run_journal(file.output_folder, fresh=fresh), progress)
+
+    def wait() -> None:
+        progress.step("waiting for the journal of the runs, which another program has locked", 0, None)
+
+    return SolverRuns(
+        file, solvers, executor, open_run_journal(file.output_folder, fresh=fresh, waiting=wait), progress
+    )
 
 
 def _solver_overrides(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
@@ -557,14 +607,14 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bo
     deck_notices, beside = tuple(runs.compared), tuple(runs.beside)
     if not runs.decks and isinstance(runs.solvers[0].inputs, DeckFiles):
         deck_notices, beside = _beside_own(file, runs, known)
-    notices = (*_facts(runs, tables), *_hidden(built), *deck_notices, *runs.journal.notices)
+    notices = (*_facts(runs, tables), *_hidden(built), *deck_notices, *runs.remarks)
     return replace(built, notices=notices, beside=beside)
 
 
 def _of_one_run(file: StudyFile, runs: SolverRuns, tables: tuple[RunsTable, ...]) -> BuiltModel:
     with errors_at(file.where("solver")):
         built = built_of_tables(file, tables, 0, degree=0)
-    return replace(built, notices=(*_hidden(built), *runs.journal.notices))
+    return replace(built, notices=(*_hidden(built), *runs.remarks))
 
 
 def _hidden(built: BuiltModel) -> tuple[Notice, ...]:

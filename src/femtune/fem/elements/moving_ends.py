@@ -22,6 +22,7 @@ from femtune.fem.elements.bar import shear_flexible, skewed
 from femtune.fem.elements.bending import PLANES, bending_modes
 from femtune.fem.elements.line_mass import LUMPED, TWIST, consistent_matrix, lumped_matrix
 from femtune.fem.fields import MatrixKind
+from femtune.fem.rules import makes_rules
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters import jet
 from femtune.parameters.jet import Jet
@@ -86,10 +87,12 @@ def _stiffness(pins: NDArray, shear: Mapping[int, bool]) -> Iterator[_Form]:
             yield _Form(shape, _bent(p, float(mode.bending[0]), sheared))
 
 
+@makes_rules
 def _over_length(modulus: str, section: str) -> Callable[[Values, Jet], Jet]:
     return lambda values, length: values[modulus] * values[section] / length
 
 
+@makes_rules
 def _bent(plane: int, bending: float, shear: float) -> Callable[[Values, Jet], Jet]:
     def stiffness(values: Values, length: Jet) -> Jet:
         EI = values["E"] * values[f"I{plane}"]
@@ -110,11 +113,21 @@ def _mass(batch: ElementBatch, structure: Structure) -> Iterator[_Form]:
     one, factor = np.ones(1), structure.mass_factor
     consistent = consistent_matrix(one, True, structure.lumped_along)[0]
     unit = consistent if structure.consistent_mass else lumped_matrix(one)[0]
-    yield from _spectrum(unit, lambda v, length: (v["rho"] * v["A"] + v["NSM"]) * length * factor)
+    yield from _spectrum(unit, _translational(factor))
     if batch.card == "CBEAM":
         twist = np.zeros((12, 12))
         twist[np.ix_((3, 9), (3, 9))] = TWIST if structure.consistent_mass else LUMPED
-        yield from _spectrum(twist, lambda v, length: v["rho"] * (v["I1"] + v["I2"]) * length * factor)
+        yield from _spectrum(twist, _rotational(factor))
+
+
+@makes_rules
+def _translational(factor: float) -> Callable[[Values, Jet], Jet]:
+    return lambda v, length: (v["rho"] * v["A"] + v["NSM"]) * length * factor
+
+
+@makes_rules
+def _rotational(factor: float) -> Callable[[Values, Jet], Jet]:
+    return lambda v, length: v["rho"] * (v["I1"] + v["I2"]) * length * factor
 
 
 def _spectrum(matrix: Reals, coefficient: Callable[[Values, Jet], Jet]) -> Iterator[_Form]:

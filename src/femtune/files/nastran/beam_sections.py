@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from femtune.errors import Notice
 from femtune.fem.fields import FieldRef
+from femtune.fem.rules import makes_rules
 from femtune.files.nastran.building import Building
 from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.sections import SECTION_ROLES, SHAPES, Shape
@@ -117,6 +118,7 @@ def interpolated(b: Building, ref: FieldRef, x: float, ends: tuple[int, int]) ->
     return ends[0] if ends[0] == ends[1] else b.values.derive(ref, _mean(x), *ends)
 
 
+@makes_rules
 def _mean(x: float) -> Callable[..., Jet]:
     return lambda first, last: first * (1.0 - x) + last * x
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from femtune.fem.fields import FieldRef
+from femtune.fem.rules import makes_rules
 from femtune.files.nastran.beam_sections import BeamSection, beam_section
 from femtune.files.nastran.building import Building
 from femtune.files.nastran.card import CardEntry
@@ -124,15 +125,18 @@ def _composed(
     return out
 
 
+@makes_rules
 def _weighted(lumps: list[Lump]) -> Callable[..., Any]:
     """amount · Σ C_i value_i / reference."""
     return lambda amount, reference, *values: amount * _sum(lumps, values, lambda lump: 1.0) / reference
 
 
+@makes_rules
 def _centre(lumps: list[Lump], axis: str) -> Callable[..., Any]:
     return lambda *moduli: _sum(lumps, moduli, lambda p: getattr(p, axis)) / _sum(lumps, moduli, lambda p: 1.0)
 
 
+@makes_rules
 def _second_moment(lumps: list[Lump], f: str, g: str) -> Callable[..., Any]:
     """A Σ C_i f_i g_i E_i/E about the neutral axis."""
 

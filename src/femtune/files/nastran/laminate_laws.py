@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from femtune.fem.rules import makes_rules
 from femtune.parameters import jet
 
 Rule = Callable[..., Any]
@@ -34,6 +35,7 @@ def thickness(*plies: Any) -> Any:
 
 
 @cache
+@makes_rules
 def middle_height(k: int) -> Rule:
     """Height of the middle of ply k above the middle of the laminate, from the thicknesses of all plies."""
 
@@ -62,6 +64,7 @@ def _turn(theta: Any) -> list[list[Any]]:
 
 
 @cache
+@makes_rules
 def turned_stiffness(entry: str) -> Rule:
     """Entry of Q̄ = TᵀQT from the six entries of Q and θ in degrees."""
     i, j = _PLACES[entry]
@@ -76,6 +79,7 @@ def turned_stiffness(entry: str) -> Rule:
 
 
 @cache
+@makes_rules
 def turned_modulus(direction: int) -> Rule:
     """Modulus along x (0) or y (1) as in Nastran: of the rotated Q with zero Poisson's ratios."""
 
@@ -94,6 +98,7 @@ def plain_modulus(a: Any, b: Any, d: Any) -> Any:
 
 
 @cache
+@makes_rules
 def turned_flexibility(entry: str) -> Rule:
     """Entry 11, 12 or 22 of the inverse of a transverse shear law, turned by θ in degrees."""
 
@@ -109,6 +114,7 @@ def turned_flexibility(entry: str) -> Rule:
 
 
 @cache
+@makes_rules
 def shear_inverse(entry: str) -> Rule:
     """Entry of the inverse of a positive definite 2 × 2 matrix given by 11, 12 and 22.
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.fem.fields import FieldRef
+from femtune.fem.rules import makes_rules
 from femtune.files.nastran.building import Building, Library
 from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.laminates import Laminates
@@ -310,6 +311,7 @@ class Thicknesses:
 
 
 @cache
+@makes_rules
 def corner_mean(n: int) -> Callable[..., Any]:
     """Mean over n corners of thicknesses; the first one given also replaces blank ones."""
 
@@ -323,6 +325,7 @@ def corner_mean(n: int) -> Callable[..., Any]:
 
 
 @cache
+@makes_rules
 def scaled_mean(n: int) -> Callable[..., Any]:
     """A thickness times the mean over n corners of factors, 1 where blank."""
 

@@ -19,6 +19,7 @@ from femtune.files.study_file.kinds import (
     Rotation,
     RunsName,
     SolverFileName,
+    SolverResultName,
     SpecimenName,
     Support,
     TemplateName,
@@ -140,7 +141,7 @@ class ConfigurationSolver(TomlTable):
     files: tuple[SolverFileName, ...] | None = None
     """Further files that are copied into the folder of each run. Default: `files` of `[solver]`. Example:
     `["mesh.inc"]`"""
-    result: Text | None = None
+    result: SolverResultName | None = None
     """The file that is read. Default: `result` of `[solver]`. Example: `"bolted.frd"`"""
     format: ModesFormatKey | None = None
     """Format of the file that is read. Default: `format` of `[solver]`. Example: `"calculix-frd"`"""

@@ -27,6 +27,7 @@ from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.files.study_file.source import is_integer, is_number
 from femtune.parameters import parse_expression
+from femtune.runs.kinds import check_result_name
 from femtune.units import SI, unit_system
 from femtune.updating.kinds import WEIGHT_RULES, WeightRule
 
@@ -301,6 +302,7 @@ TestName = Annotated[Text, NamesFile("test file")]
 RunsName = Annotated[Text, NamesFile("table of runs")]
 TemplateName = Annotated[Text, NamesFile("template")]
 SolverFileName = Annotated[Text, NamesFile("file of the solver")]
+SolverResultName = Annotated[Text, checked(check_result_name)]
 SpecimenName = Annotated[str, checked(_specimen_name)]
 Number = Annotated[int, Field(gt=0, lt=10**18)]
 Positive = Annotated[float, Field(gt=0)]

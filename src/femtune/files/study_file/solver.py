@@ -15,6 +15,7 @@ from femtune.files.study_file.kinds import (
     NotNegative,
     Positive,
     SolverFileName,
+    SolverResultName,
     TemplateName,
     Text,
     TomlTable,
@@ -39,8 +40,8 @@ class SolverTable(TomlTable):
     """Name of the deck in the folder of a run. Example: `"beam.bdf"`"""
     files: tuple[SolverFileName, ...] = ()
     """Further files that are copied into the folder of each run. Example: `["mesh.inc"]`"""
-    result: Text
-    """The file that is read. Example: `"beam.frd"`"""
+    result: SolverResultName
+    """The file that is read, in the folder of the run. Example: `"beam.frd"`"""
     format: ModesFormatKey
     """Format of the file that is read: `"abaqus-dat"`, `"ansys-rst"`, `"calculix-dat"`, `"calculix-frd"`,
     `"nastran-f06"`, `"nastran-op2"`, `"nastran-punch"` or `"table"`. Example: `"calculix-frd"`"""

@@ -75,21 +75,14 @@ def found_from_frfs(
 
 
 def _by_method(made: IdentifiedModes) -> dict[str, NDArray[np.float64]]:
-    """Median of each method's own poles in every chosen cluster."""
+    """Median of each method's own poles in the cluster of every mode."""
     names = np.array(made.table.method)
-    chosen = [c for c in made.candidates if c.chosen]
+    clusters = [made.candidates[i] for i in made.clusters]
     out = {}
     for name in dict.fromkeys(made.table.method):
-        own = [c.members[names[c.members] == name] for c in chosen]
-        freq = [float(np.median(made.table.freq_hz[i])) if len(i) else float("nan") for i in own]
-        out[name] = _in_order(np.array(freq), np.array([c.freq_hz for c in chosen]), made.modes.freq_hz)
+        own = [c.members[names[c.members] == name] for c in clusters]
+        out[name] = np.array([float(np.median(made.table.freq_hz[i])) if len(i) else float("nan") for i in own])
     return out
-
-
-def _in_order(values: NDArray, chosen: NDArray, modes: NDArray) -> NDArray[np.float64]:
-    """Values of the chosen clusters in the order of the fitted modes, which may differ from that of the clusters."""
-    at = [int(np.argmin(np.abs(chosen - f))) for f in modes]
-    return np.asarray(values[at], dtype=float)
 
 
 def _curve(frfs: FrfSet) -> Curve:

@@ -238,7 +238,7 @@ def _remarked(identified: Found, deviation_deg: NDArray[np.float64]) -> Found:
     """With remarks on modes whose damping or shape is not that of a structure."""
     freq = identified.modes.freq_hz
     remarks = (
-        *damping_remarks(freq, identified.modes.damping_ratio),
+        *damping_remarks(freq, identified.modes.damping_ratio, identified.modes.damping_sd),
         *collinearity_remarks(freq, identified.collinearity, deviation_deg),
     )
     return replace(identified, remarks=remarks, notices=(*identified.notices, *(r.notice for r in remarks)))

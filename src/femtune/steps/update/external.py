@@ -146,7 +146,7 @@ def find_on_solver(
     settled = region.go(runs.asked.moves)
     if not settled or region.place.result.status is Status.UNDETERMINED:
         region.open_ = region.open_ or _open_combinations(region.place, active)
-    result, told = region.result(settled), [*region.told, *region.ended(settled), *runs.replaced, *runs.journal.notices]
+    result, told = region.result(settled), [*region.told, *region.ended(settled), *runs.replaced, *runs.remarks]
     return SolverUpdate(replace(result, before=at), region.place.study, tuple(map(alert_of, dict.fromkeys(told))))
 
 

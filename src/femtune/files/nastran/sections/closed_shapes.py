@@ -199,6 +199,11 @@ def _tube(outer: Any, inner: Any) -> Properties:
     )
 
 
+def _tube2(outer: Any, wall: Any) -> Properties:
+    """A tube by its wall thickness."""
+    return _tube(outer, outer - wall)
+
+
 ROUND_SHAPES: Mapping[str, Shape] = {
     "ROD": Shape(1, _rod, lambda r: r > 0, "the radius DIM1 should be positive"),
     "TUBE": Shape(
@@ -209,7 +214,7 @@ ROUND_SHAPES: Mapping[str, Shape] = {
     ),
     "TUBE2": Shape(
         2,
-        lambda outer, wall: _tube(outer, outer - wall),
+        _tube2,
         lambda outer, wall: outer >= wall > 0,
         "the wall DIM2 should be positive and no thicker than the outer radius DIM1",
     ),

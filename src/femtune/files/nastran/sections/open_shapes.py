@@ -193,6 +193,11 @@ def _l(w: Any, h: Any, level: Any, upright: Any) -> Properties:
     return composite(parts, torsion, *areas, (zero, zero))
 
 
+def _t2(w: Any, h: Any, flange: Any, web: Any) -> Properties:
+    """A T with its flange below."""
+    return _t(w, h, flange, web, up=-1.0)
+
+
 _RULE = "dimensions should be positive, the height DIM2 greater than DIM3 and the width DIM1 greater than DIM4"
 
 
@@ -202,7 +207,7 @@ def _two_walls(w: float, h: float, level: float, upright: float) -> bool:
 
 TEE_SHAPES: Mapping[str, Shape] = {
     "T": Shape(4, _t, _two_walls, _RULE),
-    "T2": Shape(4, lambda w, h, flange, web: _t(w, h, flange, web, up=-1.0), _two_walls, _RULE),
+    "T2": Shape(4, _t2, _two_walls, _RULE),
     "T1": Shape(
         4,
         _t1,

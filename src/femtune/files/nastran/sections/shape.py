@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
+from femtune.fem.rules import makes_rules
 from femtune.files.nastran.sections.torsion import larger, rectangle_torsion
 from femtune.parameters.jet import Jet
 
@@ -81,6 +82,7 @@ def _content(x: Any) -> Any:
     return (x.grad.shape, *((part.dtype.char, part.tobytes()) for part in (x.value, x.grad, x.hess)))
 
 
+@makes_rules
 def _formula(shared: _Remembering, role: str) -> Formula:
     return lambda *dimensions: shared(*dimensions)[role]
 

@@ -13,24 +13,30 @@ from femtune.judge.missing import ScoreTest, p_of_refit, score_test
 from femtune.judge.parts import TESTS_OF_A_FIT
 from femtune.judge.refit import Refit, misfit, refitted
 from femtune.judge.regions import mesh_of
+from femtune.judge.supports import support_freed
 from femtune.judge.whitened import Whitened, prior_blocks, whitened_blocks, whitened_values
 from femtune.judge.widened import widened_end, widened_problem
 from femtune.status import Status
 from femtune.steps.judge.facts.tested_fields import (
     BoundedParameter,
+    TestedField,
     TestedMass,
     bounded_parameters,
     name_of,
     tested_fields,
     tested_masses,
 )
+from femtune.steps.judge.facts.tested_supports import TestedSupport, tested_supports
 from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
 from femtune.steps.judge.record.parts import RESERVED
+from femtune.units import force_unit, unit_system
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.residuals import Evaluation, ResidualBlock, UpdateProblem
-    from femtune.steps.judge.facts.tested_fields import Tested, TestedField
+    from femtune.steps.judge.facts.tested_fields import Tested
+
+    Widening = TestedField | TestedMass | TestedSupport
     from femtune.steps.judge.finished_update import FinishedUpdate
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
@@ -60,7 +66,10 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
     fields, factors, left_out = tested_fields(study)
     try:
         masses = tested_masses(study, result, len(factors))
-        problem = widened_problem(result, study.model, factors, [m.mass for m in masses])
+        supports, giving_way, couplings = tested_supports(study, result, len(factors) + len(masses))
+        problem = widened_problem(
+            result, study.model, factors, [m.mass for m in masses], giving_way, couplings
+        )  # fmt: skip
         end = widened_end(result, problem)
     except FemtuneError as error:
         return MissingResults(reason=f"the model could not be extended by fields as parameters: {error.what}")
@@ -68,9 +77,9 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
     if record is None:
         return MissingResults(reason="no residual has a known distribution, or only FRFs are compared")
     rows, columns, bounded = record
-    of_factors: list[TestedField | TestedMass] = [*fields, *masses]
+    of_factors: list[Widening] = [*fields, *masses, *supports]
     tested: list[Tested] = [*bounded_parameters(result), *of_factors]
-    C = np.column_stack([bounded, *(columns[:, list(f.factors)].sum(axis=1) for f in of_factors)])
+    C = np.column_stack([bounded, *(_column(columns, f) for f in of_factors)])
     test = score_test(rows, C, np.array([(-f.usual[0], f.usual[1]) for f in tested]).reshape(-1, 2))
     if test is None:
         return MissingResults(reason="too few degrees of freedom are left, or the parameters represent all fields")
@@ -118,6 +127,11 @@ def _record(result: UpdateResult, end: Evaluation) -> tuple[Whitened, Reals, Rea
     everything = whitened_blocks(blocks, parameters, ~own, moving & bound)
     spread = parameters.prior[1]
     return rows, everything.J / spread[~own], everything.bounded / spread[moving & bound]
+
+
+def _column(columns: Reals, field: Widening) -> Reals:
+    """(n,) derivatives of the residuals by the change of a field, relative to its unit."""
+    return np.asarray(field.scale * columns[:, list(field.factors)].sum(axis=1))
 
 
 def _padded(block: ResidualBlock, count: int) -> ResidualBlock:
@@ -184,13 +198,20 @@ class _Found:
             alike=tuple(name_of(self.fields[j]) for j in group[1:]), refit=refit, lines=field.lines,
             largest_mass=field.largest if isinstance(field, TestedMass) else None,
             mass_unit=self._mass_unit if isinstance(field, TestedMass) else "",
-            points=field.mass.points if isinstance(field, TestedMass) else (),
+            points=field.points,
+            stiffness=1.0 / field.scale if isinstance(field, TestedSupport) else None,
+            stiffness_unit=self._stiffness_unit(field.component) if isinstance(field, TestedSupport) else "",
         )  # fmt: skip
 
     @property
     def _mass_unit(self) -> str:
         words = self.fit.study.file.study.units.split("-")
         return words[1] if len(words) == 3 else ""
+
+    def _stiffness_unit(self, component: int) -> str:
+        units = unit_system(self.fit.study.file.study.units)
+        length, force = units.name.split("-", maxsplit=1)[0], force_unit(units)
+        return f"{force}/{length}" if component <= 3 else f"{force} {length}/rad"
 
     def _drawing(self) -> tuple[str | None, str | None]:
         """Keys of the corners of the elements that fields were tested of, and of the largest gain by a usual change of
@@ -230,21 +251,25 @@ class _Found:
         side = self.fit.result.side
         return side if side.renewed is None else None
 
-    def _refit(self, field: TestedField | TestedMass, most: int) -> Refit:
+    def _refit(self, field: Widening, most: int) -> Refit:
         result, wide = self.fit.result, self.end.states[0].case.configured.model.parameters
         moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
+        if isinstance(field, TestedSupport):
+            problem, end = support_freed(result, self.fit.study.model, field.support, field.scale)
+            last = np.eye(len(end.x))[-1]
+            return refitted(problem, end, self._side, moving, last, field.usual, most - 1)
         direction = np.zeros(len(wide.free))
         direction[len(result.x) + np.array(field.factors)] = 1.0
         return refitted(self.problem, self.end, self._side, moving, direction, field.usual, most)
 
-    def _refitted_field(self, field: TestedField | TestedMass, found: Refit) -> RefittedField:
-        column = self.columns[:, list(field.factors)].sum(axis=1)
+    def _refitted_field(self, field: Widening, found: Refit) -> RefittedField:
+        column = _column(self.columns, field)
         values = whitened_values((*found.evaluation.weighted, *prior_blocks(self.fit.result, found.x)))
         p = None
         if len(values) == len(self.rows.r):
             p = p_of_refit(self.rows, replace(self.rows, r=values, J=np.column_stack([self.rows.J, column])))
         sd = 1.0 / max(float(np.linalg.norm(self.rows.across(column))), np.finfo(float).tiny)
-        base = 0.0 if isinstance(field, TestedMass) else 1.0
+        base = 1.0 if isinstance(field, TestedField) else 0.0
         return RefittedField(
             factor=base + found.change, sd=None if found.at_bound else sd, at_bound=found.at_bound,
             converged=found.converged, iterations=found.iterations, chi_square=found.chi_square, p_value=p,

@@ -1,4 +1,4 @@
-"""What is tested at the end of an update: fields of the deck, masses that it does not have, parameters at a bound."""
+"""What is tested at the end of an update: fields of the deck, masses that it lacks, parameters at a bound, supports."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from femtune.judge.regions import mesh_of
 from femtune.judge.widened import WideningFactor
 from femtune.model.response.mass import mass_response
 from femtune.steps.init.proposed_parameters import FieldCandidate, ProposalKind, candidates
+from femtune.steps.judge.facts.tested_supports import TestedSupport
 
 if TYPE_CHECKING:
     from femtune.files.built_model import BuiltModel
@@ -57,6 +58,8 @@ class TestedField:
 
     __test__ = False  # no test class
 
+    scale: ClassVar[float] = 1.0
+    points: ClassVar[tuple[int, ...]] = ()
     candidate: FieldCandidate
     elements: frozenset[int]
     place: str
@@ -109,10 +112,16 @@ class TestedMass:
     largest: float
     number: int
 
+    scale: ClassVar[float] = 1.0
     field: ClassVar[str] = "mass"
     what: ClassVar[str] = "mass that the deck does not have"
     usual: ClassVar[tuple[float, float]] = (0.0, 1.0)
     elements: ClassVar[frozenset[int]] = frozenset()
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Its grid points."""
+        return self.mass.points
 
     @property
     def place(self) -> str:
@@ -264,6 +273,7 @@ class BoundedParameter:
     name: str
     room: float
 
+    points: ClassVar[tuple[int, ...]] = ()
     what: ClassVar[str] = "parameter"
     place: ClassVar[str] = ""
     lines: ClassVar[str] = ""
@@ -290,9 +300,11 @@ def bounded_parameters(result: UpdateResult) -> list[BoundedParameter]:
     ]  # fmt: skip
 
 
-Tested = TestedField | TestedMass | BoundedParameter
+Tested = TestedField | TestedMass | TestedSupport | BoundedParameter
 
 
 def name_of(tested: Tested) -> str:
     """What is tested, and where."""
+    if isinstance(tested, TestedSupport):
+        return f"{tested.field} {tested.place}"
     return f"{tested.field}, {tested.place}" if tested.place else tested.field

@@ -58,7 +58,9 @@ _CAPTION = (
 
 
 def _sentence(found: MissingResults) -> str:
-    tested = f"{counted(found.tested, 'candidate')} were tested: fields of the deck, parts of them, and masses it lacks"
+    tested = (
+        f"{counted(found.tested, 'candidate')} were tested: fields of the deck, their parts, masses it lacks, supports"
+    )
     unseen = f"; {found.invisible} more have no effect that the parameters do not represent" if found.invisible else ""
     left = f"; {found.left_out} were left out because there are too many" if found.left_out else ""
     assert found.p_value is not None
@@ -75,6 +77,7 @@ def _row(f: MissingField) -> tuple[Cell, ...]:
     if f.refit is None:
         return row(name, f.what, change, usual, short(f.p_value), NONE, NONE)
     factor = f"{f.refit.factor:.3f}" if f.largest_mass is None else _mass(f, f.refit.factor)
+    factor = factor if f.stiffness is None else _stiffness(f, f.refit.factor)
     factor += " (limit)" if f.refit.at_bound else ""
     return row(name, f.what, change, usual, short(f.p_value), factor, short(f.refit.chi_square))
 
@@ -85,8 +88,22 @@ def _change(f: MissingField) -> tuple[str, str]:
     if f.largest_mass is not None:
         change = unknown if f.change_percent is None else _mass(f, 0.01 * f.change_percent)
         return change, f"up to {_mass(f, 1.0)}"
+    if f.stiffness is not None:
+        change = (
+            "rigid"
+            if not f.increase
+            else "softer"
+            if f.change_percent is None
+            else _stiffness(f, 0.01 * f.change_percent)
+        )
+        return change, f"from {_stiffness(f, 1.0)}"
     usual = f"{signed_percent(f.lower_percent)} … {signed_percent(f.upper_percent)} %"
     return unknown if f.change_percent is None else f"{signed_percent(f.change_percent)} %", usual
+
+
+def _stiffness(f: MissingField, compliance: float) -> str:
+    assert f.stiffness is not None
+    return with_unit(f"{f.stiffness / compliance:.2g}", f.stiffness_unit) if compliance > 0.0 else "rigid"
 
 
 def _mass(f: MissingField, share: float) -> str:

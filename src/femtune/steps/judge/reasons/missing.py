@@ -27,6 +27,8 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
     first = found.fields[0]
     if first.largest_mass is not None and first.share >= _PLAUSIBLE_SHARE:
         yield _of_mass(found, first, first.largest_mass)
+    elif first.stiffness is not None and first.share >= _PLAUSIBLE_SHARE:
+        yield _of_support(found, first, first.stiffness)
     elif confirmed(found, first):
         assert first.refit is not None
         change = 100.0 * (first.refit.factor - 1.0)
@@ -61,6 +63,23 @@ def _of_mass(found: MissingResults, first: MissingField, largest: float) -> Reas
     )  # fmt: skip
 
 
+def _of_support(found: MissingResults, first: MissingField, least: float) -> ReasonRecord:
+    """A support that gives way; a refit that does not confirm it leaves the suspicion."""
+    place = _named(first).removeprefix("support ").removeprefix("support, ")
+    if confirmed(found, first):
+        assert first.refit is not None
+        return reason(
+            "not accepted", "judge.missing/support-at-limit" if first.refit.at_bound else "judge.missing/support",
+            first.name, position=place,
+            stiffness=with_unit(f"{least / max(first.refit.factor, 1e-6):.2g}", first.stiffness_unit),
+            before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
+        )  # fmt: skip
+    return reason(
+        "reservation", "judge.missing/support-suspected", first.name, position=place, chance=chance(found),
+        tested=_tested(found),
+    )  # fmt: skip
+
+
 def confirmed(found: MissingResults, field: MissingField) -> bool:
     """Whether something is missing, and the update with the field as a parameter confirms it."""
     refit = field.refit
@@ -79,7 +98,7 @@ def chance(found: MissingResults) -> str:
 
 
 def _tested(found: MissingResults) -> str:
-    return counted(found.tested, "candidate" if any(f.largest_mass for f in found.fields) else "field")
+    return counted(found.tested, "candidate" if any(f.points for f in found.fields) else "field")
 
 
 def _named(field: MissingField) -> str:

@@ -10,7 +10,7 @@ class RefittedField(Record):
 
     factor: float
     """Factor on the value of the deck, or of the parameter that sets it, at the end; of a mass that the deck does not
-    have, the mass relative to `largest_mass`."""
+    have, the mass relative to `largest_mass`; of a support, its compliance relative to 1/`stiffness`."""
     sd: float | None
     """Standard deviation of the factor by the stated deviations; None if none is given."""
     at_bound: bool
@@ -30,14 +30,14 @@ class MissingField(Record):
     """A field that the update does not change, tested by itself."""
 
     field: str
-    """The field of the deck: "PSHELL 3 T"; "mass" for one that the deck does not have."""
+    """The field of the deck: "PSHELL 3 T"; "mass" for one that the deck does not have; "support" for a constraint."""
     place: str
     """The elements: "" for all that use it, "elements of property 3", "40 elements near (0.2, 0.1, 0)"."""
     what: str
     """What the field is: a material, a property, a joint or a mass; a parameter at its bound."""
     change_percent: float | None
-    """Change that the residuals ask for, in % of the value, or of `largest_mass`, by linear extrapolation; None if it
-    is beyond the usual range, where the extrapolation means little."""
+    """Change that the residuals ask for, in % of the value, of `largest_mass`, or of the largest compliance, by linear
+    extrapolation; None if it is beyond the usual range, where the extrapolation means little."""
     increase: bool
     """Whether the value is to increase."""
     lower_percent: float
@@ -64,11 +64,18 @@ class MissingField(Record):
     mass_unit: str = ""
     """Its unit."""
     points: tuple[int, ...] = ()
-    """Grid points of such a mass."""
+    """Grid points of such a mass, or of a support."""
+    stiffness: float | None = None
+    """Least plausible stiffness of a support at each of its grid points, the inverse of the largest compliance; None
+    for all else."""
+    stiffness_unit: str = ""
+    """Its unit."""
 
     @property
     def name(self) -> str:
         """The field with its place."""
+        if self.stiffness is not None:
+            return f"{self.field} {self.place}"
         return f"{self.field}, {self.place}" if self.place else self.field
 
 

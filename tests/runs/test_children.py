@@ -1,0 +1,87 @@
+"""No process of a solver outlives its run: however it hides, and however femtune ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from tests.runs.fake import fake_solver
+
+from femtune.executor import Threads
+from femtune.runs import evaluate
+from femtune.runs.process import begun, run_process, start_of
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are found in /proc")
+
+# a process that leaves the session of the solver, writes its number and stays
+_HIDING = "import os, time; os.setsid(); open({pid!r}, 'w').write(str(os.getpid())); time.sleep(60)"
+_FEMTUNE = """
+from pathlib import Path
+from tests.runs.fake import fake_solver, fail
+from femtune.executor import Threads
+from femtune.runs import evaluate
+from dataclasses import replace
+folder = Path({folder!r})
+solver = replace(fake_solver(folder), command=({python!r}, "-c", {script!r}))
+evaluate(solver, [{{"k1": 4.0, "k2": 9.0, "point": 1}}], Threads(1))
+"""
+
+
+def _waited(path: Path) -> int:
+    for _ in range(500):
+        if path.exists() and path.read_text().strip():
+            return int(path.read_text())
+        time.sleep(0.02)
+    raise AssertionError(f"{path} was not written")
+
+
+def test_a_process_in_a_session_of_its_own_ends_with_the_run(tmp_path: Path) -> None:
+    pid = str(tmp_path / "pid")
+    script = (
+        f"import subprocess, sys, os, time; subprocess.Popen([sys.executable, '-c', {_HIDING.format(pid=pid)!r}])\n"
+        f"while not (os.path.exists({pid!r}) and os.path.getsize({pid!r})): time.sleep(0.01)"
+    )
+    assert run_process((sys.executable, "-c", script), tmp_path, 30.0, {}, begun()) == 0
+    assert start_of(int((tmp_path / "pid").read_text())) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", [False, True])
+def test_after_a_kill_the_next_start_ends_the_solver_before_it_removes_its_folder(tmp_path: Path, hidden: bool) -> None:
+    pid = tmp_path / "pid"
+    stay = _HIDING if hidden else _HIDING.replace("os.setsid(); ", "")
+    program = _FEMTUNE.format(folder=str(tmp_path), python=sys.executable, script=stay.format(pid=str(pid)))
+    if hidden:
+        child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {stay.format(pid=str(pid))!r}])"
+        program = _FEMTUNE.format(folder=str(tmp_path), python=sys.executable, script=child)
+    root = Path(__file__).parents[2]
+    femtune = subprocess.Popen([sys.executable, "-c", program], cwd=root)
+    solver = _waited(pid)
+    (folder,) = (tmp_path / "runs").iterdir()
+    evaluate(fake_solver(tmp_path), [], Threads(1))
+    assert start_of(solver), "a run under way of a living program is left alone"
+    assert folder.exists()
+    femtune.send_signal(signal.SIGKILL)
+    femtune.wait()
+    assert start_of(solver)
+    evaluate(fake_solver(tmp_path), [], Threads(1))
+    assert start_of(solver) == ""
+    assert not folder.exists()
+
+
+def test_a_number_that_belongs_to_another_process_by_now_is_not_ended(tmp_path: Path) -> None:
+    from femtune.runs.process import end_left  # noqa: PLC0415
+
+    other = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], start_new_session=True)
+    try:
+        assert end_left(tmp_path, other.pid, "1")
+        assert other.poll() is None
+        assert end_left(tmp_path, os.getpid(), "")
+    finally:
+        other.kill()
+        other.wait()
