@@ -13,6 +13,8 @@ from femtune.model import eigenvalue_derivatives
 from femtune.residuals import ResidualBlock
 from femtune.testing import check_residual, example_deck, example_test
 
+from ..messages.shown import check_shown
+
 ROOT = ft.Parameter("root", fields=["PBAR 1 I1"], lower=0.5, upper=2.0)
 
 
@@ -103,6 +105,12 @@ def test_what_blocks_returns_is_checked(answer: Any, told: tuple[str, ...]) -> N
         ft.select(_study(ft.FrequencyResidual(sd=0.01), Answer(answer)))
     assert error.value.code == "residual.own"
     assert all(word in str(error.value) for word in told)
+
+
+def test_the_message_of_a_wrong_block() -> None:
+    with pytest.raises(ft.FemtuneError) as error:
+        ft.select(_study(ft.FrequencyResidual(sd=0.01), Answer([np.array([1.0])])))
+    check_shown("residual.own", error.value)
 
 
 @pytest.mark.parametrize(("given", "told"), [(OneArgument(), "OneArgument.blocks"), (FirstMode, "FirstMode()")])

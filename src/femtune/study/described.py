@@ -137,8 +137,8 @@ def model_of_matrices(
     data = {**tables, "study": {"title": "matrices", "units": units_word(units) or "m-kg-s"}}
     objects = Given(matrices=given.arrays, dofs=given.dofs)
     file = study_from_data(data, Path.cwd() / "matrices", StudyLines("read_matrices"), objects)
-    name = Path(model_source(file).name)
-    return Model(name, units_word(units), build_imported(file), tables, given.arrays)
+    path = Path(model_source(file).name)
+    return Model(path, units_word(units), build_imported(file), tables, given.arrays)
 
 
 class Study:

@@ -593,7 +593,7 @@ def _contains(one: ParameterChoice, other: ParameterChoice) -> bool:
 
 def _least_of(found: Found) -> float:
     """Smallest largest residual that was found; initial values have one only."""
-    return float(found.get("least_worst", found["worst"]))
+    return float(found["least_worst"] if "least_worst" in found else found["worst"])
 
 
 def _fit(found: Found, parameters: ParameterSet, within: Sequence[Found]) -> CandidateFit:
