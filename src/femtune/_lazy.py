@@ -42,7 +42,10 @@ def lazy_names(package: str, more: str = "") -> tuple[Callable[[str], Any], Call
         return value
 
     def names() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *_modules_of_names(package), *_further_names(more)})
+        # completion shows what users call, not what the package itself imports
+        own = vars(sys.modules[package])
+        special = (name for name in own if name.startswith("__"))
+        return sorted({*special, *own.get("__all__", ()), *_modules_of_names(package), *_further_names(more)})
 
     return get, names
 

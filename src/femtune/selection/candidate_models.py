@@ -41,8 +41,8 @@ class CandidateFit:
     rank : number of combinations that the data determine
     prior_misfit : Σ ((x − mean)/sd)² of parameters whose prior is stated
     place : (p,) all parameters of the study, relative to their nominal values
-    worst : largest absolute residual
-    error : weighted mean error
+    worst : smallest largest absolute residual of all values of the parameters, see `smallest_largest`
+    error : weighted mean error, the smallest of the candidate and those that it contains
     """
 
     chi2: float
@@ -101,7 +101,8 @@ def rank_candidates(
     - ln Z = −½ rᵀr/s² − ½ |(x − mean)/sd|² − ½ Σ ln(1 + σᵢ²/s²), σᵢ the singular values in standard deviations of the
       priors; s = 1, or with estimated scatter that of the candidate of the least variance rᵀr/(n − k), for all;
     - a candidate is admissible if its weighted mean error is at most `threshold` times the smallest one; without a
-      threshold, if no residual exceeds s·z, z being exceeded by none of n normal numbers with the stated probability.
+      threshold, if some values of its parameters let no residual exceed s·z, z being exceeded by none of n normal
+      numbers with the stated probability. So a candidate that contains an admissible one is admissible.
 
     Parameters
     ----------
@@ -133,7 +134,7 @@ def rank_candidates(
     evidence = np.where(comparable, evidence, np.nan)
     limit = None
     if threshold is None:
-        limit = size * float(ndtri(0.5 + 0.5 * probability ** (1.0 / max(usual, 1))))
+        limit = size * largest_of_right(usual, probability)
         admissible = comparable & (np.array([fit.worst for fit in fits]) <= limit)
     else:
         errors = np.array([fit.error for fit in fits])
@@ -152,6 +153,11 @@ def rank_candidates(
         distances=distances,
         clusters=_clusters(distances, admissible, chi2, cluster_distance),
     )
+
+
+def largest_of_right(n: int, probability: float) -> float:
+    """What none of n standard normal numbers exceeds in size with a probability (Šidák)."""
+    return float(ndtri(0.5 + 0.5 * probability ** (1.0 / max(n, 1))))
 
 
 def _log_evidence(fit: CandidateFit, size: float) -> float:

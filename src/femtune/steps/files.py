@@ -19,6 +19,7 @@ from femtune.study.described import Model, model_of_deck, model_of_matrices, uni
 from femtune.units import SI, unit_system
 
 if TYPE_CHECKING:
+    from femtune.dofs import DofSet
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
 
@@ -50,45 +51,45 @@ def read_deck(path: Path | str, *, units: str | UnitSystem | None = None, allow_
 
 @checked
 def read_matrices(
+    stiffness: Any,
+    mass: Any,
     *,
-    stiffness: Path | str | Sequence[Mapping[str, Any]],
-    mass: Path | str | Sequence[Mapping[str, Any]],
-    viscous: Path | str | Sequence[Mapping[str, Any]] = (),
-    hysteretic: Path | str | Sequence[Mapping[str, Any]] = (),
+    viscous: Any = (),
+    hysteretic: Any = (),
+    dofs: Path | str | Sequence[Any] | DofSet | None = None,
     units: str | UnitSystem | None = None,
     **words: Any,
 ) -> Model:
-    """Read a model from matrices of another solver: OP4, OP2, DMIG, Abaqus, CalculiX, Matrix Market, Ansys.
+    """A model of matrices: arrays of NumPy or SciPy, or files of another solver (OP4, OP2, DMIG, Abaqus, CalculiX,
+    Matrix Market, Ansys).
 
     Parameters
     ----------
-    stiffness, mass, viscous, hysteretic : a file, or a list of mappings with the keys of [[matrix]]: ``name``,
-        ``file``, ``record``, ``format``, ``factor``, ``at``; a parameter changes the factor of a matrix by its name,
-        which is K, M, C or H for a single file
+    stiffness, mass, viscous, hysteretic : (n, n) symmetric array, dense or sparse; a file; or a list of mappings with
+        the keys of [[matrix]]: ``name``, ``file`` (a file or an array), ``record``, ``format``, ``factor``, ``at``; a
+        parameter changes the factor of a matrix by its name, which is K, M, C or H for a single one
+    dofs : node and direction of each of the n rows: ``"12Z"`` or (node, component 1 to 6, 0 for a scalar point); or a
+        file that lists them. Rows of arrays without it are scalar points 1 to n
     units : length-mass-s of the matrices; required for the comparison with a test
-    words : keys of [model]: ``grid``, ``dofs``, ``hold_singular``, ``listed_hz``, ``listing`` …; and ``variable``, a
-        list of mappings with the keys of [[variable]]
+    words : keys of [model]: ``grid``, ``hold_singular``, ``listed_hz``, ``listing`` …; and ``variable``, a list of
+        mappings with the keys of [[variable]]
 
     Raises
     ------
-    FemtuneError : ``matrices.*``, ``study.missing-file``, several together
+    FemtuneError : ``call.argument`` for an array of another shape, ``matrices.*``, ``study.missing-file``, several
+        together
 
     Examples
     --------
     >>> import femtune as ft
-    >>> import scipy.io, scipy.sparse as sp
-    >>> scipy.io.mmwrite("k.mtx", sp.diags_array([400.0, 900.0]))
-    >>> scipy.io.mmwrite("m.mtx", sp.eye_array(2))
-    >>> model = ft.read_matrices(stiffness="k.mtx", mass="m.mtx")
-    >>> ft.modes(model, count=1).freq_hz.round(4)
-    array([3.1831])
+    >>> import numpy as np, scipy.sparse as sp
+    >>> K = sp.diags_array([np.full(3, 2e4), np.full(2, -1e4), np.full(2, -1e4)], offsets=[0, 1, -1])
+    >>> model = ft.read_matrices(K, 2.0 * np.eye(3), dofs=["1Z", "2Z", "3Z"])
+    >>> ft.modes(model, count=2).freq_hz.round(3)
+    array([ 8.613, 15.915])
     """
     kinds = {"stiffness": stiffness, "mass": mass, "viscous": viscous, "hysteretic": hysteretic}
-    matrices: list[dict[str, Any]] = []
-    for name, (kind, given) in zip("KMCH", kinds.items()):
-        entries = [{"name": name, "file": str(given)}] if isinstance(given, str | Path) else given
-        matrices += [{"kind": kind, **entry} for entry in entries]
-    return model_of_matrices(matrices, units, **words)
+    return model_of_matrices(kinds, units, dofs, **words)
 
 
 @checked

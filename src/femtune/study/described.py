@@ -6,10 +6,12 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femtune.arguments import checked
+from femtune.errors import FemtuneError
 from femtune.files.nastran.build import build_allowing
 from femtune.files.nastran.deck import read_deck as parse_deck
 from femtune.files.study_file import Given, frozen, study_from_data
@@ -54,6 +56,7 @@ class Model:
     units : length-mass-s, "" if not given
     built : the assembled model
     tables : the keys of a study file for this model
+    matrices : arrays that were given instead of files, by the names that stand for these
 
     Examples
     --------
@@ -70,6 +73,7 @@ class Model:
     units: str
     built: BuiltModel
     tables: Mapping[str, Any] = field(default_factory=dict)
+    matrices: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def structure(self) -> Structure:
@@ -111,18 +115,30 @@ def model_of_deck(path: Path | str, units: str | UnitSystem | None, allow_ignore
     return Model(path, word, built, tables)
 
 
-def model_of_matrices(matrices: Sequence[Mapping[str, Any]], units: str | UnitSystem | None, **words: Any) -> Model:
-    """Matrices, read; `words` are those of [model] and ``variable`` (errors ``matrices.*``)."""
+def model_of_matrices(
+    kinds: Mapping[str, Any], units: str | UnitSystem | None, dofs: Any = None, **words: Any
+) -> Model:
+    """Matrices, read; `words` are those of [model] and ``variable`` (errors ``matrices.*``, ``call.argument``)."""
+    from femtune.study.given_matrices import GivenMatrices  # noqa: PLC0415  a deck needs none of it
     from femtune.study.imported_model import build_imported  # noqa: PLC0415  readers of other solvers' matrices
     from femtune.study.model_source import model_source  # noqa: PLC0415
 
+    given = GivenMatrices()
+    for name, (kind, matrix) in zip("KMCH", kinds.items()):
+        given.add(kind, name, matrix)
+    if isinstance(dofs, str | Path):
+        words["dofs"] = dofs
+    elif dofs is not None:
+        given.set_dofs(dofs)
     variables = words.pop("variable", None)
-    tables = _plain({"matrix": list(matrices), "model": {k: v for k, v in words.items() if v is not None}})
+    tables = _plain({"matrix": given.entries, "model": {k: v for k, v in words.items() if v is not None}})
     if variables:
         tables["variable"] = _plain(variables)
     data = {**tables, "study": {"title": "matrices", "units": units_word(units) or "m-kg-s"}}
-    file = study_from_data(data, Path.cwd() / "matrices", StudyLines("read_matrices"))
-    return Model(Path(model_source(file).name), units_word(units), build_imported(file), tables)
+    objects = Given(matrices=given.arrays, dofs=given.dofs)
+    file = study_from_data(data, Path.cwd() / "matrices", StudyLines("read_matrices"), objects)
+    path = Path(model_source(file).name)
+    return Model(path, units_word(units), build_imported(file), tables, given.arrays)
 
 
 class Study:
@@ -218,12 +234,13 @@ class _Draft:
             self._drop(key)
         study = {k: v for k, v in self.data.get("study", {}).items() if k != "deck"}
         if isinstance(model, Model):
-            self.given = replace(self.given, model=model.built, units_known=bool(model.units) or "units" in study)
+            known = bool(model.units) or "units" in study
+            self.given = replace(self.given, model=model.built, matrices=model.matrices, units_known=known)
             self.data |= {k: v for k, v in model.tables.items() if k != "study"}
             study = {**study, **model.tables.get("study", {})} | ({"units": model.units} if model.units else {})
             title = model.path.name
         else:
-            self.given = replace(self.given, model=None, units_known=True)
+            self.given = replace(self.given, model=None, matrices={}, units_known=True)
             study["deck"], title = os.path.abspath(model), Path(model).name
         self.data["study"] = {"title": title, **study}
 
@@ -267,6 +284,8 @@ class _Draft:
     def _without_own(self, residuals: Sequence[Any]) -> list[Any]:
         """Residuals that a study file can describe; residuals of the user's own classes stay objects."""
         self.residuals = tuple(r for r in residuals if hasattr(r, "blocks"))
+        for residual in self.residuals:
+            _check_own(residual)
         return [r for r in residuals if not hasattr(r, "blocks")]
 
     def _with_named_test(self, entry: Any, key: str) -> dict[str, Any]:
@@ -297,6 +316,18 @@ class _Draft:
 
     def _tested(self) -> bool:
         return "test" in self.data or any("test" in c for c in self.data.get("configuration", ()))
+
+
+def _check_own(residual: Any) -> None:
+    """Refuse a class in place of an object, and a method that cannot be called (error ``residual.own``)."""
+    if isinstance(residual, type):
+        raise FemtuneError("residual.own/class", residual=residual.__name__)
+    try:
+        signature(residual.blocks).bind(None, True)
+    except (TypeError, ValueError) as error:
+        values = {"expected": "blocks(self, state, derivatives)"}
+        name = type(residual).__name__
+        raise FemtuneError("residual.own/signature", values=values, residual=name, reason=error) from None
 
 
 def _begun(source: Path | str | Study | None) -> _Draft:
@@ -330,3 +361,22 @@ def source_of(source: Path | str | Study | Model, **words: Any) -> Path | str | 
     if not given:
         return source
     return (Study(model=source, **given) if is_deck(source) else Study(source, **given)).file
+
+
+def source_in_units(source: Path | str | Study | Model, units: str | UnitSystem | None) -> Path | str | StudyFile:
+    """What a step reads, with units for a deck, which does not state them.
+
+    Raises
+    ------
+    FemtuneError : ``response.units-given`` for other units than those of the source, ``units.unknown``
+    """
+    if units is None:
+        return source_of(source)
+    word = units_word(units)
+    if isinstance(source, Model):
+        known = source.units
+    else:
+        known = "" if not isinstance(source, Study) and is_deck(source) else Study(source).file.study.units
+    if known and units_word(known) != word:
+        raise FemtuneError("response.units-given", values={"units": word, "units of the study": known})
+    return source_of(source, units=word)

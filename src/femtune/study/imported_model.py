@@ -10,12 +10,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.files.built_model import BuiltModel
 from femtune.files.matrices.calculix import read_dof_list
 from femtune.files.matrices.listed_modes import read_listed_modes
 from femtune.files.matrices.placement import INPUT_SUFFIXES, place_matrices, read_points
 from femtune.files.matrices.read import read_matrix
+from femtune.files.matrices.read_matrix import matrix_of_array
 from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.model import configure, parametric_model, solve_modes
@@ -29,7 +30,6 @@ from femtune.study.error_places import errors_at
 from femtune.study.model_source import model_source
 
 if TYPE_CHECKING:
-    from femtune.errors import Where
     from femtune.fem import NodeTable, Structure
     from femtune.files.matrices.placement import Placement
     from femtune.files.matrices.read_matrix import ReadMatrix
@@ -52,6 +52,8 @@ def build_imported(file: StudyFile) -> BuiltModel:
     matrices = _read_all(file)
     points = None if file.model.grid is None else read_points(file.path_of(file.model.grid))
     listed = None if file.model.dofs is None else read_dof_list(file.path_of(file.model.dofs))
+    if file.given.dofs:
+        listed = np.array(file.given.dofs, np.int64)
     with errors_at(file.where("model")):
         placed = place_matrices(matrices, listed, points)
     groups = _groups(file, matrices, placed)
@@ -71,7 +73,11 @@ def _read_all(file: StudyFile) -> list[ReadMatrix]:
     errors, matrices = ErrorCollector(), []
     for i, entry in enumerate(file.matrix):
         with errors.catch(), errors_at(file.where("matrix", i, "file")):
-            matrices.append(read_matrix(file.path_of(entry.file), entry.record, entry.format))
+            given = file.given.matrices.get(entry.file)
+            if given is not None:
+                matrices.append(matrix_of_array(given, entry.name, Where(entry.file)))
+            else:
+                matrices.append(read_matrix(file.path_of(entry.file), entry.record, entry.format))
     errors.raise_if_any()
     return matrices
 

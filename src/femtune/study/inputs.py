@@ -35,10 +35,10 @@ def named_inputs(file: StudyFile | IdentifyFile) -> tuple[Input, ...]:
     """The file itself, and those that its keys name."""
     own = "study file" if isinstance(file, StudyFile) else "identification file"
     found = [Input(file.path, Where(str(file.path)), own)] if is_file(file.path) else []
-    given = file.given.tests if isinstance(file, StudyFile) else {}
+    given = file.given.names if isinstance(file, StudyFile) else set()
     for key in files_named(type(file), file):
         path = file.path.parent / key.name
-        # a test that was given as an object may be of no file, and a word of a command may name none
+        # an object that was given may be of no file, and a word of a command may name none
         if is_file(path) or (key.kind.needed and key.name not in given):
             found.append(Input(path, file.where(*key.place), key.kind.what))
     return tuple(found)

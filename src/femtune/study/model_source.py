@@ -185,9 +185,11 @@ class FromMatrices(ModelSource[BuiltModel]):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Matrices, with the lists of their DOFs, and what [model] names."""
-        asked = self.file.model
-        names = [m.file for m in self.file.matrix] + [n for n in (asked.grid, asked.dofs, asked.listing) if n]
+        """Matrices, with the lists of their DOFs, and what [model] names; not those that were given as arrays."""
+        asked, given = self.file.model, self.file.given.matrices
+        names = [m.file for m in self.file.matrix if m.file not in given] + [
+            n for n in (asked.grid, asked.dofs, asked.listing) if n
+        ]
         paths = [self.file.path_of(name) for name in names]
         lists = [p.with_suffix(".dof") for p in paths if p.suffix in _WITH_DOF_LIST]
         return tuple(dict.fromkeys([*paths, *(p for p in lists if p.is_file())]))

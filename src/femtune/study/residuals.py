@@ -7,18 +7,21 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
 import scipy.sparse as sp
 
 from femtune.correlation import sensor_placement
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, did_you_mean
+from femtune.files.study_file.residual import FrfResidual as FrfEntry
 from femtune.identification import InputKnown, equalised_test
 from femtune.kinds import loaded
 from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
+from femtune.residuals.own import own_residual
 from femtune.study.axes import named_axis, sensor_axis
 from femtune.study.error_places import errors_at
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from femtune.correlation import SensorPlacement
     from femtune.dofs import DofSet
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from femtune.model import ModalDamping
     from femtune.residuals import ComparedCase
     from femtune.study.cases import StudyCase
+    from femtune.study.study import Study
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +140,8 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
         with errors.catch(), asked.errors_at():
             (short if comparison.short else separate).append(_built(asked))
     errors.raise_if_any()
-    if len(file.configurations) == 1:
-        separate.extend(file.given.residuals)
+    # the state that they are asked at says of which configuration it is
+    separate.extend(map(own_residual, file.given.residuals))
     # [residuals] compares mode by mode, before all others
     by_mode = ByMode(tuple(cast(PairResidual, r) for r in short))
     residuals = (by_mode, *separate) if short else tuple(separate)
@@ -145,6 +149,19 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
         return case
     scaled = any(getattr(c.entry, "mass_scaled", False) for c in mine)
     return replace(case, compared=_compared(file, case, residuals, scaled))
+
+
+def undamped_functions(study: Study) -> Iterator[Notice]:
+    """Warnings of FRFs that are compared with those of a model without damping, before anything is solved."""
+    from femtune.residuals.frf.asked import stated_damping, undamped  # noqa: PLC0415  few studies compare FRFs
+
+    for case in study.cases if study.file.equalise is None else ():
+        of_case = (c.entry for c in study.file.comparisons if _is_of(c, case))
+        functions = [entry for entry in of_case if isinstance(entry, FrfEntry)]
+        if functions:
+            point = case.configured.at(np.zeros(len(study.parameters.free)))
+            damping = (stated_damping(entry, study.built.modal_damping) for entry in functions)
+            yield from dict.fromkeys(notice for one in damping for notice in undamped(case.name, point, one))
 
 
 _QUANTITIES = {

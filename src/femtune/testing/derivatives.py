@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,6 +24,9 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.model import EigenSolution, ModelPoint, solve_modes, subspace_derivative
 from femtune.residuals import UpdateProblem
+
+if TYPE_CHECKING:
+    from femtune.study.described import Study
 
 STEP = 1e-30
 """Complex step: nothing is subtracted, so it may be this small."""
@@ -228,11 +231,27 @@ def check_directional(
     return error
 
 
-def check_residual(problem: UpdateProblem, x: Reals, tolerance: float = 1e-6, length: float = 0.01) -> None:
+def check_residual(problem: UpdateProblem | Study, x: Reals, tolerance: float = 1e-6, length: float = 0.01) -> None:
     """Jacobian of all residual blocks: along each parameter by central difference, and by Taylor slope.
 
     The pairing is frozen and each motion is tracked, as in an update.
+
+    Parameters
+    ----------
+    problem : or a study, whose problem it is
+    x : (k,) relative changes of the free parameters
+    tolerance : largest relative error of a directional derivative
+    length : largest step of the Taylor slope
+
+    Raises
+    ------
+    AssertionError : the derivatives are not those of the values
+    FemtuneError : ``residual.own`` for blocks that do not fit, and errors of the study
     """
+    if not isinstance(problem, UpdateProblem):
+        from femtune.study.study import load_study  # noqa: PLC0415  checks of models need no study
+
+        problem = load_study(problem.file).problem()
     start = problem.start(np.asarray(x, dtype=float))
 
     def residuals(at: Reals) -> Reals:

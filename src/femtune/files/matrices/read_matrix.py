@@ -243,6 +243,15 @@ def matrix_from(entries: Entries, name: str, where: Where, held: Integers | None
     return ReadMatrix(name, upper, where, entries.rows, np.zeros(0, np.int64) if held is None else held, facts)
 
 
+def matrix_of_array(given: NDArray | sp.sparray, name: str, where: Where) -> ReadMatrix:
+    """The symmetric matrix of a square array; one triangle stands for both. Errors as of `matrix_from`."""
+    full = sp.coo_array(given)
+    # entries of SciPy's coordinate format that stand twice are added
+    full.sum_duplicates()
+    entries = Entries(full.row.astype(np.int64), full.col.astype(np.int64), full.data, full.shape)
+    return matrix_from(entries, name, where)
+
+
 def _upper(entries: Entries, where: Where) -> tuple[sp.csr_array, str]:
     row, col, value = entries.row, entries.col, entries.value
     if not value.all():

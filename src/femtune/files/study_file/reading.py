@@ -156,7 +156,7 @@ def missing_files(
     given = given or Given()
     for key in files_named(model, data):
         of_model = given.model is not None and key.place[0] in ("study", "matrix", "runs")
-        if not key.kind.needed or of_model or key.name in given.tests or is_file(folder / key.name):
+        if not key.kind.needed or of_model or key.name in given.names or is_file(folder / key.name):
             continue
         values = {str(key.place[-1]): key.name, "looked for": os.path.abspath(folder / key.name)}
         there = exists(folder / key.name)

@@ -57,6 +57,8 @@ class Given:
     ----------
     model : the deck or the matrices, read
     tests : by the name under which the study has them as files
+    matrices : of the model, in the same way; arrays of NumPy or SciPy
+    dofs : node and component of each of their rows
     residuals : further comparisons, of classes that have no key in the study file
     text : text in place of a study file; None if there is a file
     units_known : False for a deck, which does not state its units
@@ -64,9 +66,16 @@ class Given:
 
     model: BuiltModel | None = None
     tests: Mapping[str, ModalTest] = field(default_factory=dict)
+    matrices: Mapping[str, Any] = field(default_factory=dict)
+    dofs: tuple[tuple[int, int], ...] = ()
     residuals: tuple[Any, ...] = ()
     text: str | None = None
     units_known: bool = True
+
+    @property
+    def names(self) -> set[str]:
+        """Names of files in whose place objects were given."""
+        return {*self.tests, *self.matrices}
 
 
 class StudyFile(TomlTable):

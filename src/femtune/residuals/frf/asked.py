@@ -11,7 +11,7 @@ import numpy as np
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice, Where, did_you_mean
 from femtune.modal import FrfSet
-from femtune.model import ModalDamping, constant_damping, damping_by_mode
+from femtune.model import ModalDamping, ModelPoint, constant_damping, damping_by_mode
 from femtune.model.kinds import FRF_METHODS
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState
@@ -53,7 +53,7 @@ class AskedFrfs(AtFirstState):
             )
             test = asked.equalised()
             if test is None:
-                return residual, told
+                return residual, (*told, *undamped(asked.name, state.full, damping))
             # lines of an identified test are free of the noise of single lines, which would bias their weights
             return replace(residual, identified=test.redrawn, shift=None), told
 
@@ -102,7 +102,7 @@ def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | N
     """The functions and the modal damping of the model, both with one damping ratio if the study requests it."""
     entry, equalised = asked.entry, asked.equalised()
     if equalised is None:
-        return measured, _damping(entry, asked.damping), ()
+        return measured, stated_damping(entry, asked.damping), ()
     if entry.ratio is not None or entry.ratios is not None or entry.averages is not None:
         raise FemtuneError("residual.equalised-keys", where=asked.where())
     zeta = equalised.moved.damping_ratio
@@ -140,6 +140,15 @@ def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[C
             return settle(state)
 
     return at_its_place
+
+
+def undamped(configuration: str, point: ModelPoint, damping: ModalDamping | None) -> tuple[Notice, ...]:
+    """A warning if nothing damps the functions of a model: they are infinite at its resonances."""
+    if damping is not None or point.mode_ratios or point.depends_on_frequency:
+        return ()
+    if any(np.abs(matrix.data).max(initial=0.0) > 0.0 for matrix in (point.viscous, point.hysteretic)):
+        return ()
+    return (Notice("residual.frf-undamped", configuration=configuration),)
 
 
 def _settled_functions(
@@ -239,7 +248,8 @@ def _limit(entry: Any) -> str:
     return "" if entry.max_hz is None else f"max_hz = {entry.max_hz:g}"
 
 
-def _damping(entry: Any, of_deck: ModalDamping | None) -> ModalDamping | None:
+def stated_damping(entry: Any, of_deck: ModalDamping | None) -> ModalDamping | None:
+    """Modal damping of a table of FRFs, else that of the deck."""
     if entry.ratio is not None:
         return constant_damping(entry.ratio)
     return of_deck if entry.ratios is None else damping_by_mode(entry.ratios)

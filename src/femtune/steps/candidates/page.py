@@ -75,7 +75,7 @@ def candidate_numbers(found: CandidatesResults) -> KeyNumbers:
 def _rule(found: CandidatesResults) -> str:
     if found.threshold is not None:
         return f"mean error ≤ {short(found.threshold)} × the smallest"
-    return f"largest residual ≤ {short(found.limit)}"
+    return f"smallest largest residual ≤ {short(found.limit)}"
 
 
 def candidates_summary(source: ReportSource) -> list[Block]:
@@ -109,7 +109,7 @@ def criteria_table(found: CandidatesResults) -> Table:
     """A line each candidate."""
     heads = columns(
         "Model", ">Parameters", ">Determined", ">Mean error %", ">ΔBIC", ">Weight", ">Probability", ">Prediction %",
-        ">Largest residual", "Admissible", ">Cluster", ">Starts at the optimum",
+        ">Largest residual", ">Smallest largest", "Admissible", ">Cluster", ">Starts at the optimum",
     )  # fmt: skip
     least = min((c.bic for c in found.solved if c.bic is not None), default=0.0)
     return Table("", heads, tuple(_criteria(c, least) for c in found.candidates))
@@ -117,7 +117,7 @@ def criteria_table(found: CandidatesResults) -> Table:
 
 def _criteria(c: CandidateResults, least: float) -> tuple[Cell, ...]:
     if c.problem:
-        return row(c.name, str(len(c.parameters)), *[NONE] * 7, Cell("not solved", tone="poor"), NONE, NONE)
+        return row(c.name, str(len(c.parameters)), *[NONE] * 8, Cell("not solved", tone="poor"), NONE, NONE)
     return row(
         c.name,
         str(len(c.parameters)),
@@ -128,6 +128,7 @@ def _criteria(c: CandidateResults, least: float) -> tuple[Cell, ...]:
         unit_fraction(c.probability, NONE),
         short(c.prediction_percent),
         short(c.worst_residual),
+        short(c.worst_residual if c.least_worst_residual is None else c.least_worst_residual),
         Cell("yes", tone="good") if c.admissible else "no",
         NONE if c.cluster is None else str(c.cluster),
         f"{c.starts_at_best} of {c.starts}" if c.parameters else NONE,

@@ -61,6 +61,9 @@ class CandidateResults(Record):
     """Combinations that they do not determine."""
     worst_residual: float | None = None
     """Largest absolute residual, in stated standard deviations."""
+    least_worst_residual: float | None = None
+    """Smallest largest residual that values of the parameters were found to reach, by which a model is admissible: the
+    least-squares values are not those whose largest residual is smallest. None in results of earlier versions."""
     worst_label: str = ""
     """What this residual compares."""
     starts: int = 1

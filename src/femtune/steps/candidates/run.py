@@ -21,8 +21,16 @@ from femtune.journal.run_files import CANDIDATES_FILE
 from femtune.model import digest
 from femtune.model.full_model import direct
 from femtune.selection import identifiability
-from femtune.selection.candidate_models import CandidateFit, Group, rank_candidates, subset_count, subsets
+from femtune.selection.candidate_models import (
+    CandidateFit,
+    Group,
+    largest_of_right,
+    rank_candidates,
+    subset_count,
+    subsets,
+)
 from femtune.selection.combinations import listed
+from femtune.selection.minimax import smallest_largest
 from femtune.status import Status
 from femtune.steps.candidates.record import CandidateResults, CandidatesResults, CandidateValue, LeftOutPrediction
 from femtune.steps.run_folder import unwritable
@@ -92,6 +100,7 @@ class _Fitting:
     ----------
     problems, methods : with the ties of some candidates; the first without any
     free : free parameters of the study, by which candidates are compared
+    probability : with which a right model has no larger residual than the limit
     search : from whose random populations the starts come; None: from the initial values and a Latin hypercube
     """
 
@@ -99,6 +108,7 @@ class _Fitting:
     methods: tuple[SensitivityMethod, ...]
     rules: StartRules
     free: ParameterSet
+    probability: float
     search: SearchRules | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -125,9 +135,20 @@ class _Fitting:
     def _end(self, problem: UpdateProblem, result: UpdateResult, candidate: ParameterChoice) -> Found:
         sd = {name: float(value) for name, value in result.sd.items() if np.isfinite(value)}
         return {
-            **self._facts(problem, result.after, candidate), "status": result.status.name, "sd": sd,
+            **self._facts(problem, result.after, candidate),
+            "least_worst": self._least_worst(problem, result, candidate), "status": result.status.name, "sd": sd,
             "at_bound": list(result.at_bound), "end": result.x.tolist(), "objective": result.objective,
         }  # fmt: skip
+
+    def _least_worst(self, problem: UpdateProblem, result: UpdateResult, candidate: ParameterChoice) -> float:
+        """The smallest largest residual, sought only where that of the optimum is larger than a right model's."""
+        stated = problem.scatter == "stated"
+        limit = largest_of_right(result.after.independent, self.probability) if stated else 0.0
+        at = smallest_largest(
+            result.after, problem.follow, moving_parameters(problem, candidate.parameters),
+            problem.parameters.bounds, limit,
+        )  # fmt: skip
+        return float(np.abs(at.residuals).max(initial=0.0))
 
     def _updated(
         self, number: int, left_out: int | None, start: Evaluation | None, moving: Sequence[str]
@@ -201,6 +222,10 @@ class _SolverFitting(_Fitting):
     studies: tuple[Study, ...] = ()
     runs: SolverRuns | None = None
 
+    def _least_worst(self, problem: UpdateProblem, result: UpdateResult, candidate: ParameterChoice) -> float:
+        """That of the optimum: each further point would be a run."""
+        return float(np.abs(result.after.residuals).max(initial=0.0))
+
     def _fitted(self, task: _Task) -> Found:
         problem = self.problems[task.problem]
         point = self._drawn(problem, moving_parameters(problem, task.candidate.parameters), task.start)
@@ -267,7 +292,8 @@ def _best_start(
         starts, problem.parameters.prior[1], noise_level(best["objective"], best["residuals"], moving)
     )
     return {
-        **best, "reached": len(optima[0].members) if optima else 0, "others": sum(o.as_good for o in optima[1:]),
+        **best, "least_worst": min(f["least_worst"] for f in found if "least_worst" in f),
+        "reached": len(optima[0].members) if optima else 0, "others": sum(o.as_good for o in optima[1:]),
         "unpaired": len(found) - len(starts), "errors": [found[start.number]["error"] for start in starts],
     }  # fmt: skip
 
@@ -398,6 +424,7 @@ class _Comparison:
         lower, upper = problem.parameters.bounds
         key = digest(
             self.study.file.update.model_dump_json(), self.table.starts, self.table.seed, repr(self._search),
+            self.table.probability,
             at.residuals, at.jacobian, lower, upper,
         )  # fmt: skip
         self.file = FinishedRuns(self.folder / CANDIDATES_FILE, key)
@@ -467,7 +494,7 @@ class _Comparison:
     def _work(self, studies: tuple[Study, ...]) -> _Fitting:
         facts = (
             tuple(s.problem() for s in studies), tuple(method_of(s.file.update, s.parameters) for s in studies),
-            StartRules(self.table.starts, self.table.seed), self.study.parameters, self._search,
+            StartRules(self.table.starts, self.table.seed), self.study.parameters, self.table.probability, self._search,
         )  # fmt: skip
         return _Fitting(*facts) if self.solver is None else _SolverFitting(*facts, studies, self.solver)
 
@@ -529,8 +556,9 @@ def _results(
 ) -> CandidatesResults:
     solved = [i for i, f in enumerate(found) if "problem" not in f]
     free, scatter = study.parameters, study.file.residuals.scatter
+    inner = [[found[j] for j in solved if _contains(candidates[i], candidates[j])] for i in solved]
     ranking = rank_candidates(
-        [_fit(found[i], free) for i in solved], scatter=scatter, threshold=table.threshold,
+        [_fit(found[i], free, within) for i, within in zip(solved, inner)], scatter=scatter, threshold=table.threshold,
         probability=table.probability, cluster_distance=table.cluster_distance,
     )  # fmt: skip
     names = [case.name for case in study.problem().cases]
@@ -538,7 +566,10 @@ def _results(
     for i, (candidate, f, out) in enumerate(zip(candidates, found, predicted, strict=True)):
         record = _record(study, candidate, f, table.starts)
         if i in solved:
-            record = record.model_copy(update={**_left_out(names, out), **_criteria(ranking, solved.index(i))})
+            least = min(map(_least_of, inner[solved.index(i)]))
+            record = record.model_copy(
+                update={"least_worst_residual": least, **_left_out(names, out), **_criteria(ranking, solved.index(i))}
+            )
         records.append(record)
     arrays["candidates/distances"] = ranking.distances
     return CandidatesResults(
@@ -555,11 +586,22 @@ def _results(
     )
 
 
-def _fit(found: Found, parameters: ParameterSet) -> CandidateFit:
+def _contains(one: ParameterChoice, other: ParameterChoice) -> bool:
+    """Whether every model of the other candidate is one of the first, which has the same ties and all parameters."""
+    return set(other.parameters) <= set(one.parameters) and dict(other.ties) == dict(one.ties)
+
+
+def _least_of(found: Found) -> float:
+    """Smallest largest residual that was found; initial values have one only."""
+    return float(found["least_worst"] if "least_worst" in found else found["worst"])
+
+
+def _fit(found: Found, parameters: ParameterSet, within: Sequence[Found]) -> CandidateFit:
+    """`within` are the candidate and those that it contains: what one of them reaches, the candidate reaches too."""
     place = np.array([found["values"][p.name] / p.scale for p in parameters.free])
     return CandidateFit(
         found["chi2"], found["residuals"], np.array(found["singular"], float), found["rank"], found["prior_misfit"],
-        place, found["worst"], found["error"],
+        place, min(map(_least_of, within)), min(f["error"] for f in within),
     )  # fmt: skip
 
 

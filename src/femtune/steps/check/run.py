@@ -24,7 +24,7 @@ from femtune.steps.write.run import check_writable_fields
 from femtune.study.progress import silent
 from femtune.study.record import Record
 from femtune.study.repeats import read_repeats
-from femtune.study.residuals import modes_without_sd
+from femtune.study.residuals import modes_without_sd, undamped_functions
 from femtune.study.rows import Rows, rows_of
 from femtune.study.study import load_study
 from femtune.testdata.checks import check_test
@@ -177,6 +177,7 @@ class _Checked:
             if study.file.output.vtu and all(case.used is None for case in study.cases):
                 self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
+            self.notices += undamped_functions(study)
             self.notices += bounds_beyond_runs(study)
             with self.catching():
                 check_independent(study)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from femtune.arguments import checked
 from femtune.steps.report.function import checked_page, with_page
-from femtune.study.described import source_of
+from femtune.study.described import source_in_units
 from femtune.study.progress import silent
 
 if TYPE_CHECKING:
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from femtune.steps.modes.simulated_test import SimulatedTest
     from femtune.study.described import Model, Study
     from femtune.study.progress import Progress
+    from femtune.units import UnitSystem
 
 
 @checked
@@ -24,6 +25,7 @@ def modes(
     count: int | None = None,
     max_hz: float | None = None,
     report: Path | str | None = None,
+    units: str | UnitSystem | None = None,
     simulate: SimulatedTest | None = None,
     vtu: Path | str | None = None,
     fresh: bool = False,
@@ -36,6 +38,7 @@ def modes(
     source : as for `info`
     count, max_hz : number of modes, or highest frequency in Hz, instead of [modes] of the study and METHOD of the deck
     report : HTML page to write, with a picture of each mode: a single self-contained file
+    units : length-mass-s of a deck, which does not state them
     simulate : a Universal File to which the modes are written as a simulated test
     vtu : VTU file to write, for ParaView: mesh, mode shapes, values of the parameters (extra ``vtu``)
     fresh : ignore the journal of an earlier run of the study and solve everything again
@@ -43,8 +46,8 @@ def modes(
 
     Raises
     ------
-    FemtuneError : ``eigen.*``, ``run.unwritable``, ``write.vtu`` and ``write.overwrites-input`` before anything is
-        solved, and errors in the files
+    FemtuneError : ``response.units-given``, ``eigen.*``, ``run.unwritable``, ``write.vtu`` and
+        ``write.overwrites-input`` before anything is solved, and errors in the files
 
     Examples
     --------
@@ -67,6 +70,13 @@ def modes(
     page = checked_page(report)
     file = None if vtu is None else Path(vtu)
     result = solve_modes(
-        source_of(source), progress, fresh=fresh, count=count, max_hz=max_hz, simulate=simulate, vtu=file, page=page
+        source_in_units(source, units),
+        progress,
+        fresh=fresh,
+        count=count,
+        max_hz=max_hz,
+        simulate=simulate,
+        vtu=file,
+        page=page,
     )
     return with_page(result, page, progress)
