@@ -69,11 +69,11 @@ def in_place(
     """
     kept, left, told, doubts = list(candidates), np.zeros(len(fit.poles), bool), [], []
     chosen = np.flatnonzero([c.chosen for c in candidates]).tolist()
-    for r, variant in _away(fit, [candidates[i] for i in chosen], table, band_hz).items():
+    for r, code in _away(fit, [candidates[i] for i in chosen], table, band_hz).items():
         i = chosen[fit.begun_at[r]]
         hz, ratio = (float(x[r]) for x in freq_and_damping(fit.poles))
-        notice = Notice(f"identify.left-cluster{variant}", cluster_hz=candidates[i].freq_hz, end_hz=hz, end_ratio=ratio)
-        if by_hand[i] or variant == "/shape":
+        notice = Notice(code, cluster_hz=candidates[i].freq_hz, end_hz=hz, end_ratio=ratio)
+        if by_hand[i] or code == "identify.left-cluster/shape":
             doubts.append((r, notice))
             continue
         left[r] = True
@@ -88,7 +88,7 @@ def in_place(
 
 
 def _away(fit: ModalFit, chosen: Sequence[Candidate], table: PoleTable, band_hz: tuple[float, float]) -> dict[int, str]:
-    """The modes of a fit that are not in place, each with the variant of the notice that says why."""
+    """The modes of a fit that are not in place, each with the code of the notice that says why."""
     inside = np.flatnonzero(~fit.outside)
     ends, shapes = fit.poles[inside], leading_shapes(fit)
     clusters = [chosen[i] for i in fit.begun_at[inside].tolist()]
@@ -102,13 +102,13 @@ def _away(fit: ModalFit, chosen: Sequence[Candidate], table: PoleTable, band_hz:
         damped = np.maximum(table.damping_ratio[clusters[r].members], DAMPING_FLOOR)
         same = damped.min() / DAMPING <= max(ratio[r], DAMPING_FLOOR) <= DAMPING * damped.max()
         if distance[r] > allowed[r] or not same:
-            found[i] = ""
+            found[i] = "identify.left-cluster"
         elif not band_hz[0] <= freq[r] <= band_hz[1]:
-            found[i] = "/band"
+            found[i] = "identify.left-cluster/band"
         elif len(shapes) > 1 and alike[r] < LEAST_MAC:
-            found[i] = "/shape"
+            found[i] = "identify.left-cluster/shape"
         elif _is_another(r, ends, shapes, distance):
-            found[i] = "/another"
+            found[i] = "identify.left-cluster/another"
     return found
 
 
