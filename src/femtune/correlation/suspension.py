@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import betaincc
 
 from femtune.arrays import Reals
 from femtune.correlation.pairing import Pairing, Unpaired, visible_modes
@@ -75,7 +75,7 @@ def _cannot_tell(test: ModeSet, model: ModeSet, motions: Reals, near: NDArray[np
     entries = int(np.sum(~np.isnan(test.shapes), axis=0).min())
     sizes = np.linalg.svd(motions, compute_uv=False)
     rank = int(np.sum(sizes > RANK_TOLERANCE * sizes[0]))
-    chance = stats.beta.sf(RIGID_SHARE, 0.5 * rank, 0.5 * (entries - rank)) if entries > rank else 1.0
+    chance = betaincc(0.5 * rank, 0.5 * (entries - rank), RIGID_SHARE) if entries > rank else 1.0
     if chance > _BY_CHANCE:
         return f"{entries} sensors are too few for {rank} independent rigid-body motions"
     shares = projection(motions, model.shapes[:, near])

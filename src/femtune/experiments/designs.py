@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.stats import qmc
 
 from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
@@ -111,6 +110,8 @@ def central_composite(factors: int, centres: int = 1, rotatable: bool = False) -
 
 def latin_hypercube(factors: int, runs: int, seed: int = 0, optimised: bool = True) -> Design:
     """Each of `runs` equal intervals of each factor has one point; pairs exchanged for a low discrepancy."""
+    from scipy.stats import qmc  # noqa: PLC0415  half a second that other designs do not need
+
     way = "random-cd" if optimised and runs > 1 else None
     return Design("Latin hypercube", qmc.LatinHypercube(factors, optimization=way, rng=seed).random(runs))
 
@@ -130,6 +131,8 @@ def nested_latin_hypercube(factors: int, first: int, times: int, seed: int = 0) 
 
 def sobol(factors: int, runs: int, seed: int = 0) -> Design:
     """The first points of a scrambled Sobol sequence; balanced where their number is a power of two."""
+    from scipy.stats import qmc  # noqa: PLC0415  half a second that other designs do not need
+
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="The balance properties")
         return Design("Sobol sequence", qmc.Sobol(factors, rng=seed).random(runs))

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtrc
 
 from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
@@ -76,7 +76,7 @@ class Effects:
         NaN where F is infinite: there is no error that could be normal.
         """
         f = np.where(np.isinf(self.f_values), np.nan, self.f_values)
-        return np.asarray(stats.f.sf(f, self.freedom[:, None], max(self.error_freedom, 1)))
+        return np.asarray(fdtrc(self.freedom[:, None], max(self.error_freedom, 1), f))
 
 
 def main_effects(levels: Integers, responses: Reals) -> Effects:

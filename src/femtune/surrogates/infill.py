@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.distance import cdist
-from scipy.stats import norm, qmc
+from scipy.special import ndtri
 
 from femtune.arrays import Reals
 from femtune.surrogates.surrogate import Surrogate
@@ -80,7 +80,9 @@ def where_better(surrogate: Surrogate, objective: SumOfSquares, count: int, seed
 
     The expectation is a mean over draws of the responses, which are normal and independent of each other.
     """
-    draws = norm.ppf(qmc.Sobol(len(surrogate.fits), rng=np.random.default_rng(seed)).random_base2(_DRAWS))
+    from scipy.stats import qmc  # noqa: PLC0415  half a second that other criteria do not need
+
+    draws = ndtri(qmc.Sobol(len(surrogate.fits), rng=np.random.default_rng(seed)).random_base2(_DRAWS))
 
     def worth(current: Surrogate, points: Reals) -> Reals:
         best = np.min(objective(current.y))
@@ -93,6 +95,8 @@ def where_better(surrogate: Surrogate, objective: SumOfSquares, count: int, seed
 
 
 def _chosen(surrogate: Surrogate, count: int, seed: int, worth: Callable[[Surrogate, Reals], Reals]) -> Reals:
+    from scipy.stats import qmc  # noqa: PLC0415  half a second that only new points need
+
     unit = qmc.Sobol(surrogate.x.shape[1], rng=np.random.default_rng(seed)).random_base2(_CANDIDATES)
     points = surrogate.lower + unit * (surrogate.upper - surrogate.lower)
     chosen = []

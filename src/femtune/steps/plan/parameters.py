@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.stats import qmc
 
 from femtune.arrays import Integers, Reals
 from femtune.modal import clusters, largest_entries, mac
@@ -131,6 +130,8 @@ def hypercube(study: Study, count: int, seed: int) -> Reals:
     lower, upper = study.parameters.bounds
     if count < 1:
         return np.zeros((0, len(lower)))
+    from scipy.stats import qmc  # noqa: PLC0415  half a second that a plan without samples does not need
+
     sampler = qmc.LatinHypercube(len(lower), rng=np.random.default_rng(seed))
     return np.asarray(lower + (upper - lower) * sampler.random(count))
 
