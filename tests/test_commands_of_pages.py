@@ -9,7 +9,9 @@ import shlex
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import femtune as ft
 from femtune.cli import main
@@ -78,6 +80,19 @@ def _beam(scale: float) -> str:
     return f"{head}{sections}{points}{bars}ENDDATA\n"
 
 
+def _write_hall(path: Path) -> None:
+    """A record of three sensors on a floor: two modes under random forces, and a machine at 11 Hz."""
+    rng, rate, samples = np.random.default_rng(1), 64.0, 15_360
+    time = np.arange(samples) / rate
+    values = 0.5 * np.sin(2.0 * np.pi * 11.0 * time)[:, None] + 0.02 * rng.standard_normal((samples, 3))
+    for freq, shape in ((3.1, [0.3, 0.6, 0.9]), (7.7, [0.9, 0.4, -0.6])):
+        pole = np.exp(2.0 * np.pi * freq * (-0.01 + 1j * np.sqrt(1.0 - 1e-4)) / rate)
+        force = rng.standard_normal(samples)
+        mode = lfilter([1.0, -2.0, 1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], force)
+        values += np.outer(mode / mode.std(), shape)
+    np.savetxt(path, np.column_stack([time, values]), delimiter=",", header="Time [s],1Z+,2Z+,3Z+", comments="")
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Decks, tests and studies with the names that the pages use."""
@@ -92,6 +107,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     points = [f"{i}Z+" for i in (1, 8, 20)]
     ft.respond(truth, inputs=["1Z+"], outputs=points, uff=folder / "frf.unv", units="m-kg-s", **lines)
     (folder / "test.toml").write_text('[identify]\nfrfs = "frf.unv"\nband_hz = [4.0, 65.0]\nlargest_order = 12\n')
+    _write_hall(folder / "hall.csv")
     # what is done with a study is done on the smallest model
     made = ft.init(example_deck(folder), example_test(folder), folder)
     made.path.write_text(made.path.read_text() + _TABLES)

@@ -221,6 +221,7 @@ def test_all_that_is_wrong_is_told_at_once_with_its_place(folder: Path) -> None:
     }
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("make", "code"),
     [

@@ -27,6 +27,8 @@ from femtune.identification import (
 )
 from femtune.modal import FrfSet, mac
 
+pytestmark = pytest.mark.slow
+
 _STATED_HZ = (112.0, 307.0, 596.0, 974.0)
 """What the owners of the data state, as bands around these."""
 
@@ -76,7 +78,6 @@ def test_shapes_are_those_of_a_free_beam(fit: ModalFit) -> None:
     assert min(mac(shapes[:, [r]], _free_beam(r)[:, None])[0, 0] for r in range(4)) > 0.975
 
 
-@pytest.mark.slow
 def test_the_hits_disagree_by_more_than_noise(fit: ModalFit) -> None:
     """The beam got lower from hit to hit, by 4 to 10 in 100,000: the bars of all nine must cover that, and are told."""
     told = [n for n in fit_notices(fit, scaled_shapes(fit)) if n.code == "identify.functions-disagree"]

@@ -92,7 +92,7 @@ def test_noise_is_as_large_as_the_errors() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("inputs", [(0,), (0, 3)])
+@pytest.mark.parametrize("inputs", [(0,), pytest.param((0, 3), marks=pytest.mark.long)])
 def test_spread_is_that_of_repeated_tests(inputs: tuple[int, ...]) -> None:
     """Scatter of the equalised FRFs over tests with new noise, each fitted anew, against that of the draws of one."""
     noise, runs = 0.01, 150

@@ -252,7 +252,7 @@ def _error(files: Files) -> FemtuneError:
     return several.errors[0] if isinstance(several, FemtuneErrors) else several
 
 
-@pytest.mark.quick(16)
+@pytest.mark.quick(8)
 @pytest.mark.parametrize("case", CASES, ids=lambda c: f"{c.code}: {c.says}")
 def test_message_names_file_line_and_fix(files: Files, case: Case) -> None:
     case.spoil(files)

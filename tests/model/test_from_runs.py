@@ -343,6 +343,7 @@ def test_runs_whose_rigid_body_modes_differ_are_fitted_as_they_are(other: str) -
     assert min(np.diag(fitted.structure.assembled[0].upper.toarray())[-5:]) > 0.0
 
 
+@pytest.mark.slow
 def test_the_stated_deviation_is_that_of_drawn_matrices() -> None:
     """Components are drawn from their distributions, and the spread of the frequencies is counted."""
     fitted = fit_runs(runs_at(sample(12), 3), NODES, 1, crossed=False, rules=KrigingRules())

@@ -72,7 +72,7 @@ def _run(tmp_path: Path, test: ModeSet, form: str) -> UpdateResult:
     return update(_problem(tmp_path, test, form), SensitivityMethod(max_iterations=100, smallest_change=0.0))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("form", "published"), [("mac", BY_MAC), ("difference", BY_DIFFERENCE)])
 def test_published_changes_and_predictions(tmp_path: Path, measured: ModeSet, form: str, published: list[float]):
     result = _run(tmp_path, measured, form)

@@ -135,7 +135,8 @@ ft.bootstrap(study)
 @pytest.mark.parametrize(
     ("how", "moments"),
     [
-        ("serial", [("amid", 7, 6), ("after", 12, 12)]),
+        ("serial", [("amid", 7, 6)]),
+        pytest.param("serial", [("after", 12, 12)], marks=pytest.mark.long),
         pytest.param("serial", [("before", 1, 0)], marks=pytest.mark.long),
         ("processes", [("amid", 5, 4)]),
     ],

@@ -182,10 +182,10 @@ def test_a_candidate_that_is_interrupted_among_its_starts_keeps_them(two: Bench)
 
 @pytest.mark.slow
 def test_several_starts_and_processes_give_the_same(two: Bench) -> None:
-    asked = '[candidates]\nsubsets = "all"\nmost = 1\nstarts = 4\nleave_one_out = false\n'
+    asked = '[candidates]\nsubsets = "all"\nmost = 1\nstarts = 2\nleave_one_out = false\n'
     one = ft.candidates(study(two, asked))
-    assert all(c.starts == 4 for c in one.record.candidates[1:])
-    assert by_name(one)["S1"].starts_at_best == 4
+    assert all(c.starts == 2 for c in one.record.candidates[1:])
+    assert by_name(one)["S1"].starts_at_best == 2
     many = ft.candidates(study(two, asked + '[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
     assert many.record == one.record
 
@@ -255,7 +255,7 @@ def test_two_equally_good_optima(bench: Bench) -> None:
     assert 0 < both.starts_at_best + both.starts_unpaired < 8
 
 
-@pytest.mark.quick(7)
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("name", "text"),
     [

@@ -89,7 +89,7 @@ def _thickness_of(structure, number: int) -> float:  # type: ignore[no-untyped-d
     return float(structure.values.values[batch.roles["t"][batch.ids.tolist().index(number)]])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_with_noise_and_reduced_models_the_truth_lies_within_the_stated_deviations(tmp_path: Path) -> None:
     run = _run(_folder(tmp_path, 3), STUDY + "[reduction]\n")
     assert run.results.update is not None

@@ -142,7 +142,7 @@ def _base(folder: Path) -> StudyFile:
     return study_from_text((HEAD.format(title="beam") + REST), folder / "s.toml")
 
 
-@pytest.mark.quick(16)
+@pytest.mark.quick(8)
 @pytest.mark.parametrize("name", ["results.json", "damping.toml", "journal/modes-1.npz", "external/updated/in.txt"])
 @pytest.mark.parametrize("key", keys_of_all(), ids=lambda key: f"{'.'.join(map(str, key.place))} {key.name}")
 def test_an_input_with_the_name_of_a_file_of_the_run_is_refused_before_the_folder_is_touched(
@@ -234,6 +234,7 @@ def test_a_result_that_no_run_of_the_study_made_is_not_replaced(folder: Path) ->
     assert (folder / "run" / "updated.bdf").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_a_folder_belongs_to_one_study(folder: Path) -> None:
     first = ft.update(study(folder, "first.toml", "first study"))
     study(folder, "second.toml", "second study")

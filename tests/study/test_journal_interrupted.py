@@ -80,7 +80,9 @@ def identities(folder: Path) -> dict[str, tuple[int, int]]:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-@pytest.mark.parametrize(("when", "last"), [("before", 9), ("after", 17), ("writing", 13)])
+@pytest.mark.parametrize(
+    ("when", "last"), [("before", 9), pytest.param("after", 17, marks=pytest.mark.long), ("writing", 13)]
+)
 def test_killed(beam: Bench, whole: RunResult, when: str, last: int) -> None:
     study = beam.study()
     ended = subprocess.run([sys.executable, "-c", _KILLED, str(study), when, str(last)], check=False)

@@ -83,7 +83,7 @@ def _same(folder: Path, whole: Path) -> None:
 @pytest.mark.parametrize(
     ("tables", "seed", "times"),
     [
-        pytest.param(_STARTS, 0, 2, id="starts"),
+        pytest.param(_STARTS, 0, 2, id="starts", marks=pytest.mark.long),
         pytest.param(_STAGES, 2, 1, id="stages"),
         pytest.param(_STARTS, 1, 4, id="starts, again and again", marks=pytest.mark.long),
         pytest.param(_STAGES, 3, 4, id="stages, again and again", marks=pytest.mark.long),

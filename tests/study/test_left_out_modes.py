@@ -60,7 +60,7 @@ def _values(run: RunResult) -> dict[str, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("after", ["", "[reduction]\n"])
+@pytest.mark.parametrize("after", ["", pytest.param("[reduction]\n", marks=pytest.mark.long)])
 def test_the_truth_is_found_without_the_mode_that_the_test_lacks(bench: Bench, after: str) -> None:
     _measured(bench)
     number, hertz = _missing(bench)

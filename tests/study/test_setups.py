@@ -101,7 +101,7 @@ def test_roving_sensors_of_velocity_and_acceleration_become_whole_shapes(tmp_pat
 
 @pytest.mark.slow
 def test_setups_side_by_side_are_those_one_after_another(tmp_path):
-    path = written(tmp_path, np.random.default_rng(0), roving(3, overlap=True), 120.0)
+    path = written(tmp_path, np.random.default_rng(0), roving(2, overlap=True), 120.0)
     alone, both = (identify(path, output=tmp_path / str(jobs), jobs=jobs) for jobs in (1, 2))
     np.testing.assert_array_equal(both.modes.shapes, alone.modes.shapes)
     np.testing.assert_array_equal(both.modes.freq_hz, alone.modes.freq_hz)

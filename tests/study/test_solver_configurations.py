@@ -116,7 +116,7 @@ def test_an_update_with_both_configurations(study: Path) -> None:
     np.testing.assert_allclose([float(v) for v in values], [*TRUTH, BOLT], rtol=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_screening_and_candidates_with_both_configurations(study: Path) -> None:
     found = ft.screen(study)
     effects = {(e.parameter, e.configuration): e.contribution for e in found.record.effects if e.mode == 1}

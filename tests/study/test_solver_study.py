@@ -105,7 +105,7 @@ def _without_digits(text: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="SIGTERM ends a process of Windows without asking it")
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", pytest.param("SIGHUP", marks=pytest.mark.long)])
 def test_a_command_that_is_stopped_says_what_is_kept_and_goes_on(study: Path, name: str) -> None:
     slow = study.parent / "state" / "slow"
     slow.touch()

@@ -100,17 +100,17 @@ def test_many_starts_are_kept_told_and_not_found_twice(beam: Bench) -> None:
 
 @pytest.mark.slow
 def test_samples_are_kept_and_processes_give_the_same(beam: Bench) -> None:
-    text = f"{beam.parameters}[update]\nstarts = 3\nsamples = 8\nseed = 2\n"
+    text = f"{beam.parameters}[update]\nstarts = 2\nsamples = 6\nseed = 2\n"
     run = ft.update(beam.study(text))
     update = run.results.update
     assert update is not None
     assert update.starts is not None
-    assert update.starts.samples == 8
+    assert update.starts.samples == 6
     # the first start is the initial values
     assert update.starts.starts[0].start == (1.0, 1.0)
     path = Path(run.folder) / STARTS_FILE
     lines = path.read_text(encoding="utf-8").splitlines()
-    assert ["sample" in json.loads(line) for line in lines[1:]] == [True] * 8 + [False] * 3
+    assert ["sample" in json.loads(line) for line in lines[1:]] == [True] * 6 + [False] * 2
     # broken off after the fifth sample
     path.write_text("\n".join(lines[:6]) + "\n", encoding="utf-8")
     again = ft.update(beam.study(text))

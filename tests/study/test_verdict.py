@@ -224,6 +224,7 @@ def _study(bench: Bench, second: str, more: str = "") -> Study:
     return read_study(bench.study(f'{first}[[configuration]]\nname = "b"\n{second}\n{ONE}', test=None))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("second", "shared"),
     [

@@ -105,17 +105,10 @@ def test_responses_are_those_of_the_dynamic_stiffness_before_and_after_the_updat
         slow = hz[np.abs(_transfer(np.array(values), hz))[0].argmax()]
         assert peak == pytest.approx(slow, rel=2e-3)
     # one run on the table at the initial values and one at the result serve both tests, and a second run none
-    before = started(study)
-    _found(study)
-    assert started(study) == before
-
-
-@pytest.mark.slow
-def test_the_table_costs_two_runs(study: Path) -> None:
-    whole = study.read_text()
-    _found(study)
     with_table = started(study)
-    study.write_text(whole.split("\n[[vibration]]")[0] + '\n[output]\nfolder = "other"\n')
+    _found(study)
+    assert started(study) == with_table
+    study.write_text(study.read_text().split("\n[[vibration]]")[0] + '\n[output]\nfolder = "other"\n')
     ft.run(study)
     assert with_table + (with_table - 2) == started(study)
 

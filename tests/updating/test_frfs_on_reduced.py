@@ -240,7 +240,7 @@ def test_starts_end_at_the_optimum(problem: UpdateProblem) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("with_modes", [False, True])
+@pytest.mark.parametrize("with_modes", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_starts_in_processes_give_the_same_numbers(
     chain: ConfiguredModel, problem: UpdateProblem, with_modes: bool
 ) -> None:

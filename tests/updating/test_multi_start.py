@@ -141,7 +141,10 @@ def test_processes_find_the_same_to_the_last_bit(problem: UpdateProblem, found: 
     assert len(told) == sum(s.tries for s in found.starts)
 
 
-@pytest.mark.parametrize("executor", [Serial(), Processes(2)], ids=["serial", "processes"])
+@pytest.mark.parametrize(
+    "executor",
+    [pytest.param(Serial(), id="serial"), pytest.param(Processes(2), id="processes", marks=pytest.mark.long)],
+)
 @pytest.mark.slow
 def test_the_best_samples_are_the_starts(problem: UpdateProblem, executor: Executor):
     rules, told = StartRules(4, seed=5, samples=12), list[Sample]()

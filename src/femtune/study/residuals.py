@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from femtune.model import ModalDamping
     from femtune.residuals import ComparedCase
     from femtune.study.cases import StudyCase
-    from femtune.study.study import Study
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,17 +150,26 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
     return replace(case, compared=_compared(file, case, residuals, scaled))
 
 
-def undamped_functions(study: Study) -> Iterator[Notice]:
-    """Warnings of FRFs that are compared with those of a model without damping, before anything is solved."""
+def undamped_functions(
+    file: StudyFile, cases: Sequence[StudyCase], free: int, damping: ModalDamping | None
+) -> Iterator[Notice]:
+    """Warnings of FRFs that are compared with those of a model without damping, before anything is solved.
+
+    Parameters
+    ----------
+    cases : the configurations of the study `file`
+    free : number of parameters that an update changes
+    damping : modal damping of the deck, if it has any
+    """
     from femtune.residuals.frf.asked import stated_damping, undamped  # noqa: PLC0415  few studies compare FRFs
 
-    for case in study.cases if study.file.equalise is None else ():
-        of_case = (c.entry for c in study.file.comparisons if _is_of(c, case))
+    for case in cases if file.equalise is None else ():
+        of_case = (c.entry for c in file.comparisons if _is_of(c, case))
         functions = [entry for entry in of_case if isinstance(entry, FrfEntry)]
         if functions:
-            point = case.configured.at(np.zeros(len(study.parameters.free)))
-            damping = (stated_damping(entry, study.built.modal_damping) for entry in functions)
-            yield from dict.fromkeys(notice for one in damping for notice in undamped(case.name, point, one))
+            point = case.configured.at(np.zeros(free))
+            of_functions = (stated_damping(entry, damping) for entry in functions)
+            yield from dict.fromkeys(notice for one in of_functions for notice in undamped(case.name, point, one))
 
 
 _QUANTITIES = {

@@ -244,7 +244,7 @@ def test_fifths_are_all_combinations_and_each_has_every_pair() -> None:
         assert all({(row[i], row[j]) for row in rows} == set(itertools.product(AXES[i], AXES[j])) for rows in fifths)
 
 
-@pytest.mark.quick(3)
+@pytest.mark.quick(3, gate=20)
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_matrices_at_each_value(sample: Sample, tmp_path: Path) -> None:
     """The deck that was written has the matrices of the model at the values that the plan states."""
@@ -272,7 +272,7 @@ def buildable(deck: WrittenDeck, ref: FieldRef) -> BuiltDeck | None:
     return built if ref in built.fields else None
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(2, gate=40)
 @pytest.mark.parametrize("state", ["blank", "absent"])
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_fields_that_are_not_filled(sample: Sample, state: str, tmp_path: Path) -> None:
@@ -308,6 +308,7 @@ def check_not_filled(sample: Sample, state: str, formats: int, tmp_path: Path) -
 
 
 @pytest.mark.slow
+@pytest.mark.quick(14, rest="long")
 @pytest.mark.parametrize("sample", [s for s in SAMPLES if not s.alone], ids=lambda s: s.name)
 def test_a_copy_for_one_of_two_elements(sample: Sample, tmp_path: Path) -> None:
     """A card more behind the one that is shared, and the number of the copy on the element: nothing else changes."""

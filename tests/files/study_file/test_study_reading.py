@@ -127,6 +127,7 @@ def _only_femtune_errors(text: str, folder: Path) -> None:
     assert message.count("fuzz.toml") >= 1
 
 
+@pytest.mark.slow
 @given(_EDITS)
 def test_damaged_text_gives_femtune_errors_only(folder: Path, edits: list[tuple[int, int, str]]) -> None:
     text = STUDY

@@ -177,7 +177,8 @@ class _Checked:
             if study.file.output.vtu and all(case.used is None for case in study.cases):
                 self.notices.append(Notice("study.no-update", where=study.file.where("output", "vtu")))
             self.notices += [n for case in study.cases for n in modes_without_sd(study.file, case)]
-            self.notices += undamped_functions(study)
+            free = len(study.parameters.free)
+            self.notices += undamped_functions(study.file, study.cases, free, study.built.modal_damping)
             self.notices += bounds_beyond_runs(study)
             with self.catching():
                 check_independent(study)
