@@ -10,11 +10,11 @@ from scipy.signal import chirp, lfilter
 from tests.messages.shown import check_shown
 
 from femtune import identify
-from femtune.dofs import Dof
+from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice
 from femtune.identification import InputKnown, identify_frfs
 from femtune.identification.hammer import hits_of, is_impulsive
-from femtune.modal import Channel, FrfSet, TimeSeries, pole_of
+from femtune.modal import Channel, FrfSet, ModeSet, TimeSeries, pole_of
 
 from .conftest import Known
 
@@ -54,15 +54,27 @@ def codes(notices: tuple[Notice, ...]) -> list[str]:
     return [n.code for n in notices]
 
 
+@pytest.mark.parametrize("samples", [4096, 40_960])
 @pytest.mark.parametrize("hits", [[40], [40, 1300, 3100]])
-def test_hits_are_recognised_and_other_signals_are_not(hits: list[int]) -> None:
+def test_hits_are_recognised_and_other_signals_are_not(hits: list[int], samples: int) -> None:
     rng, n, t = np.random.default_rng(1), 4096, np.arange(4096) / RATE
-    assert is_impulsive(measured(hits, n))
+    hammer = measured(hits, samples).values[:1]
+    assert is_impulsive(TimeSeries(hammer, CHANNELS[:1], RATE))
+    # in the long record the noise has more energy than the hit
+    assert is_impulsive(TimeSeries(hammer + 0.5 * rng.standard_normal(samples), CHANNELS[:1], RATE))
     random = rng.standard_normal(n)
-    spike = random.copy()
-    spike[700] = 40.0
-    for force in (random, random * (t < 1.0), chirp(t, 1.0, 8.0, 200.0), np.sin(60.0 * t), spike):
+    spike, spikes = random.copy(), rng.standard_normal(10 * n)
+    spike[700], spikes[300::9000] = 40.0, 60.0
+    heavy = (rng.standard_t(3, n), rng.standard_t(3, 10 * n))
+    for force in (random, random * (t < 1.0), chirp(t, 1.0, 8.0, 200.0), np.sin(60.0 * t), spike, spikes, *heavy):
         assert not is_impulsive(TimeSeries(force[None], CHANNELS[:1], RATE))
+
+
+def test_rigid_body_modes_are_not_subtracted_beside_a_window() -> None:
+    rigid = ModeSet(np.zeros(1), np.ones((1, 1)), DofSet([Dof(1, "Z")]), normalisation="mass")
+    with pytest.raises(FemtuneError) as caught:
+        InputKnown(rigid=rigid, exponential_s=0.5)
+    check_shown("identify.rigid-modes, window", caught.value)
 
 
 def test_double_hits_and_overloads_are_left_out() -> None:

@@ -21,7 +21,10 @@ MOST_SAMPLES = 0.02
 """Part of the samples beyond that level up to which a force is that of a hammer: random forces have 60 %, sweeps 90 %,
 and bursts as much as they last."""
 LEAST_ENERGY = 0.3
-"""Part of the energy of the force that these samples have at least: a spike in a random force has less."""
+"""Part of the energy of the force above its noise that these samples have at least."""
+MOST_BELOW = 3.0
+"""Samples beyond half of that level, relative to those beyond it. A pulse has 1.3, and 2.5 after a steep anti-aliasing
+filter; heavy-tailed random forces have 4 or more, and a random force with spikes has all those beyond its 3 σ."""
 DOUBLE = 0.2
 """Part of the longest time from one hit to the next; hits that follow sooner are bounces of the hammer."""
 FLAT = 3
@@ -30,6 +33,8 @@ _EXTREME = 0.98
 """Part of the largest value of a channel over the record above which a hit may have overloaded it."""
 _BEFORE = 8
 """Samples before a hit that its block begins with at most."""
+_MEDIAN_OF_NORMAL = 0.6745
+"""Median of the magnitude of Gaussian noise with a standard deviation of 1."""
 DECAYED = 0.05
 """Part of its largest value that the response may still have at the end of a block without a remark."""
 
@@ -46,8 +51,11 @@ def is_impulsive(record: TimeSeries) -> bool:
     """Whether the force of a record is that of a hammer: a few samples with most of its energy."""
     force = _force(record)
     at = _beyond(force)
-    energy = float(np.sum(force**2))
-    return bool(0 < at.sum() <= MOST_SAMPLES * len(force) and np.sum(force[at] ** 2) >= LEAST_ENERGY * energy)
+    few = 0 < at.sum() <= MOST_SAMPLES * len(force) and _beyond(force, 0.5 * LEVEL).sum() <= MOST_BELOW * at.sum()
+    # in a long record with one hit the noise of the force has more energy than the hit
+    noise = np.median(np.abs(force)) / _MEDIAN_OF_NORMAL
+    energy = float(np.sum(force**2)) - len(force) * float(noise) ** 2
+    return bool(few and np.sum(force[at] ** 2) >= LEAST_ENERGY * energy)
 
 
 def hits_of(records: Sequence[TimeSeries], longest: int | None = None, force_window: int | None = None) -> Hits:
@@ -108,8 +116,8 @@ def _force(record: TimeSeries) -> Reals:
     return np.asarray(row - np.nanmedian(row), float)
 
 
-def _beyond(force: Reals) -> Flags:
-    return np.asarray(np.abs(force) > LEVEL * np.nanmax(np.abs(force), initial=0.0))
+def _beyond(force: Reals, level: float = LEVEL) -> Flags:
+    return np.asarray(np.abs(force) > level * np.nanmax(np.abs(force), initial=0.0))
 
 
 def _hits(record: TimeSeries) -> list[tuple[int, int, str]]:

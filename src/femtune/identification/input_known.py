@@ -75,6 +75,8 @@ class InputKnown:
             raise FemtuneError("identify.method/for-functions", method=method, methods=", ".join(KNOWN_INPUT))
         if self.largest_order < 4:
             raise FemtuneError("identify.method/order", order=self.largest_order)
+        if self.rigid is not None and self.exponential_s is not None:
+            raise FemtuneError("identify.rigid-modes/window")
 
 
 @dataclass(frozen=True, eq=False)
