@@ -438,24 +438,35 @@ class ModeOutputs:
 
 @dataclass(frozen=True)
 class FrequenciesByOrder:
-    """The `count` lowest frequencies in Hz at θ, regardless of the motion; not smooth where two cross."""
+    """The `count` lowest frequencies in Hz at θ, regardless of the motion; not smooth where two cross.
+
+    Parameters
+    ----------
+    first : number of still lower modes that are left out
+    """
 
     configured: ConfiguredModel
     count: int
+    first: int = 0
 
     def values(self, theta: Reals) -> Reals:
         """(count,) Hz."""
-        return np.asarray(self._solved(theta).freq_hz[: self.count])
+        return np.asarray(self._solved(theta).freq_hz[self._kept])
 
     def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
         """(count,) Hz and (count, k) Hz by the unit of each parameter."""
         solution = self._solved(theta)
-        hz = solution.freq_hz[: self.count]
-        slopes = eigenvalue_derivatives(solution)[: self.count] / self.configured.model.parameters.scale
+        hz = solution.freq_hz[self._kept]
+        slopes = eigenvalue_derivatives(solution)[self._kept] / self.configured.model.parameters.scale
         return hz, slopes / (8.0 * np.pi**2 * hz[:, None])
 
+    @property
+    def _kept(self) -> slice:
+        return slice(self.first, self.first + self.count)
+
     def _solved(self, theta: Reals) -> EigenSolution:
-        return solve_modes(self.configured.at(self.configured.model.parameters.normalise(theta)), self.count)
+        x = self.configured.model.parameters.normalise(theta)
+        return solve_modes(self.configured.at(x), self.first + self.count)
 
 
 def definite_signs(configured: ConfiguredModel) -> Reals:

@@ -8,7 +8,7 @@ import numpy as np
 
 from femtune.errors import FemtuneError
 from femtune.steps.quantify.record import IntervalResults, OutputInterval, ParameterInterval
-from femtune.uncertainty import Counted, definite_signs, interval_update
+from femtune.uncertainty import Counted, FrequenciesByOrder, definite_signs, interval_update
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -27,6 +27,9 @@ _MOST_PARAMETERS = 8
 2⁸ = 256 solutions.
 """
 
+_OF_ORDER = " Close modes may change places: frequencies of repeats and model are compared in ascending order."
+"""Remark where frequencies are compared by their order."""
+
 
 def parameter_intervals(outputs: FrequencyOutputs, result: StochasticResult, hz: Reals) -> IntervalResults:
     """The box whose extrema are the smallest and largest frequencies of the repeats `hz` (n, m), from mean ± 2 σ.
@@ -40,15 +43,41 @@ def parameter_intervals(outputs: FrequencyOutputs, result: StochasticResult, hz:
     if outputs.paired.states[0].case.configured.model.tables:
         return _without("they are not computed for values that depend on frequency ([[frequency_table]])", 0)
     measured = np.nanmin(hz, axis=0), np.nanmax(hz, axis=0)
+    by_order = _by_order(outputs, hz)
     half = np.maximum(_HALF_WIDTH * result.sd, _LEAST_HALF_WIDTH * result.start_sd)
-    signs, counted = _signs(outputs), Counted(outputs)
+    case = outputs.paired.states[0].case
+    signs = _signs(outputs) if by_order is None else definite_signs(case.configured)
+    counted = Counted(outputs if by_order is None else by_order)
     if len(half) > _MOST_PARAMETERS and not signs.all():
         raise FemtuneError("quantify.interval/parameters", values={"parameters": len(half)}, most=_MOST_PARAMETERS)
     try:
         box = interval_update(counted, measured, (result.mean - half, result.mean + half), signs)
     except FemtuneError as error:
         return _without(error.what, counted.solutions)
-    return _record(outputs, result, box, measured)
+    return _record(outputs, result, box, measured, by_order is not None)
+
+
+def _by_order(outputs: FrequencyOutputs, hz: Reals) -> FrequenciesByOrder | None:
+    """Frequencies by their order, where modes may change places in the repeats and the table does not follow them.
+
+    A table of frequencies without shapes has the lowest one first in each test. Where two columns overlap, its extremes
+    are those of the first and the second frequency, whichever the motions are. The model modes must follow each other,
+    since one between them that was not measured would change places with them unseen.
+
+    Returns
+    -------
+    None where all modes can be followed: no columns overlap and no modes are close, or the table follows them itself
+    """
+    state = outputs.paired.states[0]
+    models = sorted(j for _, of_group in state.groups for j in of_group)
+    # a row with a gap says nothing of the order across it
+    ascending = not (np.diff(hz, axis=1) < 0.0).any()
+    overlap = bool((np.nanmax(hz, axis=0)[:-1] > np.nanmin(hz, axis=0)[1:]).any())
+    close = any(len(tests) > 1 for tests, _ in state.groups)
+    consecutive = models == list(range(models[0], models[0] + hz.shape[1]))
+    if not (ascending and consecutive and (overlap or close)):
+        return None
+    return FrequenciesByOrder(state.case.configured, len(models), models[0])
 
 
 def _without(reason: str, solutions: int) -> IntervalResults:
@@ -68,7 +97,11 @@ def _signs(outputs: FrequencyOutputs) -> Reals:
 
 
 def _record(
-    outputs: FrequencyOutputs, result: StochasticResult, box: IntervalResult, measured: tuple[Reals, Reals]
+    outputs: FrequencyOutputs,
+    result: StochasticResult,
+    box: IntervalResult,
+    measured: tuple[Reals, Reals],
+    by_order: bool,
 ) -> IntervalResults:
     bounds = box.bounds
     target = np.concatenate(measured)
@@ -76,7 +109,7 @@ def _record(
     return IntervalResults(
         ok=box.status.ok,
         proven=bounds.proven,
-        sentence=_sentence(box, error),
+        sentence=_sentence(box, error, by_order),
         solutions=box.solutions,
         parameters=tuple(
             ParameterInterval(parameter=n, lower=float(a), upper=float(b))
@@ -92,12 +125,12 @@ def _record(
     )  # fmt: skip
 
 
-def _sentence(box: IntervalResult, error: float) -> str:
+def _sentence(box: IntervalResult, error: float, by_order: bool) -> str:
     if not box.status.ok:
         return f"The intervals of the parameters did not converge: {box.status.value}."
     proof = "proven by monotony" if box.bounds.proven else "found by a search, which is no proof"
     known = "" if box.status.name == "CONVERGED" else " The frequencies do not determine all ends of the intervals."
     return (
         f"The extreme frequencies of the box differ from those of the repeats by {100 * error:.2g} % at most; they are "
-        f"{proof}.{known}"
+        f"{proof}.{known}{_OF_ORDER if by_order else ''}"
     )
