@@ -1,7 +1,7 @@
 """The studies of a story: a chain of two masses, solved by a program of its own, or a beam that femtune solves itself.
 
-The program fails on demand: `FAULTS` says how. It writes a line into a log for every run that it begins and ends, so that
-the runs that were made are known without femtune.
+The program fails on demand: `FAULTS` says how. It writes a line into a log for every run that it begins and ends, so
+that the runs that were made are known without femtune.
 """
 
 from __future__ import annotations
@@ -241,7 +241,7 @@ def _beam(folder: Path, kind: Kind, variant: Variant, output: str) -> dict[str, 
 
 
 _OF_THE_WAY = ("history", "iteration", "message")
-"""Entries of the update that tell how the result was reached: a run that continues begins where the last one ended."""
+"""Entries of the update that tell how its result was reached; a run that continues begins where another ended."""
 
 
 def numbers(folder: Path) -> Mapping[str, object]:

@@ -1,9 +1,11 @@
-"""Random stories of disturbed runs: python benchmarks/stories/run.py [--count 500] [--seed 1] [--evidence docs/evidence].
+"""Random stories of disturbed runs: python benchmarks/stories/run.py [--count 500] [--evidence docs/evidence].
 
 A story is two to four starts of one or two studies, which are killed, hung up, terminated or interrupted at random
 moments, run out of disk, meet a locked journal, a second start, inputs that are edited, and a solver that fails in ten
 ways; then a start that nothing disturbs. Its numbers must be those of a run that was never disturbed, to the last bit.
-Finished stories are kept in `build/stories.jsonl`, so that a run can be interrupted and continued; `--minutes` ends one.
+
+Finished stories are kept in `build/stories.jsonl`, so that a run can be interrupted and continued; `--minutes` ends
+one.
 """
 
 from __future__ import annotations
@@ -76,17 +78,18 @@ def page(stories: list[dict[str, Any]]) -> str:
     more = sum(s["made"] - s["needed"] for s in counted)
     return f"""# Disturbed runs
 
-{len(stories)} random stories, made on {datetime.now(UTC):%Y-%m-%d}. In a story one or two studies are started two to four times and
-disturbed each time; then each is started once more and is not disturbed. Two studies run an external solver, which fails
-in random runs: it crashes, hangs, leaves a part of its result, none, an empty one, one that is not a number, or a link; it says
-that it failed, removes its folder, or leaves a process in a session of its own. The third is a deck that femtune solves itself,
-with three starts.
+{len(stories)} random stories, made on {datetime.now(UTC):%Y-%m-%d}. In a story one or two studies are started two to
+four times and disturbed each time; then each is started once more and is not disturbed. Two studies run an external
+solver, which fails in random runs: it crashes, hangs, leaves a part of its result, none, an empty one, one that is not
+a number, or a link; it says that it failed, removes its folder, or leaves a process in a session of its own. The third
+is a deck that femtune solves itself, with three starts.
 
 At the end of each story it is checked that
 
 - parameters, intervals, modes and residuals are those of a run that was never disturbed, to the last bit,
-- no run is counted that the solver did not make, and in stories of one study without edited inputs, full disks and `--fresh` no more
-  runs were made than are needed and were under way when a start was ended,
+- no run is counted that the solver did not make,
+- no more runs were made than are needed and were under way when a start was ended (in stories of one study without
+  edited inputs, full disks and `--fresh`),
 - no start ended with an internal error or a traceback,
 - no process is left, and no input was changed.
 
@@ -94,15 +97,15 @@ At the end of each story it is checked that
 | --- | ---: |
 {rows}
 
-Stories that failed a check: {len(wrong)} of {len(stories)}. In {len(counted)} stories the runs beyond the needed were counted: {more} of
-{sum(s["needed"] for s in counted)}. Made by `benchmarks/stories/run.py`.
+Stories that failed a check: {len(wrong)} of {len(stories)}. The runs beyond the needed were counted in {len(counted)}
+stories: {more} beyond {sum(s["needed"] for s in counted)}. Made by `benchmarks/stories/run.py`.
 """
 
 
 _EVENTS = {
     "starts": "disturbed starts", "kill": "SIGKILL", "term": "SIGTERM", "hup": "SIGHUP", "int": "SIGINT",
     "disk full": "files limited to 2 to 256 KiB", "journal locked": "journal locked for 0.2 to 4 s",
-    "second start": "second start of the same study at the same time", "edited meanwhile": "inputs edited during a start",
+    "second start": "second start of the study at the same time", "edited meanwhile": "inputs edited in a start",
 }  # fmt: skip
 
 

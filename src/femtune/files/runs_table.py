@@ -215,10 +215,11 @@ def _raise_in_order(errors: Sequence[FemtuneError]) -> None:
 def _wrong_frequencies(path: Path, columns: Mapping[str, Reals], numbers: Sequence[int]) -> list[FemtuneError]:
     """An error for each value of a column of frequencies that is none; `numbers` are the lines of the runs."""
     return [
-        _error(path, numbers[i], "runs.table/frequency", mode=int(match[1]), value=float(column[i]))
+        _error(path, numbers[i], "runs.table/frequency", mode=int(match[1]), value=float(value))
         for head, column in columns.items()
         if (match := _FREQUENCY.fullmatch(head))
-        for i in np.flatnonzero(np.isfinite(column) & ((column < 0.0) | (column > LARGEST_HZ)))
+        for i, value in enumerate(column)
+        if math.isfinite(value) and not 0.0 <= value <= LARGEST_HZ
     ]
 
 
