@@ -165,7 +165,7 @@ starts = 3
 
 @dataclass(frozen=True)
 class Variant:
-    """State of the inputs of a study: mass in the solver's script, a spring in its template, frequencies of the test."""
+    """State of the inputs of a study: mass in the solver's script, spring in its template, frequencies of the test."""
 
     mass: float = 1.0
     spring: float = 100.0

@@ -16,7 +16,7 @@ from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError, Notice
 from femtune.executor import Executor, Processes, Serial, finish
-from femtune.executor.interface import packed
+from femtune.executor.worker import packed
 
 _ROOT = Path(__file__).resolve().parents[2]
 EXECUTORS = [Serial(), Processes(2)]

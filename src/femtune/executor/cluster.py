@@ -12,9 +12,9 @@ from urllib.parse import urlsplit
 
 from femtune._optional import require
 from femtune.errors import FemtuneError, Notice
-from femtune.executor.interface import nothing, packed
+from femtune.executor.interface import nothing
 from femtune.executor.processes import error_of
-from femtune.executor.worker import answer
+from femtune.executor.worker import answer, packed
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -7,12 +7,9 @@ executor matters.
 
 from __future__ import annotations
 
-import io
 import os
-import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import FunctionType
 from typing import Any, Protocol, TypeVar
 
 from femtune.errors import FemtuneError, Notice
@@ -23,26 +20,6 @@ R = TypeVar("R")
 
 def nothing(*_: object) -> None:
     """Ignores what it is told."""
-
-
-class _Pickler(pickle.Pickler):
-    """Refuses what the main program defines, which another process cannot load."""
-
-    def reducer_override(self, obj: Any) -> Any:
-        """For classes and functions; everything else as usual."""
-        if isinstance(obj, type | FunctionType) and obj.__module__ == "__main__":
-            raise pickle.PicklingError(f"{obj.__qualname__} is defined in the script or notebook that runs")
-        return NotImplemented
-
-
-def packed(work: object) -> bytes:
-    """Work or a task as it is sent to another process (error ``executor.not-sent``)."""
-    stream = io.BytesIO()
-    try:
-        _Pickler(stream, protocol=5).dump(work)
-    except Exception as error:
-        raise FemtuneError("executor.not-sent", reason=error) from error
-    return stream.getvalue()
 
 
 class Executor(Protocol):

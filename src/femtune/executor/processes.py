@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from femtune.errors import FemtuneError, Notice
-from femtune.executor.interface import failed, nothing, of_run, packed, usable_cores
-from femtune.executor.worker import read, write
+from femtune.executor.interface import failed, nothing, of_run, usable_cores
+from femtune.executor.worker import packed, read, write
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -121,13 +121,14 @@ def read_runs_table(path: Path) -> RunsTable:
     twice = sorted({head for head in heads if heads.count(head) > 1})
     if twice:
         raise _error(path, text.lines[0], "runs.table/heading-twice", heading=twice[0])
-    short = [i for i, row in enumerate(rows) if len(row) != len(heads)]
     wrong = [
-        _error(path, numbers[i], "runs.table/number-of-fields", fields=len(rows[i]), headings=len(heads)) for i in short
+        _error(path, line, "runs.table/number-of-fields", fields=len(row), headings=len(heads))
+        for line, row in zip(numbers, rows)
+        if len(row) != len(heads)
     ]
     # the other lines are looked at, too, so that all that are wrong are told together
-    kept = [i for i in range(len(rows)) if len(rows[i]) == len(heads)]
-    rows, numbers = [rows[i] for i in kept], [numbers[i] for i in kept]
+    numbers = [line for line, row in zip(numbers, rows) if len(row) == len(heads)]
+    rows = tuple(row for row in rows if len(row) == len(heads))
     cells = {head: [row[j] for row in rows] for j, head in enumerate(heads)}
     states = tuple(cells.pop(STATE, []))
     columns = {head: np.array([_number(text, cell) for cell in column]) for head, column in cells.items()}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from femtune.errors import FemtuneError
 from femtune.executor import Cluster, Processes, Serial
-from femtune.executor.interface import packed
+from femtune.executor.worker import packed
 from femtune.files.study_file import ParallelTable, StudyFile, read_study_file
 from femtune.files.study_file.reading import is_deck
 from femtune.study.error_places import errors_at
@@ -49,7 +49,7 @@ def with_jobs(source: Path | str | StudyFile, jobs: int | None) -> Path | str | 
 def check_executor(study: Study, progress: Progress) -> None:
     """Check, before anything is solved, that the runs of a study can be made where it wants them.
 
-    The model is packed as for another process, and a cluster is asked for its workers, which are waited for: the jobs
+    The model and the residuals are packed as for another process, and a cluster is asked for its workers, which are waited for: the jobs
     that start them may be in a queue. Only steps that make runs need it.
 
     Raises
@@ -59,9 +59,13 @@ def check_executor(study: Study, progress: Progress) -> None:
     executor = executor_of(study)
     if isinstance(executor, Serial):
         return
+    from femtune.residuals.frf.model_way import AtFirstState  # noqa: PLC0415  a step without residuals does without
+
     with errors_at(study.file.where("parallel")):
-        compared = any(case.used is not None for case in study.cases)
-        packed(study.problem().to_send() if compared else [case.configured for case in study.cases])
+        used = [case.used for case in study.cases if case.used is not None]
+        # those that are made of the first state are not there yet
+        residuals = [r for case in used for r in case.residuals if not isinstance(r, AtFirstState)]
+        packed(([case.configured for case in study.cases], residuals))
         if isinstance(executor, Cluster):
             executor.check(lambda: progress.step(f"waiting for a worker of {executor.words}", 0, None))
 
