@@ -49,8 +49,8 @@ def with_jobs(source: Path | str | StudyFile, jobs: int | None) -> Path | str | 
 def check_executor(study: Study, progress: Progress) -> None:
     """Check, before anything is solved, that the runs of a study can be made where it wants them.
 
-    The model and the residuals are packed as for another process, and a cluster is asked for its workers, which are waited for: the jobs
-    that start them may be in a queue. Only steps that make runs need it.
+    The model and the residuals are packed as for another process. A cluster is asked for its workers, and the first one
+    is waited for: the jobs that start them may be in a queue. Only steps that make runs need it.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def check_executor(study: Study, progress: Progress) -> None:
     executor = executor_of(study)
     if isinstance(executor, Serial):
         return
-    from femtune.residuals.frf.model_way import AtFirstState  # noqa: PLC0415  a step without residuals does without
+    from femtune.residuals.frf.model_way import AtFirstState  # noqa: PLC0415  many steps do without
 
     with errors_at(study.file.where("parallel")):
         used = [case.used for case in study.cases if case.used is not None]
