@@ -65,6 +65,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_left_out_modes(results),
         *_of_frfs_alone(study, results),
         *(told for r in results.responses for told in r.alerts),
+        *(() if results.posterior is None else results.posterior.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
         *others,
