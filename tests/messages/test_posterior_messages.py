@@ -14,7 +14,7 @@ from tests.messages.shown import check_shown
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.residuals import ResidualBlock
-from femtune.sampling import Box, ChainRules, Known, Likelihood, Sampler, SamplingRules, Scaled, noise_groups
+from femtune.sampling import ChainRules, Known, Likelihood, NormalBox, Sampler, SamplingRules, Scaled, noise_groups
 from femtune.status import Status
 from femtune.steps.posterior.facts import _alerts
 from femtune.steps.posterior.record import OtherRegion, PosteriorNoise, PosteriorResults
@@ -60,7 +60,7 @@ def test_a_model_that_cannot_be_solved_at_the_samples() -> None:
     rules = SamplingRules(chain=ChainRules(16, (5, 5), 20, 20, 10))
     likelihood = Likelihood(groups, (), np.zeros((2, 0)))
     with pytest.raises(FemtuneError) as caught:
-        Sampler(likelihood, Box(-np.ones(2), np.ones(2)), known, scaled, model, rules).run()
+        Sampler(likelihood, NormalBox(-np.ones(2), np.ones(2)), known, scaled, model, rules).run()
     check_shown("posterior.not-sampled", caught.value)
 
 

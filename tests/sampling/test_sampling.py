@@ -11,11 +11,11 @@ from scipy import stats
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.sampling import (
-    Box,
     ChainRules,
     Known,
     Likelihood,
     NoiseGroup,
+    NormalBox,
     NuisanceClass,
     PosteriorSamples,
     Sampler,
@@ -25,7 +25,7 @@ from femtune.sampling import (
     smoothed_weights,
     weighted_quantiles,
 )
-from femtune.sampling.surrogate import Monomials, Surrogate
+from femtune.sampling.surrogate import Monomials, PolynomialResiduals
 from femtune.sampling.weights import fitted_pareto
 
 Function = Callable[[Reals], Reals]
@@ -53,7 +53,7 @@ def sampled(
         return [Known(x, function(x), jacobian(function, x) if derivatives else None) for x in points]
 
     scaled = Scaled(np.ones(k), np.ones(k), np.ones(k, bool), np.zeros(k), np.ones(k))
-    box = Box(np.full(k, ends[0]), np.full(k, ends[1]))
+    box = NormalBox(np.full(k, ends[0]), np.full(k, ends[1]))
     known = Known(start, function(start), jacobian(function, start))
     return Sampler(likelihood, box, known, scaled, model, rules or SamplingRules()).run()
 
@@ -163,7 +163,7 @@ def test_a_surrogate_has_the_gradient_of_its_own_likelihood() -> None:
     rng = np.random.default_rng(4)
     k, n = 3, 12
     monomials = Monomials(k, 3)
-    surrogate = Surrogate(Scaled.identity(k), monomials, rng.normal(size=(Monomials.number(k, 3), n)))
+    surrogate = PolynomialResiduals(Scaled.identity(k), monomials, rng.normal(size=(Monomials.number(k, 3), n)))
     likelihood = Likelihood((NoiseGroup("a", np.arange(n), 12.0, True),), (), np.zeros((n, 0)))
     x, theta, step = rng.normal(size=(6, k)), np.zeros((6, 1)), 1e-6
     reduced = surrogate.for_chains(likelihood, rng.normal(size=(60, k)), np.full(1, 1e-9))

@@ -6,9 +6,9 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.sampling.chains import ChainRules, ChainSamples, run_chains
-    from femtune.sampling.coordinates import Box
+    from femtune.sampling.coordinates import NormalBox
     from femtune.sampling.likelihood import Likelihood, NoiseGroup, NuisanceClass, noise_groups
-    from femtune.sampling.model import Solved, Solving, kept_blocks
+    from femtune.sampling.model import SolvedSample, Solving, kept_blocks
     from femtune.sampling.sampler import PosteriorSamples, Sampler, SamplingRules
     from femtune.sampling.shape import Bend, bends, far_from, weighted_quantiles
     from femtune.sampling.surrogate import Known, Scaled
@@ -18,19 +18,19 @@ else:
 
 __all__ = [
     "Bend",
-    "Box",
     "ChainRules",
     "ChainSamples",
     "Known",
     "Likelihood",
     "NoiseGroup",
+    "NormalBox",
     "NuisanceClass",
     "PosteriorSamples",
     "Sampler",
     "SamplingRules",
     "Scaled",
     "SmoothedWeights",
-    "Solved",
+    "SolvedSample",
     "Solving",
     "bends",
     "far_from",

@@ -19,12 +19,12 @@ _LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class NormalBox:
     """Bounds (k,) of the sampled parameters.
 
     Examples
     --------
-    >>> box = Box(np.zeros(2), np.array([1.0, 4.0]))
+    >>> box = NormalBox(np.zeros(2), np.array([1.0, 4.0]))
     >>> box.inside(np.zeros((1, 2))).tolist(), box.normal(np.array([[0.5, 2.0]])).round(12).tolist()
     ([[0.5, 2.0]], [[0.0, 0.0]])
     """

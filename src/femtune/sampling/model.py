@@ -15,7 +15,7 @@ from femtune.updating.regularisation import SideConstraint
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SolvedSample:
     """The model at a sample.
 
     Parameters
@@ -48,7 +48,7 @@ class Solving:
     side: SideConstraint
     moving: Integers
 
-    def __call__(self, task: tuple[Reals, bool]) -> Solved:
+    def __call__(self, task: tuple[Reals, bool]) -> SolvedSample:
         """The residuals at a sample."""
         x, derivatives = self.at.x.copy(), task[1]
         x[self.moving] = task[0]
@@ -59,19 +59,19 @@ class Solving:
                 for state in found.states
             )
         except FemtuneError as error:
-            return Solved(np.zeros(0), problem=error.what)
+            return SolvedSample(np.zeros(0), problem=error.what)
         return self.of(found, derivatives, anew)
 
-    def of(self, found: Evaluation, derivatives: bool = True, anew: bool = False) -> Solved:
+    def of(self, found: Evaluation, derivatives: bool = True, anew: bool = False) -> SolvedSample:
         """Residuals of an evaluation."""
         blocks = kept_blocks(found)
         prior, rows = self.side.rows(found.x)
         known = np.broadcast_to(self.side.informative, len(prior))
         values = np.concatenate([*(b.values for b in blocks), prior[known]])
         if not derivatives:
-            return Solved(values, None, anew)
+            return SolvedSample(values, None, anew)
         J = np.concatenate([*(b.jacobian for b in blocks), rows[known]])
-        return Solved(values, J[:, self.moving], anew)
+        return SolvedSample(values, J[:, self.moving], anew)
 
     @property
     def priors(self) -> int:

@@ -19,15 +19,15 @@ import scipy.linalg as la
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.sampling.chains import ChainRules, ChainSamples, run_chains
-from femtune.sampling.coordinates import Box, log_normal
+from femtune.sampling.coordinates import NormalBox, log_normal
 from femtune.sampling.kinds import Route
 from femtune.sampling.likelihood import Likelihood
 from femtune.sampling.surrogate import (
     Known,
     Monomials,
+    PolynomialResiduals,
     ReducedSurrogate,
     Scaled,
-    Surrogate,
     fit_surrogate,
     linear_surrogate,
 )
@@ -61,7 +61,7 @@ _INNER = 2.5
 """Place in standard normal coordinates where chains begin that would begin on a bound."""
 
 
-class Model(Protocol):
+class ModelAtSamples(Protocol):
     """The residuals of the model, those of a prior among them, at several points."""
 
     def __call__(self, points: Sequence[Reals], derivatives: bool) -> list[Known | None]:
@@ -127,7 +127,7 @@ class PosteriorSamples:
 class _Drawn:
     """Samples of a surrogate."""
 
-    surrogate: Surrogate
+    surrogate: PolynomialResiduals
     reduced: ReducedSurrogate
     chain: ChainSamples
     density: Callable[[Reals], tuple[Reals, Reals]]
@@ -146,10 +146,10 @@ class Sampler:
     """
 
     likelihood: Likelihood
-    box: Box
+    box: NormalBox
     start: Known
     scaled: Scaled
-    model: Model
+    model: ModelAtSamples
     rules: SamplingRules
     tell: Callable[[str], None] = lambda text: None
     known: list[tuple[Known, Reals]] = field(default_factory=list)
@@ -225,7 +225,7 @@ class Sampler:
         likelihood, chains = self.likelihood, self.rules.chain.chains
         v = np.clip(self.box.normal(self.start.x[None]), -_INNER, _INNER)
         theta = np.concatenate([
-            [0.5 * np.log(max(np.mean(self.start.residuals[likelihood.groups[i].rows] ** 2), 1e-12))
+            [0.5 * np.log(max(float(np.mean(self.start.residuals[likelihood.groups[i].rows] ** 2)), 1e-12))
              for i in likelihood.estimated],
             [np.log(one.scale) for one in likelihood.classes],
         ])  # fmt: skip
@@ -237,7 +237,7 @@ class Sampler:
         points = v + self.rng.standard_normal((chains, self.k)) @ root.T
         return np.column_stack([points, theta + 0.2 * self.rng.standard_normal((chains, len(theta)))])
 
-    def _drawn(self, surrogate: Surrogate, start: Reals, final: bool = True) -> _Drawn:
+    def _drawn(self, surrogate: PolynomialResiduals, start: Reals, final: bool = True) -> _Drawn:
         k = self.k
         reduced = surrogate.for_chains(self.likelihood, self.box.inside(start[:, :k]), self._sigma(start[:, k:]))
 

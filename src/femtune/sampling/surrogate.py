@@ -144,7 +144,7 @@ class Monomials:
 
 
 @dataclass(frozen=True, eq=False)
-class Surrogate:
+class PolynomialResiduals:
     """Residuals (n,) as polynomials of x.
 
     Parameters
@@ -206,11 +206,11 @@ class ReducedSurrogate:
         return log, by_t * self.scaled.slope(x), by_theta
 
 
-def linear_surrogate(x: Reals, residuals: Reals, jacobian: Reals) -> Surrogate:
+def linear_surrogate(x: Reals, residuals: Reals, jacobian: Reals) -> PolynomialResiduals:
     """Residuals r + J (x' − x) about a point x (k,)."""
     k = len(x)
     coefficients = np.vstack([residuals - jacobian @ x, jacobian.T])
-    return Surrogate(Scaled.identity(k), Monomials(k, 1), coefficients)
+    return PolynomialResiduals(Scaled.identity(k), Monomials(k, 1), coefficients)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +222,7 @@ class Known:
     jacobian: Reals | None
 
 
-def fit_surrogate(points: Sequence[Known], weights: Reals, scaled: Scaled, degree: int) -> Surrogate:
+def fit_surrogate(points: Sequence[Known], weights: Reals, scaled: Scaled, degree: int) -> PolynomialResiduals:
     """Polynomials through the residuals at some points.
 
     Parameters
@@ -241,4 +241,4 @@ def fit_surrogate(points: Sequence[Known], weights: Reals, scaled: Scaled, degre
         rows.append((w[:, None, None] * derivatives).reshape(-1, derivatives.shape[2]))
         sides.append((w[:, None, None] * jacobians).reshape(-1, jacobians.shape[2]))
     coefficients = la.lstsq(np.concatenate(rows), np.concatenate(sides), cond=_CUT, lapack_driver="gelsd")[0]
-    return Surrogate(scaled, monomials, np.asarray(coefficients))
+    return PolynomialResiduals(scaled, monomials, np.asarray(coefficients))

@@ -51,7 +51,7 @@ _FEWEST = 400.0
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class OutsideOptimum:
     """An optimum outside the samples: where, difference of log likelihood to the best sample, number of starts."""
 
     x: Reals
@@ -79,7 +79,7 @@ class SampledFacts:
     seconds: float
     executor: str
     starts: int
-    regions: tuple[Region, ...]
+    regions: tuple[OutsideOptimum, ...]
     left_out: tuple[str, ...]
     reduced_orders: tuple[int, ...]
     full_error: float | None

@@ -18,20 +18,20 @@ from femtune.journal.run_files import POSTERIOR_FILE
 from femtune.model import digest
 from femtune.model.full_model import direct
 from femtune.sampling import (
-    Box,
     Known,
     Likelihood,
+    NormalBox,
     PosteriorSamples,
     Sampler,
     SamplingRules,
     Scaled,
-    Solved,
+    SolvedSample,
     Solving,
     far_from,
     kept_blocks,
     noise_groups,
 )
-from femtune.steps.posterior.facts import Region, SampledFacts, posterior_results
+from femtune.steps.posterior.facts import OutsideOptimum, SampledFacts, posterior_results
 from femtune.steps.run_folder import unwritable
 from femtune.study.error_places import errors_at
 from femtune.study.executor import executor_of
@@ -157,7 +157,7 @@ def _sampler(solving: Solving, likelihood: Likelihood, table: PosteriorTable, so
     here = solving.of(solving.at)
     start = Known(np.clip(solving.at.x[moving], lower, upper), here.residuals, here.jacobian)
     rules = SamplingRules(table.draws, table.seed, table.gradients)
-    return Sampler(likelihood, Box(lower, upper), start, scaled, solutions, rules, solutions.tell)
+    return Sampler(likelihood, NormalBox(lower, upper), start, scaled, solutions, rules, solutions.tell)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -172,7 +172,7 @@ class _Solutions:
     executor: Executor
     file: FinishedRuns
     progress: Progress
-    known: dict[str, Solved] = field(default_factory=dict)
+    known: dict[str, SolvedSample] = field(default_factory=dict)
     recalled: int = 0
     remarks: list[Notice] = field(default_factory=list)
 
@@ -190,7 +190,7 @@ class _Solutions:
         self.progress.step(f"posterior: {text}", 0, None)
 
     def __call__(self, points: Sequence[Reals], derivatives: bool) -> list[Known | None]:
-        """See `femtune.sampling.sampler.Model`."""
+        """See `femtune.sampling.sampler.ModelAtSamples`."""
         keys = [_run(x, derivatives) for x in points]
         known = {i: self.known[key] for i, key in enumerate(keys) if key in self.known}
         what = f"posterior: solutions with{'' if derivatives else 'out'} derivatives"
@@ -198,7 +198,7 @@ class _Solutions:
         self.recalled += done
         self.progress.step(what, done, len(keys))
 
-        def keep(number: int, solved: Solved) -> None:
+        def keep(number: int, solved: SolvedSample) -> None:
             nonlocal done
             try:
                 # kept before it is shown: whoever shows it may be interrupted
@@ -230,7 +230,7 @@ def _key(solving: Solving) -> str:
     return digest(at.x, at.residuals, at.jacobian, lower, upper, *solving.side.rows(at.x), solving.moving)
 
 
-def _line(solved: Solved) -> dict[str, object]:
+def _line(solved: SolvedSample) -> dict[str, object]:
     J = None if solved.jacobian is None else _text(solved.jacobian)
     return {
         "residuals": _text(solved.residuals), "jacobian": J, "paired_anew": bool(solved.paired_anew),
@@ -242,14 +242,14 @@ def _text(values: Reals) -> str:
     return base64.b64encode(np.ascontiguousarray(values, "<f8").tobytes()).decode()
 
 
-def _of_line(line: Mapping[str, Any]) -> Solved | None:
+def _of_line(line: Mapping[str, Any]) -> SolvedSample | None:
     """A solution; None for what cannot be read, which is solved again."""
     try:
         r = np.frombuffer(base64.b64decode(line["residuals"]), "<f8").astype(float)
         J = None
         if line["jacobian"] is not None:
             J = np.frombuffer(base64.b64decode(line["jacobian"]), "<f8").astype(float).reshape(len(r), -1)
-        return Solved(r, J, bool(line["paired_anew"]), str(line["problem"]))
+        return SolvedSample(r, J, bool(line["paired_anew"]), str(line["problem"]))
     except (ValueError, KeyError, TypeError):
         return None
 
@@ -261,7 +261,7 @@ def _of_line(line: Mapping[str, Any]) -> Solved | None:
 def _other_regions(
     study: Study, update: FoundParameters, problem: UpdateProblem, solving: Solving, samples: PosteriorSamples,
     likelihood: Likelihood, table: PosteriorTable, progress: Progress,
-) -> tuple[int, tuple[Region, ...]]:  # fmt: skip
+) -> tuple[int, tuple[OutsideOptimum, ...]]:  # fmt: skip
     """Number of updates from other points, and optima outside the samples that explain the data about as well."""
     many = update.starts
     if many is None:
@@ -286,7 +286,7 @@ def _other_regions(
             continue
         log = float(likelihood.at(there[None], theta[None])[0])
         if log > np.quantile(own, _LOWER_EDGE) - _AS_GOOD:
-            regions.append(Region(optimum.x, log - float(own.max()), len(optimum.members)))
+            regions.append(OutsideOptimum(optimum.x, log - float(own.max()), len(optimum.members)))
     return len(many.starts), tuple(regions)
 
 
