@@ -31,8 +31,8 @@ def marginals_svg(
 
     def draw(figure: Figure) -> None:
         panels = figure.subplots(rows, in_row, squeeze=False).ravel()
-        for axes in panels[len(labels) :]:
-            axes.set_axis_off()
+        for unused in panels[len(labels) :]:
+            unused.set_axis_off()
         for i, label in enumerate(labels):
             axes: Axes = panels[i]
             low = float(min(samples[:, i].min(), np.quantile(linear[:, i], 0.001)))

@@ -86,7 +86,7 @@ def noise_table(record: PosteriorResults) -> Table:
     rows = tuple(
         row(
             n.residuals, short(n.count), short(n.factor),
-            *(("as stated", "") if n.interval_95 is None else map(short, n.interval_95)),
+            *(("as stated", "") if n.interval_95 is None else tuple(map(short, n.interval_95))),
         )
         for n in record.noise_levels
     )  # fmt: skip
