@@ -16,9 +16,9 @@ from femtune.errors import FemtuneError
 from femtune.residuals import ResidualBlock
 from femtune.sampling import ChainRules, Known, Likelihood, NormalBox, Sampler, SamplingRules, Scaled, noise_groups
 from femtune.status import Status
-from femtune.steps.posterior.facts import _alerts
+from femtune.steps.posterior.facts import limits_of
 from femtune.steps.posterior.record import OtherRegion, PosteriorNoise, PosteriorResults
-from femtune.steps.posterior.run import _solving, check_posterior, posterior_at
+from femtune.steps.posterior.run import check_posterior, posterior_at, solving_of
 from femtune.study.progress import silent
 
 
@@ -47,7 +47,7 @@ def test_residuals_without_a_distribution() -> None:
     found: Any = SimpleNamespace(after=SimpleNamespace(weighted=(block,)))
     problem: Any = None
     with pytest.raises(FemtuneError) as caught:
-        _solving(problem, found, False)
+        solving_of(problem, found, False)
     check_shown("posterior.no-likelihood", caught.value)
 
 
@@ -72,7 +72,7 @@ def test_what_limits_samples_is_told() -> None:
         "effective": 900.0, "draws": 1000, "failed": 0, "gradient_solutions": 60, "plain_solutions": 1200,
         "full_model_error": None, "left_out": (), "noise_levels": (),
     }  # fmt: skip
-    assert not list(_alerts(PosteriorResults.model_construct(**fine)))
+    assert not list(limits_of(PosteriorResults.model_construct(**fine)))
     limits = {
         "other-region": {"others": (region,)}, "paired-anew": {"paired_anew_percent": 12.0},
         "slow-chains": {"r_hat": 1.042}, "few-effective": {"effective": 180.0}, "failed": {"failed": 40},
@@ -80,5 +80,5 @@ def test_what_limits_samples_is_told() -> None:
         "noise-as-stated": {"noise_levels": (noise,)},
     }  # fmt: skip
     for problem, change in limits.items():
-        (told,) = _alerts(PosteriorResults.model_construct(**{**fine, **change}))
+        (told,) = limits_of(PosteriorResults.model_construct(**{**fine, **change}))
         check_shown(f"posterior.{problem}", f"[{told.code}] {told.sentence}")

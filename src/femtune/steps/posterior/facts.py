@@ -134,7 +134,7 @@ def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> P
         citations=citations(("vehtari2024", "neal2011", "meng1996")),
     )  # fmt: skip
     sentences = (*_sentences(record, off), *facts.remarks)
-    return record.model_copy(update={"sentences": sentences, "alerts": tuple(_alerts(record))})
+    return record.model_copy(update={"sentences": sentences, "alerts": tuple(limits_of(record))})
 
 
 def _parameters(facts: SampledFacts) -> Iterator[PosteriorParameter]:
@@ -228,7 +228,7 @@ def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Itera
     )
 
 
-def _alerts(record: PosteriorResults) -> Iterator[Alert]:
+def limits_of(record: PosteriorResults) -> Iterator[Alert]:
     if record.others:
         values = "; ".join(
             ", ".join(f"{n} = {v:.4g}" for n, v in zip(record.free, o.values)) for o in record.others[:3]

@@ -96,7 +96,7 @@ def posterior_at(
         reduced = update.search if update.search is not None and update.search.serves_all else None
         full = solved_by(study, direct).problem()
         problem = full if reduced is None else reduced.reduced_problem()
-        solving = _solving(problem, found, reduced is not None)
+        solving = solving_of(problem, found, reduced is not None)
         executor = executor_of(study, reduced=reduced is not None)
         solutions = _Solutions(solving, executor, FinishedRuns(folder / POSTERIOR_FILE, _key(solving)), progress)
         solutions.begin(study.file.study.journal)
@@ -116,7 +116,7 @@ def posterior_at(
     return posterior_results(facts, arrays)
 
 
-def _solving(problem: UpdateProblem, found: UpdateResult, reduced: bool) -> Solving:
+def solving_of(problem: UpdateProblem, found: UpdateResult, reduced: bool) -> Solving:
     """The problem about the result, with all that can be sent to another process."""
     at = problem.start(found.x) if reduced else found.after
     if not kept_blocks(at):
