@@ -407,7 +407,7 @@ test("poles are picked, named and dropped by pointer and keys, and saved as a ch
   assert.equal(await rows.count(), count);
   const saved = async () => {
     const download = page.waitForEvent("download");
-    await box.getByRole("button", { name: "Save the picked poles as choices.toml" }).click();
+    await box.getByRole("button", { name: "Save choices.toml" }).click();
     return (await contents(download)).split("[[mode]]").slice(1);
   };
   const before = await saved();
@@ -422,7 +422,7 @@ test("poles are picked, named and dropped by pointer and keys, and saved as a ch
   await page.keyboard.press("Enter");
   const after = await rows.count();
   assert.ok(Math.abs(after - (count - 1)) === 1, "the pole under the cursor was picked or dropped");
-  await box.getByRole("button", { name: "Return to the identified modes" }).click();
+  await box.getByRole("button", { name: "as identified" }).click();
   assert.deepEqual(await saved(), before);
   await close();
 });

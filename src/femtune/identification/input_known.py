@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,7 +131,7 @@ class NoModesChosen(FemtuneError):  # noqa: N818
     """``identify.no-poles``, with the poles and clusters from which a person may choose, and the functions."""
 
     def __init__(
-        self, code: str, table: PoleTable, candidates: tuple[Candidate, ...], measured: FrfSet, **facts: int
+        self, code: str, table: PoleTable, candidates: tuple[Candidate, ...], measured: FrfSet, **facts: Any
     ) -> None:
         super().__init__(code, **facts)
         self.table, self.candidates, self.measured = table, candidates, measured

@@ -67,14 +67,14 @@ def found_from_frfs(
     )  # fmt: skip
     try:
         made = identify_frfs(frfs, asked, sd)
-    except NoModesChosen as error:
-        measured = error.measured
+    except NoModesChosen as chosen_none:
+        measured = chosen_none.measured
         nothing = ModeSet(np.zeros(0), np.zeros((len(measured.responses), 0)), measured.responses)
         found = Found(
-            nothing, np.zeros(0), error.table, error.candidates, {}, _curve(measured), measured=measured,
+            nothing, np.zeros(0), chosen_none.table, chosen_none.candidates, {}, _curve(measured), measured=measured,
             geometry=geometry,
         )  # fmt: skip
-        raise NothingFound(error, found) from error
+        raise NothingFound(chosen_none, found) from chosen_none
     measured, synthesised = made.fit.measured, made.fit.synthesised
     error = np.linalg.norm(synthesised.values - measured.values, axis=2)
     size = np.linalg.norm(measured.values, axis=2)
