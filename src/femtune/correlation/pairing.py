@@ -265,7 +265,7 @@ def _order_notices(test: ModeSet, model: ModeSet, partners: Chosen, by_hand: int
 def _doubtful(test: ModeSet, model: ModeSet, partners: Chosen, better: OtherOrder) -> Notice:
     """The other order, with the entry of `pairs` that makes it: all modes above continue from there."""
     modes = model if better.of_model else test
-    names = " and ".join(f"{modes.labels[k]} ({modes.freq_hz[k]:.4g} Hz)" for k in better.skipped)
+    names = ", ".join(f"{modes.labels[k]} ({modes.freq_hz[k]:.4g} Hz)" for k in better.skipped)
     first = min((i for i, j in better.partners.items() if partners.get(i) != j), key=lambda i: float(test.freq_hz[i]))
     return Notice(
         "correlate.order-doubtful" if better.of_model else "correlate.order-doubtful/test",
