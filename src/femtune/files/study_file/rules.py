@@ -74,8 +74,8 @@ def _configurations(data: Data, source: StudyLines) -> Problems:
     test = table(data, "test")
     if test and ("file" in test) == ("freq_hz" in test):
         yield source.error(("test",), "study.test-source", {})
-    deviations = test.get("freq_sd_hz", ())
-    if isinstance(deviations, Sequence) and deviations and len(deviations) != len(test.get("freq_hz", ())):
+    hz, deviations = test.get("freq_hz", ()), test.get("freq_sd_hz", ())
+    if isinstance(hz, Sequence) and isinstance(deviations, Sequence) and deviations and len(deviations) != len(hz):
         yield source.error(("test", "freq_sd_hz"), "study.test-source/deviations", {})
     if entries and "test" in data:
         yield source.error(("test",), "study.test-unused", {})
