@@ -15,7 +15,6 @@ from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.model import EigenSolution
-from femtune.model.response.rigid import is_rigid
 from femtune.residuals.case import ComparedCase, Group
 
 
@@ -40,13 +39,17 @@ def pair_case(case: ComparedCase, solution: EigenSolution) -> Pairing:
         relative_gap=case.rules.relative_gap,
         fixed=case.fixed,
         left_out=case.left_out,
-        rigid=0 if len(case.test.dofs) else rigid_count(solution),
+        rigid=0 if len(case.test.dofs) else rigid_count(case, solution),
     )
 
 
-def rigid_count(solution: EigenSolution) -> int:
-    """Number of rigid-body modes among the wanted ones."""
-    return int(is_rigid(solution)[: solution.wanted].sum())
+_RIGID = 0.01
+"""Frequency over the lowest one of the test below which a mode of the model is a rigid-body mode, full or reduced."""
+
+
+def rigid_count(case: ComparedCase, solution: EigenSolution) -> int:
+    """Number of modes far below all of the test, which are rigid-body modes but for rounding."""
+    return int(np.sum(solution.freq_hz < _RIGID * np.min(case.test.freq_hz, initial=np.inf)))
 
 
 def groups_of(pairing: Pairing) -> tuple[Group, ...]:
@@ -203,7 +206,7 @@ def _other_orders(
             one.scatter - now,
             f"{case.name}: {_missed(one.skipped[0], model_hz)}",
         )
-        for one in other_orders(hz, model_hz, partners, rigid_count(solution))
+        for one in other_orders(hz, model_hz, partners, rigid_count(case, solution))
         if one.of_model
     ]
 
