@@ -248,8 +248,8 @@ def _pairs_in_order(
             unpaired.append(Unpaired(i, reason))
         else:
             pairs.append(Pair(i, j, np.nan, np.nan, float(error[i, j]), i in by_hand))
-    used = {pair.model for pair in pairs}
-    alone = tuple(j for j in range(len(model)) if j not in used)
+    paired = {pair.model for pair in pairs}
+    alone = tuple(j for j in range(len(model)) if j not in paired)
     notices = _order_notices(test, model, partners, len(by_hand), rigid)
     return Pairing(tuple(pairs), tuple(unpaired), alone, (), *gates, notices)
 
