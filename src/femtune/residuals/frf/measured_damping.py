@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -107,24 +108,29 @@ def measured_damping(
     model = ModeSet(modes.freq_hz, np.asarray(ports.outputs @ modes.shapes[:, :count]), seen)
     pairing = pair_modes(identified, model)
     ratios = paired_damping(identified, pairing, count)
-    at, found = _without_partner(test, modes, pairing), frozenset[int]()
-    further = _with_further(test, modes, at, ratios) if guided else None
+    inputs = np.asarray(ports.inputs.T @ modes.shapes[:, :count])
+    largest = _ROUNDING * float(np.nanmax(np.abs(residual.measured.values)))
+
+    def lacking() -> tuple[LackingMode, ...]:
+        out = []
+        for j in _without_partner(test, modes, pairing).tolist():
+            hertz, ratio = float(modes.freq_hz[j]), float(ratios[j])
+            unit = _at_resonance(hertz, ratio, residual.measured.kind)
+            heights = unit * np.abs(np.outer(model.shapes[:, j], inputs[:, j]))
+            heights[heights <= largest] = 0.0
+            out.append(LackingMode(j, hertz, ratio, heights, _noise_beside(residual, test, hertz)))
+        return tuple(out)
+
+    missed, found = lacking(), frozenset[int]()
+    further = _with_further(test, [one for one in missed if one.seen_in]) if guided else None
     if further is not None:
         identified = as_modes(further).select_dofs(seen)
         pairing = pair_modes(identified, model)
         ratios = paired_damping(identified, pairing, count)
-        left = _without_partner(test, modes, pairing)
-        at, found = left, frozenset(int(j) for j in at if j not in left)
-    inputs = np.asarray(ports.inputs.T @ modes.shapes[:, :count])
-    largest = np.nanmax(np.abs(residual.measured.values))
-    lacking = []
-    for j in at.tolist():
-        hertz, ratio = float(modes.freq_hz[j]), float(ratios[j])
-        unit = _at_resonance(hertz, ratio, residual.measured.kind)
-        heights = unit * np.abs(np.outer(model.shapes[:, j], inputs[:, j]))
-        heights[heights <= _ROUNDING * largest] = 0.0
-        lacking.append(LackingMode(j, hertz, ratio, heights, _noise_beside(residual, test, hertz)))
-    return MeasuredDamping(identified, pairing, ratios, tuple(lacking), found)
+        left = lacking()
+        found = frozenset(one.mode for one in missed) - {one.mode for one in left}
+        missed = left
+    return MeasuredDamping(identified, pairing, ratios, missed, found)
 
 
 def _without_partner(test: RedrawnTest, modes: EigenSolution, pairing: Pairing) -> Integers:
@@ -134,11 +140,11 @@ def _without_partner(test: RedrawnTest, modes: EigenSolution, pairing: Pairing) 
     return np.setdiff1d(inside, [pair.model for pair in pairing.pairs])
 
 
-def _with_further(test: RedrawnTest, modes: EigenSolution, at: Integers, ratios: Reals) -> ModalFit | None:
-    """The fit of the test with modes near those of the model at some positions; None if it has none there."""
+def _with_further(test: RedrawnTest, missed: Sequence[LackingMode]) -> ModalFit | None:
+    """The fit of the test with modes near those of the model; None if it has none there."""
     found = None
-    for j in at.tolist():
-        found = with_mode_near(found or test.fit, test.terms, float(modes.freq_hz[j]), float(ratios[j])) or found
+    for one in missed:
+        found = with_mode_near(found or test.fit, test.terms, one.freq_hz, one.damping_ratio) or found
     return found
 
 

@@ -73,8 +73,7 @@ def then_raw(
     start = equalised
     try:
         for _ in range(_MOST_ROUNDS):
-            last, before = (None, None) if found is None else (found.search, found.damping)
-            now = _round(study, equalised, start, method, tell, search, last, before)
+            now = _round(study, equalised, start, method, tell, search, found)
             if now is None:
                 break
             found, start = now, now.result
@@ -83,6 +82,8 @@ def then_raw(
     except FemtuneError as error:
         if found is None:
             return None, (Notice("update.no-raw", reason=error.what),)
+    if found is not None and found.reduced is not None and not found.reduced.certified:
+        return found, (Notice("update.not-certified", last_round=found.reduced.rounds[-1]),)
     return found, ()
 
 
@@ -103,18 +104,17 @@ def _round(
     method: SensitivityMethod,
     tell: Callable[[Iteration], None],
     reduced: ReducedSearch | None,
-    search: ReducedSearch | None,
-    before: Mapping[str, MeasuredDamping] | None,
+    before: RawUpdate | None,
 ) -> RawUpdate | None:
     """One update from `start`; None if the modes have the same partners as in the one before.
 
     Parameters
     ----------
-    reduced, search : reduced models of the comparison with equal damping, and those that the update before ended with
+    reduced : reduced models of the comparison with equal damping
     """
     states = {s.case.name: s for s in start.after.states}
-    damping = {name: found for name, s in states.items() if (found := _damping(study, s)) is not None}
-    if before is not None and all(damping[name].partners == before[name].partners for name in damping):
+    damping = {name: own for name, s in states.items() if (own := _damping(study, s)) is not None}
+    if before is not None and all(damping[name].partners == before.damping[name].partners for name in damping):
         return None
     cases, raw = [], dict[int, FrfResidual]()
     for case in study.cases:
@@ -126,7 +126,8 @@ def _round(
     on_raw = replace(study, cases=tuple(cases))
     problem = on_raw.problem()
     rules, first_x = reduction_rules(study), equalised.before.x
-    own: ReducedUpdate | None = None
+    search = None if before is None else before.search
+    on_reduced: ReducedUpdate | None = None
     at_start, at_first = (_on_cases(problem, of.states) for of in (start.after, equalised.before))
     if rules is None or reduced is None:
         at = problem.assess(start.x, at_start)
@@ -138,14 +139,14 @@ def _round(
         search = replace(search or reduced, problem=problem, functions=functions, history=[])
         at = search.assess(start.x, at_start, search.trained)
         problem.check_compared(at)
-        own = update_reduced(problem, method, rules, tell, at, active=equalised.active, search=search)
-        found, search = own.result, own.search
+        on_reduced = update_reduced(problem, method, rules, tell, at, active=equalised.active, search=search)
+        found, search = on_reduced.result, on_reduced.search
         assert search is not None
         first = search.assess(first_x, at_first, search.trained)
     history = tuple(replace(i, functions=()) for i in found.history)
     whole = tuple(replace(i, number=n) for n, i in enumerate((*start.history, *history)))
     result = replace(found, before=first, history=whole, number=len(start.history) + found.number)
-    return RawUpdate(result, on_raw, equalised, damping, search, own)
+    return RawUpdate(result, on_raw, equalised, damping, search, on_reduced)
 
 
 def _on_cases(problem: UpdateProblem, states: Sequence[CaseState]) -> list[CaseState]:
