@@ -57,6 +57,17 @@ def test_frequencies_without_shapes(study: Path) -> None:
     np.testing.assert_allclose([values["k1"], values["k2"]], TRUTH, rtol=0.05)
 
 
+@pytest.mark.parametrize("grid", ["", '[model]\ngrid = "nodes.bdf"\n'])
+def test_shapes_of_a_test_beside_runs_without_are_refused(grid: str, study: Path) -> None:
+    write_runs_table(study.parent / "runs.csv", table(12, shapes=False))
+    study.write_text(STUDY.replace('[model]\ngrid = "nodes.bdf"\n', grid))
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    if not grid:
+        check_shown("runs.no-shapes", str(caught.value).replace(str(study.parent), "FOLDER"))
+    assert caught.value.code == "runs.no-shapes"
+
+
 def test_failed_runs_are_left_out_and_counted(study: Path) -> None:
     whole = table()
     hz = whole.freq_hz.copy()

@@ -322,6 +322,7 @@ def _listed(modes: ModeSet) -> str:
 
 def sensor_map(file: StudyFile, test: ModalTest, structure: Structure) -> SensorMap:
     """The sensors of a test on the model, as [sensors] says; errors ``sensor.*``."""
+    _check_shapes(file, test, structure)
     _check_given(file, structure.nodes)
     unused = _only_for_responses(file, test)
     return map_sensors(
@@ -333,6 +334,14 @@ def sensor_map(file: StudyFile, test: ModalTest, structure: Structure) -> Sensor
         combinations=[c for c in combinations(file, structure) if (c.dof.node, c.dof.direction) not in unused],
         leave_out=file.sensors.leave_out,
     )
+
+
+def _check_shapes(file: StudyFile, test: ModalTest, structure: Structure) -> None:
+    """Refuse a test with shapes beside runs without (error ``runs.no-shapes``)."""
+    of_runs = file.runs is not None and not len(structure.nodes.ids)
+    if of_runs and any(sensor.label.direction != "S" for sensor in test.sensors):
+        hz = ", ".join(f"{f:.6g}" for f in test.modes.freq_hz) if test.modes is not None else "…"
+        raise FemtuneError("runs.no-shapes", hint=f"replace file in [test] by freq_hz = [{hz}]")
 
 
 def _only_for_responses(file: StudyFile, test: ModalTest) -> set[tuple[int, str]]:
