@@ -78,16 +78,16 @@ class Told:
     needed: int = 0
 
 
-def plot(seed: int) -> tuple[list[Start], list[str]]:
-    """The starts of a story, and the faults of its solver."""
+def plot(seed: int) -> tuple[tuple[Kind, ...], list[Start], list[str]]:
+    """The studies of a story, which have their input files in common, its starts, and the faults of its solver."""
     chance = random.Random(seed)
     # the beam takes ten times as long
     kinds = tuple(chance.sample(KINDS[:2], chance.choice((1, 1, 2)))) if chance.random() < 0.9 else KINDS[2:]
-    variant = {kind.name: VARIANTS[0] for kind in kinds}
+    variant = VARIANTS[0]
     starts = []
     for _ in range(chance.randint(2, 4)):
         kind = chance.choice(kinds)
-        start = Start(kind, jobs=chance.choice((1, 2)), edit=variant[kind.name], fresh=chance.random() < 0.1)
+        start = Start(kind, jobs=chance.choice((1, 2)), edit=variant, fresh=chance.random() < 0.1)
         if chance.random() < 0.65:
             start.asked, start.after = chance.choice(list(_SIGNALS)), chance.uniform(0.02, 1.2)
         if chance.random() < 0.15:
@@ -96,17 +96,17 @@ def plot(seed: int) -> tuple[list[Start], list[str]]:
             start.lock_s = chance.uniform(0.2, 4.0)
         start.second = chance.random() < 0.2
         if chance.random() < 0.3:
-            start.edit = variant[kind.name] = chance.choice(VARIANTS)
+            start.edit = variant = chance.choice(VARIANTS)
         if chance.random() < 0.15:
             # and back before the next start, now and then: the numbers of the state between must not return
             start.meanwhile = chance.choice(VARIANTS)
-            variant[kind.name] = chance.choice((start.meanwhile, start.edit))
+            variant = chance.choice((start.meanwhile, start.edit))
         starts.append(start)
     faults = chance.sample(FAULTS, chance.randint(0, 3))
     if "hang" in faults and chance.random() < 0.6:
         # it takes its whole time
         faults.remove("hang")
-    return starts, faults
+    return kinds, starts, faults
 
 
 @contextmanager
@@ -175,7 +175,7 @@ class Story:
 
     def play(self) -> Told:
         """All starts, and what is left of them."""
-        starts, faults = plot(self.number)
+        kinds, starts, faults = plot(self.number)
         # they take their time: not in the middle of the story
         for start in starts:
             self._quiet(start.kind, start.edit)
@@ -183,17 +183,13 @@ class Story:
         work.mkdir(), state.mkdir()
         (state / "faults").write_text(" ".join(faults))
         environment = {"STORY": str(self.number), "STORY_STATE": str(state)}
-        inputs: dict[str, bytes] = {}
-        last: dict[str, Start] = {}
         for i, start in enumerate(starts):
-            inputs |= write_inputs(work, start.kind, start.edit, self._output(start.kind))
-            last[start.kind.name] = start
-            self._play(start, f"start{i}", environment)
-            if start.meanwhile is not None:
-                inputs |= write_inputs(work, start.kind, start.meanwhile, self._output(start.kind))
-        for name, start in last.items():
-            final = start.edit if start.meanwhile is None else start.meanwhile
-            self._morning(start.kind, final, f"morning_{name}", environment, starts)
+            self._write(kinds, start.edit)
+            self._play(start, f"start{i}", environment, kinds)
+        final = starts[-1].meanwhile or starts[-1].edit
+        inputs = self._write(kinds, final)
+        for kind in dict.fromkeys(start.kind for start in starts):
+            self._morning(kind, final, f"morning_{kind.name}", environment, starts)
         if left := _with(f"STORY={self.number}".encode()):
             self._fault(f"processes are left: {left}")
         for pid in left:
@@ -205,6 +201,14 @@ class Story:
 
     def _output(self, kind: Kind) -> str:
         return f"run_{kind.name}"
+
+    def _write(self, kinds: tuple[Kind, ...], variant: Variant) -> dict[str, bytes]:
+        """Write the input files of all studies; their contents by name."""
+        return {
+            name: content
+            for kind in kinds
+            for name, content in write_inputs(self.folder / "work", kind, variant, self._output(kind)).items()
+        }
 
     def _fault(self, text: str) -> None:
         self.told.faults.append(f"story {self.number}: {text}")
@@ -227,7 +231,7 @@ class Story:
             shutil.rmtree(folder)
         return self.quiet[key]
 
-    def _play(self, start: Start, name: str, environment: Mapping[str, str]) -> None:
+    def _play(self, start: Start, name: str, environment: Mapping[str, str], kinds: tuple[Kind, ...]) -> None:
         work = self.folder / "work"
         words = [start.kind.command, f"{start.kind.name}.toml", "--quiet", "--jobs", str(start.jobs)]
         words += ["--fresh"] if start.fresh else []
@@ -243,7 +247,7 @@ class Story:
                 self.told.events["second start"] += 1
             if start.meanwhile is not None:
                 time.sleep(0.5 * start.after * takes)
-                write_inputs(work, start.kind, start.meanwhile, self._output(start.kind))
+                self._write(kinds, start.meanwhile)
                 self.told.events["edited meanwhile"] += 1
             code = None
             if start.asked:
