@@ -118,7 +118,7 @@ def test_offsets_that_move_both_ends_alike_are_polynomials(name: str):
         np.testing.assert_allclose(assemble(moved, kind).toarray(), expected, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=3)
 @pytest.mark.parametrize(
     ("name", "still"),
     [*((name, True) for name in (*PARTS, *SKEW)), ("bar, shear and pins", False), ("beam", False)],

@@ -88,7 +88,7 @@ def point_of(built: BuiltDeck, refs: list[FieldRef], relative: bool) -> ModelPoi
     return model.at(X[: len(refs)])
 
 
-@pytest.mark.quick(0, gate=10)
+@pytest.mark.quick(0, gate=5)
 @pytest.mark.parametrize(
     "card", [*(pytest.param(c, marks=pytest.mark.slow) if c in TAPERED else c for c in CARDS), "PARAM"]
 )
