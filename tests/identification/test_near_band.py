@@ -48,7 +48,7 @@ def test_without_noise_the_modes_inside_are_exact(three_modes: Any, outside: tup
 
 
 @pytest.mark.parametrize("stated", [False, True])
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=1)
 def test_noise_is_no_mode(three_modes: Any, stated: bool) -> None:
     for seed in range(10):
         frfs = three_modes.frfs(_LINES, 0.02, seed)
@@ -58,7 +58,7 @@ def test_noise_is_no_mode(three_modes: Any, stated: bool) -> None:
         assert not fit_with_neighbours(frfs, start, sd, OUT_OF_BAND).outside.any()
 
 
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=1)
 @pytest.mark.parametrize(("functions", "count"), [(100, 18), (100, 15), (40, 10)])
 def test_noise_is_no_mode_where_functions_are_many_and_lines_few(functions: int, count: int) -> None:
     """The noise of each function is found from few errors, of which each further mode takes some away."""
