@@ -26,6 +26,7 @@ class Status(Enum):
         "tolerance; the data are not at their minimum"
     )
     PAIRING_CYCLES = "stopped because the pairing of modes alternates between iterations; the best point is kept"
+    KNOWN_MINIMUM = "stopped because the steps lead back to a minimum that is known"
     SOLVE_FAILED = "stopped because the eigen-solution failed at a trial point; the best point is kept"
 
     @property

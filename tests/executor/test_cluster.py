@@ -74,6 +74,24 @@ def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
+def test_workers_that_begin_later_are_waited_for() -> None:
+    """As those of jobs in a queue: the scheduler is there, and its workers are not."""
+    distributed = pytest.importorskip("distributed", reason="the extra cluster is not installed")
+    with distributed.LocalCluster(n_workers=0, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as local:
+        cluster, told = Cluster(local.scheduler_address), []
+
+        def begin() -> None:
+            told.append("waiting")
+            local.scale(1)
+
+        cluster.check(begin)
+        assert told == ["waiting"]
+        assert cluster.run(abs, [-3]) == [3]
+        cluster.check(begin)
+        assert told == ["waiting"]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
 def test_nobody_answers(host: str) -> None:
     pytest.importorskip("distributed", reason="the extra cluster is not installed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError, Notice
 from femtune.executor import Executor, Processes, Serial, finish
+from femtune.executor.worker import packed
 
 _ROOT = Path(__file__).resolve().parents[2]
 EXECUTORS = [Serial(), Processes(2)]
@@ -94,6 +96,19 @@ def test_work_that_other_processes_cannot_load() -> None:
     with pytest.raises(FemtuneError) as error:
         Processes(1).run(lambda x: x, [1])
     assert error.value.code == "executor.not-sent"
+
+
+def test_work_of_the_main_program_is_refused_before_a_worker_is_started() -> None:
+    class Own:
+        """As it would be defined in a script."""
+
+        __module__ = "__main__"
+
+    for sent in (Own, Own(), [Own()]):
+        with pytest.raises(FemtuneError, match="Own is defined in the script") as error:
+            packed(sent)
+        assert error.value.code == "executor.not-sent"
+    assert pickle.loads(packed(late_first)) is late_first
 
 
 def test_prints_do_not_spoil_answers_and_a_worker_has_one_thread() -> None:

@@ -10,7 +10,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.dofs import DofSet
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.files.runs_table import RunsTable, read_runs_table, write_runs_table
 
 
@@ -53,6 +53,7 @@ def test_tables_of_spreadsheets(text: str, tmp_path: Path) -> None:
         ("E,f1_hz\n1,2\n1,2x\n", "not a number"),
         ("E,f1_hz\n1,2\n1.2.3,2\n", "not a number in a parameter"),
         ("E,f1_hz,f2_hz,shape1_1X,shape2_2X\n1,2,3,4,5\n", "shapes"),
+        ("E,f1_hz,shape1_1X,shape1_1X-\n1,2,3,4\n", "shape twice"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_line(text: str, name: str, tmp_path: Path) -> None:
@@ -60,6 +61,29 @@ def test_what_is_wrong_is_said_with_its_line(text: str, name: str, tmp_path: Pat
     with pytest.raises(FemtuneError) as caught:
         read_runs_table(tmp_path / "runs.csv")
     check_shown(f"runs.table, {name}", str(caught.value).replace(str(tmp_path), "FOLDER"))
+
+
+def test_all_lines_that_are_wrong_are_told_together(tmp_path: Path) -> None:
+    (tmp_path / "runs.csv").write_text("E,f1_hz\n1,2x\n1.2.3,2\n1\n2,-5\n3,6\n4,1e300\n")
+    with pytest.raises(FemtuneErrors) as caught:
+        read_runs_table(tmp_path / "runs.csv")
+    assert [error.where and error.where.line for error in caught.value.errors] == [2, 3, 4, 5, 7]
+
+
+def test_all_rows_of_a_parquet_file_that_are_wrong_are_told_together(tmp_path: Path) -> None:
+    path = written(tmp_path / "runs.parquet", {"E": [1.0, float("inf")], "f1_hz": [-1.0, 2.0]})
+    with pytest.raises(FemtuneErrors) as caught:
+        read_runs_table(path)
+    assert [error.where and error.where.line for error in caught.value.errors] == [1, 2]
+
+
+def test_headings_of_shapes_with_a_sign(tmp_path: Path) -> None:
+    (tmp_path / "runs.csv").write_text("E,f1_hz,shape1_1X+,shape1_2RZ-,shape1_3Y\n1,2,3,4,5\n2,3,4,5,6\n")
+    found = read_runs_table(tmp_path / "runs.csv")
+    assert set(found.columns) == {"E"}
+    assert found.shapes is not None
+    assert list(map(str, found.dofs)) == ["1X+", "2RZ+", "3Y+"]
+    np.testing.assert_array_equal(found.shapes[:, :, 0], [[3.0, -4.0, 5.0], [4.0, -5.0, 6.0]])
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:

@@ -21,6 +21,22 @@ def test_a_pipe_is_not_replaced(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["pipe"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such rights")
+def test_a_file_has_the_rights_of_new_files_and_the_process_keeps_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = os.umask(0o027)
+    # the mask is that of all threads: a file that another one makes meanwhile would be open to everybody
+    monkeypatch.setattr(os, "umask", lambda mask: pytest.fail("the umask of the process was changed"))
+    try:
+        write_whole(tmp_path / "file", b"text")
+        assert (tmp_path / "file").stat().st_mode & 0o777 == 0o640
+    finally:
+        monkeypatch.undo()
+        os.umask(before)
+    assert os.listdir(tmp_path) == ["file"]
+
+
 def test_a_link_is_replaced_and_a_folder_is_not(tmp_path: Path) -> None:
     (tmp_path / "kept").write_text("kept")
     (tmp_path / "link").symlink_to("kept")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import femtune as ft
+from femtune.document.document import Paragraph
 from femtune.document.figures.elements import elements_svg
 from femtune.document.figures.shapes import COLOURS
 from femtune.steps.judge.page.missing import missing_blocks
@@ -15,6 +16,7 @@ from femtune.steps.judge.reasons.missing import missing_reasons
 from femtune.steps.judge.record.judgement import JudgementResults
 from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
 from femtune.steps.results import Results
+from femtune.steps.select.page import missing_of_select
 from structures.wrong_property import FRAME, PLATE, WrongProperty
 
 
@@ -112,6 +114,13 @@ def test_a_wrong_property_that_is_no_parameter(
     assert first.lines.splitlines()[2] == f'fields = ["{wrong}"]'
     assert judged.verdict == "not accepted"
     assert "judge.missing" in {r.code for r in judged.reasons}
+    # before a run, where it is asked for: the same test at the end of a first update
+    asked = ft.select(structure.study(tmp_path / "asked", {wrong: factor}), select={"missing": True}).record
+    assert asked.missing is not None
+    assert asked.missing.fields[0].field == wrong
+    assert asked.missing.p_value == pytest.approx(judged.missing.p_value)
+    shown = [block.text for block in missing_of_select(asked) if isinstance(block, Paragraph)]
+    assert f'fields = ["{wrong}"]' in shown
     healed = _run(structure, tmp_path / "healed", {wrong: factor}, more=(wrong,)).results
     assert healed.update is not None
     # a few solutions without derivatives find the minimum of a whole update

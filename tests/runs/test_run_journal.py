@@ -43,6 +43,14 @@ def test_a_second_run_costs_nothing(tmp_path: Path) -> None:
     assert evaluate(solver, POINTS[:1], Threads(1), open_run_journal(tmp_path, fresh=True)).started == 1
 
 
+def test_an_outcome_that_is_not_lasting_is_not_kept(tmp_path: Path) -> None:
+    journal, modes = open_run_journal(tmp_path), SolvedModes.of_frequencies(np.array([1.0, 2.0]))
+    journal.keep(RunOutcome("a", modes, lasting=False))
+    journal.keep(RunOutcome("b", modes))
+    assert (journal.recall("a"), journal.recall("b") is not None) == (None, True)
+    journal.close()
+
+
 def test_a_file_that_is_no_journal_is_put_aside(tmp_path: Path) -> None:
     journal = open_run_journal(tmp_path)
     journal.close()

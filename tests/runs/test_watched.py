@@ -13,7 +13,7 @@ from tests.runs.fake import fake_solver
 
 from femtune.errors import FemtuneError
 from femtune.executor import Threads
-from femtune.runs import ExternalSolver, RunOutcome, Template, Templates, evaluate
+from femtune.runs import ExternalSolver, ResultFile, RunOutcome, Template, Templates, evaluate
 
 POINT = {"k1": 4.0, "k2": 9.0, "point": 1}
 _UP = "../../"
@@ -82,6 +82,22 @@ def test_keys_of_a_solver_stay_while_a_file_changes_and_the_change_is_known(tmp_
     (tmp_path / "numbers").write_text("22")
     assert solver.key(POINT) == before
     assert solver.watched.changed == (str(tmp_path / "numbers"),)
+
+
+def test_a_run_whose_script_is_edited_meanwhile_is_not_for_later_starts(tmp_path: Path) -> None:
+    """Its numbers are those of another script than its key has: kept, they would return when the edit is undone."""
+    script = tmp_path / "solve.py"
+    script.write_text("open('modes.txt', 'w').write('1.0 2.0\\nend\\n')")
+    solver = replace(
+        fake_solver(tmp_path), command=(sys.executable, str(script)), result=ResultFile("modes.txt", "table")
+    )
+    outcome = solver.run(POINT)
+    assert outcome.modes is not None
+    assert outcome.lasting
+    script.write_text(f"import os; os.utime({str(script)!r}, ns=(1, 1)); {script.read_text()}")
+    outcome = solver.run(POINT)
+    assert outcome.modes is not None
+    assert not outcome.lasting
 
 
 def test_folders_of_the_command_are_named_as_not_watched(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def _study(bench: Bench, table: str, residual: str = "") -> Path:
     return bench.study(text, test="frfs.uff")
 
 
-EQUALISE = f"[equalise]\ndamping = 0.02\nband_hz = [{BAND[0]}, {BAND[1]}]\nlargest_order = 20\n"
+EQUALISE = f'[equalise]\ndamping = 0.02\nband_hz = [{BAND[0]}, {BAND[1]}]\nlargest_order = 20\nthen = "nothing"\n'
 
 
 @pytest.mark.slow

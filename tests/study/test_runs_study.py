@@ -57,6 +57,17 @@ def test_frequencies_without_shapes(study: Path) -> None:
     np.testing.assert_allclose([values["k1"], values["k2"]], TRUTH, rtol=0.05)
 
 
+@pytest.mark.parametrize("grid", ["", '[model]\ngrid = "nodes.bdf"\n'])
+def test_shapes_of_a_test_beside_runs_without_are_refused(grid: str, study: Path) -> None:
+    write_runs_table(study.parent / "runs.csv", table(12, shapes=False))
+    study.write_text(STUDY.replace('[model]\ngrid = "nodes.bdf"\n', grid))
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    if not grid:
+        check_shown("runs.no-shapes", str(caught.value).replace(str(study.parent), "FOLDER"))
+    assert caught.value.code == "runs.no-shapes"
+
+
 def test_failed_runs_are_left_out_and_counted(study: Path) -> None:
     whole = table()
     hz = whole.freq_hz.copy()
@@ -171,14 +182,6 @@ def test_what_does_not_apply_is_refused(name: str, study: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         ft.info(study)
     check_shown(name, str(caught.value).replace(str(study.parent), "FOLDER"))
-
-
-def test_frequencies_alone_do_not_pair_with_a_deck(study: Path) -> None:
-    text = '[study]\ntitle = "Deck"\ndeck = "nodes.bdf"\nunits = "m-kg-s"\n\n[test]\nfreq_hz = [1.0]\n'
-    study.write_text(text)
-    with pytest.raises(FemtuneError) as caught:
-        ft.info(study)
-    check_shown("study.test-source, no runs", str(caught.value).replace(str(study.parent), "FOLDER"))
 
 
 def test_overlays_are_refused(study: Path) -> None:

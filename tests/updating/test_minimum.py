@@ -18,7 +18,8 @@ from femtune.updating import (
     look_further,
     update,
 )
-from femtune.updating.minimum import macs_of_pairs
+from femtune.updating.minimum import _Valley, macs_of_pairs
+from femtune.updating.sensitivity_method import Walk
 from structures.springs import factor_model, simulated_case, spring_structure
 
 TWO = [(-1, 0, 100.0), (-1, 1, 110.0), (0, 1, 1.5)]
@@ -199,3 +200,26 @@ def test_pairs_in_the_order_of_frequencies() -> None:
     # close modes are one subspace without an order, and pairs that are fixed by hand stay
     assert not crossed(state.case, (((0, 1), (1, 0)),))
     assert in_order(replace(state.case, fixed=((0, 1),)), swapped) == swapped
+
+
+@pytest.mark.slow
+def test_a_start_is_given_up_where_its_steps_lead_back() -> None:
+    problem = crossing(noise=0.2, seed=3)
+    end, wrong = update(problem), wrong_end(problem)
+    found = look_further(problem, SensitivityMethod(), end, MinimumRules(swaps=0, samples=8)).minimum
+    assert found is not None
+    back = [t for t in found.trials if t.leads_back]
+    assert back
+    assert not any(t.better for t in back)
+    # a whole update from there ends at the same minimum
+    valley = _Valley.of(Walk(problem, np.ones(2, bool), end.side), end)
+    rng, held = np.random.default_rng(1), 0
+    for x in end.x + rng.uniform(-0.2, 0.2, (8, 2)):
+        at = problem.start(x)
+        if valley.holds(at):
+            held += 1
+            assert update(problem, start=at).objective == pytest.approx(end.objective, rel=1e-6)
+    assert held
+    # another minimum with other pairs, which is no part of the valley
+    assert wrong.objective > 1.1 * end.objective
+    assert not valley.holds(wrong.after)

@@ -13,8 +13,8 @@ from urllib.parse import urlsplit
 from femtune._optional import require
 from femtune.errors import FemtuneError, Notice
 from femtune.executor.interface import nothing
-from femtune.executor.processes import error_of, not_sent
-from femtune.executor.worker import answer
+from femtune.executor.processes import error_of
+from femtune.executor.worker import answer, packed
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -57,20 +57,26 @@ class Cluster:
         distributed = require("distributed", extra="cluster")
         if not len(tasks):
             return []
-        try:
-            head, packed = pickle.dumps(work, protocol=5), [pickle.dumps(task, protocol=5) for task in tasks]
-        except Exception as error:
-            raise not_sent(error) from error
+        head, sent = packed(work), [packed(task) for task in tasks]
         with self._client(distributed) as client:
+            # nothing can be sent to a cluster whose workers have not begun, or have all ended
+            client.wait_for_workers(1)
             shared = client.scatter(head, broadcast=True, hash=False)
-            futures = client.map(_made, [shared] * len(packed), packed, pure=False)
+            futures = client.map(_made, [shared] * len(sent), sent, pure=False)
             return _gathered(distributed, client, futures, name, finished)
 
-    def check(self) -> None:
-        """Connect once, before anything is computed (errors as `run`)."""
+    def check(self, waiting: Callable[[], None] = nothing) -> None:
+        """Connect once, before anything is computed, and wait for the first worker (errors as `run`).
+
+        Parameters
+        ----------
+        waiting : is called if there is no worker yet: the jobs that start them may be in a queue
+        """
         self._check_address()
-        with self._client(require("distributed", extra="cluster")):
-            pass
+        with self._client(require("distributed", extra="cluster")) as client:
+            if not client.nthreads():
+                waiting()
+                client.wait_for_workers(1)
 
     def _check_address(self) -> None:
         """Refuse addresses of other machines, unless they are wanted."""

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from femtune.errors import FemtuneError, Notice
 from femtune.executor.interface import failed, nothing, of_run, usable_cores
-from femtune.executor.worker import read, write
+from femtune.executor.worker import packed, read, write
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -63,21 +63,12 @@ class Processes:
         """See `Executor`; errors ``executor.not-sent``, ``executor.worker-died``, ``executor.no-worker`` too."""
         if not len(tasks):
             return []
-        try:
-            head, packed = pickle.dumps(work, protocol=5), [pickle.dumps(task, protocol=5) for task in tasks]
-        except Exception as error:
-            raise not_sent(error) from error
-        pool = _Pool(head, packed)
+        pool = _Pool(packed(work), [packed(task) for task in tasks])
         try:
             pool.start(min(self.workers or usable_cores(), len(tasks)))
             return _gather(pool, len(tasks), name, finished, remark)
         finally:
             pool.stop()
-
-
-def not_sent(reason: object) -> FemtuneError:
-    """The error that another process cannot load the work."""
-    return FemtuneError("executor.not-sent", reason=reason)
 
 
 def _gather(
@@ -108,7 +99,7 @@ def error_of(kind: str, value: Any, name: str, at: int) -> FemtuneError:
     if kind == "error":
         return of_run(value, name, at)
     if kind == "not-loaded":
-        return not_sent(value)
+        return FemtuneError("executor.not-sent", reason=value)
     return FemtuneError("executor.no-worker", reason=value) if kind == "no-worker" else failed(name, at, value)
 
 

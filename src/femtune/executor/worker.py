@@ -6,6 +6,7 @@ import the main module of the parent: a script needs no guard against being run 
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import pickle
@@ -13,11 +14,32 @@ import queue
 import struct
 import threading
 import traceback
+from types import FunctionType
 from typing import IO, Any
 
 from femtune.errors import FemtuneError
 
 _SIZE = struct.Struct("<Q")
+
+
+class _Pickler(pickle.Pickler):
+    """Refuses what the main program defines, which another process cannot load."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        """For classes and functions; everything else as usual."""
+        if isinstance(obj, type | FunctionType) and obj.__module__ == "__main__":
+            raise pickle.PicklingError(f"{obj.__qualname__} is defined in the script or notebook that runs")
+        return NotImplemented
+
+
+def packed(work: object) -> bytes:
+    """Work or a task as it is sent to another process (error ``executor.not-sent``)."""
+    stream = io.BytesIO()
+    try:
+        _Pickler(stream, protocol=5).dump(work)
+    except Exception as error:
+        raise FemtuneError("executor.not-sent", reason=error) from error
+    return stream.getvalue()
 
 
 def write(stream: IO[bytes], content: bytes) -> None:

@@ -1,6 +1,7 @@
 """A table of finished runs: a line per run with the values of parameters, frequencies, and shapes if there are any.
 
-The columns of frequencies are called ``f1_hz``, ``f2_hz`` …; those of shapes ``shape1_12Z`` …: mode, node, direction.
+The columns of frequencies are called ``f1_hz``, ``f2_hz`` …; those of shapes ``shape1_12Z`` …: mode, node, direction,
+and, if the program that wrote it names a sign, ``shape1_12Z+`` or ``shape1_12Z-``.
 Every other column of numbers may be a parameter. A run without frequencies has failed and is left out. Tables are text,
 or Parquet files by the ending of their name.
 """
@@ -26,7 +27,7 @@ from femtune.files.table_text import LARGEST_BYTES, NotATable, TableText, read_t
 from femtune.files.whole_file import write_whole
 
 _FREQUENCY = re.compile(r"f(\d+)_hz")
-_SHAPE = re.compile(r"shape(\d+)_(\d+(?:S|R?[XYZ]))")
+_SHAPE = re.compile(r"shape(\d+)_(\d+(?:S|R?[XYZ]))([+-]?)")
 _GAPS = {"", "-", "nan", "na", "n/a"}
 _PARQUET = (".parquet", ".pq")
 STATE = "state"
@@ -120,21 +121,25 @@ def read_runs_table(path: Path) -> RunsTable:
     twice = sorted({head for head in heads if heads.count(head) > 1})
     if twice:
         raise _error(path, text.lines[0], "runs.table/heading-twice", heading=twice[0])
-    raise_together(
+    wrong = [
         _error(path, line, "runs.table/number-of-fields", fields=len(row), headings=len(heads))
         for line, row in zip(numbers, rows)
         if len(row) != len(heads)
-    )
+    ]
+    # the other lines are looked at, too, so that all that are wrong are told together
+    numbers = [line for line, row in zip(numbers, rows) if len(row) == len(heads)]
+    rows = tuple(row for row in rows if len(row) == len(heads))
     cells = {head: [row[j] for row in rows] for j, head in enumerate(heads)}
     states = tuple(cells.pop(STATE, []))
     columns = {head: np.array([_number(text, cell) for cell in column]) for head, column in cells.items()}
     columns = {head: column for head, column in columns.items() if not _is_text(head, column)}
-    raise_together(
+    wrong += [
         _error(path, numbers[i], "runs.table/not-a-number", text=cells[head][i][:40], heading=head)
         for head, column in columns.items()
         for i in np.flatnonzero(np.isinf(column))
-    )
-    return _table(path, columns, states, numbers, text.lines[0])
+    ]
+    _raise_in_order(wrong + _wrong_frequencies(path, columns, numbers))
+    return _table(path, columns, states, text.lines[0])
 
 
 def _read_parquet(path: Path) -> RunsTable:
@@ -151,11 +156,14 @@ def _read_parquet(path: Path) -> RunsTable:
     except (OSError, ValueError, KeyError, MemoryError, arrow.ArrowException) as error:
         reason = str(error).partition("\n")[0][:200] or type(error).__name__
         raise _error(path, None, "runs.table/unreadable", reason=reason) from error
-    for head, column in columns.items():
-        bad = np.flatnonzero(np.isinf(column))
-        if bad.size:
-            raise _error(path, int(bad[0]) + 1, "runs.table/not-a-number", text=str(column[bad[0]]), heading=head)
-    return _table(path, columns, states, list(range(1, len(next(iter(columns.values()), [])) + 1)), None)
+    numbers = list(range(1, len(next(iter(columns.values()), [])) + 1))
+    wrong = [
+        _error(path, numbers[i], "runs.table/not-a-number", text=str(column[i]), heading=head)
+        for head, column in columns.items()
+        for i in np.flatnonzero(np.isinf(column))
+    ]
+    _raise_in_order(wrong + _wrong_frequencies(path, columns, numbers))
+    return _table(path, columns, states, None)
 
 
 def _parquet_columns(path: Path, arrow: Any, file: Any, texts: list[str]) -> tuple[dict[str, Reals], tuple[str, ...]]:
@@ -200,22 +208,35 @@ def _number(text: TableText, cell: str) -> float:
     return math.nan if cell.lower() in _GAPS else text.number(cell)
 
 
-def _table(
-    path: Path, values: dict[str, Reals], states: tuple[str, ...], numbers: list[int], heading: int | None
-) -> RunsTable:
-    """The table of columns; `numbers` and `heading` are the lines of the runs and of the heading."""
+def _raise_in_order(errors: Sequence[FemtuneError]) -> None:
+    """All errors of a table together, line after line."""
+    raise_together(sorted(errors, key=lambda error: (error.where and error.where.line) or 0))
+
+
+def _wrong_frequencies(path: Path, columns: Mapping[str, Reals], numbers: Sequence[int]) -> list[FemtuneError]:
+    """An error for each value of a column of frequencies that is none; `numbers` are the lines of the runs."""
+    return [
+        _error(path, numbers[i], "runs.table/frequency", mode=int(match[1]), value=float(value))
+        for head, column in columns.items()
+        if (match := _FREQUENCY.fullmatch(head))
+        for i, value in enumerate(column)
+        if math.isfinite(value) and not 0.0 <= value <= LARGEST_HZ
+    ]
+
+
+def _table(path: Path, values: dict[str, Reals], states: tuple[str, ...], heading: int | None) -> RunsTable:
+    """The table of columns; `heading` is the line of the headings."""
     modes = {int(match[1]): head for head in values if (match := _FREQUENCY.fullmatch(head))}
     if not modes or sorted(modes) != list(range(1, len(modes) + 1)):
         raise _error(path, heading, "runs.table/no-frequencies", headings=", ".join(values)[:200])
     freq_hz = np.stack([values.pop(modes[j]) for j in sorted(modes)], axis=1)
-    wrong = np.argwhere((freq_hz < 0.0) | (freq_hz > LARGEST_HZ))
-    if wrong.size:
-        run, mode = (int(i) for i in wrong[0])
-        raise _error(path, numbers[run], "runs.table/frequency", mode=mode + 1, value=float(freq_hz[run, mode]))
     by_mode: dict[tuple[int, Dof], Reals] = {}
     for head in list(values):
         if match := _SHAPE.fullmatch(head):
-            by_mode[int(match[1]), parse_dof(f"{match[2]}+")] = values.pop(head)
+            at, sign = (int(match[1]), parse_dof(f"{match[2]}+")), -1.0 if match[3] == "-" else 1.0
+            if at in by_mode:
+                raise _error(path, heading, "runs.table/heading-twice", heading=f"shape{at[0]}_{match[2]}")
+            by_mode[at] = sign * values.pop(head)
     if not by_mode:
         return RunsTable(values, freq_hz, states=states)
     dofs = sorted({dof for _, dof in by_mode})

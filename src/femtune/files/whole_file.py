@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import stat
 import tempfile
 from collections.abc import Callable
@@ -28,18 +29,18 @@ def write_whole_by(path: Path, write: Callable[[IO[bytes]], object], flush: bool
     OSError : the folder cannot be written, or `path` is a device or a pipe, which must not be replaced
     """
     _check_replaceable(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
+    # an ordinary file, with the rights that the system gives to new files: those of tempfile are private, and to change
+    # them the process would have to set its umask, which is that of all its threads
+    temporary = path.parent / f".{path.name[:40]}.{secrets.token_hex(8)}"
     try:
-        with os.fdopen(handle, "wb") as stream:
+        with open(temporary, "xb") as stream:
             write(stream)
             stream.flush()
             if flush:
                 os.fsync(stream.fileno())
-        # mkstemp makes private files; a result is an ordinary one
-        os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
@@ -64,9 +65,3 @@ def _check_replaceable(path: Path) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
         raise OSError(errno.EINVAL, "it is a device or a pipe")
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

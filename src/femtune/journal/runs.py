@@ -78,12 +78,12 @@ class RunJournal:
         return outcome
 
     def keep(self, outcome: RunOutcome) -> None:
-        """Keep an outcome; if that fails, the runs continue without the journal, with a notice.
+        """Keep an outcome that may last; if that fails, the runs continue without the journal, with a notice.
 
         While another program holds the journal, outcomes wait in memory.
         """
         self.solved[_KIND] += 1
-        if self._database is None or self.stopped is not None:
+        if self._database is None or self.stopped is not None or not outcome.lasting:
             return
         self._waiting[outcome.key] = outcome
         self._write(_QUIET_WAIT_S)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -55,9 +56,16 @@ class Mesh:
         """
         if depth < 1 or len(elements) < _FEWEST_DIVIDED or not elements <= self.row.keys():
             return
-        for part in self._parts(sorted(elements)):
+        if elements not in self._known:
+            self._known[elements] = self._parts(sorted(elements))
+        for part in self._known[elements]:
             yield part
             yield from self.divided(part, depth - 1)
+
+    @cached_property
+    def _known(self) -> dict[frozenset[int], list[frozenset[int]]]:
+        """Parts of sets that were divided already: fields of one property have the same elements."""
+        return {}
 
     def _parts(self, elements: list[int]) -> list[frozenset[int]]:
         rows = np.array([self.row[e] for e in elements])

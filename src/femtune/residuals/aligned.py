@@ -36,7 +36,8 @@ def align(derivative: SubspaceDerivative, test: Reals) -> AlignedModes:
     Parameters
     ----------
     derivative : of c modes, at s sensors
-    test : (s, t) real test shapes, t ≤ c; NaN marks entries that were not measured
+    test : (s, t) real test shapes, t ≤ c; NaN marks entries that were not measured; without sensors the modes stay as
+        they are, the first t of them
 
     Raises
     ------
@@ -67,6 +68,9 @@ def _small_gradient(d: SubspaceDerivative) -> Reals:
 
 def _rotation(A: Reals, dA: Reals, B: Reals) -> tuple[Reals, Reals]:
     """Polar factor Q (c, t) of the unit modal coordinates of B in A, and its gradient (c, t, k)."""
+    if not len(A):
+        c, t, k = A.shape[1], B.shape[1], dA.shape[2]
+        return np.eye(c, t), np.zeros((c, t, k))
     U, dU = _unit_columns(*_coordinates(A, dA, B))
     u, s, vt = la.svd(U, full_matrices=False)
     Q, H = u @ vt, (vt.T * s) @ vt

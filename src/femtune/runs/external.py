@@ -214,7 +214,7 @@ class ExternalSolver:
         while licence > 0 and others > 0:
             result = self._attempt(key, values, files, stop)
             if isinstance(result, SolvedModes):
-                return RunOutcome(key, result, tuple(failures))
+                return RunOutcome(key, result, tuple(failures), not self.watched.changed)
             failures.append(result)
             if result.kind is FailureKind.LICENCE:
                 licence -= 1
@@ -222,7 +222,7 @@ class ExternalSolver:
                     pause(self.licence_wait_s, stop)
             else:
                 others -= 1
-        return RunOutcome(key, None, tuple(failures))
+        return RunOutcome(key, None, tuple(failures), not self.watched.changed)
 
     def _attempt(
         self, key: str, values: Values, files: Mapping[str, bytes], stop: threading.Event

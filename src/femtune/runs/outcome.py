@@ -48,11 +48,13 @@ class RunOutcome:
     key : digest of its inputs
     modes : what the solver found; None where every attempt failed
     failures : attempts that failed, before the one that did not
+    lasting : whether it may be used by later starts; not if files that the run read were changed meanwhile
     """
 
     key: str
     modes: SolvedModes | None
     failures: tuple[Failure, ...] = field(default=())
+    lasting: bool = True
 
     @property
     def attempts(self) -> int:

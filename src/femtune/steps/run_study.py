@@ -47,7 +47,7 @@ def _run(
             study.problem()
             check_parameters(study)
             if study.file.update.starts > 1 or study.file.bootstrap is not None:
-                check_executor(study)
+                check_executor(study, progress)
             inputs = inputs_of(study)
         place.check(study)
         study, journal = keeping(study, folder, fresh)

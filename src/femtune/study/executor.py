@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from femtune.errors import FemtuneError
 from femtune.executor import Cluster, Processes, Serial
+from femtune.executor.worker import packed
 from femtune.files.study_file import ParallelTable, StudyFile, read_study_file
 from femtune.files.study_file.reading import is_deck
 from femtune.study.error_places import errors_at
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from femtune.executor import Executor
+    from femtune.study.progress import Progress
     from femtune.study.study import Study
 
 LARGE = 3000
@@ -44,17 +46,28 @@ def with_jobs(source: Path | str | StudyFile, jobs: int | None) -> Path | str | 
     return file.model_copy(update={"parallel": ParallelTable(how=how, workers=jobs)})
 
 
-def check_executor(study: Study) -> None:
-    """Connect to the cluster, if the study names one, before anything is solved; only steps that make runs need it.
+def check_executor(study: Study, progress: Progress) -> None:
+    """Check, before anything is solved, that the runs of a study can be made where it wants them.
+
+    The model and the residuals are packed as for another process. A cluster is asked for its workers, and the first one
+    is waited for: the jobs that start them may be in a queue. Only steps that make runs need it.
 
     Raises
     ------
-    FemtuneError : ``executor.not-loopback``, ``executor.no-cluster``, ``install.missing``
+    FemtuneError : ``executor.not-loopback``, ``executor.no-cluster``, ``executor.not-sent``, ``install.missing``
     """
     executor = executor_of(study)
-    if isinstance(executor, Cluster):
-        with errors_at(study.file.where("parallel")):
-            executor.check()
+    if isinstance(executor, Serial):
+        return
+    from femtune.residuals.frf.model_way import AtFirstState  # noqa: PLC0415  many steps do without
+
+    with errors_at(study.file.where("parallel")):
+        used = [case.used for case in study.cases if case.used is not None]
+        # those that are made of the first state are not there yet
+        residuals = [r for case in used for r in case.residuals if not isinstance(r, AtFirstState)]
+        packed(([case.configured for case in study.cases], residuals))
+        if isinstance(executor, Cluster):
+            executor.check(lambda: progress.step(f"waiting for a worker of {executor.words}", 0, None))
 
 
 def executor_of(study: Study, *, reduced: bool = False) -> Executor:

@@ -22,7 +22,7 @@ from femtune.status import Status
 from femtune.updating.kinds import TrialKind
 from femtune.updating.result import Iteration, MinimumSearch, Trial, UpdateResult
 from femtune.updating.search import GaussNewton
-from femtune.updating.sensitivity_method import SensitivityMethod, Walk, moving_parameters, update
+from femtune.updating.sensitivity_method import Point, SensitivityMethod, Walk, moving_parameters, update
 from femtune.updating.starts import StartRules, objective_over, starting_points, united
 
 BETTER = 1e-3
@@ -36,6 +36,9 @@ _FIRST_STEPS = 10
 find one are near it by then."""
 _CURVED_GAIN = 3.0
 """Decrease of the objective that may be left, relative to that which the linear model expects, where it is curved."""
+_LEADS_BACK = 0.5
+"""Distance from a known minimum, in the size that its residuals have, to which a single step of the linear model leads
+from points that lie in its valley; and part of the distance that may be left."""
 
 _MOST_RANKED = 40
 """Other pairings that are assessed by the linear model: each costs the derivatives of one or two pairs."""
@@ -230,12 +233,18 @@ class _Search:
         return _Way(found, (*way.history, *found.history[1:]), held=reached)
 
     def _update(
-        self, kind: TrialKind, problem: UpdateProblem, start: Evaluation, smallest: bool = True, most: int = 0
+        self,
+        kind: TrialKind,
+        problem: UpdateProblem,
+        start: Evaluation,
+        smallest: bool = True,
+        most: int = 0,
+        leads_back: Callable[[Evaluation], bool] = lambda at: False,
     ) -> UpdateResult:
         most = min(self.method.max_iterations, most or max(self._spare(kind), _LEAST_EFFORT))
         change = self.method.smallest_change if smallest else 0.0
         method = replace(self.method, max_iterations=most, smallest_change=change)
-        return update(problem, method, start=start, active=self.best.active)
+        return update(problem, method, start=start, active=self.best.active, leads_back=leads_back)
 
     def _starts(self) -> None:
         """Those points with the least χ² of many that are spread over the bounds."""
@@ -262,8 +271,14 @@ class _Search:
             return np.inf
 
     def _from(self, x: Reals) -> _Way:
-        """The update from a point, given up after some steps where the linear model expects no better minimum."""
-        first = self._update("start", self.problem, self.problem.start(x), smallest=False, most=_FIRST_STEPS)
+        """The update from a point, given up where its steps lead back to the best end, and after some steps where the
+        linear model expects no better minimum."""
+        valley = _Valley.of(self._walk(), self.best)
+        first = self._update(
+            "start", self.problem, self.problem.start(x), smallest=False, most=_FIRST_STEPS, leads_back=valley.holds
+        )  # fmt: skip
+        if first.status is Status.KNOWN_MINIMUM:
+            return _Way(first, first.history, leads_back=True)
         if not first.status.ok:
             tests, walk = united([self.best.after.tests, first.after.tests]), self._walk()
             new, old = (objective_over(self.problem, r, tests) for r in (first, self.best))
@@ -283,7 +298,8 @@ class _Search:
         old, new = (2.0 * objective_over(self.problem, r, tests) for r in (self.best, way.end))
         fit = way.end.status.ok or not self.best.status.ok
         better = not way.ends_held and fit and _lower(new, old)
-        self.trials.append(Trial(kind, sentence, new, old, max(len(way.history) - 1, 1), better, way.held))
+        iterations = max(len(way.history) - 1, 1)
+        self.trials.append(Trial(kind, sentence, new, old, iterations, better, way.held, way.leads_back))
         if better:
             self._take(way, sentence, old, new)
 
@@ -305,12 +321,48 @@ def _lower(new: float, old: float) -> bool:
 
 @dataclass(frozen=True)
 class _Way:
-    """Where a trial ended, all points on its way, and χ² where its pairs were held; `ends_held`: it ended there."""
+    """Where a trial ended, all points on its way, and χ² where its pairs were held; `ends_held`: it ended there;
+    `leads_back`: it was given up, since its steps led back to the best end."""
 
     end: UpdateResult
     history: tuple[Iteration, ...]
     held: float | None = None
     ends_held: bool = False
+    leads_back: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Valley:
+    """The points from which steps lead to a known minimum: they have its pairs, and a step of their own linear model
+    leads next to it, nearer than they are.
+
+    Parameters
+    ----------
+    walk, end : the problem and the minimum
+    size : root mean square of the residuals there that no parameter changes
+    """
+
+    walk: Walk
+    end: Point
+    size: float
+
+    @classmethod
+    def of(cls, walk: Walk, found: UpdateResult) -> _Valley:
+        """Of the end of an update."""
+        free = max(found.after.independent - int(walk.moving.sum()), 1)
+        return cls(walk, walk.point(found.after), float(np.sqrt(2.0 * found.after.objective / free)))
+
+    def holds(self, at: Evaluation) -> bool:
+        """Whether a point with derivatives lies in it."""
+        if any(a.groups != b.groups for a, b in zip(at.states, self.end.evaluation.states, strict=True)):
+            return False
+        point = self.walk.point(at)
+        away, left = (self._distance(x) for x in (at.x, at.x + self.walk.local(point).step()))
+        return left <= _LEADS_BACK * min(self.size, away) or away <= _LEADS_BACK * self.size
+
+    def _distance(self, x: Reals) -> float:
+        """Change of the residuals from the minimum, by its linear model."""
+        return float(np.linalg.norm(self.end.jacobian @ (x - self.end.x)))
 
 
 def _pairs(at: Evaluation) -> dict[tuple[str, int], PairedMode]:

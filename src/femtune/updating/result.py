@@ -101,6 +101,7 @@ class Trial:
     iterations : that it took
     better : whether it became the result
     held : χ² where the update with another pairing ended while its pairs were held; None of a start, or without gain
+    leads_back : whether a start was given up because its steps led back to the best end until then
     """
 
     kind: TrialKind
@@ -110,6 +111,7 @@ class Trial:
     iterations: int
     better: bool
     held: float | None = None
+    leads_back: bool = False
 
 
 @dataclass(frozen=True)

@@ -337,6 +337,7 @@ def update(
     start: Evaluation | None = None,
     active: Sequence[str] | None = None,
     within: tuple[Reals, Reals] | None = None,
+    leads_back: Callable[[Evaluation], bool] = lambda at: False,
 ) -> UpdateResult:
     """Move the parameters inside their bounds until model and test agree as well as they can.
 
@@ -347,6 +348,7 @@ def update(
     active : names of the parameters that move, all where it is None; the others stay where `start` has them
     within : (k,) each, lower and upper limits of the normalised parameters inside the bounds, with the start between
         them. Bounds, priors and uncertainty stay those of the problem
+    leads_back : whether the steps from a point lead to a minimum that is known, so that the update ends there
 
     Raises
     ------
@@ -356,7 +358,8 @@ def update(
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
     moving = moving_parameters(problem, active)
     side = method.regularisation.settle(linear_model(problem, before, moving))
-    return _Update(Walk(problem, moving, side, first=before.objective, within=within), method, report).go(before)
+    walk = Walk(problem, moving, side, first=before.objective, within=within)
+    return _Update(walk, method, report, leads_back).go(before)
 
 
 @dataclass(frozen=True)
@@ -373,6 +376,7 @@ class _Update:
     walk: Walk
     method: SensitivityMethod
     report: Report
+    leads_back: Callable[[Evaluation], bool]
     history: list[Iteration] = field(default_factory=list)
     best: tuple[int, Evaluation] | None = None
     changes: list[tuple[Evaluation, Evaluation]] = field(default_factory=list)
@@ -557,6 +561,8 @@ class _Update:
             return Status.STALLED
         if self._settled(point, steps, gain):
             return self._optimum(point)
+        if self.leads_back(point.evaluation):
+            return Status.KNOWN_MINIMUM
         return Status.MAX_ITERATIONS if len(steps) >= self.method.max_iterations else None
 
     def _crawls(self, steps: list[Iteration], gain: float) -> bool:

@@ -21,3 +21,7 @@ class SelectTable(TomlTable):
     smoothness: bool = False
     """The residuals are computed along each parameter between its bounds, and parameters along which their sum of
     squares is not smooth are named. Example: `true`"""
+    missing: bool = False
+    """A first update is made, and fields of the deck that are no parameters, masses that it lacks and supports are
+    tested where it ends: which of them would explain what the parameters cannot. Up to 10,000 free DOFs.
+    Example: `true`"""

@@ -83,7 +83,7 @@ def candidates(
             study = read_study(file, progress)
             study.problem()
             check_parameters(study)
-            check_executor(study)
+            check_executor(study, progress)
             inputs = inputs_of(study)
         place.check(study)
         if page is not None:

@@ -44,6 +44,7 @@ from femtune.steps.select.record.identifiability import SelectionResults
 from femtune.steps.specimens.record import SpecimenResults
 from femtune.steps.step import InRun, load
 from femtune.steps.update.damping_values import write_damping
+from femtune.steps.update.facts.raw import raw_results
 from femtune.steps.update.facts.stages import stage_results
 from femtune.steps.update.facts.update import update_results
 from femtune.steps.validate.facts import predictions, validation
@@ -166,6 +167,7 @@ class Run:
                 "fisher": updated.fisher,
                 "left_out_modes": outcomes.of(ModesLeftOut).records,
                 "frfs": updated.iteration_frfs,
+                "raw": raw_results(parameters.raw, result),
             }
         )  # fmt: skip
         damped = outcomes.find(Damped)

@@ -79,7 +79,7 @@ def screen_parameters(
                 method = method_of_screen(asked, len(study.parameters.free))
             if table is not None:
                 check_places(study, [table], None)
-            check_executor(study)
+            check_executor(study, progress)
             inputs = inputs_of(study)
         with (
             watch.step("runs"),

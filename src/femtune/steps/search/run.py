@@ -131,7 +131,7 @@ def search_minimum(
                 if not table.front:
                     raise FemtuneError("search.front/csv")
                 check_places(study, [table_of_front], None)
-            check_executor(study)
+            check_executor(study, progress)
             inputs = inputs_of(study)
         arrays: dict[str, Any] = {}
         with (

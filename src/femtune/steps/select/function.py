@@ -68,5 +68,12 @@ def select(
     check_parameters(study)
     arrays: dict[str, NDArray[Any]] = {}
     with looking_up(study, fresh) as found:
-        record = select_at(found.study, start(found.study, progress), arrays, progress)
+        at = start(found.study, progress)
+        record = select_at(found.study, at, arrays, progress)
+        if found.study.file.select.missing:
+            # few studies ask for it
+            from femtune.steps.judge.facts.missing import fields_before_update  # noqa: PLC0415
+
+            missing = fields_before_update(found.study, at, progress)
+            record = record.model_copy(update={"missing": missing})
     return SelectResult(record, arrays, tuple(found.remarks))

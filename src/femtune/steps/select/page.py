@@ -13,6 +13,7 @@ from femtune.document.document import (
     GAP,
     Bar,
     Cell,
+    Details,
     Figure,
     Heading,
     Listing,
@@ -39,6 +40,7 @@ from femtune.document.numbers import (
     value,
 )
 from femtune.steps.info.page import model_check_table
+from femtune.steps.judge.page.missing import blocks_of
 
 if TYPE_CHECKING:
     from femtune.document.document import Block, Document, Level
@@ -382,10 +384,25 @@ def selection_document(subject: Subject, selection: SelectionResults) -> Documen
         Section("parameters", "Parameters", (parameter_table(selection), _singular_values(selection))),
         Section("expected", "Expected standard deviations", tuple(fisher_blocks(selection.fisher))),
         Section("choice", "Choice of parameters", tuple(measures(selection.measures)[1:])),
+        Section("missing", "Fields of the deck that are no parameters", missing_of_select(selection)),
         Section("model", "Checks of the model before the update", tuple(model_check_table(selection.model_checks))),
         Section("combinations", "Undetermined and weak combinations", tuple(_open_and_weak(selection))),
     )
     return subject.document(first, level, sections)
+
+
+def missing_of_select(selection: SelectionResults) -> tuple[Block, ...]:
+    """Fields that are no parameters, without the heading, which the section has.
+
+    Lines for the study are shown one by one, since a terminal folds nothing.
+    """
+    if selection.missing is None:
+        return ()
+    _, *blocks = blocks_of(selection.missing, {})
+    lines = [
+        Paragraph(text) for d in blocks if isinstance(d, Details) for text in (f"{d.summary}:", *d.text.split("\n"))
+    ]
+    return *(block for block in blocks if not isinstance(block, Details)), *lines
 
 
 def _listing(sentences: list[str]) -> tuple[Block, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -29,15 +29,20 @@ from femtune.steps.judge.facts.tested_fields import (
 from femtune.steps.judge.facts.tested_supports import TestedSupport, tested_supports
 from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
 from femtune.steps.judge.record.parts import RESERVED
+from femtune.study.update_method import method_of
 from femtune.units import force_unit, unit_system
+from femtune.updating import update
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from femtune.arrays import Reals
     from femtune.residuals import Evaluation, ResidualBlock, UpdateProblem
     from femtune.steps.judge.facts.tested_fields import Tested
 
     Widening = TestedField | TestedMass | TestedSupport
     from femtune.steps.judge.finished_update import FinishedUpdate
+    from femtune.study.progress import Progress
     from femtune.study.study import Study
     from femtune.updating import UpdateResult
     from femtune.updating.regularisation import SideConstraint
@@ -52,17 +57,45 @@ MOST_DRAWN = 40_000
 """Elements of a mesh that is drawn: more are smaller than the dots of a printed page."""
 REFITTED_FROM_DOFS = 10_000
 """Free DOFs from which one group is refitted only, since an iteration on a full model is expensive."""
+_FIRST_ITERATIONS = 15
+"""Iterations of the update before which the fields are to be known: most updates of small models take five."""
 _FEWEST_SOLUTIONS = 20
 """Points that refits may solve together, even if the update took fewer iterations: they need no derivatives."""
 
 
 def missing_fields(fit: FinishedUpdate) -> MissingResults:
     """The test of all fields, and the refit of the first ones if something is missing."""
-    reason = _not_tested(fit.study, fit.result)
+    found = _tested(fit.study, fit.result, fit.arrays, fit.progress)
+    return found if isinstance(found, MissingResults) else found.results(fit.study.file.update.look_further)
+
+
+def fields_before_update(study: Study, at: Evaluation, progress: Progress) -> MissingResults:
+    """The test of all fields where a first update from an evaluation ends, with refits of the first ones.
+
+    No better minimum is looked for, which the whole update does. An update of a large model takes long and is left to
+    it too.
+    """
+    if study.source.needs_runs or not study.source.has_elements:
+        return MissingResults(reason="the model has no elements whose properties could be tested")
+    sizes = [state.case.on_full_model.configured.n_free for state in at.states]
+    if max(sizes, default=0) >= REFITTED_FROM_DOFS:
+        return MissingResults(reason=f"the model has more than {REFITTED_FROM_DOFS} free DOFs; an update tests them")
+    progress.step("update of the parameters", 0, None)
+    method = method_of(study.file.update, study.parameters)
+    most = min(method.max_iterations, _FIRST_ITERATIONS)
+    result = update(study.problem(), replace(method, max_iterations=most, smallest_change=0.0), start=at)
+    found = _tested(study, result, None, progress)
+    return found if isinstance(found, MissingResults) else found.results(refit=True)
+
+
+def _tested(
+    study: Study, result: UpdateResult, arrays: MutableMapping[str, NDArray] | None, progress: Progress
+) -> MissingResults | _Found:
+    """The outcome of the test, or a record with the reason why there is none."""
+    reason = _not_tested(study, result)
     if reason:
         return MissingResults(reason=reason)
-    study, result = fit.study, fit.result
-    fit.progress.step("fields that are no parameters", 0, None)
+    progress.step("fields that are no parameters", 0, None)
     fields, factors, left_out = tested_fields(study)
     try:
         masses = tested_masses(study, result, len(factors))
@@ -85,7 +118,7 @@ def missing_fields(fit: FinishedUpdate) -> MissingResults:
         return MissingResults(reason="too few degrees of freedom are left, or the parameters represent all fields")
     # the tests of one fit share its level
     test = replace(test, p=np.minimum(1.0, TESTS_OF_A_FIT * test.p))
-    return _Found(fit, problem, end, tested, test, rows, columns, left_out).results()
+    return _Found(study, result, arrays, progress, problem, end, tested, test, rows, columns, left_out)
 
 
 def _not_tested(study: Study, result: UpdateResult) -> str:
@@ -145,12 +178,16 @@ class _Found:
     Parameters
     ----------
     problem, end : the widened problem, and the end of the update there
+    arrays : receives the drawing of the mesh; None without one
     fields : in the order of the columns of the test
     rows : the residuals that were tested
     columns : (n, factors) their derivatives by the factors
     """
 
-    fit: FinishedUpdate
+    study: Study
+    result: UpdateResult
+    arrays: MutableMapping[str, NDArray] | None
+    progress: Progress
     problem: UpdateProblem
     end: Evaluation
     fields: Sequence[Tested]
@@ -159,11 +196,10 @@ class _Found:
     columns: Reals
     left_out: int
 
-    def results(self) -> MissingResults:
-        """The record, with the first groups refitted if something is suspected to be missing."""
+    def results(self, refit: bool) -> MissingResults:
+        """The record, with the first groups refitted if that is wanted and something is suspected to be missing."""
         test, groups = self.test, self._groups()
-        further = self.fit.study.file.update.look_further
-        refits = self._refitted([g[0] for g in groups]) if further and test.p.min() < RESERVED else {}
+        refits = self._refitted([g[0] for g in groups]) if refit and test.p.min() < RESERVED else {}
         # the lowest misfit decides between those that were refitted
         groups.sort(key=lambda g: refits[g[0]].chi_square if g[0] in refits else np.inf)
         corners, gain = self._drawing() if test.p.min() < RESERVED else (None, None)
@@ -206,11 +242,11 @@ class _Found:
 
     @property
     def _mass_unit(self) -> str:
-        words = self.fit.study.file.study.units.split("-")
+        words = self.study.file.study.units.split("-")
         return words[1] if len(words) == 3 else ""
 
     def _stiffness_unit(self, component: int) -> str:
-        units = unit_system(self.fit.study.file.study.units)
+        units = unit_system(self.study.file.study.units)
         length, force = units.name.split("-", maxsplit=1)[0], force_unit(units)
         return f"{force}/{length}" if component <= 3 else f"{force} {length}/rad"
 
@@ -221,17 +257,17 @@ class _Found:
         for field, within in zip(self.fields, self.test.within):
             for element in field.elements:
                 largest[element] = max(largest.get(element, 0.0), float(within))
-        mesh = mesh_of(self.fit.study.built.structure)
+        mesh = mesh_of(self.study.built.structure)
         shown = [e for e in sorted(largest) if e in mesh.row]
-        if not 0 < len(shown) <= MOST_DRAWN:
+        if self.arrays is None or not 0 < len(shown) <= MOST_DRAWN:
             return None, None
-        self.fit.arrays[_CORNERS] = mesh.corners[[mesh.row[e] for e in shown]]
-        self.fit.arrays[_GAIN] = np.array([largest[e] for e in shown])
+        self.arrays[_CORNERS] = mesh.corners[[mesh.row[e] for e in shown]]
+        self.arrays[_GAIN] = np.array([largest[e] for e in shown])
         return _CORNERS, _GAIN
 
     def _refitted(self, first: Sequence[int]) -> dict[int, RefittedField]:
         """Refits of the first groups."""
-        result, out = self.fit.result, dict[int, RefittedField]()
+        result, out = self.result, dict[int, RefittedField]()
         large = any(s.case.on_full_model.configured.n_free >= REFITTED_FROM_DOFS for s in result.after.states)
         left = max(len(result.history) - 1, _FEWEST_SOLUTIONS)
         for i in first[: 1 if large else MOST_REFITTED]:
@@ -240,7 +276,7 @@ class _Found:
                 continue
             if left < 1:
                 break
-            self.fit.progress.step(f"update with {name_of(field)} as a further parameter", 0, None)
+            self.progress.step(f"update with {name_of(field)} as a further parameter", 0, None)
             found = self._refit(field, left)
             left -= found.solutions
             out[i] = self._refitted_field(field, found)
@@ -249,14 +285,14 @@ class _Found:
     @property
     def _side(self) -> SideConstraint | None:
         """The side constraint of the update; one that acts on the change of each iteration does not act at its end."""
-        side = self.fit.result.side
+        side = self.result.side
         return side if side.renewed is None else None
 
     def _refit(self, field: Widening, most: int) -> Refit:
-        result, wide = self.fit.result, self.end.states[0].case.configured.model.parameters
+        result, wide = self.result, self.end.states[0].case.configured.model.parameters
         moving = np.flatnonzero(np.isin([p.name for p in result.parameters.free], result.active))
         if isinstance(field, TestedSupport):
-            problem, end = support_freed(result, self.fit.study.model, field.support, field.scale)
+            problem, end = support_freed(result, self.study.model, field.support, field.scale)
             last = np.eye(len(end.x))[-1]
             return refitted(problem, end, self._side, moving, last, field.usual, most - 1)
         direction = np.zeros(len(wide.free))
@@ -265,7 +301,7 @@ class _Found:
 
     def _refitted_field(self, field: Widening, found: Refit) -> RefittedField:
         column = _column(self.columns, field)
-        values = whitened_values((*found.evaluation.weighted, *prior_blocks(self.fit.result, found.x)))
+        values = whitened_values((*found.evaluation.weighted, *prior_blocks(self.result, found.x)))
         p = None
         if len(values) == len(self.rows.r):
             p = p_of_refit(self.rows, replace(self.rows, r=values, J=np.column_stack([self.rows.J, column])))

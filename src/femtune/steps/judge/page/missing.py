@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,14 @@ from femtune.document.numbers import NONE, counted, short, signed_percent, with_
 from femtune.steps.judge.record.parts import RESERVED
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from femtune.document.document import Block
     from femtune.steps.judge.record.missing import MissingField, MissingResults
     from femtune.steps.report_source import ReportSource
 
+_MOST_LINES = 3
+"""Fields of which lines are given where none was refitted."""
 _MOST_ALIKE = 3
 """Fields that look alike, in a row of the table."""
 
@@ -26,27 +30,41 @@ def missing_blocks(source: ReportSource) -> Iterable[Block]:
     found = judged.missing if judged else None
     if found is None:
         return
+    yield from blocks_of(found, source.arrays)
+
+
+def blocks_of(found: MissingResults, arrays: Mapping[str, NDArray]) -> Iterable[Block]:
+    """A sentence, the first fields in a table, the mesh coloured by what they explain, and lines for the study.
+
+    Parameters
+    ----------
+    arrays : of the record, by key
+    """
     yield Heading("Fields of the deck that are no parameters")
     if found.p_value is None:
         yield Paragraph(f"Not tested: {found.reason}.", "muted")
         return
     yield Paragraph(_sentence(found))
-    heads = columns("Field", "Kind", ">Change", ">Usual range", ">p value", ">Factor if freed", ">χ² if freed")
+    freed = any(f.refit is not None for f in found.fields)
+    heads = columns(
+        "Field", "Kind", ">Change", ">Usual range", ">p value", *([">Factor if freed", ">χ² if freed"] if freed else [])
+    )
     note = (
         "Each one is tested by itself, by linear extrapolation from the end of the update. The p value takes account "
         "of the number of fields, and of the two other tests of the fit. A change beyond the usual range is not shown. "
         f"χ² without any of them: {short(found.chi_square)}."
     )
-    yield Table("", heads, tuple(map(_row, found.fields)), note)
+    yield Table("", heads, tuple(_row(f)[: len(heads)] for f in found.fields), note)
     if found.corners_key is not None and found.gain_key is not None:
         yield Figure(
             partial(
-                elements_svg, source.arrays[found.corners_key], source.arrays[found.gain_key], "explains nothing",
+                elements_svg, arrays[found.corners_key], arrays[found.gain_key], "explains nothing",
                 "explains most",
             ), _CAPTION,
             f"mesh coloured by what a change of each element explains; most: {found.fields[0].name}",
         )  # fmt: skip
-    lines = "\n\n".join(f.lines for f in found.fields if f.refit is not None and f.lines)
+    refitted = [f for f in found.fields if f.refit is not None] or found.fields[:_MOST_LINES]
+    lines = "\n\n".join(f.lines for f in refitted if f.lines)
     if lines and found.p_value < RESERVED:
         yield Details("Lines for the study that make these fields parameters; take one, and run again", lines)
 

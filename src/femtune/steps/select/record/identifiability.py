@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.steps.info.record.checks import ModelCheck
+from femtune.steps.judge.record.missing import MissingResults
 from femtune.steps.select.record.fisher import FisherResults
 from femtune.steps.select.record.selection import SelectionMeasures
 from femtune.study.record import Record
@@ -118,3 +119,6 @@ class SelectionResults(Record):
     """Fisher information of the FRFs at the initial values; None without residuals of measured FRFs."""
     smoothness: tuple[SmoothnessRecord, ...] = ()
     """The misfit along each free parameter; empty if not requested."""
+    missing: MissingResults | None = None
+    """Fields of the deck that no parameter represents, tested where a first update ends; None if not requested, and in
+    `femtune run`, whose verdict has this test."""

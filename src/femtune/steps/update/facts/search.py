@@ -67,7 +67,7 @@ def minimum_results(result: UpdateResult) -> MinimumResults | None:
         trials=tuple(
             TrialFacts(
                 kind=t.kind, sentence=t.sentence, chi_square=_finite(t.chi_square), before=t.before,
-                iterations=t.iterations, better=t.better, held=t.held,
+                iterations=t.iterations, better=t.better, held=t.held, leads_back=t.leads_back,
             )
             for t in found.trials
         ),

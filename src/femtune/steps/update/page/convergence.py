@@ -28,7 +28,8 @@ _ENOUGH_STARTS = 2
 """Starts that have to reach a minimum for it to be called the best one."""
 _TRIALS_NOTE = (
     "With another pairing the update goes on from its end with these pairs held, then with pairs by their MACs. χ² of "
-    "both ends is over the same comparisons: a test mode without a partner is compared with the nearest model mode."
+    "both ends is over the same comparisons: a test mode without a partner is compared with the nearest model mode. "
+    "“Led back”: a start was given up because its steps led back to the best end."
 )
 _POLES_NOTE = (
     "Of a pole λ the frequency is |λ|/2π, and the damping ratio −Re λ/|λ|. Close modes that are paired together have "
@@ -313,7 +314,7 @@ def _trials(update: UpdateResults) -> list[Block]:
     rows = tuple(
         row(
             t.sentence, NONE if t.chi_square is None else value(t.chi_square), value(t.before), str(t.iterations),
-            "yes" if t.better else "no",
+            "yes" if t.better else "no, led back" if t.leads_back else "no",
         )
         for t in found.trials
     )  # fmt: skip

@@ -120,6 +120,8 @@ class TrialFacts(Record):
     held: float | None = None
     """Sum of squares where the update with another pairing ended while its pairs were held; None of a start, or if it
     was not lower."""
+    leads_back: bool = False
+    """True of a start that was given up because its steps led back to the best end until then."""
 
 
 class MinimumResults(Record):
