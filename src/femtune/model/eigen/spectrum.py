@@ -101,7 +101,7 @@ class Spectrum:
     @cached_property
     def theta(self) -> Reals:
         """(n,) all θ, ascending; those of directions without mass are zero but for rounding."""
-        return self._pairs[0] if self.pencil.n <= _ALL_UP_TO else np.linalg.eigvalsh(self._inverse)
+        return self._pairs[0] if self.pencil.n <= _ALL_UP_TO else np.asarray(np.linalg.eigvalsh(self._inverse), float)
 
     @cached_property
     def vectors(self) -> Pairs:
