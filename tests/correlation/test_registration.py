@@ -36,6 +36,7 @@ def _moved(points: Reals, turn: Reals = TURN, shift: tuple[float, float, float] 
     return (points - shift) @ turn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hand", [1.0, -1.0], ids=["right-handed", "left-handed"])
 def test_an_exact_motion_is_found_exactly(hand: float) -> None:
     turn = TURN @ np.diag([1.0, 1.0, hand])
@@ -124,6 +125,7 @@ def test_points_of_another_structure_are_refused() -> None:
     assert any("--by-id" in doubt for doubt in guess.doubts)
 
 
+@pytest.mark.slow
 def test_what_the_user_states_of_the_sensors() -> None:
     structure, numbers = _structure(BRACKET), CHOSEN + 1
     shifted = BRACKET[CHOSEN] - [4.0, 0.0, 0.0]
@@ -138,6 +140,7 @@ def test_what_the_user_states_of_the_sensors() -> None:
     assert "coordinates of the test points are not those" in by_id.doubts[0]
 
 
+@pytest.mark.slow
 def test_points_without_coordinates_follow_the_numbers_of_the_others() -> None:
     """One point has no place; all others agree with their numbers."""
     points = _moved(BRACKET[CHOSEN])

@@ -65,7 +65,7 @@ def _refs(card: str, element: int) -> list[FieldRef]:
     return [FieldRef(card, element, f"W{c}{end}") for end in "AB" for c in (1, 2, 3)]
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("arms", [ARMS, ALIKE])
 @pytest.mark.parametrize("name", [*PARTS, *SKEW])
@@ -118,7 +118,7 @@ def test_offsets_that_move_both_ends_alike_are_polynomials(name: str):
         np.testing.assert_allclose(assemble(moved, kind).toarray(), expected, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0, gate=3)
 @pytest.mark.parametrize(
     ("name", "still"),
     [*((name, True) for name in (*PARTS, *SKEW)), ("bar, shear and pins", False), ("beam", False)],

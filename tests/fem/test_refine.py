@@ -89,7 +89,7 @@ def _plate(n: int, cells: str, **how: float) -> Structure:
     return shell_structure(mesh.xyz, [ShellPart(mesh.cells, Section(STEEL, 0.05))], held=held)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", ["quad", "right", "quad8", "right6"])
 def test_a_refined_plate_is_a_plate_with_twice_as_many_elements(cells: str):
     structure = _plate(3, cells, skew=0.2)
@@ -108,6 +108,7 @@ def test_a_refined_block_is_a_block_with_twice_as_many_elements(kind: str):
     assert natural_frequencies(refined, 5) == pytest.approx(natural_frequencies(block(4), 5), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tetra4", "pyram5", "tetra10", "pyram13"])
 def test_refined_tetrahedra_and_pyramids_fill_the_volume_and_are_in_balance(kind: str):
     """Mass as before; forces of a constant strain are zero inside, so that neighbours share all their points."""

@@ -198,7 +198,7 @@ def test_functions_of_the_subspace_of_a_double_mode(repeated: tuple[EigenSolutio
     )
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("field", ["PSHELL 1 T", "CQUAD4 1 ZOFFS", "PBARL 2 DIM2", "PBUSH 4 K1", "MAT1 1 NU"])
 def test_a_written_deck_has_the_frequencies_that_the_derivatives_foretell(field: str, tmp_path: Path):
     """The field as it was written, read and solved again: the change is that of the derivative, with slope 2."""

@@ -117,6 +117,7 @@ def test_of_two_poles_of_one_mode_the_one_from_nearer_is_reported() -> None:
     assert [bool(marked.left[i]) for i in place] == [True, False]
 
 
+@pytest.mark.slow
 def test_modes_of_an_identification_are_those_of_their_clusters(three_modes: Known) -> None:
     # leakage of a Hann window, and lines as far apart as half bandwidths
     lines = np.linspace(*_BAND, 60)

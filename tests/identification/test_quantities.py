@@ -78,7 +78,7 @@ def record(measured: dict[str, np.ndarray], quantities: Sequence[str], units: Se
 
 @pytest.mark.parametrize("quantities", [VELOCITIES, THREE], ids=["two", "three"])
 @pytest.mark.parametrize("method", OUTPUT_ONLY)
-@pytest.mark.quick(1)
+@pytest.mark.quick(1, gate=3)
 def test_shapes_of_mixed_records_are_those_of_accelerations(measured, method, quantities):
     truth = plant().truth
     mixed, plain = (OUTPUT_ONLY[method].load()(record(measured, q), ASKED) for q in (quantities, ALL))

@@ -101,7 +101,7 @@ def test_poissons_ratio_keeps_what_it_tells_apart() -> None:
     assert stiffness.term.n_columns == 12
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["stiffness", "mass", "hysteretic"])
 def test_folded_terms_have_exact_derivatives(kind: str) -> None:
     point = model(shells(loss=0.02), nu="MAT1 1 NU", **THREE)

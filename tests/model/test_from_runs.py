@@ -48,6 +48,7 @@ def alignment(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.abs(np.einsum("im,ij,jm->m", one, MASS, other))
 
 
+@pytest.mark.slow
 def test_with_all_modes_a_linear_model_is_met_exactly_wherever_its_modes_lie() -> None:
     fitted = fit_runs(runs_at(sample(8)), NODES, 1, crossed=False)
     for point in sample(6, 0.9, seed=7):
@@ -368,6 +369,7 @@ def test_the_stated_deviation_is_that_of_drawn_matrices() -> None:
     np.testing.assert_allclose(stated[:3], counted[:3], rtol=0.1)
 
 
+@pytest.mark.slow
 def test_the_stated_deviation_grows_away_from_the_runs() -> None:
     points = sample(12)
     coverage = fit_runs(runs_at(points), NODES, 1, crossed=False, rules=KrigingRules()).coverage

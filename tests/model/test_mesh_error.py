@@ -178,6 +178,7 @@ def test_rigid_body_modes_alone_have_no_error(tmp_path: Path) -> None:
     assert mesh_change(_modes(deck, tmp_path, 6)) == "no elastic mode was computed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "written"),
     [

@@ -104,7 +104,7 @@ def test_a_shallow_minimum_between_two_poles_is_none() -> None:
     assert error.value.code == "residual.no-antiresonances"
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["receptance", "mobility"])
 def test_the_kind_of_function_does_not_matter(kind: str) -> None:
     frfs = functions()

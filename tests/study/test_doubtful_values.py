@@ -62,7 +62,7 @@ FOUND = {
 }  # fmt: skip
 
 
-@pytest.mark.quick(5)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FOUND)
 def test_doubtful_values_are_told(tmp_path: Path, name: str) -> None:
     text, words = FOUND[name]

@@ -61,6 +61,7 @@ def test_a_plan_of_a_plain_deck(free: Path) -> None:
     assert found.auto_mac.shape == (6, 6)
 
 
+@pytest.mark.slow
 def test_numbers_of_the_set_are_those_of_the_shapes_at_its_points(free: Path) -> None:
     found = ft.plan(free, modes=[7, 8, 9, 10], uniaxial=6)
     shapes = ft.modes(free, count=12).mode_sets["as the deck"]

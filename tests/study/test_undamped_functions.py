@@ -54,6 +54,7 @@ def _study(measured: Path, folder: Path, more: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_check_and_update_tell_that_nothing_damps_the_functions(measured: Path, tmp_path: Path) -> None:
     study = _study(measured, tmp_path, "")
     (told,) = [r for r in ft.check(study).remarks if r.code == "residual.frf-undamped"]

@@ -155,6 +155,7 @@ def test_sensors_sit_at_the_same_places_in_every_mesh(smallest: Subframe) -> Non
     assert sum(mass.name == "accelerometer" for mass in smallest.masses) == SENSORS
 
 
+@pytest.mark.slow
 def test_another_seed_puts_the_sensors_elsewhere(smallest: Subframe) -> None:
     other = subframe(5_000, seed=3)
     places = [m.xyz[np.isin(m.node_ids, m.sensors)] for m in (smallest, other)]

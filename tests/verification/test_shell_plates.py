@@ -146,7 +146,7 @@ def published(shared_data: Path, start: str) -> np.ndarray:
     return np.array(next(v["target_Hz"] for k, v in table.items() if k.startswith(start)))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 def test_nafems_fv12_free_thin_plate(shared_data: Path, consistent: bool):
     found = extrapolated(bending_only, 0.05, 11, consistent, side=10.0)

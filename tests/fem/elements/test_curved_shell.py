@@ -193,6 +193,7 @@ def test_the_second_side_of_a_node_is_to_the_left_of_the_first(shape):
     assert (ahead[:, 0] * other[:, 1] - ahead[:, 1] * other[:, 0] > 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surface", ["warped", "cylinder"])
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 def test_the_numbering_does_not_matter(cells: str, surface: str):

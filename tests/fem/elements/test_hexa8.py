@@ -93,7 +93,7 @@ def tip_of(K, mesh) -> float:
     return float(u[3 * tip + 2].mean())
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(("thickness", "lean"), [(1.0, 0.1), (1.0, 0.3), (0.3, 0.1), (0.3, 0.3)])
 def test_distorted_cells_are_as_soft_as_hybrid_ones(thickness: float, lean: float):
     mesh, law = leaning_beam(thickness, lean), isotropic_law(1.0, 0.3)

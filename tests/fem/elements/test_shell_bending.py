@@ -171,10 +171,10 @@ def test_the_first_corner_does_not_matter(seed: int, first: int, material: Isotr
     np.testing.assert_allclose(other, K[np.ix_(at, at)], atol=1e-12 * np.abs(K).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", [
     Section(ISO, 0.1), Section(ISO, 0.1, bending=ANISO), Section(ANISO, 0.1, bending=ISO), Section(ANISO, 0.1, 0.03),
 ])  # fmt: skip
-@pytest.mark.quick(2)
 def test_terms_are_exact_far_from_where_they_were_made(section: Section) -> None:
     mesh = shell_mesh(rectangle(3.0, 1.0, 0.2), 4, 3, distort=0.25)
     for change in ({"t": 0.35}, {"TS": 0.4}, {"RI": 3.0}):

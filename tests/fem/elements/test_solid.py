@@ -282,7 +282,7 @@ def test_materials_may_be_mixed_in_a_batch():
         np.testing.assert_allclose(b, a, atol=1e-12 * np.abs(a).max())
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("middle", [300, 301])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("material", [ISO, ANISO], ids=["isotropic", "anisotropic"])

@@ -49,6 +49,7 @@ def test_the_deck_is_sound(folder: Path) -> None:
     assert len(read_deck(folder / "deck.bdf").cards) == 7
 
 
+@pytest.mark.slow
 def test_cut_at_every_byte(folder: Path) -> None:
     for length in range(len(DECK)):
         (folder / "deck.bdf").write_bytes(DECK[:length])

@@ -217,7 +217,7 @@ def test_tubes_and_boxes():
         assert box1[name] == pytest.approx(box[name], abs=1e-15)
 
 
-@pytest.mark.quick(6)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 def test_section_formulas_carry_derivatives(name: str):
     dims = np.array(TYPICAL[name])

@@ -216,7 +216,7 @@ def check_variant(sample: Sample, variant: Variant, folder: Path, start: int, ev
         check_written(deck, built, FieldRef(sample.card, sample.number, name), folder / "run")
 
 
-@pytest.mark.quick(1, gate=18)
+@pytest.mark.slow
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_in_every_format(sample: Sample, tmp_path: Path) -> None:
     for number, variant in enumerate(of_each_form(SAMPLES.index(sample))):
