@@ -40,9 +40,9 @@ def marginals_svg(
             axes.axvspan(*limits[i], color=PALE, alpha=0.5, linewidth=0)
             if high > low:
                 edges = np.linspace(low, high, _BINS + 1)
-                axes.hist(samples[:, i], bins=edges, weights=weights, color=BLUE)
+                axes.hist(samples[:, i], bins=list(edges), weights=weights, color=BLUE)
                 share = np.full(len(linear), 1.0 / len(linear))
-                axes.hist(linear[:, i], bins=edges, weights=share, histtype="step", color=SOFT, linewidth=1.0)
+                axes.hist(linear[:, i], bins=list(edges), weights=share, histtype="step", color=SOFT, linewidth=1.0)
             axes.axvline(marks[i], color=ORANGE, linewidth=1.2)
             axes.set_title(cut(label, 22), fontsize=8)
             axes.set_yticks([])
