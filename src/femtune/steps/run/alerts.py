@@ -68,6 +68,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_raw(results),
         *(told for mapped in results.mapped_damping for told in _of_completeness(mapped)),
         *(told for r in results.responses for told in r.alerts),
+        *(() if results.posterior is None else results.posterior.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
         *others,

@@ -20,6 +20,7 @@ from femtune.steps.info.facts import alert_of
 from femtune.steps.judge.narrowing import with_honest_intervals
 from femtune.steps.judge.run import JudgedTopics
 from femtune.steps.judge.verdict import judgement
+from femtune.steps.posterior.record import PosteriorResults
 from femtune.steps.quantify.record import QuantifyResults
 from femtune.steps.results import Results
 from femtune.steps.run.alerts import alerts_of
@@ -185,6 +186,7 @@ class Run:
             "update": update,
             "quantify": outcomes.find(QuantifyResults),
             "bootstrap": outcomes.find(BootstrapResults),
+            "posterior": outcomes.find(PosteriorResults),
             "specimens": outcomes.find(SpecimenResults),
             "mapped_damping": () if damped is None else damped.records,
             "write_back": None if written is None else written.deck.record,
