@@ -59,6 +59,7 @@ def test_points_without_partner_are_left_out() -> None:
     assert found[0].grids.tolist() == expected.tolist()
 
 
+@pytest.mark.slow
 def test_coordinates_as_they_are_come_first() -> None:
     """A plate has three other motions onto itself; test points in the axes of the model need none."""
     plate = _block(8, 5, 0)
@@ -68,6 +69,7 @@ def test_coordinates_as_they_are_come_first() -> None:
     assert found[0].is_unchanged
 
 
+@pytest.mark.slow
 def test_symmetries_of_the_mesh_are_among_the_motions() -> None:
     plate = _block(8, 5, 0)
     chosen = np.array([0, 5, 9, 17, 21, 26, 33, 40, 44, 48, 53])
@@ -81,6 +83,7 @@ def test_symmetries_of_the_mesh_are_among_the_motions() -> None:
     assert "symmetric" in guess.several
 
 
+@pytest.mark.slow
 def test_numbers_decide_between_symmetries_only() -> None:
     """Equal numbers take the one motion of four that agrees; numbers of other grid points change nothing."""
     plate = _block(8, 5, 0)

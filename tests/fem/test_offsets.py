@@ -83,7 +83,7 @@ def plain_samples(structure: Structure) -> np.ndarray:
     return structure.values.values[None]
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("name", PARTS)
 def test_other_offsets_give_the_matrices_of_a_deck_with_these(name: str, consistent: bool):
@@ -193,6 +193,7 @@ SECTION_ONE = {"E": 2.1e11, "G": 8.1e10, "A": 2e-4, "I1": 1.5e-8, "I2": 6e-9, "J
 UP = ((0.0, 0.1, 0.0), (0.0, 0.1, 0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PARTS)
 def test_rigid_body_motion_is_strain_free_whatever_the_offsets(name: str):
     movable = with_offsets(make_structure(XYZ, [PARTS[name](ARMS)]), [1, 2])

@@ -53,6 +53,7 @@ def test_two_halves_of_a_bar_with_offsets_are_the_bar(values: dict):
     _middle_condensed_is_the_whole(structure, 1e-11)
 
 
+@pytest.mark.slow
 def test_two_halves_of_a_tapered_beam_are_the_beam():
     """Three stations, of which the halves have other ones; neutral axis and mass beside the shear centre."""
     varying = {"A": (3.0, 2.6, 1.0), "I1": (0.7, 0.5, 0.2), "I2": (0.4, 0.3, 0.1), "I12": (0.05, 0.02, 0.0),
@@ -232,6 +233,7 @@ def test_rigid_elements_go_on_along_edges_and_lines_but_not_between_points():
     assert sorted(map(tuple, off.structure.nodes.xyz[_rigid_new(structure, off)][:, :2])) == expected[4:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["shell", "solid"])
 def test_an_edge_or_face_that_follows_a_held_point_is_a_held_one(kind: str):
     """The frequencies of the refined mesh are those of the mesh whose supports go on."""

@@ -163,6 +163,7 @@ def test_frequencies_of_linear_area_and_inertia(thin: tuple[float, float]) -> No
     assert np.log2(errors[0][-1] / errors[1][-1]) > 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.5, 0.2])
 def test_frequencies_of_linear_dimensions(height: float) -> None:
     """A and I of a bar whose width and height change linearly, given at stations: the error falls with their distance.

@@ -175,7 +175,7 @@ def test_the_branches_of_a_double_mode_have_the_slopes_of_the_small_matrix(
     np.testing.assert_allclose(found, slopes, atol=1e-6 * abs(slopes).max())
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("direction", DIRECTIONS, ids=str)
 def test_functions_of_the_subspace_of_a_double_mode(repeated: tuple[EigenSolution, list[int]], direction: np.ndarray):
     """Φ Φᵀf of some forces f, and the sum of both eigenvalues: neither depends on the choice of vectors."""

@@ -70,6 +70,7 @@ def test_a_pole_without_a_mode_is_not_reported_and_stays_in_the_fit(three_modes:
     assert left
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mode", "change", "why"), _CHANGES)
 def test_the_end_is_compared_with_the_cluster(three_modes: Known, mode: int, change: dict[str, Any], why: str) -> None:
     hz, ratios, shapes = three_modes.freq_hz.copy(), three_modes.damping_ratio.copy(), three_modes.shapes.copy()

@@ -119,6 +119,7 @@ def test_lines_too_few_for_a_further_mode(three_modes: Any) -> None:
     assert not fit_with_neighbours(frfs, start, None, ()).outside.any()
 
 
+@pytest.mark.slow
 def test_the_identification_fits_it_and_says_so(three_modes: Any) -> None:
     known = _beside(three_modes, 25.6)
     found = identify_frfs(known.frfs(np.linspace(2.0, 40.0, 600), 0.01), InputKnown((8.0, 25.0), 20))

@@ -59,7 +59,7 @@ def test_with_all_modes_a_linear_model_is_met_exactly_wherever_its_modes_lie() -
     assert np.abs(fitted.error).max() < 1e-9
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("count", [2, 3])
 def test_with_some_of_the_modes_the_runs_are_met_and_the_space_between_with_the_order_of_the_polynomial(
     count: int,

@@ -120,6 +120,7 @@ def test_criteria_that_were_not_tested_are_counted_beside_those_that_passed() ->
     assert sentence(not_tested) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", ["I_beam_1 rises while", "Damping was not compared.", "at bound, σ not given", "criteria ("]
 )

@@ -188,7 +188,7 @@ _UNITS = {
 }
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("units", _UNITS)
 def test_units_are_guessed_from_materials_and_coordinates(tmp_path: Path, units: str) -> None:
     scale, material = _UNITS[units]
@@ -223,6 +223,7 @@ def test_a_test_whose_file_states_no_units(tmp_path: Path) -> None:
     assert ft.check(made.path).ok
 
 
+@pytest.mark.slow
 def test_units_may_be_stated(small: tuple[Path, Path]) -> None:
     made = ft.init(*small, small[0].parent / "new", units="mm-kg-s")
     assert made.record.units == "mm-kg-s"
@@ -485,6 +486,7 @@ def test_mistakes_of_study_deck_and_test_at_once(small: tuple[Path, Path]) -> No
     assert result.stderr.count("hint:") >= 3
 
 
+@pytest.mark.slow
 def test_mistakes_of_deck_and_test_beside_those_of_the_study(small: tuple[Path, Path]) -> None:
     deck, test = small
     made = ft.init(deck, test, deck.parent / "new")

@@ -70,7 +70,7 @@ def _sd(F: Reals) -> Reals:
     return _PRIOR * np.sqrt(np.diag(np.linalg.inv(np.eye(3) + F)))
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("form", ["log-complex", "log-magnitude", "linear"])
 def test_expected_standard_deviations_beside_differences(tmp_path: Path, form: str) -> None:
     found = ft.plan(_chain(tmp_path, uniaxial=5, exciters=1, frf_form=form))

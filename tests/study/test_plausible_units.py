@@ -241,6 +241,7 @@ def _doubtful(sentences: Iterable[str]) -> list[str]:
     return [s for s in sentences if "deck.sections-doubtful" in s]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "told"), [(1000.0, True), (0.01, True), (1.001, False), (25.4, False), (0.04, False)]
 )

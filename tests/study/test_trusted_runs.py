@@ -108,6 +108,7 @@ def test_a_journal_that_another_program_holds_is_waited_for(
     assert [p.name for p in place.parent.glob("runs.*")] == ["runs.sqlite"]
 
 
+@pytest.mark.slow
 def test_outcomes_wait_while_another_program_holds_the_journal(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ft.modes(study)
     first = runs_of(study)

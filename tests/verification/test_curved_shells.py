@@ -168,6 +168,7 @@ def test_straight_beam(cells: str, shape: str):
     assert found[2] == pytest.approx(1.0, abs=0.012)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 @pytest.mark.parametrize(
     ("t", "total", "exact"),

@@ -74,6 +74,7 @@ def test_six_motions_are_strain_free_and_no_more(cells, surface, material, z0, t
     assert strain_free(structure) == 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cells", "lacking"), [("quad8", [5]), ("quad8", [4, 5, 6, 7]), ("right6", [3]), ("right6", [3, 4, 5])]
 )

@@ -211,7 +211,7 @@ def on_its_corners(n: int, nu12: float) -> float:
     return float(natural_frequencies(shell_structure(mesh.xyz, [ShellPart(mesh.cells, section)], held=held), 1)[0])
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("nu12", [0.3, 0.98])
 def test_strongly_coupled_laws_do_not_lock(nu12: float) -> None:
     coarse, fine = (on_its_corners(n, nu12) for n in (4, 16))

@@ -136,6 +136,7 @@ def patches_tied(x: float, y: float) -> str:
     return tied + ends
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x", [0.4, 0.97])
 def test_a_weld_of_patches_is_a_bar_with_averaging_elements(deck_of: DeckOf, x: float) -> None:
     text = without_mass(IN_PLANE.replace("GRID,30,,.4", f"GRID,30,,{x}"))

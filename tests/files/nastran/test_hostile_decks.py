@@ -56,6 +56,7 @@ def test_cut_at_every_byte(folder: Path) -> None:
         _read_and_edit(folder / "deck.bdf")
 
 
+@pytest.mark.slow
 def test_a_cut_behind_begin_bulk_is_never_silent(folder: Path) -> None:
     for length in range(DECK.index(b"GRID"), DECK.index(b"ENDDATA") + 6):
         (folder / "deck.bdf").write_bytes(DECK[:length])

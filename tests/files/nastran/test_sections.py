@@ -243,7 +243,7 @@ def _jets_at(x: np.ndarray) -> list[jet.Jet]:
     return [every[i] for i in range(len(x))]
 
 
-@pytest.mark.quick(6)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("name", SHAPES)
 def test_sections_of_several_cards_are_those_of_each(name: str):
     one = np.array(TYPICAL[name])
