@@ -20,7 +20,7 @@ from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.solution import EigenSolution
-from femtune.model.eigen.spectrum import DENSE_UP_TO, Spectrum
+from femtune.model.eigen.spectrum import DENSE_UP_TO, DenseSpectrum
 from femtune.model.solvers.interface import Factor
 
 _TOLERANCE = 1e-13
@@ -152,7 +152,7 @@ def outside(solution: EigenSolution, eigenvalues: Reals, gaps: Reals, forces: Re
 
 
 def _outside_by_all(
-    solution: EigenSolution, spectrum: Spectrum, eigenvalues: Reals, gaps: Reals, forces: Reals
+    solution: EigenSolution, spectrum: DenseSpectrum, eigenvalues: Reals, gaps: Reals, forces: Reals
 ) -> Reals:
     """The same by all eigenpairs of a small model, and once more for the residual."""
     pencil, phi, (theta, vectors) = spectrum.pencil, solution.shapes, spectrum.vectors

@@ -13,7 +13,7 @@ from femtune.model.eigen.accuracy import energy_residuals
 from femtune.model.eigen.krylov import TOLERANCE, KrylovBasis, begin, beside, iterate
 from femtune.model.eigen.mass_space import MassSpace
 from femtune.model.eigen.pencil import Inverse, Pencil, pieces
-from femtune.model.eigen.spectrum import DENSE_UP_TO, Pairs, Spectrum, finite, largest, polished
+from femtune.model.eigen.spectrum import DENSE_UP_TO, DenseSpectrum, Pairs, finite, largest, polished
 from femtune.model.linear.symmetric import SymmetricMatrix
 
 # ----------------------------------------------------------------------------------------------------
@@ -57,7 +57,7 @@ class EigenSearch:
     inverse: Inverse
     start: Reals | None = None
     basis: KrylovBasis | None = None
-    spectrum: Spectrum | None = None
+    spectrum: DenseSpectrum | None = None
 
     @property
     def pencil(self) -> Pencil:
@@ -82,7 +82,7 @@ def lowest(search: EigenSearch, count: int, wanted: int, known: Pairs | None = N
     """
     try:
         if search.pencil.n <= DENSE_UP_TO:
-            values, shapes = (search.spectrum or Spectrum.of(search.pencil, search.shift)).lowest(count)
+            values, shapes = (search.spectrum or DenseSpectrum.of(search.pencil, search.shift)).lowest(count)
         elif is_iterative(search.pencil, count):
             values, shapes = iterative(search, count, wanted, known)
         else:

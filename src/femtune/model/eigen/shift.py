@@ -12,7 +12,7 @@ from femtune.model.eigen.krylov import KrylovBasis, begin
 from femtune.model.eigen.mass_space import MassSpace
 from femtune.model.eigen.pairs import EigenSearch
 from femtune.model.eigen.pencil import Inverse, Pencil
-from femtune.model.eigen.spectrum import DENSE_UP_TO, CholeskyFactor, Spectrum
+from femtune.model.eigen.spectrum import DENSE_UP_TO, CholeskyFactor, DenseSpectrum
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.mechanisms import check_mechanisms
 from femtune.model.solvers.interface import Factor, SingularMatrixError
@@ -63,7 +63,7 @@ def spectral_shift(point: ModelPoint, pencil: Pencil, count: int) -> EigenSearch
         size, factor = _factor_below(point, pencil, size)
         inverse = Inverse(pencil, -size, factor)
         if isinstance(factor, CholeskyFactor):
-            spectrum = Spectrum(pencil, -size, factor)
+            spectrum = DenseSpectrum(pencil, -size, factor)
             if (better := _better_of(spectrum, count)) == size:
                 return EigenSearch(inverse, spectrum=spectrum)
             size = better
@@ -88,7 +88,7 @@ def near_shift(point: ModelPoint, pencil: Pencil, known: Reals, shift: float, st
 
 def _search_below(point: ModelPoint, pencil: Pencil, size: float, start: Reals | None) -> EigenSearch:
     size, factor = _factor_below(point, pencil, size)
-    spectrum = Spectrum(pencil, -size, factor) if isinstance(factor, CholeskyFactor) else None
+    spectrum = DenseSpectrum(pencil, -size, factor) if isinstance(factor, CholeskyFactor) else None
     return EigenSearch(Inverse(pencil, -size, factor), start, spectrum=spectrum)
 
 
@@ -158,7 +158,7 @@ def _better_size(inverse: Inverse, count: int) -> tuple[float, KrylovBasis]:
     return _beside_elastic(values, size), basis
 
 
-def _better_of(spectrum: Spectrum, count: int) -> float:
+def _better_of(spectrum: DenseSpectrum, count: int) -> float:
     """The same by all eigenvalues of a small pencil."""
     size, theta = -spectrum.shift, spectrum.theta[::-1]
     # θ of directions without mass, and those that the rigid-body motions leave no digits

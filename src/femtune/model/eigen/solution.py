@@ -17,7 +17,7 @@ from femtune.model.eigen.pairs import DENSE_UP_TO, EigenSearch, Pairs, is_iterat
 from femtune.model.eigen.pencil import Pencil, indefinite_mass
 from femtune.model.eigen.shift import first_guess, near_shift, negative_stiffness, spectral_shift
 from femtune.model.eigen.slepc import goes_to_slepc, small_for_slepc, solve_by_slepc
-from femtune.model.eigen.spectrum import Spectrum
+from femtune.model.eigen.spectrum import DenseSpectrum
 from femtune.model.eigen.sturm import Count, Cut, count_below, cut_above, missed, not_counted, separates, with_repeats
 from femtune.model.linear.blocks import recycled
 from femtune.model.linear.sparse_products import row_major
@@ -66,15 +66,15 @@ class EigenSolution:
     known_factor: Factor | None = field(default=None, repr=False)
     sturm_factor: Factor | None = field(default=None, repr=False)
     method: str = ""
-    known_spectrum: Spectrum | None = field(default=None, repr=False)
+    known_spectrum: DenseSpectrum | None = field(default=None, repr=False)
 
     @cached_property
-    def spectrum(self) -> Spectrum | None:
+    def spectrum(self) -> DenseSpectrum | None:
         """All eigenpairs of a small model; None of a large one, or where its shift is not below the spectrum."""
         if self.known_spectrum is not None or len(self.shapes) > DENSE_UP_TO:
             return self.known_spectrum
         try:
-            return Spectrum.of(Pencil(self.point.symmetric_stiffness, self.point.symmetric_mass), self.shift)
+            return DenseSpectrum.of(Pencil(self.point.symmetric_stiffness, self.point.symmetric_mass), self.shift)
         except np.linalg.LinAlgError:
             return None
 

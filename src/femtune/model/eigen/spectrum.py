@@ -66,7 +66,7 @@ def negative_eigenvalues(matrix: Reals) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class DenseSpectrum:
     """Eigenpairs of M y = θ (K − σM) y with θ = 1/(λ − σ), by LAPACK; M may be singular.
 
     Parameters
@@ -80,7 +80,7 @@ class Spectrum:
     factor: CholeskyFactor
 
     @classmethod
-    def of(cls, pencil: Pencil, shift: float) -> Spectrum:
+    def of(cls, pencil: Pencil, shift: float) -> DenseSpectrum:
         """At a shift (error of `CholeskyFactor` if it is not below the spectrum)."""
         return cls(pencil, shift, CholeskyFactor(pencil.dense_shifted(shift)))
 
