@@ -6,7 +6,8 @@
 SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# Modules are compiled when they are first imported: compiling all at once would take as long as a third of the installation.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 CANDIDATES := python3.13 python3.12 python3.11 python3 python
 # Neighbours in a file stay with one process where they can, and share what their fixtures have made.
 PYTEST_ARGS ?= -n auto --dist worksteal

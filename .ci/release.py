@@ -151,7 +151,7 @@ def _pythons() -> list[Path]:
 def _environment(folder: Path, python: str, *packages: str) -> Path:
     _run([python, "-m", "venv", str(folder)])
     inside = folder / "bin" / "python"
-    _run([str(inside), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages])
+    _run([str(inside), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile", *packages])
     return inside
 
 

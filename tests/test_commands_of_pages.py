@@ -25,6 +25,7 @@ _TESTED = {"tutorial.md", "simulate-a-test.md"}
 _LEFT_OUT = {
     "femtune modes study.toml --eigensolver slepc": "needs SLEPc and MPI: tests/model/test_slepc.py",
     "femtune view aeroplane.bdf": "opens a window",
+    "femtune identify hall.csv --band 1 30 --choices choices.toml": "poles are picked: tests/study/test_choices.py",
 }
 
 

@@ -69,6 +69,7 @@ def test_the_true_value_is_found(folder: Path) -> None:
     np.testing.assert_allclose(found.value, 1.1, atol=4 * found.sd)
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_page_run(folder: Path) -> None:
     commands = re.findall(r"```\nfemtune (.*?)```", _PAGE, re.S)
     written = ("simulated.uff", "frfs.uff")

@@ -96,7 +96,7 @@ floor = {FLOOR}
 
 def equalise(order: int, lines: float) -> str:
     """One damping ratio on both sides; the largest order of the identification, and lines in a half bandwidth."""
-    return f"[equalise]\ndamping = {EQUALISED}\nlargest_order = {order}\nlines = {lines}\n"
+    return f'[equalise]\ndamping = {EQUALISED}\nlargest_order = {order}\nlines = {lines}\nthen = "nothing"\n'
 
 
 def bootstrap(runs: int) -> str:

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from femtune.steps.modes.simulate import simulate
     from femtune.steps.plan.function import plan
     from femtune.steps.plan.result import PlanResult
+    from femtune.steps.posterior.function import posterior
     from femtune.steps.quantify.function import quantify
     from femtune.steps.quantify.result import QuantifyResult
     from femtune.steps.report.function import report
@@ -134,6 +135,7 @@ __all__ = [
     "modes",
     "plan",
     "plot",
+    "posterior",
     "quantify",
     "read_deck",
     "read_matrices",

@@ -249,6 +249,34 @@ _register(
     year="1993",
 )
 _register(
+    "vehtari2024",
+    "article",
+    author="Vehtari, A. and Simpson, D. and Gelman, A. and Yao, Y. and Gabry, J.",
+    title="Pareto Smoothed Importance Sampling",
+    journal="Journal of Machine Learning Research",
+    volume="25",
+    year="2024",
+)
+_register(
+    "neal2011",
+    "incollection",
+    author="Neal, R. M.",
+    title="MCMC Using Hamiltonian Dynamics",
+    booktitle="Handbook of Markov Chain Monte Carlo",
+    publisher="Chapman and Hall",
+    year="2011",
+)
+_register(
+    "meng1996",
+    "article",
+    author="Meng, X.-L. and Wong, W. H.",
+    title="Simulating Ratios of Normalizing Constants via a Simple Identity: A Theoretical Exploration",
+    journal="Statistica Sinica",
+    volume="6",
+    pages="831--860",
+    year="1996",
+)
+_register(
     "wu1986",
     "article",
     author="Wu, C. F. J.",

@@ -112,15 +112,15 @@ def test_harm_is_not_excused_by_intervals_that_a_misfit_widens(modules: dict[str
 @pytest.mark.slow
 def test_the_judge_on_a_sample_of_models(modules: dict[str, ModuleType]):
     measure, opinion = modules["measure"], modules["opinion"]
-    right = [measure.measured("right", number, 1, ["true"])["runs"]["true"] for number in (7, 8)]
-    wrong = [measure.measured("candidate", number, 1, ["default"])["runs"]["default"] for number in (2, 3)]
+    right = [measure.measured("right", number, 1, ["true"])["runs"]["true"] for number in (6, 7)]
+    wrong = [measure.measured("candidate", number, 1, ["default"])["runs"]["default"] for number in (0, 6)]
     # with a level of 1 % each, the three tests refuse both right models with a probability of 0.001
     assert sum(opinion.refused(run) for run in right) <= 1
     # four to six parameters each, 95 % intervals
     hits = [hit for run in right for hit in opinion.covered(run)]
     assert sum(hits) >= 0.8 * len(hits)
     assert all(opinion.found_by(run, "missing parameter") for run in wrong)
-    fields = ("PSHELL 3 T", "PSHELL 4 T")
+    fields = ("PBAR 3 I2", "PBAR 4 I2")
     assert [opinion.rank_of(run, field) for run, field in zip(wrong, fields)] == [1, 1]
 
 

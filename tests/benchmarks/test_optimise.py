@@ -89,7 +89,7 @@ def test_problems_are_many_and_have_names_of_their_own(modules: dict[str, Module
     assert len(set(names)) == len(names) >= 40
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_start_is_measured_and_makes_a_page(modules: dict[str, ModuleType]):
     row = modules["run"].measured("lattices 1", 0)
     text = modules["page"].write_page([modules["page"].Measured((row,))], None)

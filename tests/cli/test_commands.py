@@ -43,6 +43,7 @@ _COMMANDS = [
     "search",
     "candidates",
     "bootstrap",
+    "posterior",
     "validate",
     "run",
     "report",

@@ -171,6 +171,7 @@ def _test(
     return solution, C, ModeSet(truth.freq_hz[:3], shapes, dofs), truth.shapes[:, :3]
 
 
+@pytest.mark.slow
 def test_the_held_out_error_is_zero_for_the_right_model_and_grows_with_its_error() -> None:
     worst = []
     for factor in (1.0, 0.9, 0.5):

@@ -53,6 +53,7 @@ def two(tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "coarse.bdf", tmp_path / "fine.bdf"
 
 
+@pytest.mark.slow
 def test_two_meshes_of_a_beam(two: tuple[Path, Path]) -> None:
     """MAC as of the modes of each mesh at the common points, frequencies as of each deck alone."""
     found = ft.compare(*two, count=4, units="m-kg-s")

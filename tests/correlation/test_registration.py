@@ -36,6 +36,7 @@ def _moved(points: Reals, turn: Reals = TURN, shift: tuple[float, float, float] 
     return (points - shift) @ turn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hand", [1.0, -1.0], ids=["right-handed", "left-handed"])
 def test_an_exact_motion_is_found_exactly(hand: float) -> None:
     turn = TURN @ np.diag([1.0, 1.0, hand])
@@ -58,6 +59,7 @@ def test_points_without_partner_are_left_out() -> None:
     assert found[0].grids.tolist() == expected.tolist()
 
 
+@pytest.mark.slow
 def test_coordinates_as_they_are_come_first() -> None:
     """A plate has three other motions onto itself; test points in the axes of the model need none."""
     plate = _block(8, 5, 0)
@@ -67,6 +69,7 @@ def test_coordinates_as_they_are_come_first() -> None:
     assert found[0].is_unchanged
 
 
+@pytest.mark.slow
 def test_symmetries_of_the_mesh_are_among_the_motions() -> None:
     plate = _block(8, 5, 0)
     chosen = np.array([0, 5, 9, 17, 21, 26, 33, 40, 44, 48, 53])
@@ -80,6 +83,7 @@ def test_symmetries_of_the_mesh_are_among_the_motions() -> None:
     assert "symmetric" in guess.several
 
 
+@pytest.mark.slow
 def test_numbers_decide_between_symmetries_only() -> None:
     """Equal numbers take the one motion of four that agrees; numbers of other grid points change nothing."""
     plate = _block(8, 5, 0)
@@ -124,6 +128,7 @@ def test_points_of_another_structure_are_refused() -> None:
     assert any("--by-id" in doubt for doubt in guess.doubts)
 
 
+@pytest.mark.slow
 def test_what_the_user_states_of_the_sensors() -> None:
     structure, numbers = _structure(BRACKET), CHOSEN + 1
     shifted = BRACKET[CHOSEN] - [4.0, 0.0, 0.0]
@@ -138,6 +143,7 @@ def test_what_the_user_states_of_the_sensors() -> None:
     assert "coordinates of the test points are not those" in by_id.doubts[0]
 
 
+@pytest.mark.slow
 def test_points_without_coordinates_follow_the_numbers_of_the_others() -> None:
     """One point has no place; all others agree with their numbers."""
     points = _moved(BRACKET[CHOSEN])

@@ -41,6 +41,7 @@ def test_elementary_effects_of_a_linear_function_with_an_interaction() -> None:
     assert np.isnan(elementary_effects(paths[:1], responses[:1]).spread).all()
 
 
+@pytest.mark.slow
 def test_the_indices_of_ishigami() -> None:
     """Closed forms of Ishigami's function (a = 7, b = 0.1)."""
     a, b = 7.0, 0.1

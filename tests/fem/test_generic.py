@@ -113,6 +113,7 @@ def test_copies_of_a_joint_share_their_eigenvalues():
     assert two.rigid == 2 * one.rigid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [["K1", "K2"], ["K1", "S1-3"], ["S1-2", "S2-3", "K4"]])
 def test_derivatives(names: list[str]):
     structure = with_generic(_beams(), GenericGroup("JOINT", frozenset([1, 2]), components="26"), names)

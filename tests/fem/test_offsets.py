@@ -65,7 +65,7 @@ def _refs(card: str, element: int) -> list[FieldRef]:
     return [FieldRef(card, element, f"W{c}{end}") for end in "AB" for c in (1, 2, 3)]
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("arms", [ARMS, ALIKE])
 @pytest.mark.parametrize("name", [*PARTS, *SKEW])
@@ -83,7 +83,7 @@ def plain_samples(structure: Structure) -> np.ndarray:
     return structure.values.values[None]
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("name", PARTS)
 def test_other_offsets_give_the_matrices_of_a_deck_with_these(name: str, consistent: bool):
@@ -118,7 +118,7 @@ def test_offsets_that_move_both_ends_alike_are_polynomials(name: str):
         np.testing.assert_allclose(assemble(moved, kind).toarray(), expected, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0, gate=3)
 @pytest.mark.parametrize(
     ("name", "still"),
     [*((name, True) for name in (*PARTS, *SKEW)), ("bar, shear and pins", False), ("beam", False)],
@@ -193,6 +193,7 @@ SECTION_ONE = {"E": 2.1e11, "G": 8.1e10, "A": 2e-4, "I1": 1.5e-8, "I2": 6e-9, "J
 UP = ((0.0, 0.1, 0.0), (0.0, 0.1, 0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PARTS)
 def test_rigid_body_motion_is_strain_free_whatever_the_offsets(name: str):
     movable = with_offsets(make_structure(XYZ, [PARTS[name](ARMS)]), [1, 2])

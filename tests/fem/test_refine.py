@@ -53,6 +53,7 @@ def test_two_halves_of_a_bar_with_offsets_are_the_bar(values: dict):
     _middle_condensed_is_the_whole(structure, 1e-11)
 
 
+@pytest.mark.slow
 def test_two_halves_of_a_tapered_beam_are_the_beam():
     """Three stations, of which the halves have other ones; neutral axis and mass beside the shear centre."""
     varying = {"A": (3.0, 2.6, 1.0), "I1": (0.7, 0.5, 0.2), "I2": (0.4, 0.3, 0.1), "I12": (0.05, 0.02, 0.0),
@@ -89,7 +90,7 @@ def _plate(n: int, cells: str, **how: float) -> Structure:
     return shell_structure(mesh.xyz, [ShellPart(mesh.cells, Section(STEEL, 0.05))], held=held)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", ["quad", "right", "quad8", "right6"])
 def test_a_refined_plate_is_a_plate_with_twice_as_many_elements(cells: str):
     structure = _plate(3, cells, skew=0.2)
@@ -108,6 +109,7 @@ def test_a_refined_block_is_a_block_with_twice_as_many_elements(kind: str):
     assert natural_frequencies(refined, 5) == pytest.approx(natural_frequencies(block(4), 5), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tetra4", "pyram5", "tetra10", "pyram13"])
 def test_refined_tetrahedra_and_pyramids_fill_the_volume_and_are_in_balance(kind: str):
     """Mass as before; forces of a constant strain are zero inside, so that neighbours share all their points."""
@@ -231,6 +233,7 @@ def test_rigid_elements_go_on_along_edges_and_lines_but_not_between_points():
     assert sorted(map(tuple, off.structure.nodes.xyz[_rigid_new(structure, off)][:, :2])) == expected[4:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["shell", "solid"])
 def test_an_edge_or_face_that_follows_a_held_point_is_a_held_one(kind: str):
     """The frequencies of the refined mesh are those of the mesh whose supports go on."""

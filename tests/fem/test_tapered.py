@@ -140,6 +140,7 @@ def bending_modes(n: int, values: Mapping[str, Sequence[ArrayLike]], stations: S
     return dense_modes(make_structure(points, [part], consistent_mass=True), across | set(range(6)))[:3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thin", [(0.25, 0.125), (0.1, 0.01), (0.03, 0.001)])
 def test_frequencies_of_linear_area_and_inertia(thin: tuple[float, float]) -> None:
     """A and I fall linearly to these parts, as between the stations of PBEAM: the rest is the cubic mass."""
@@ -162,6 +163,7 @@ def test_frequencies_of_linear_area_and_inertia(thin: tuple[float, float]) -> No
     assert np.log2(errors[0][-1] / errors[1][-1]) > 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.5, 0.2])
 def test_frequencies_of_linear_dimensions(height: float) -> None:
     """A and I of a bar whose width and height change linearly, given at stations: the error falls with their distance.

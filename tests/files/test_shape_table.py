@@ -73,14 +73,14 @@ def test_numpy_arrays(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_table_gives_the_study_of_the_universal_file(tmp_path: Path) -> None:
-    test = ft.read_test(example_test())
+    test = ft.read_test(example_test(tmp_path))
     assert test.modes is not None
     lines = [",".join(["node,direction,x,y,z", *(f"{f:.6g} Hz" for f in test.modes.freq_hz)])]
     for dof, row in zip(test.modes.dofs, np.real(test.modes.shapes)):
         x, y, z = test.geometry.position(dof.node)
         sign = "+" if dof.sign > 0 else "-"
         lines.append(",".join([str(dof.node), f"{dof.direction}{sign}", *map(repr, map(float, (x, y, z, *row)))]))
-    made = ft.init(example_deck(), _written(tmp_path, "\n".join(lines)), tmp_path / "new")
+    made = ft.init(example_deck(tmp_path), _written(tmp_path, "\n".join(lines)), tmp_path / "new")
     assert made.record.paired == 4
     assert ft.correlate(made.path).pairs.column("mac").round(2).tolist() == [1.0] * 4
 
@@ -129,5 +129,5 @@ def test_arrays_that_do_not_belong_together(tmp_path: Path, monkeypatch: pytest.
 
 def test_records_are_no_tables_of_shapes(tmp_path: Path) -> None:
     assert not is_shape_table(_written(tmp_path, "time,acc1,acc2\n0,1,2\n0.1,1,2\n"))
-    assert not is_shape_table(example_test())
+    assert not is_shape_table(example_test(tmp_path))
     assert not is_shape_table(tmp_path / "absent.csv")

@@ -65,6 +65,7 @@ def test_new_values_have_fields_for_keys_and_numbers_for_values(tmp_path: Path) 
     assert not (tmp_path / "new.bdf").exists()
 
 
+@pytest.mark.slow
 def test_numbers_of_numpy_are_numbers_and_aliases_are_looked_up(tmp_path: Path) -> None:
     deck, test = example_deck(tmp_path), example_test(tmp_path)
     assert len(ft.modes(deck, count=np.int64(2)).freq_hz) == 2  # type: ignore[arg-type]

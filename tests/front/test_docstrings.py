@@ -25,9 +25,9 @@ _RESULTS = {name for name in _NAMES if name.endswith("Result")}
 # these have no input that could be wrong, or are the error itself
 _WITHOUT_ERRORS = _RESULTS | {"FemtuneError", "Status", "Model"}
 _METHODS = {
-    "mac", "correlate", "compare", "identify", "plan", "select", "update", "quantify", "bootstrap", "screen", "search",
-    "candidates", "FrequencyResidual", "ComplexEigenvalueResidual", "DampingResidual", "ShapeResidual", "MacResidual",
-    "FlexibilityResidual", "DynamicResidual", "FrfResidual",
+    "mac", "correlate", "compare", "identify", "plan", "select", "update", "quantify", "bootstrap",
+    "posterior", "screen", "search", "candidates", "FrequencyResidual", "ComplexEigenvalueResidual", "DampingResidual",
+    "ShapeResidual", "MacResidual", "FlexibilityResidual", "DynamicResidual", "FrfResidual",
 }  # fmt: skip
 _ARRAY = re.compile(r"NDArray|Reals|Complexes|Flags")
 _NUMBER = re.compile(r"\bfloat\b|NDArray\[np\.(float64|complex128)\]")

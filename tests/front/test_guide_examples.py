@@ -11,6 +11,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "guide" / "python.md"
 COMPLETE = [code for code in re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S) if "frame.bdf" not in code]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", COMPLETE, ids=["matrices", "own residual"])
 def test_the_example_runs(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

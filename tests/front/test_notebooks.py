@@ -22,7 +22,7 @@ def test_a_notebook_is_kept_without_outputs(path: Path) -> None:
     assert all(not cell["outputs"] and cell["execution_count"] is None for cell in _cells(path))
 
 
-@pytest.mark.slow
+@pytest.mark.long  # the gate executes the notebooks as Jupyter does
 @pytest.mark.parametrize("path", _NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -18,6 +18,12 @@ from ..messages.shown import check_shown
 ROOT = ft.Parameter("root", fields=["PBAR 1 I1"], lower=0.5, upper=2.0)
 
 
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Examples are written into the working folder."""
+    monkeypatch.chdir(tmp_path)
+
+
 class FirstMode:
     """(f₁ − 25 Hz)/0.1 Hz, with a factor on its derivatives."""
 

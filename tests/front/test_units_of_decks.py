@@ -10,6 +10,13 @@ import femtune as ft
 from femtune.testing import example_deck
 
 
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Examples are written into the working folder."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.slow
 def test_modes_of_a_deck_in_given_units(tmp_path: Path) -> None:
     plain = ft.modes(example_deck(), count=3).freq_hz
     for source in (example_deck(), ft.read_deck(example_deck()), ft.read_deck(example_deck(), units="m-kg-s")):

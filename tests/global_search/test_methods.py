@@ -29,6 +29,7 @@ def _found(objective: object, method: str, **rules: object) -> GlobalMinimum:
     return global_minimum(objective, *box, SearchRules(method, **rules))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", _METHODS)
 def test_the_global_minimum_among_many_local_ones(method: str) -> None:
     """Rastrigin's function has 10³ minima in this box; the best three differ by 1 in the objective."""
@@ -37,6 +38,7 @@ def test_the_global_minimum_among_many_local_ones(method: str) -> None:
     assert found.value < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", _METHODS)
 def test_a_minimum_on_a_bound_and_points_that_cannot_be_computed(method: str) -> None:
     def objective(x: np.ndarray) -> np.ndarray:

@@ -158,7 +158,7 @@ def test_terms(name: str, consistent: bool):
         check_contribution(term, values)
 
 
-@pytest.mark.quick(3, gate=16)
+@pytest.mark.quick(0, gate=16)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("name", SHELLS)
 def test_terms_of_shells(name: str, consistent: bool):

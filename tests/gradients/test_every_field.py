@@ -88,7 +88,7 @@ def point_of(built: BuiltDeck, refs: list[FieldRef], relative: bool) -> ModelPoi
     return model.at(X[: len(refs)])
 
 
-@pytest.mark.quick(0, gate=10)
+@pytest.mark.quick(0, gate=5)
 @pytest.mark.parametrize(
     "card", [*(pytest.param(c, marks=pytest.mark.slow) if c in TAPERED else c for c in CARDS), "PARAM"]
 )
@@ -136,7 +136,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.quick(5)
+@pytest.mark.slow
 @pytest.mark.parametrize("text", REFUSED)
 def test_fields_without_effect_are_refused_with_the_reason(text: str, built: dict[str, BuiltDeck]):
     deck = built["shells" if text.split(maxsplit=1)[0] in ("CQUAD4", "CTRIA3", "PSHELL") else "lines"]

@@ -175,7 +175,7 @@ def test_the_branches_of_a_double_mode_have_the_slopes_of_the_small_matrix(
     np.testing.assert_allclose(found, slopes, atol=1e-6 * abs(slopes).max())
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("direction", DIRECTIONS, ids=str)
 def test_functions_of_the_subspace_of_a_double_mode(repeated: tuple[EigenSolution, list[int]], direction: np.ndarray):
     """Φ Φᵀf of some forces f, and the sum of both eigenvalues: neither depends on the choice of vectors."""
@@ -198,7 +198,7 @@ def test_functions_of_the_subspace_of_a_double_mode(repeated: tuple[EigenSolutio
     )
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("field", ["PSHELL 1 T", "CQUAD4 1 ZOFFS", "PBARL 2 DIM2", "PBUSH 4 K1", "MAT1 1 NU"])
 def test_a_written_deck_has_the_frequencies_that_the_derivatives_foretell(field: str, tmp_path: Path):
     """The field as it was written, read and solved again: the change is that of the derivative, with slope 2."""

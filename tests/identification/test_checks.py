@@ -122,6 +122,34 @@ def test_spikes_are_counted_with_their_times() -> None:
     check_shown("record.spikes", notice)
 
 
+def test_a_burst_is_named_with_its_time_and_power() -> None:
+    """A tenth to four tenths of the power of one channel in two seconds; a level that wanders is none."""
+    values = _values()
+    burst = np.where(np.arange(5000) < 2000, 0.0, np.exp(-(np.arange(5000) - 2000.0) / 40.0))
+    burst *= np.sin(0.4 * np.arange(5000))
+    values[1] += burst * np.sqrt(0.25 * np.sum(values[1] ** 2) / np.sum(burst**2))
+    (notice,) = check_record(_record(np.round(values, 3)))
+    assert "2Z+ (20" in notice.what
+    check_shown("record.bursts", notice)
+    assert check_record(_record(np.round(_values() * (1.0 + 0.5 * np.sin(np.arange(5000) / 400.0)), 3))) == ()
+
+
+def test_a_clipped_channel_is_named_also_with_noise_behind_the_amplifier() -> None:
+    values = _values()
+    size = values[1].std()
+    values[1] = np.clip(values[1], -size, size) + 0.01 * size * np.random.default_rng(5).standard_normal(5000)
+    assert [n.code for n in check_record(_record(values))] == ["record.clipped"]
+    values[1] = size * np.sin(np.arange(5000) / 7.0) + 0.01 * size * np.random.default_rng(5).standard_normal(5000)
+    assert check_record(_record(values)) == ()
+
+
+def test_gaps_are_named_with_place_and_size() -> None:
+    values = _values()
+    values[1, 100:103] = values[1, 200:240] = np.nan
+    (notice,) = check_record(_record(values))
+    assert "2Z+ (43 in 2 gaps, the longest with 40 from 2 s)" in notice.what
+
+
 def test_impacts_bursts_and_steps_of_a_converter_are_no_spikes() -> None:
     """Decays after impacts, bursts of fifty times the level, a slow large motion, single bits of a still channel."""
     values, t = _values(), np.arange(5000) / 100.0

@@ -144,6 +144,7 @@ def test_one_short_hit_with_windows(tmp_path: Path) -> None:
     np.testing.assert_allclose(made.modes.damping_ratio, DAMPING, rtol=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["receptance", "accelerance"])
 def test_the_damping_of_an_exponential_window_is_taken_out_exactly(three_modes: Known, kind: str) -> None:
     lines, sigma = np.linspace(5.0, 30.0, 300), 1.0 / 0.8

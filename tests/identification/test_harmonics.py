@@ -49,6 +49,7 @@ def found_hz(values: np.ndarray) -> list[float]:
     return [round(line.freq_hz, 2) for line in find_lines(record(values), (1.0, 25.0), FREQ.tolist())]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [5e-4, 1e-3, 1e-2])
 def test_modes_with_little_damping_are_no_lines(ratio):
     assert [found_hz(responses(seed, ratio)) for seed in range(4)] == [[]] * 4

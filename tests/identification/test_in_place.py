@@ -70,6 +70,7 @@ def test_a_pole_without_a_mode_is_not_reported_and_stays_in_the_fit(three_modes:
     assert left
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mode", "change", "why"), _CHANGES)
 def test_the_end_is_compared_with_the_cluster(three_modes: Known, mode: int, change: dict[str, Any], why: str) -> None:
     hz, ratios, shapes = three_modes.freq_hz.copy(), three_modes.damping_ratio.copy(), three_modes.shapes.copy()
@@ -117,6 +118,7 @@ def test_of_two_poles_of_one_mode_the_one_from_nearer_is_reported() -> None:
     assert [bool(marked.left[i]) for i in place] == [True, False]
 
 
+@pytest.mark.slow
 def test_modes_of_an_identification_are_those_of_their_clusters(three_modes: Known) -> None:
     # leakage of a Hann window, and lines as far apart as half bandwidths
     lines = np.linspace(*_BAND, 60)

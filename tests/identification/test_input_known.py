@@ -13,7 +13,7 @@ from femtune.errors import FemtuneError
 from femtune.identification import InputKnown, identify_frfs
 from femtune.modal import ModeSet, mac
 
-_LINES = np.linspace(5.0, 62.0, 1200)
+_LINES = np.linspace(5.0, 62.0, 600)
 
 
 @pytest.mark.slow
@@ -38,17 +38,17 @@ def test_modes_and_system_come_out(eight_modes: Any) -> None:
 
 
 @pytest.mark.slow
-def test_a_response_that_is_zero_has_no_shape(eight_modes: Any) -> None:
-    frfs = eight_modes.frfs(_LINES, noise=0.005)
+def test_a_response_that_is_zero_has_no_shape(three_modes: Any) -> None:
+    frfs = three_modes.frfs(np.linspace(5.0, 30.0, 300), noise=0.005)
     values = frfs.values.copy()
-    values[3] = 0.0
-    found = identify_frfs(dataclasses.replace(frfs, values=values), InputKnown())
-    np.testing.assert_allclose(found.modes.freq_hz, eight_modes.freq_hz, rtol=1e-3)
+    values[2] = 0.0
+    found = identify_frfs(dataclasses.replace(frfs, values=values), InputKnown(largest_order=16))
+    np.testing.assert_allclose(found.modes.freq_hz, three_modes.freq_hz, rtol=1e-3)
     assert found.modes.shapes_sd is not None
-    assert np.isnan(found.modes.shapes[3]).all()
-    assert np.isnan(found.modes.shapes_sd[3]).all()
-    assert np.isfinite(np.delete(found.modes.shapes, 3, axis=0)).all()
-    assert any(n.code == "frf.dead" and n.what.endswith("4Z+") for n in found.notices)
+    assert np.isnan(found.modes.shapes[2]).all()
+    assert np.isnan(found.modes.shapes_sd[2]).all()
+    assert np.isfinite(np.delete(found.modes.shapes, 2, axis=0)).all()
+    assert any(n.code == "frf.dead" and n.what.endswith("3Z+") for n in found.notices)
 
 
 @pytest.mark.quick(1)
@@ -69,7 +69,7 @@ def test_the_noise_of_a_dead_response_gives_no_mode_and_costs_none(three_modes: 
 @pytest.mark.parametrize(("more", "digits"), [(False, 15), (True, 15), (True, 5)])
 def test_functions_without_noise_are_told_and_not_compared_with_it(three_modes: Any, more: bool, digits: int) -> None:
     """Also where the fit leaves more than rounding, since there are modes outside the band, and of a text file."""
-    lines = np.linspace(5.0, 30.0, 800)
+    lines = np.linspace(5.0, 30.0, 400)
     frfs = three_modes.frfs(lines)
     if more:
         shapes = np.column_stack([three_modes.shapes, [[0.5, -0.2], [0.3, 0.4], [0.6, -0.7]]])
@@ -103,7 +103,7 @@ def test_what_is_wrong_with_the_functions_is_told_with_an_error(three_modes: Any
 
 @pytest.mark.slow
 def test_a_band_one_method_and_a_choice_by_hand(eight_modes: Any) -> None:
-    asked = InputKnown(band_hz=(10.0, 48.0), methods=("N4SID",), largest_order=40, drop=(37.0,))
+    asked = InputKnown(band_hz=(10.0, 48.0), methods=("N4SID",), largest_order=30, drop=(37.0,))
     found = identify_frfs(eight_modes.frfs(_LINES, noise=0.005), asked)
     np.testing.assert_allclose(found.modes.freq_hz, [13.0, 25.0, 25.1, 44.0], rtol=2e-3)
     assert found.measured.freq_hz[0] >= 10.0

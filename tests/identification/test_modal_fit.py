@@ -56,6 +56,7 @@ def test_the_gradient_is_that_of_the_squares(three_modes: Any) -> None:
         assert -2.0 * gradient[j] == pytest.approx((cost(poles + move) - cost(poles - move)) / 2e-4, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
 def test_a_fit_without_noise_is_exact(eight_modes: Any, kind: str) -> None:
     frfs = eight_modes.frfs(np.linspace(5.0, 62.0, 1000), kind=kind)

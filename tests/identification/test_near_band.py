@@ -28,7 +28,7 @@ def _beside(known: Any, *freq: float) -> Any:
     )
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("outside", [(25.6,), (7.6,), (25.6, 27.0), (7.6, 25.6)])
 def test_without_noise_the_modes_inside_are_exact(three_modes: Any, outside: tuple[float, ...]) -> None:
     frfs = _beside(three_modes, *outside).frfs(_LINES)
@@ -48,7 +48,7 @@ def test_without_noise_the_modes_inside_are_exact(three_modes: Any, outside: tup
 
 
 @pytest.mark.parametrize("stated", [False, True])
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=1)
 def test_noise_is_no_mode(three_modes: Any, stated: bool) -> None:
     for seed in range(10):
         frfs = three_modes.frfs(_LINES, 0.02, seed)
@@ -58,7 +58,7 @@ def test_noise_is_no_mode(three_modes: Any, stated: bool) -> None:
         assert not fit_with_neighbours(frfs, start, sd, OUT_OF_BAND).outside.any()
 
 
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=1)
 @pytest.mark.parametrize(("functions", "count"), [(100, 18), (100, 15), (40, 10)])
 def test_noise_is_no_mode_where_functions_are_many_and_lines_few(functions: int, count: int) -> None:
     """The noise of each function is found from few errors, of which each further mode takes some away."""
@@ -81,7 +81,7 @@ def test_a_mode_is_found_where_functions_are_many_and_lines_few() -> None:
         assert np.abs(fit.poles[fit.outside]) / (2 * np.pi) == pytest.approx(25.8, rel=5e-3)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("below", "above"), [(7.6, 25.9), (6.5, 29.0), (7.6, 50.0)])
 def test_weak_modes_stay_in_the_band_beside_strong_ones_outside(below: float, above: float) -> None:
     """Those outside are a hundred times larger: a fit of two modes is best where both have taken their places."""
@@ -119,6 +119,7 @@ def test_lines_too_few_for_a_further_mode(three_modes: Any) -> None:
     assert not fit_with_neighbours(frfs, start, None, ()).outside.any()
 
 
+@pytest.mark.slow
 def test_the_identification_fits_it_and_says_so(three_modes: Any) -> None:
     known = _beside(three_modes, 25.6)
     found = identify_frfs(known.frfs(np.linspace(2.0, 40.0, 600), 0.01), InputKnown((8.0, 25.0), 20))

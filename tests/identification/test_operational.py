@@ -24,7 +24,7 @@ def record(seed: int = 0, duration_s: float = 1200.0):
     return plant.truth, simulated_test(plant, noise, clock, MeasuringChain(40.0), seed)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("method", OUTPUT_ONLY)
 def test_every_method_finds_all_modes_and_no_more(method):
     truth, made = record()

@@ -37,6 +37,7 @@ def _table(frfs: FrfSet, order: int = 50) -> PoleTable:
     return join_tables([by_subspace, plscf_poles(normal_equations(frfs, order // 2), range(2, order // 2 + 1))])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lines", [_EVEN, _UNEVEN], ids=["even", "uneven"])
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
 def test_n4sid_is_exact_without_noise(eight_modes: Any, lines: np.ndarray, kind: str) -> None:

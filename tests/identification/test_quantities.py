@@ -78,7 +78,7 @@ def record(measured: dict[str, np.ndarray], quantities: Sequence[str], units: Se
 
 @pytest.mark.parametrize("quantities", [VELOCITIES, THREE], ids=["two", "three"])
 @pytest.mark.parametrize("method", OUTPUT_ONLY)
-@pytest.mark.quick(1)
+@pytest.mark.quick(0, gate=3)
 def test_shapes_of_mixed_records_are_those_of_accelerations(measured, method, quantities):
     truth = plant().truth
     mixed, plain = (OUTPUT_ONLY[method].load()(record(measured, q), ASKED) for q in (quantities, ALL))
@@ -94,6 +94,7 @@ def test_shapes_of_mixed_records_are_those_of_accelerations(measured, method, qu
     assert min(phase_collinearity(s) for s in mixed.complex_shapes[:, rows].T) > 0.99
 
 
+@pytest.mark.slow
 def test_deviations_of_mixed_shapes_are_of_the_shapes_that_are_reported(measured):
     truth = plant().truth.shapes / np.linalg.norm(plant().truth.shapes, axis=0)
     found, plain = (by_covariances(record(measured, q), ASKED).modes for q in (THREE, ALL))

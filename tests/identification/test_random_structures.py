@@ -10,7 +10,7 @@ from femtune.identification import InputKnown, identify_frfs
 from .random_structures import simulated
 
 
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=3)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", ["beam", "frame", "plate"])
 def test_no_false_mode_and_no_lost_mode(kind: str, seed: int) -> None:

@@ -32,6 +32,7 @@ def noise_of(test: RedrawnTest, inputs: tuple[int, ...], noise: float, seed: int
     return np.asarray(known(inputs).frfs(LINES, noise, seed).values - test.measured.values)
 
 
+@pytest.mark.slow
 def test_one_function_by_differences_of_converged_fits() -> None:
     """Without noise the Gauss-Newton step is the derivative of the fits."""
     test = redrawn((0,), 0.0, responses=1)
@@ -115,6 +116,7 @@ def test_a_pickle_gives_the_same_draws() -> None:
     )
 
 
+@pytest.mark.slow
 def test_bands_that_leave_out_all_lines_are_named() -> None:
     options = InputKnown(largest_order=16)
     with pytest.raises(FemtuneError, match="leave_out_hz leaves out all frequency lines"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -150,6 +151,7 @@ def test_a_right_model_lacks_nothing(structure: WrongProperty, tmp_path: Path) -
 
 def test_page_of_what_was_not_tested() -> None:
     class Source:
+        arrays = MappingProxyType({})
         results = Results.model_construct(
             judgement=JudgementResults(verdict="accepted", line="", missing=MissingResults(reason="no elements"))
         )

@@ -14,6 +14,7 @@ from structures.judged import cantilever
 SHAPES = np.sin(np.outer(np.arange(1, 13), np.arange(1, 9)) * np.pi / 13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [0, 1])
 @pytest.mark.parametrize("size", [1e-3, 0.1])
 def test_chances_of_noise_are_uniform(size: float, turned: int) -> None:

@@ -53,6 +53,7 @@ def test_every_family_is_there() -> None:
     assert count == {"kinds": 3, "modes": 10, "sensors": 6, "priors": 4}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draws", [150, pytest.param(4000, marks=pytest.mark.long)])
 def test_chances_are_uniform_and_their_family_is_at_its_level(draws: int) -> None:
     """By draws of noise: Kolmogorov-Smirnov of each kind of part at one in a thousand; the family at 5 %."""
@@ -79,6 +80,7 @@ def _one_shape(record: Whitened) -> np.ndarray:
     return np.where((np.array(record.kinds) == "shape") & (np.array(record.modes) == "2"), shift, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "family", "name"),
     [(_gain, "sensors", ""), (_one_frequency, "modes", "frequency 4"), (_one_shape, "modes", "shape 2")],

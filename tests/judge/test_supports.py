@@ -61,6 +61,7 @@ def _local_stiffness(rigid: ConfiguredModel, support: Support) -> float:
     return float(free.at(np.zeros(1)).stiffness.diagonal()[np.isin(free.free, dofs)].max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("deck", "nodes", "component"),
     [
@@ -131,6 +132,7 @@ def test_the_eigenvalue_by_complex_step(tmp_path: Path) -> None:
     assert la.norm(own.stiffness.toarray()) > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("held", "supports"),
     [

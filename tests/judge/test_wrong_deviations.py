@@ -34,7 +34,7 @@ def drawn(record: Whitened, times: dict[str, float], rng: np.random.Generator) -
     return replace(record, r=e - record.J @ np.linalg.lstsq(record.J, e)[0])
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [1 / 3, 1.0, 3.0])
 @pytest.mark.parametrize("frequency", [1 / 3, 1.0, 3.0])
 def test_level(record: Whitened, frequency: float, shape: float) -> None:

@@ -15,6 +15,7 @@ from femtune.files.points_table import read_points
 from femtune.identification.setups import PartlyFound, merge_setups
 from femtune.modal import Channel, ModeSet, TimeSeries
 from femtune.steps.identify import setups
+from femtune.steps.identify.choices import read_choices
 from femtune.steps.identify.rigid_bodies import with_rigid_bodies
 
 FLOOR = '[[rigid_body]]\nnode = 1\nsensors = ["11X+", "12X+", "12Y+", "13Y+"]\n'
@@ -68,3 +69,13 @@ def test_a_mode_that_does_not_move_at_the_reference() -> None:
     with pytest.raises(FemtuneError) as caught:
         merge_setups([first, second])
     check_shown("identify.setups", str(caught.value))
+
+
+def test_a_choice_of_poles_for_a_file_that_has_changed(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("1\n2\n", encoding="utf-8")
+    text = f'[[input]]\npath = "a.csv"\nsha256 = "{64 * "0"}"\n'
+    mode = '[[mode]]\nmethod = "N4SID"\norder = 4\nfreq_hz = 3.0\ndamping_ratio = 0.01\n'
+    (tmp_path / "choices.toml").write_text(text + mode, encoding="utf-8")
+    with pytest.raises(FemtuneError) as caught:
+        read_choices(tmp_path / "choices.toml", [tmp_path / "a.csv"])
+    check_shown("identify.choices", caught.value.at(None))

@@ -37,7 +37,7 @@ def exact_system(kind: FrfKind) -> StateSpace:
     return fit_system(functions(kind, UNEVEN), pole_of(hertz, np.array(UNEVEN)), direct=kind == "accelerance")
 
 
-@pytest.mark.quick(4)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
 @pytest.mark.parametrize("ratio", [0.002, 0.02])
 def test_the_equalised_system_is_the_model_with_one_damping_ratio(kind: FrfKind, ratio: float) -> None:

@@ -33,6 +33,7 @@ def test_complex_vectors_are_conjugated() -> None:
     assert mac(a, a.conj())[0, 0] == pytest.approx(0.0)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.floats(1e-150, 1e150), st.floats(0, 6.3))
 def test_scaling_and_phase_do_not_matter(seed: int, size: float, phase: float) -> None:
     a, b = _random(seed), _random(seed + 1)

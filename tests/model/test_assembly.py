@@ -101,7 +101,7 @@ def test_poissons_ratio_keeps_what_it_tells_apart() -> None:
     assert stiffness.term.n_columns == 12
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["stiffness", "mass", "hysteretic"])
 def test_folded_terms_have_exact_derivatives(kind: str) -> None:
     point = model(shells(loss=0.02), nu="MAT1 1 NU", **THREE)
@@ -165,6 +165,7 @@ def test_coefficients_are_told_apart_whatever_their_hash_is(monkeypatch: pytest.
     np.testing.assert_allclose(point.stiffness.toarray(), exact, atol=1e-13 * np.abs(exact).max())
 
 
+@pytest.mark.slow
 def test_terms_that_are_released_are_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A large model gives them back before its modes are solved; weighing it takes those of the mass alone."""
     first = model(shells("union"), **THREE)

@@ -72,6 +72,7 @@ def test_a_rigid_element_can_be_switched_off():
     assert_same(at(rigid, Configuration(elements_off=frozenset({51}))), at(NOTHING))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frame", [None, 4])
 def test_an_added_mass_is_a_conm2(frame: int | None):
     """Offset and inertia, also at a grid point with a displacement system of its own; WTMASS leaves it alone."""

@@ -21,7 +21,7 @@ from structures.shells import Isotropic, Section, ShellPart, cylinder, shell_mes
 ISO = Isotropic(200.0, 0.3, 2.0, 0.02)
 
 
-@pytest.mark.quick(5)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("cells", ["quad", "right", "quad8", "right6"])
 @pytest.mark.parametrize("z0", [None, 0.07])
 def test_energies_are_those_of_the_matrix(cells: str, z0: float | None) -> None:

@@ -76,7 +76,7 @@ def check(pencil: Pencil, values: np.ndarray, shapes: np.ndarray, shift: float, 
     assert (np.sqrt(np.abs(energy) / (values - shift))[:wanted] < 1e-8).all()
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("count", [4, 30, 90])
 def test_a_free_square_plate_against_dense(consistent: bool, count: int):
@@ -206,6 +206,7 @@ def thickness_model() -> ConfiguredModel:
     return configure(model, Configuration("test"))
 
 
+@pytest.mark.slow
 def test_the_modes_of_another_point_shorten_the_way(monkeypatch: pytest.MonkeyPatch):
     """The same modes from the old ones, by one factorisation above them, which counts them too."""
     model, made = thickness_model(), []

@@ -48,6 +48,7 @@ def alignment(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.abs(np.einsum("im,ij,jm->m", one, MASS, other))
 
 
+@pytest.mark.slow
 def test_with_all_modes_a_linear_model_is_met_exactly_wherever_its_modes_lie() -> None:
     fitted = fit_runs(runs_at(sample(8)), NODES, 1, crossed=False)
     for point in sample(6, 0.9, seed=7):
@@ -58,7 +59,7 @@ def test_with_all_modes_a_linear_model_is_met_exactly_wherever_its_modes_lie() -
     assert np.abs(fitted.error).max() < 1e-9
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("count", [2, 3])
 def test_with_some_of_the_modes_the_runs_are_met_and_the_space_between_with_the_order_of_the_polynomial(
     count: int,
@@ -368,6 +369,7 @@ def test_the_stated_deviation_is_that_of_drawn_matrices() -> None:
     np.testing.assert_allclose(stated[:3], counted[:3], rtol=0.1)
 
 
+@pytest.mark.slow
 def test_the_stated_deviation_grows_away_from_the_runs() -> None:
     points = sample(12)
     coverage = fit_runs(runs_at(points), NODES, 1, crossed=False, rules=KrigingRules()).coverage

@@ -156,6 +156,7 @@ def test_large_models_are_not_looked_at(tmp_path: Path, monkeypatch: pytest.Monk
     assert str(mesh_change(solution, 10)).endswith("more than 10; refinement = true in [checks] computes it")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coupled", [False, True])
 def test_the_estimate_of_a_very_thin_plate(tmp_path: Path, coupled: bool) -> None:
     """1 m by 100 µm, with its membrane: the first two frequencies expected of a converged mesh are those of theory."""
@@ -178,6 +179,7 @@ def test_rigid_body_modes_alone_have_no_error(tmp_path: Path) -> None:
     assert mesh_change(_modes(deck, tmp_path, 6)) == "no elastic mode was computed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "written"),
     [

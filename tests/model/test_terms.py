@@ -79,7 +79,7 @@ def assert_same(found: ModelPoint, typed: Structure) -> None:
         assert abs(a - b).max() <= 1e-12 * abs(b).max(), kind
 
 
-@pytest.mark.quick(3)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("name", VALUES)
 def test_a_factor_of_a_field(name: str):
     found = point_of(NOMINAL, [Parameter("p")], [Assignment("p", ref(name))], [0.3])

@@ -97,7 +97,7 @@ def test_no_single_exchange_improves_the_set() -> None:
             assert log_det(information_of(shapes[changed])) <= reached + 1e-8
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["expansion", "elimination"])
 def test_placed_sensors_beside_random_ones(method: str) -> None:
     shapes, count, rng = _beam(60, 6), 9, np.random.default_rng(1)

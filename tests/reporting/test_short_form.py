@@ -65,6 +65,7 @@ def _conditions(multipliers: dict[str, float]) -> dict[str, Any]:
     return {"projected_gradient": 2e-6, "predicted_decrease": 1e-12, "multipliers": signs}
 
 
+@pytest.mark.slow
 def test_it_says_which_point_the_result_is(data: dict[str, Any], arrays: dict[str, Any]) -> None:
     update = data["update"]
     update |= {"chi_square": 12.5, "certificate": _conditions({"a": 0.3, "b": 0.1}), "smallest_change": None}
@@ -119,6 +120,7 @@ def test_criteria_that_were_not_tested_are_counted_beside_those_that_passed() ->
     assert sentence(not_tested) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", ["I_beam_1 rises while", "Damping was not compared.", "at bound, σ not given", "criteria ("]
 )

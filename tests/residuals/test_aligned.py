@@ -61,7 +61,7 @@ CASES = {
 }
 
 
-@pytest.mark.quick(2, gate=10)
+@pytest.mark.quick(0, gate=10)
 @pytest.mark.parametrize("apart", [0.0, 1e-7, 1e-3, 0.2])
 @pytest.mark.parametrize("name", CASES)
 def test_gradients(name: str, apart: float):

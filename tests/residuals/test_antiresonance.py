@@ -104,7 +104,7 @@ def test_a_shallow_minimum_between_two_poles_is_none() -> None:
     assert error.value.code == "residual.no-antiresonances"
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["receptance", "mobility"])
 def test_the_kind_of_function_does_not_matter(kind: str) -> None:
     frfs = functions()
@@ -125,6 +125,7 @@ def test_stiffness_and_mass_follow_from_antiresonances_alone() -> None:
     np.testing.assert_allclose(found.x[:2], LIGHT[:2], atol=3e-3)
 
 
+@pytest.mark.slow
 def test_unpaired_ones_are_left_out_with_their_reason() -> None:
     frfs = functions()
     modes = solve_modes(chain(LOSS).at(np.zeros(4)), 5)

@@ -72,7 +72,7 @@ def test_the_equation_error_where_the_matrix_is_singular():
     assert found.states[0].case.test.freq_hz[0] > 0.0
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("sensors", [(0, 2), (3,), (0, 1, 2, 3)])
 @pytest.mark.parametrize("x", [(0.02, 0.1, -0.1), TRUTH])
 def test_jacobian_of_the_dynamic_residual(sensors: tuple[int, ...], x: tuple[float, ...]):

@@ -126,6 +126,7 @@ def test_values_with_and_without_derivatives_are_the_same_numbers(form: FrfForm)
         assert plain.jacobian.shape == (len(plain.values), 0)
 
 
+@pytest.mark.slow
 @every_form
 def test_functions_of_the_model_follow_from_the_blocks(form: FrfForm):
     """The inverse of a form, beside the functions that the residual was made of."""

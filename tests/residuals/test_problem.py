@@ -107,6 +107,7 @@ def test_shape_residuals_by_hand():
     assert np.linalg.norm(unit) == pytest.approx(np.sqrt(2 * (1 - 0.96)))
 
 
+@pytest.mark.slow
 def test_entries_that_were_not_measured_are_left_out():
     case = chain_case((0, 1, 2, 3))
     shapes = np.array(case.test.shapes)

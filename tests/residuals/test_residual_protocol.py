@@ -109,6 +109,7 @@ def test_without_modes_nothing_is_reduced():
     assert solver.solved == 0
 
 
+@pytest.mark.slow
 def test_only_what_modes_serve_is_reduced():
     """Both configurations are compared; the one without modes stays on the full model."""
     springs = [(i - 1, i, 900.0) for i in range(60)]

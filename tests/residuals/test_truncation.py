@@ -29,6 +29,7 @@ def _inverse(lines: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.array(out), 0, -1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("form", "scatter"), [("linear", FrfScatter(0.0, 0.02)), ("log-complex", FrfScatter(0.05))])
 def test_the_error_is_that_beside_the_inverse(form: FrfForm, scatter: FrfScatter) -> None:
     model = chain()

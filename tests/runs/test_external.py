@@ -40,7 +40,7 @@ def test_modes_by_the_closed_form(tmp_path: Path) -> None:
     assert list((tmp_path / "runs").iterdir()) == []
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "state"),
     [

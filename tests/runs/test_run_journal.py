@@ -70,7 +70,7 @@ def test_another_database_is_put_aside(tmp_path: Path, make: str) -> None:
     assert [n.code for n in open_run_journal(tmp_path).notices] == ["journal.damaged"]
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     ["facts = '{}'", "facts = 'no json'", "freq_hz = x'00'", "shapes = x'0000000000000000'", "nodes = 'text'"],

@@ -64,7 +64,7 @@ def _measured(wrong, modes=3, sensors=(0, 2, 3, 5), noise=0.0):
     return rows, shapes, solution.freq_hz
 
 
-@pytest.mark.quick(4)
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", ["k1", "k2", "k3", "k4", "k5", "k6"])
 def test_the_residual_gathers_at_the_spring_that_is_wrong(wrong):
     model = _chain()

@@ -53,7 +53,7 @@ _FRAME_START, _FRAME_TRUTH = np.array([1.04, 0.97, 1.0, 1.03]), np.array([1.12, 
 _CHAIN_TRUTH = np.array([1.1, 0.93, 1.05])
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.02, 0.01])
 @pytest.mark.parametrize("i", [0, 1, 2])
 def test_a_chain_with_enough_lines_is_smooth(ratio: float, i: int) -> None:

@@ -133,7 +133,7 @@ def test_an_update_without_stages_uses_the_components_too(spans: Path, tmp_path:
     assert len(by_name["whole"].components) == 2
 
 
-@pytest.mark.quick(5)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [

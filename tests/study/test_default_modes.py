@@ -48,6 +48,7 @@ SUPPORTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SUPPORTS)
 def test_free_rigid_body_motions(tmp_path: Path, name: str) -> None:
     cards, count = SUPPORTS[name]
@@ -114,7 +115,7 @@ def _free_study(bench: Bench, count: int = 10) -> Path:
     return bench.write("study.toml", text)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [4, 10, 14])
 def test_all_modes_of_a_free_structure_are_paired(bench: Bench, count: int) -> None:
     assert len(ft.correlate(_free_study(bench, count)).pairs) == count

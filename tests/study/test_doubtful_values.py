@@ -62,7 +62,7 @@ FOUND = {
 }  # fmt: skip
 
 
-@pytest.mark.quick(5)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FOUND)
 def test_doubtful_values_are_told(tmp_path: Path, name: str) -> None:
     text, words = FOUND[name]
@@ -82,7 +82,7 @@ SOUND = {
 }
 
 
-@pytest.mark.quick(3)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("name", SOUND)
 def test_usual_values_say_nothing(tmp_path: Path, name: str) -> None:
     assert not list(told(problems(tmp_path, SOUND[name])))

@@ -50,7 +50,7 @@ def _study(bench: Bench, table: str, residual: str = "") -> Path:
     return bench.study(text, test="frfs.uff")
 
 
-EQUALISE = f"[equalise]\ndamping = 0.02\nband_hz = [{BAND[0]}, {BAND[1]}]\nlargest_order = 20\n"
+EQUALISE = f'[equalise]\ndamping = 0.02\nband_hz = [{BAND[0]}, {BAND[1]}]\nlargest_order = 20\nthen = "nothing"\n'
 
 
 @pytest.mark.slow
@@ -249,7 +249,7 @@ def test_a_bootstrap_of_the_identified_test_has_the_spread_of_repeated_tests(ben
     assert other.results.bootstrap.recalled == 0
 
 
-@pytest.mark.slow
+@pytest.mark.quick(0, gate=1)
 @pytest.mark.parametrize("method", ["entries", "noise"])
 def test_entries_and_noise_of_the_identified_test(bench: Bench, method: str) -> None:
     _measured(bench, 0.005)

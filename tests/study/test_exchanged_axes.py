@@ -30,7 +30,7 @@ def proposed(words: str) -> dict[str, object]:
     return tomllib.loads(f"{table}\n{key}")["test"]
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("turn", [((0, 1, 0), (0, 0, 1), (1, 0, 0)), ((0, -1, 0), (1, 0, 0), (0, 0, 1))])
 def test_the_rotation_that_fits_is_proposed(bench: Bench, turn: tuple) -> None:
     bench.uff(exchanged(bench.measure(bench.truth()), np.array(turn, float)))

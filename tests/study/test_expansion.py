@@ -29,7 +29,7 @@ def few(bench: Bench) -> Bench:
     return bench
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["serep", "dynamic", "mdre"])
 def test_modes_of_the_deck_itself_are_expanded_to_its_grid_points(few: Bench, method: str) -> None:
     study = few.study(f'{EI}[correlate]\nexpand = "{method}"\nexpand_noise = 1e-6\n')

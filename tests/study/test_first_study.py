@@ -188,7 +188,7 @@ _UNITS = {
 }
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("units", _UNITS)
 def test_units_are_guessed_from_materials_and_coordinates(tmp_path: Path, units: str) -> None:
     scale, material = _UNITS[units]
@@ -200,6 +200,7 @@ def test_units_are_guessed_from_materials_and_coordinates(tmp_path: Path, units:
     assert not made.record.doubts
 
 
+@pytest.mark.slow
 def test_a_weight_density_is_named_with_its_factor(tmp_path: Path) -> None:
     """In pounds a cubic inch without WTMASS; masses are 386 times too large."""
     deck = plate(tmp_path, 6, 4, scale=1.0 / 0.0254, material="1.03+7,,.33,.0976")
@@ -210,6 +211,7 @@ def test_a_weight_density_is_named_with_its_factor(tmp_path: Path) -> None:
     assert "PARAM,WTMASS,0.0025901" in made.record.doubts[0]
 
 
+@pytest.mark.slow
 def test_a_test_whose_file_states_no_units(tmp_path: Path) -> None:
     deck = plate(tmp_path, 6, 4)
     path = ft.write_test(plate_test(deck, 35, "mm-t-s"), tmp_path / "test.uff")
@@ -221,6 +223,7 @@ def test_a_test_whose_file_states_no_units(tmp_path: Path) -> None:
     assert ft.check(made.path).ok
 
 
+@pytest.mark.slow
 def test_units_may_be_stated(small: tuple[Path, Path]) -> None:
     made = ft.init(*small, small[0].parent / "new", units="mm-kg-s")
     assert made.record.units == "mm-kg-s"
@@ -241,7 +244,7 @@ _CYCLE = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _OBLIQUE = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("turn", "shift", "renumbered"),
     [(_CYCLE, 0.0, True), (_CYCLE, 50.0, False), (_OBLIQUE, 12.5, False), (np.eye(3), 100.0, True)],
@@ -267,6 +270,7 @@ def test_axes_and_origin_are_found(tmp_path: Path, turn: np.ndarray, shift: floa
     assert distance.max() < 1e-3 * 721.0
 
 
+@pytest.mark.slow
 def test_points_between_grid_points_get_a_tolerance(tmp_path: Path) -> None:
     deck = plate(tmp_path, 6, 4)
     test = plate_test(deck, 35)
@@ -347,6 +351,7 @@ def test_candidates_are_fields_of_materials_properties_joints_and_masses(tmp_pat
     assert found["CONM2 9 M"] == "mass"
 
 
+@pytest.mark.slow
 def test_every_proposed_parameter_is_determined_beside_the_others(tmp_path: Path) -> None:
     """An independent check: `select` on the study that was written."""
     made = ft.init(example_deck(tmp_path), example_test(tmp_path), tmp_path / "new")
@@ -403,7 +408,7 @@ def test_nothing_is_overwritten(small: tuple[Path, Path]) -> None:
     assert ft.init(*small, folder, force=True).path.read_text() != "edited"
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["study.toml", "identify.toml", "identified/modes.csv"])
 def test_an_input_is_never_overwritten(tmp_path: Path, name: str) -> None:
     """A file that the deck includes has the name of one that init writes; force does not change that."""
@@ -481,6 +486,7 @@ def test_mistakes_of_study_deck_and_test_at_once(small: tuple[Path, Path]) -> No
     assert result.stderr.count("hint:") >= 3
 
 
+@pytest.mark.slow
 def test_mistakes_of_deck_and_test_beside_those_of_the_study(small: tuple[Path, Path]) -> None:
     deck, test = small
     made = ft.init(deck, test, deck.parent / "new")

@@ -203,6 +203,7 @@ def test_shapes_are_expanded_with_the_stiffness_of_their_frequency(rubber: Bench
     np.testing.assert_allclose(at_third, wanted, atol=1e-4 * np.abs(whole).max())
 
 
+@pytest.mark.slow
 def test_no_sturm_count_is_said_to_be_hidden(rubber: Bench):
     found = ft.modes(rubber.study(f"{PARAMETERS}{TABLES}", test=None))[0]
     assert found.sturm_sentence == "not tested: the stiffness depends on frequency"

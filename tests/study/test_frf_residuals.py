@@ -140,7 +140,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.quick(4)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_be_compared_is_refused_in_a_sentence(name: str, bench: Bench, true_deck: Path) -> None:
     text, code = REFUSED[name]

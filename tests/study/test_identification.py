@@ -370,6 +370,7 @@ def test_modes_with_negative_modal_mass_are_doubtful(tmp_path):
     assert "3 of them doubtful" in build_identification_page(made).verdict
 
 
+@pytest.mark.slow
 def test_means_over_fragments_show_the_collinearity_of_complex_shapes(record, tmp_path):
     text = 'sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 12\nfragments = 2\nmethods = ["FDD"]'
     made = identify(described(record, tmp_path, text))

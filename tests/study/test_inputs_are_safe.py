@@ -91,9 +91,9 @@ repeats = ["{26}"]
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    shutil.copy(example_deck(), tmp_path / "d.bdf")
-    shutil.copy(example_test(), tmp_path / "t.uff")
     monkeypatch.chdir(tmp_path)
+    example_deck().rename("d.bdf")
+    example_test().rename("t.uff")
     return tmp_path
 
 

@@ -18,6 +18,7 @@ def _deck(folder: Path, name: str, bulk: str) -> Path:
     return folder / name
 
 
+@pytest.mark.slow
 def test_the_frequencies_are_those_of_the_merged_deck(tmp_path: Path) -> None:
     merged = re.sub(r"^GRID,10[1-5],.*\n", "", SECOND, flags=re.MULTILINE)
     merged = re.sub(r"(?<=,)10([1-5])\b(?!,1,)", lambda m: str(20 + int(m[1])), merged)

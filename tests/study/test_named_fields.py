@@ -186,7 +186,7 @@ supports_added = ["1 THRU 5:345"]
 """
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(
     ("first", "second", "redundant"),
     [

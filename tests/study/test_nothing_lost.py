@@ -93,6 +93,7 @@ def test_results_are_kept_when_the_write_back_fails(
         assert ft.report(beam.folder / "run").is_file()
 
 
+@pytest.mark.slow
 def test_an_error_of_the_write_back_says_where_the_results_are(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     # what can be foreseen is reported before the update; what happens while the deck is written cannot
     def full(*_: object) -> None:

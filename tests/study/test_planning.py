@@ -61,6 +61,7 @@ def test_a_plan_of_a_plain_deck(free: Path) -> None:
     assert found.auto_mac.shape == (6, 6)
 
 
+@pytest.mark.slow
 def test_numbers_of_the_set_are_those_of_the_shapes_at_its_points(free: Path) -> None:
     found = ft.plan(free, modes=[7, 8, 9, 10], uniaxial=6)
     shapes = ft.modes(free, count=12).mode_sets["as the deck"]
@@ -100,7 +101,7 @@ def test_targets_of_a_band_are_solved_for(free: Path) -> None:
 
 @pytest.mark.parametrize("method", ["expansion", "elimination"])
 @pytest.mark.parametrize("weighting", ["none", "kinetic-energy"])
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 def test_placed_sets_are_better_than_random_ones(free: Path, method: str, weighting: str) -> None:
     found = ft.plan(free, uniaxial=9, method=method, weighting=weighting, uniaxial_threshold=0.0)
     shapes = ft.modes(free).mode_sets["as the deck"]
@@ -111,6 +112,7 @@ def test_placed_sets_are_better_than_random_ones(free: Path, method: str, weight
     assert found.record.chosen.log_det > np.quantile(others, 0.9 if weighting == "kinetic-energy" else 0.999)
 
 
+@pytest.mark.slow
 def test_kinetic_energy_is_weighted_by_the_mass_at_the_points(tmp_path: Path) -> None:
     # a mass beside which all others are nothing draws a sensor, though the point moves less for it
     path = tmp_path / "plate.bdf"

@@ -70,7 +70,7 @@ def _sd(F: Reals) -> Reals:
     return _PRIOR * np.sqrt(np.diag(np.linalg.inv(np.eye(3) + F)))
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("form", ["log-complex", "log-magnitude", "linear"])
 def test_expected_standard_deviations_beside_differences(tmp_path: Path, form: str) -> None:
     found = ft.plan(_chain(tmp_path, uniaxial=5, exciters=1, frf_form=form))
@@ -90,6 +90,7 @@ def test_expected_standard_deviations_beside_differences(tmp_path: Path, form: s
     assert Results.model_validate_json(found.results.model_dump_json()) == found.results
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", ["D", "A"])
 def test_sensors_for_a_given_exciter_are_the_best_of_all_sets(tmp_path: Path, criterion: str) -> None:
     asked = {"aim": "parameters", "criterion": criterion, "uniaxial": 4, "exciters_placed": ("9X+",)}
@@ -117,6 +118,7 @@ def test_sensors_and_exciter_together_beside_all_pairs_of_sets(tmp_path: Path) -
     assert own >= np.quantile(every, 0.995)
 
 
+@pytest.mark.slow
 def test_lines_beside_random_and_even_ones(tmp_path: Path) -> None:
     asked = {"uniaxial": 4, "exciters_placed": ("9X+",), "frf_lines": 12}
     found = ft.plan(_chain(tmp_path, **asked))
@@ -137,6 +139,7 @@ def test_lines_beside_random_and_even_ones(tmp_path: Path) -> None:
     assert (everything.parameters.column("expected_sd") < found.parameters.column("expected_sd")).all()
 
 
+@pytest.mark.slow
 def test_the_noise_floor_counts(tmp_path: Path) -> None:
     found = ft.plan(_chain(tmp_path, uniaxial=5, exciters=1, frf_sd=_SD, frf_floor=0.001))
     nodes, inputs = ([s.node for s in some] for some in (found.record.sensors, found.record.exciters))

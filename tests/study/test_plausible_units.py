@@ -189,6 +189,7 @@ def _sensors(bench: Bench, factor: float, more: str) -> None:
     load_study(bench.study(more))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1e-3, 1e3, 0.0254, 1.0 / 25.4, 12.0, 0.3048])
 def test_coordinates_of_sensors_by_number(bench: Bench, factor: float) -> None:
     with pytest.raises(FemtuneError) as caught:
@@ -197,6 +198,7 @@ def test_coordinates_of_sensors_by_number(bench: Bench, factor: float) -> None:
     assert f"factor {1.0 / factor:.6g}" in caught.value.hint
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.5, 0.7, 5.0])
 def test_coordinates_that_no_unit_explains(bench: Bench, factor: float) -> None:
     with pytest.raises(FemtuneError) as caught:
@@ -239,6 +241,7 @@ def _doubtful(sentences: Iterable[str]) -> list[str]:
     return [s for s in sentences if "deck.sections-doubtful" in s]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "told"), [(1000.0, True), (0.01, True), (1.001, False), (25.4, False), (0.04, False)]
 )

@@ -505,6 +505,7 @@ def test_what_fails_below_is_told_in_keys_of_the_study(keys: dict[str, str], cod
     assert way_out in error.value.hint
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("table", "keys", "code"),
     [

@@ -60,7 +60,7 @@ def run(bench: Bench, tail: str, test: str | None = "beam.uff") -> RunResult:
     return ft.run(bench.study(EI + tail, test=test))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OF_MODES)
 def test_kinds_of_modes(name: str, beam: Bench):
     # shapes know the ratio of the two stiffnesses only

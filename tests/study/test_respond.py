@@ -46,7 +46,7 @@ def _respond(path: Path, **options: Any) -> tuple[ResponseResults, NDArray[np.fl
     return found[0], found.frfs.freq_hz, found.frfs.values
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("method", WAYS)
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
 def test_one_mass(bench: Bench, method: str, kind: str) -> None:

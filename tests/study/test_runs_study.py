@@ -184,14 +184,6 @@ def test_what_does_not_apply_is_refused(name: str, study: Path) -> None:
     check_shown(name, str(caught.value).replace(str(study.parent), "FOLDER"))
 
 
-def test_frequencies_alone_do_not_pair_with_a_deck(study: Path) -> None:
-    text = '[study]\ntitle = "Deck"\ndeck = "nodes.bdf"\nunits = "m-kg-s"\n\n[test]\nfreq_hz = [1.0]\n'
-    study.write_text(text)
-    with pytest.raises(FemtuneError) as caught:
-        ft.info(study)
-    check_shown("study.test-source, no runs", str(caught.value).replace(str(study.parent), "FOLDER"))
-
-
 def test_overlays_are_refused(study: Path) -> None:
     text = '[[configuration]]\nname = "A"\ntest = "chain.uff"\nspc = 1\n'
     study.write_text(STUDY.replace('[test]\nfile = "chain.uff"\n', text))

@@ -206,6 +206,7 @@ def test_no_front(beam: Bench, name: str, residuals: str, csv: bool) -> None:
     check_shown(name, str(caught.value).replace(str(path.parent), "FOLDER"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["beam.bdf", "study.toml"])
 def test_the_table_of_a_front_does_not_overwrite_an_input(beam: Bench, name: str) -> None:
     path = beam.study(contradictory(beam) + FRONT)

@@ -86,7 +86,7 @@ def test_parameters_that_do_the_same_are_told(beam: Bench):
     assert any("have nearly the same effect" in s for s in found.sentences)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(
     ("groups", "names"),
     [

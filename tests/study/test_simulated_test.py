@@ -50,6 +50,7 @@ def test_rigid_body_motions_are_left_out_and_a_sign_turns_label_and_motion(bench
     np.testing.assert_allclose(_written(turned)[1], shapes, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_scatter_is_that_asked_for_and_the_same_again(bench: Bench) -> None:
     deck, path = bench.folder / "beam.bdf", bench.folder / "t.uff"
     sensors = ("2 THRU 5:23",)

@@ -129,6 +129,7 @@ def test_every_step_on_a_study_is_known_to_hold_its_folder() -> None:
     assert {step.name for step in all_steps() if step.command is not None} - without_model == set(HOLDING)
 
 
+@pytest.mark.slow
 def test_models_that_share_a_run_folder_are_read_one_after_the_other(study: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         ft.compare(study, study)

@@ -147,6 +147,7 @@ def test_other_steps_use_the_same_runs(study: Path, step: str) -> None:
     assert started(study) == before
 
 
+@pytest.mark.slow
 def test_what_was_run_is_said(study: Path) -> None:
     notices = ft.info(study).notices
     said = next(n for n in notices if n.code == "external.runs")
@@ -180,6 +181,7 @@ def test_what_is_wrong_is_said(study: Path, name: str, old: str, new: str) -> No
     check_shown(name, "\n".join(line.partition("/external/")[0] for line in shown.splitlines()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [

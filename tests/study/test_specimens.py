@@ -235,6 +235,7 @@ def test_derivatives_are_those_of_the_specimen(tmp_path: Path) -> None:
         assert acting == [case.entry.specimen == s for s in "ABC"] + [True]
 
 
+@pytest.mark.slow
 def test_specimens_in_one_state_share_their_matrices(tmp_path: Path) -> None:
     write_tests(tmp_path, states=("free", "loaded"))
     (tmp_path / "study.toml").write_text(study_text(("free", "loaded")))

@@ -81,6 +81,7 @@ def test_a_file_that_changes_while_the_solver_runs_is_told(study: Path) -> None:
     check_shown("external.changed, file", said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 def test_a_journal_that_another_program_holds_is_waited_for(
     study: Path, held: bool, monkeypatch: pytest.MonkeyPatch
@@ -107,6 +108,7 @@ def test_a_journal_that_another_program_holds_is_waited_for(
     assert [p.name for p in place.parent.glob("runs.*")] == ["runs.sqlite"]
 
 
+@pytest.mark.slow
 def test_outcomes_wait_while_another_program_holds_the_journal(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ft.modes(study)
     first = runs_of(study)

@@ -42,18 +42,19 @@ floor = 0.001
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("undamped") / "frfs.uff"
     ft.respond(
-        example_deck(), inputs=["5Z+"], outputs=["3Z+", "5Z+"], from_hz=20, to_hz=60, step_hz=0.5, ratio=0.02,
-        units="m-kg-s", uff=path,
+        example_deck(path.parent), inputs=["5Z+"], outputs=["3Z+", "5Z+"], from_hz=20, to_hz=60, step_hz=0.5,
+        ratio=0.02, units="m-kg-s", uff=path,
     )  # fmt: skip
     return path
 
 
 def _study(measured: Path, folder: Path, more: str) -> Path:
     path = folder / "study.toml"
-    path.write_text(STUDY.format(deck=Path(example_deck()).resolve(), test=measured, more=more))
+    path.write_text(STUDY.format(deck=example_deck(folder).resolve(), test=measured, more=more))
     return path
 
 
+@pytest.mark.slow
 def test_check_and_update_tell_that_nothing_damps_the_functions(measured: Path, tmp_path: Path) -> None:
     study = _study(measured, tmp_path, "")
     (told,) = [r for r in ft.check(study).remarks if r.code == "residual.frf-undamped"]

@@ -205,7 +205,7 @@ supports_removed = ["1:12356"]
 """
 
 
-@pytest.mark.quick(5)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("name", WRONG)
 def test_errors_of_vibration_tests_are_reported_before_the_update(
     beam: Bench, monkeypatch: pytest.MonkeyPatch, name: str

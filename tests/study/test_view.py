@@ -60,6 +60,7 @@ def test_without_a_screen(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     check_shown("view.no-screen", caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("asked", "name"),
     [

@@ -50,6 +50,7 @@ def test_the_noisiest_output_is_held_out(bench: Bench) -> None:
     check_shown("study.worst-held", Notice(notice.code, level="info", **{**notice.facts, **numbers}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hold", "says"),
     [

@@ -80,6 +80,7 @@ def test_the_coefficients_are_those_of_least_squares() -> None:
         np.testing.assert_allclose(fit.coefficients, np.linalg.lstsq(values, column, rcond=None)[0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_runs_that_are_left_out_are_predicted_by_a_fit_without_them() -> None:
     """Which chooses its terms again, so that they differ."""
     surrogate = _fitted()
@@ -120,6 +121,7 @@ def test_leaving_out_one_run_with_unchanged_terms() -> None:
         np.testing.assert_allclose(np.abs(error), without.predict_sd(_X[i])[0], rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("logarithms", [False, True])
 def test_the_gradient_of_a_prediction_by_complex_step(logarithms: bool) -> None:
     x, new = _X + 0.5, _NEW + 0.5

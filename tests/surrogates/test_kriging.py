@@ -68,6 +68,7 @@ def test_the_restricted_likelihood_is_that_of_contrasts() -> None:
     assert constants[0] == pytest.approx(constants[1], abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rules", [{}, {"correlation": "none", "trend": "quadratic"}, {"trend": "linear"}])
 def test_leaving_out_one_run_is_fitting_without_it(rules: dict[str, str]) -> None:
     surrogate = _fitted(**rules)

@@ -39,6 +39,7 @@ def test_the_parts_and_the_whole_hang_free(deck: Path):
     assert masses[2] == pytest.approx(masses[0] + masses[1], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_tube_weighs_what_it_should(deck: Path):
     """The front's tubes: length along the corners, ring area, density."""
     structure = build_structure(read_deck(deck)).structure

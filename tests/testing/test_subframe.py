@@ -109,6 +109,7 @@ def test_the_masses_of_members_follow_from_their_sections(smallest: Subframe) ->
     assert masses[19] == pytest.approx(4 * octagon * (0.013**2 - 0.007**2) * height * 7850.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_deck_reads_back_as_what_was_made(smallest: Subframe, built: BuiltDeck) -> None:
     assert [notice.code for notice in built.notices if notice.level == "warning"] == []
     structure = built.structure
@@ -155,6 +156,7 @@ def test_sensors_sit_at_the_same_places_in_every_mesh(smallest: Subframe) -> Non
     assert sum(mass.name == "accelerometer" for mass in smallest.masses) == SENSORS
 
 
+@pytest.mark.slow
 def test_another_seed_puts_the_sensors_elsewhere(smallest: Subframe) -> None:
     other = subframe(5_000, seed=3)
     places = [m.xyz[np.isin(m.node_ids, m.sensors)] for m in (smallest, other)]

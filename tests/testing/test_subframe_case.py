@@ -17,6 +17,7 @@ from structures.subframe_study import Compared, held_out
 TEST = Compared(FREE, Measured((60.0, 450.0), 2.0), (100.0, 350.0), (360.0, 450.0))
 
 
+@pytest.mark.slow
 def test_eighteen_channels_are_held_out_over_the_whole_structure() -> None:
     outputs = Laboratory(5_000).outputs
     held = held_out(outputs)

@@ -30,12 +30,13 @@ def test_sizes_and_shapes(make: Callable[[int], MeshedStructure], n_dofs: int) -
     assert quality.jacobian > 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "n_dofs"), [(shell_frame, 4_000), (solid_bracket, 2_200)])
 def test_mass_does_not_depend_on_the_mesh(make: Callable[[int], MeshedStructure], n_dofs: int) -> None:
     assert mesh_quality(make(n_dofs)).mass == pytest.approx(mesh_quality(make(20 * n_dofs)).mass, rel=0.01)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "parameters"),
     [(shell_frame(4_000), shell_frame_parameters()), (solid_bracket(2_200), solid_bracket_parameters())],

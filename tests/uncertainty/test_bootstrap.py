@@ -192,6 +192,7 @@ def test_statistics_of_given_runs() -> None:
     assert "1 of 4001 runs did not converge and are left out." in result.sentences
 
 
+@pytest.mark.slow
 def test_bias_and_bounds_are_told() -> None:
     bootstrap = work()
     rng = np.random.default_rng(5)
@@ -215,6 +216,7 @@ def test_an_exact_fit_has_no_scatter() -> None:
     assert result.sentences[0].startswith("The runs have no scatter")
 
 
+@pytest.mark.slow
 def test_a_fixed_parameter_rests() -> None:
     problem, best = calibrated()
     bootstrap = bootstrap_of(problem, best.after, best.side, best.active[:2], BootstrapRules())

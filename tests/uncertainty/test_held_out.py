@@ -84,6 +84,7 @@ def test_noise_that_is_not_stated_is_found():
     assert _checked(_tests(60, 1, 0.5), held, 0.5).agrees
 
 
+@pytest.mark.slow
 def test_few_held_out_repeats_are_not_tested():
     z = _tests(12, 0)
     z[0, 1] = np.nan

@@ -65,6 +65,7 @@ def test_a_drift_is_found_and_measured():
     assert "f2 +2" in notice.what
 
 
+@pytest.mark.slow
 def test_a_jump_is_found_where_it_is():
     table = _table(30, 4)
     table[12:] += 2.0 * SD
@@ -76,6 +77,7 @@ def test_a_jump_is_found_where_it_is():
     assert "jump after repeat 1" in check_repeats(table, "abc").notices[0].what
 
 
+@pytest.mark.slow
 def test_a_wave_is_serial_correlation():
     table = _table(40, 2) + 1.5 * SD * np.sin(np.arange(40)[:, None] * 2.0 * np.pi / 10.0)
     assert order_dependence(table).kind == "serial correlation"

@@ -46,6 +46,7 @@ def _differences(outputs, theta, h=1e-6):
     return np.stack([(outputs.values(theta + s) - outputs.values(theta - s)) / (2.0 * h) for s in steps], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "outputs",
     [

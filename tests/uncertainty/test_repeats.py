@@ -21,6 +21,7 @@ def _table(count, missing, seed=0):
     return table
 
 
+@pytest.mark.slow
 def test_whole_repeats_give_the_sample_moments():
     table = _table(12, 0.0)
     found = statistics_of_repeats(table, ("a", "b", "c"))

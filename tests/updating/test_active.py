@@ -31,6 +31,7 @@ def problem() -> UpdateProblem:
     return chain_problem()
 
 
+@pytest.mark.slow
 def test_only_the_named_parameters_move(problem: UpdateProblem):
     start = problem.start(np.array([0.25, 0.0, 0.0]))
     result = update(problem, start=start, active=["c", "b"])
@@ -59,7 +60,7 @@ def test_a_resting_parameter_pulls_what_a_prior_says_goes_with_it(problem: Updat
     assert result.x[1] == pytest.approx(0.0999 * sd[1] / sd[0], rel=1e-2)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("search", [GaussNewton(), LineSearch(), LevenbergMarquardt()])
 def test_every_search_finds_the_truth(problem: UpdateProblem, search: Search):
     result = update(problem, SensitivityMethod(search=search))

@@ -73,7 +73,7 @@ def textbook(mu: float, link: bool, iterations: int) -> list[NDArray]:
     return found
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("link", [False, True])
 @pytest.mark.parametrize("mu", [3.0, 30.0])
 def test_iterates_are_those_of_the_textbook(link: bool, mu: float):

@@ -39,6 +39,7 @@ _CHAIN = {"frequency": 6, "shape": 30}
 _RIGHT = {"frequency": 1.0, "shape": 1.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("times", "least", "most"),
     [

@@ -18,7 +18,7 @@ from femtune.updating import (
     look_further,
     update,
 )
-from femtune.updating.minimum import _Valley, macs_of_pairs
+from femtune.updating.minimum import Valley, macs_of_pairs
 from femtune.updating.sensitivity_method import Walk
 from structures.springs import factor_model, simulated_case, spring_structure
 
@@ -212,7 +212,7 @@ def test_a_start_is_given_up_where_its_steps_lead_back() -> None:
     assert back
     assert not any(t.better for t in back)
     # a whole update from there ends at the same minimum
-    valley = _Valley.of(Walk(problem, np.ones(2, bool), end.side), end)
+    valley = Valley.of(Walk(problem, np.ones(2, bool), end.side), end)
     rng, held = np.random.default_rng(1), 0
     for x in end.x + rng.uniform(-0.2, 0.2, (8, 2)):
         at = problem.start(x)

@@ -77,7 +77,7 @@ def test_beside_an_active_bound_intervals_are_those_of_integration() -> None:
     assert found.sd[1] == pytest.approx(of(found, 1).sd, rel=1e-3)
 
 
-@pytest.mark.quick(4)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_the_interval_contains_the_estimate_and_keeps_its_probability(seed: int) -> None:
     """Random problems whose optimum lies on bounds, or beside them: each interval contains the estimate."""

@@ -184,6 +184,7 @@ def under_determined(seed: int) -> tuple[Reals, Reals]:
     return A, A @ rng.uniform(-0.6, 0.6, 6) + rng.standard_normal(8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_it_is_the_smallest_change_within_the_margin(seed: int):
     A, b = under_determined(seed)

@@ -57,6 +57,7 @@ def _bottom_up(cases: dict[str, ComparedCase], **more: object):
     return run_stages([_stage(cases, *one, **more) for one in plan], first_belief(parameters))
 
 
+@pytest.mark.slow
 def test_without_noise_the_truth_is_found():
     results = _bottom_up(_cases(None), prior=False)
     np.testing.assert_allclose(results[-1].belief.x, TRUTH, atol=1e-7)

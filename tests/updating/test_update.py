@@ -57,6 +57,7 @@ def noisy(case: ComparedCase, frequency: float, shape: float, seed: int) -> Comp
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "residuals", [RULES, (FrequencyResidual(0.01, "eigenvalue"), ShapeResidual(0.1, "largest-entry"))]
 )

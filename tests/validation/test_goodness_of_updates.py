@@ -32,6 +32,7 @@ def test_chances_are_uniform_where_the_model_is_right() -> None:
     assert kstest(_chances(spring_chain(), range(200)), "uniform").pvalue > 0.001
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seeds",
     [

@@ -50,7 +50,7 @@ def mindlin(t: float) -> np.ndarray:
     return np.sqrt(D * k2**2 / (RHO * t) / (1 + D * k2 / (SHEAR * E / (2 + 2 * NU) * t))) / (2 * np.pi)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", CELLS)
 @pytest.mark.parametrize("t", [0.1, 0.01, 1e-4])
 def test_simply_supported_plates_thick_and_thin(cells: str, t: float):
@@ -71,6 +71,7 @@ def test_thin_plates_do_not_lock(cells: str, distort: float):
     np.testing.assert_allclose(thin, thick, atol=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", CELLS)
 def test_clamped_plate(cells: str):
     """Leissa, Vibration of Plates (1969)."""
@@ -82,6 +83,7 @@ def test_clamped_plate(cells: str):
     assert np.abs(errors).max() < 0.013
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", CELLS)
 def test_lumped_mass(cells: str):
     errors = plate(simply_supported, cells, 8, 1e-3, False) / mindlin(1e-3) - 1.0
@@ -101,7 +103,7 @@ def annulus(cells: str, n: int, components: str) -> np.ndarray:
     return natural_frequencies(shell_structure(mesh.xyz, [part], held=held, consistent_mass=True), 6)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", CELLS)
 def test_annular_plate(cells: str):
     """Vogel and Skinner 1965, in Leissa 1969: ω a² √(ρt/D) = 6.55 6.66 7.96 13.3 to three digits."""
@@ -166,6 +168,7 @@ def test_straight_beam(cells: str, shape: str):
     assert found[2] == pytest.approx(1.0, abs=0.012)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 @pytest.mark.parametrize(
     ("t", "total", "exact"),
@@ -211,7 +214,7 @@ def hemisphere(cells: str, n: int, t: float = 0.04) -> float:
     return float(u[a, 0] / 0.0940 * (t / 0.04) ** 3)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", CELLS)
 def test_curved_benchmarks(cells: str):
     """Scordelis-Lo roof, pinched cylinder, hemisphere; the cylinder goes on growing under its point load."""
@@ -220,6 +223,7 @@ def test_curved_benchmarks(cells: str):
     assert hemisphere(cells, 8) == pytest.approx(0.994, abs=0.012)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", CELLS)
 def test_a_hemisphere_ten_times_thinner_hardly_locks(cells: str):
     assert hemisphere(cells, 8, 0.004) > 0.92

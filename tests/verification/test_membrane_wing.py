@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from femtune.files.nastran import build_structure, read_deck
 from femtune.model import Configuration, configure, parametric_model, solve_modes
@@ -27,6 +28,7 @@ def test_the_listed_mode_of_the_goland_wing(tmp_path: Path) -> None:
     np.testing.assert_array_equal(modes(tmp_path / "other.bdf", goland_wing("PARAM,K6ROT,1.+4\n")), found)
 
 
+@pytest.mark.slow
 def test_a_shell_that_bends_brings_drilling_to_all(tmp_path: Path) -> None:
     """With bending of the skins K6ROT acts again: a hundred times as much of it is seen in the modes."""
     bent = [goland_wing(f"PARAM,K6ROT,{k}\n").replace("PSHELL,1,1,0.0155", "PSHELL,1,1,0.0155,1") for k in (1.0, 1e4)]

@@ -53,6 +53,7 @@ _KINDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", _KINDS)
 def test_an_element_that_is_switched_off_ties_nothing(tmp_path: Path, kind: str) -> None:
     """Without element 31 point 7 hangs in the air, as in a deck without the card."""

@@ -90,6 +90,7 @@ def test_simply_supported_plate_thick_and_thin(t: float, consistent: bool):
     np.testing.assert_allclose(np.log2(np.abs(errors[0] / errors[1])), 2.0, atol=0.1)
 
 
+@pytest.mark.slow
 def test_distorted_meshes_do_not_lock():
     """Random inner points: as good at L/t = 10,000 as at 100, and near the regular mesh."""
     thin = plate(simply_supported, 16, 1e-4, 6, distort=0.25) / mindlin(1e-4, 6) - 1.0
@@ -146,7 +147,7 @@ def published(shared_data: Path, start: str) -> np.ndarray:
     return np.array(next(v["target_Hz"] for k, v in table.items() if k.startswith(start)))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("consistent", [False, True])
 def test_nafems_fv12_free_thin_plate(shared_data: Path, consistent: bool):
     found = extrapolated(bending_only, 0.05, 11, consistent, side=10.0)

@@ -75,6 +75,7 @@ def test_plates_of_every_thickness_are_alike(t: float, cells: str, distort: floa
         assert np.abs(errors).max() < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("t", [0.1, 0.001])
 def test_frequencies_converge_with_the_square_of_the_size(t: float):
     """Consistent mass; with lumped mass stiffness and mass errors nearly cancel, so that the order shows nothing."""
@@ -103,6 +104,7 @@ def test_lumped_mass_is_the_better_one():
     assert 0.1 < consistent < 0.15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1e-2, 1e-4])
 def test_soft_cores_keep_their_shear_flexibility(factor: float):
     """A sandwich: the residual flexibility counts against bending, so that it is small beside a soft core's own."""
@@ -153,7 +155,7 @@ def disc(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return x * scale, y * scale, 0.0 * u
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("t", [0.1, 0.01, 0.0001])
 @pytest.mark.parametrize("support", ["clamped", "simple"])
 def test_circular_plate(t: float, support: str):

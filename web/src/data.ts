@@ -26,7 +26,12 @@ export interface History {
   iterations: number[]; objective_percent: number[]; parameters: string[]; units: string[]; nominal: number[];
   values: number[][]; modes: IterationMode[]; functions: IterationFunctions[];
 }
-export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null }
+export interface Stabilisation {
+  methods: string[]; method: Packed; order: Packed; freq_hz: Packed; damping_ratio: Packed; stable: Packed;
+  picked: { row: number; name: string; fit_only: boolean }[]; curve_hz: Packed; curve_db: Packed; band_hz: [number, number];
+  inputs: { path: string; sha256: string }[];
+}
+export interface View { scenes: SceneData[]; functions: Functions[]; history: History | null; stabilisation: Stabilisation | null }
 
 const BYTES = { u1: 1, u2: 2, u4: 4, i2: 2, f4: 4 };
 

@@ -5,6 +5,7 @@ import { h } from "./dom.ts";
 import { fixed, FunctionPlot } from "./functions.ts";
 import { Iterations } from "./iterations.ts";
 import { enhancePicture } from "./pictures.ts";
+import { StabilisationPlot } from "./stabilisation.ts";
 import { enhance } from "./tables.ts";
 
 /** Rows of the tables of modes show their pair in the window of moving shapes. */
@@ -37,4 +38,5 @@ for (const section of new Set(view?.functions.map((f) => f.section))) {
   const plots = own.flatMap((f) => [...(own.length > 1 ? [h("h3", {}, f.configuration)] : []), new FunctionPlot(fixed(f)).element]);
   atHead(section === "responses" ? ["responses", "frequency_responses"] : [section], h("h3", {}, "Look closer"), ...plots);
 }
+if (view?.stabilisation) atHead(["poles"], h("h3", {}, "Pick poles"), new StabilisationPlot(view.stabilisation).element);
 if (view?.history) atHead(["convergence"], new Iterations(view.history).element);

@@ -131,6 +131,7 @@ def correlate(
         fixed=fixed,
         left_out=left_out,
         relative_gap=relative_gap,
+        rigid=rigid,
     )
     pairing = with_suspension(test, model, pairing, rigid)
     psi, phi = paired_shapes(test, model, pairing)

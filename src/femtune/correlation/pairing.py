@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.correlation.order import OtherOrder, better_order, in_ascending_order, scatter
 from femtune.errors import ErrorCollector, FemtuneError, Notice
 from femtune.modal import ModeSet, Rotation, clusters, rotate_to
 from femtune.modal.assignment import linear_sum_assignment
@@ -208,6 +209,74 @@ def no_pairs(test: ModeSet, reasons: Mapping[int, str], source: str = "") -> Fem
     return FemtuneError("correlate.no-pairs", values=values, modes=len(test), source=" of " + source if source else "")
 
 
+# ----------------------------------------------------------------------------------------------------
+# Frequencies without shapes.
+
+
+def _pairs_in_order(
+    test: ModeSet,
+    model: ModeSet,
+    fixed: Sequence[tuple[int, int]],
+    left_out: Mapping[int, str],
+    gates: tuple[float, float],
+    rigid: int,
+) -> Pairing:
+    """Pairs by ascending order of the frequencies and by hand, and what their order leaves open."""
+    errors = ErrorCollector()
+    for name, size, used in (("test", len(test), [i for i, _ in fixed]), ("model", len(model), [j for _, j in fixed])):
+        with errors.catch():
+            _check_fixed(name, size, used)
+    with errors.catch():
+        # a mode that is left out may be paired by hand all the same: this says where the order goes on
+        _check_left_out(len(test), set(), left_out)
+    errors.raise_if_any()
+    by_hand = {i for i, _ in fixed}
+    partners = in_ascending_order(test.freq_hz, len(model), fixed, rigid)
+    error = frequency_errors(test.freq_hz, model.freq_hz)
+    pairs, unpaired = [], []
+    for i in range(len(test)):
+        j = partners.get(i)
+        if i in left_out:
+            unpaired.append(Unpaired(i, left_out[i], left_out=True))
+        elif j is None:
+            unpaired.append(Unpaired(i, "in ascending order the model has no further mode for it"))
+        elif i not in by_hand and abs(error[i, j]) > gates[0]:
+            reason = (
+                f"in ascending order its partner is model mode {model.labels[j]} ({model.freq_hz[j]:.4g} Hz): the "
+                f"frequency error of {100 * error[i, j]:+.1f} % exceeds the frequency gate of {100 * gates[0]:.3g} %"
+            )
+            unpaired.append(Unpaired(i, reason))
+        else:
+            pairs.append(Pair(i, j, np.nan, np.nan, float(error[i, j]), i in by_hand))
+    paired = {pair.model for pair in pairs}
+    alone = tuple(j for j in range(len(model)) if j not in paired)
+    notices = _order_notices(test, model, partners, len(by_hand), rigid)
+    return Pairing(tuple(pairs), tuple(unpaired), alone, (), *gates, notices)
+
+
+def _order_notices(test: ModeSet, model: ModeSet, partners: Chosen, by_hand: int, rigid: int) -> tuple[Notice, ...]:
+    ordered = len(test) - by_hand
+    code = "correlate.without-shapes" if ordered else "correlate.without-shapes/by-hand"
+    told = Notice(code, count=ordered, modes=len(test), by_hand=by_hand)
+    better = better_order(test.freq_hz, model.freq_hz, partners, rigid)
+    return (told,) if better is None else (told, _doubtful(test, model, partners, better))
+
+
+def _doubtful(test: ModeSet, model: ModeSet, partners: Chosen, better: OtherOrder) -> Notice:
+    """The other order, with the entry of `pairs` that makes it: all modes above continue from there."""
+    modes = model if better.of_model else test
+    names = ", ".join(f"{modes.labels[k]} ({modes.freq_hz[k]:.4g} Hz)" for k in better.skipped)
+    first = min((i for i, j in better.partners.items() if partners.get(i) != j), key=lambda i: float(test.freq_hz[i]))
+    return Notice(
+        "correlate.order-doubtful" if better.of_model else "correlate.order-doubtful/test",
+        modes=names,
+        before=100.0 * scatter(test.freq_hz, model.freq_hz, partners),
+        after=100.0 * better.scatter,
+        test=test.labels[first],
+        model=better.partners[first] + 1,
+    )
+
+
 Allowed = NDArray[np.bool_]
 Chosen = dict[int, int]
 """Model position of each paired test position."""
@@ -307,8 +376,11 @@ def pair_modes(
     fixed: Sequence[tuple[int, int]] = (),
     left_out: Mapping[int, str] | None = None,
     relative_gap: float = 0.01,
+    rigid: int = 0,
 ) -> Pairing:
     """Pair test and model modes so that the sum of the MACs that pass both gates is largest.
+
+    Frequencies without shapes (no DOFs) are paired in ascending order; left-out modes keep their place in it.
 
     Parameters
     ----------
@@ -318,6 +390,7 @@ def pair_modes(
     fixed : (test, model) positions paired by hand, regardless of the gates
     left_out : reason for each test position that is not to be paired
     relative_gap : neighbours this close belong to one cluster, see `femtune.modal.clusters`
+    rigid : number of rigid-body modes of the model, its first modes, which the order of frequencies passes over
 
     Raises
     ------
@@ -326,6 +399,8 @@ def pair_modes(
     """
     left_out = dict(left_out or {})
     _check_gates(frequency_gate, mac_gate)
+    if not len(test.dofs):
+        return _pairs_in_order(test, model, fixed, left_out, (frequency_gate, mac_gate), rigid)
     _check_requests(len(test), len(model), fixed, left_out)
     comparison = candidates(test, model, relative_gap)
     allowed = (np.abs(comparison.frequency_error) <= frequency_gate) & (np.nan_to_num(comparison.score) >= mac_gate)

@@ -175,17 +175,55 @@ class HistoryView:
 
 
 @dataclass(frozen=True)
+class InputView:
+    """A measured file, by its name and the SHA-256 of its bytes."""
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class PickedView:
+    """A pole that is picked: its row, the name of its mode, and whether only the fit has it."""
+
+    row: int
+    name: str
+    fit_only: bool
+
+
+@dataclass(frozen=True)
+class StabilisationView:
+    """Poles (p,) from which a reader picks modes; `method` are positions in `methods`, `stable` is 0 or 1.
+
+    The curve behind them is over its own lines; `inputs` are the files that the poles are from.
+    """
+
+    methods: tuple[str, ...]
+    method: Packed
+    order: Packed
+    freq_hz: Packed
+    damping_ratio: Packed
+    stable: Packed
+    picked: tuple[PickedView, ...]
+    curve_hz: Packed
+    curve_db: Packed
+    band_hz: tuple[float, float]
+    inputs: tuple[InputView, ...]
+
+
+@dataclass(frozen=True)
 class PageView:
     """The data of the interactive view of a page."""
 
     scenes: tuple[SceneView, ...] = ()
     functions: tuple[FunctionsView, ...] = ()
     history: HistoryView | None = None
+    stabilisation: StabilisationView | None = None
 
     @property
     def empty(self) -> bool:
         """True if nothing can be shown."""
-        return not (self.scenes or self.functions or self.history)
+        return not (self.scenes or self.functions or self.history or self.stabilisation)
 
     def json(self) -> str:
         """As JSON that may stand inside a script element: without the characters that could end it."""

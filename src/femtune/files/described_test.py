@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.dofs import Dof, parse_dof
-from femtune.errors import FemtuneError, Notice, Where
+from femtune.errors import FemtuneError, Notice, Where, with_notices
 from femtune.files.points_table import read_points
 from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs, read_function_files
 from femtune.files.uff import UffContent, UffFile, read_uff
@@ -47,7 +47,9 @@ def read_described(file: IdentifyFile) -> DescribedFunctions:
         functions = DescribedFunctions(_of_tables(file))
     else:
         content = read_universal(UffFile(paths[0], paths[1:]), units, _stated(file))
-        frfs = _only(content.frf_sets, ", ".join(map(str, paths)))
+        # they say which functions are no FRFs
+        with with_notices(content.notices):
+            frfs = _only(content.frf_sets, ", ".join(map(str, paths)))
         functions = DescribedFunctions(frfs, content.test.geometry, content.notices)
     stated = read_described_geometry(file)
     notices = (*functions.notices, *_same_values(functions.frfs))

@@ -101,6 +101,10 @@ class IdentifyTable(TomlTable):
     fragment. Example: `[7.8]`"""
     drop_hz: tuple[Positive, ...] = ()
     """Clusters of stable poles that are rejected manually, Hz. Example: `[7.8]`"""
+    choices: Annotated[Text, NamesFile("choice of poles")] | None = None
+    """Poles that were picked in the stabilisation diagram of the report, and saved from there: they are the modes, in
+    place of those that the rule chooses. Not with `take_hz`, `drop_hz`, `fragments` or `[[setup]]`. Example:
+    `"choices.toml"`"""
     remove_hz: Annotated[tuple[Positive, ...], Field(max_length=100)] = ()
     """Lines of machines or of the mains that are subtracted from a record without measured forces before the
     identification, Hz, within 0.2 %. Example: `[11.0, 22.0]`"""
@@ -300,6 +304,11 @@ class IdentifyFile(TomlTable):
         return tuple(self._path.parent / name for name in ((named,) if isinstance(named, str) else named))
 
     @property
+    def choices_path(self) -> Path | None:
+        """The file of picked poles."""
+        return None if self.identify.choices is None else self._path.parent / self.identify.choices
+
+    @property
     def geometry_path(self) -> Path | None:
         """The file of the geometry."""
         return None if self.identify.geometry is None else self._path.parent / self.identify.geometry
@@ -357,6 +366,9 @@ def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     yield from _layout(data, asked, source)
     yield from _methods(data, asked, source)
     yield from _levels(data, source)
+    others = [key for key in ("take_hz", "drop_hz", "fragments") if key in asked] + ["setup"] * ("setup" in data)
+    if "choices" in asked and others:
+        yield source.error(("identify", "choices"), "identify.choices/with-others", {"keys": ", ".join(others)})
     if falls(asked.get("band_hz")):
         shown = {"band_hz": asked["band_hz"]}
         yield source.error(("identify", "band_hz"), "study.value/empty-band", shown)

@@ -1,4 +1,5 @@
-"""Modes of a test in tables: text with a line for each DOF or one line in all, and arrays of MATLAB or NumPy."""
+"""Modes of a test in tables: text with a line for each DOF or one line in all, lists of frequencies without shapes, and
+arrays of MATLAB or NumPy."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ import numpy as np
 from femtune.arrays import Reals
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Where, each
+from femtune.files.frequency_table import is_frequency_heading, read_frequency_table
 from femtune.files.records.arrays import open_mat, open_npy
 from femtune.files.table_text import NotATable, TableText, read_table_text
 from femtune.modal import ModeSet
@@ -31,7 +33,7 @@ _LARGEST = 10_000_000
 
 
 def is_shape_table(path: Path) -> bool:
-    """Whether a file is a table of shapes: by the headings of a text, or the names of arrays."""
+    """Whether a file is a table of modes: by the headings of a text, or the names of arrays."""
     suffix = path.suffix.lower()
     if suffix in _ARRAYS:
         try:
@@ -41,13 +43,20 @@ def is_shape_table(path: Path) -> bool:
             return False
     if suffix not in _TEXT:
         return False
+    heads = _headings(path)
+    if is_frequency_heading(heads):
+        return True
+    return heads[:2] == ["node", "direction"] or heads[0] == "dof" or any(_SHAPE.fullmatch(h) for h in heads)
+
+
+def _headings(path: Path) -> list[str]:
+    """Headings of a text in small letters; one without letters if the file cannot be read."""
     try:
         with path.open(encoding="utf-8-sig", errors="replace") as stream:
             first = next((line for line in stream if line.strip()), "")
     except OSError:
-        return False
-    heads = [head.strip().lower() for head in re.split("[,;\t]", first)]
-    return heads[:2] == ["node", "direction"] or heads[0] == "dof" or any(_SHAPE.fullmatch(h) for h in heads)
+        return [""]
+    return [head.strip().strip('"').lower() for head in re.split("[,;\t]", first)]
 
 
 def read_shape_table(path: Path, units: UnitSystem, name: str = "") -> ModalTest:
@@ -58,14 +67,17 @@ def read_shape_table(path: Path, units: UnitSystem, name: str = "") -> ModalTest
     path : a text (.csv, .txt, .tsv) with a line for each DOF under the headings
         ``node,direction,x,y,z,27.08 Hz,44.7 Hz`` (or ``dof`` for the first two; x, y, z may be absent) or with one line
         under ``f1_hz,f2_hz,shape1_1Z+,shape2_1Z+``; or arrays (.mat, .npz) ``freq_hz`` (m,), ``shapes`` (s, m) and
-        ``dofs`` (s labels "12Z+", or (s, 2) nodes and components from 1 to 6), and ``nodes`` (n,) with ``xyz`` (n, 3)
+        ``dofs`` (s labels "12Z+", or (s, 2) nodes and components from 1 to 6), and ``nodes`` (n,) with ``xyz`` (n, 3);
+        or a list of frequencies, see `read_frequency_table`
     units : of coordinates
     name : of the test; else the name of the file
 
     Raises
     ------
-    FemtuneError : ``test.shapes`` in its variants, with the line; ``record.file``
+    FemtuneError : ``test.shapes`` in its variants, with the line; ``record.file``; ``test.frequencies``
     """
+    if path.suffix.lower() in _TEXT and is_frequency_heading(_headings(path)):
+        return read_frequency_table(path, units, name)
     if path.suffix.lower() in _ARRAYS:
         with _opened(path) as arrays:
             freq_hz, shapes, dofs, frame = _of_arrays(path, arrays)

@@ -121,6 +121,8 @@ def joined_by_average(distance: Reals, farthest: float) -> list[NDArray[np.int64
 
 CHOSEN_BY_USER = "chosen by the user"
 """Reason of a candidate that the user takes."""
+DROPPED_BY_USER = "dropped by the user"
+"""Reason of a candidate that the user rejects."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +140,8 @@ class Candidate:
     at : position of the pole nearest to the medians
     chosen : whether it is taken as a mode
     reason : why, in words
+    name : of the mode, "" for its number
+    left : whether the fit moved its pole to another place
     """
 
     freq_hz: float
@@ -151,6 +155,28 @@ class Candidate:
     at: int
     chosen: bool
     reason: str
+    name: str = ""
+    left: bool = False
+
+
+@dataclass(frozen=True)
+class PickedPole:
+    """A pole that a person picked in the stabilisation diagram.
+
+    Parameters
+    ----------
+    method, order : where it is
+    freq_hz, damping_ratio : of the pole itself
+    name : of the mode, "" for its number
+    fit_only : the fit of functions starts with it too, but where it leaves its cluster it is no mode
+    """
+
+    method: str
+    order: int
+    freq_hz: float
+    damping_ratio: float
+    name: str = ""
+    fit_only: bool = False
 
 
 @dataclass(frozen=True)
@@ -199,9 +225,56 @@ def change_choice(
     changed = list(candidates)
     for freq, chosen in (*((f, True) for f in take), *((f, False) for f in drop)):
         i = _nearest(changed, freq, within)
-        reason = CHOSEN_BY_USER if chosen else "dropped by the user"
+        reason = CHOSEN_BY_USER if chosen else DROPPED_BY_USER
         changed[i] = replace(changed[i], chosen=chosen, reason=reason)
     return tuple(changed)
+
+
+SAME_POLE = 1e-5
+"""Distance |λ − λ'|/|λ| up to which a pole is the one that was picked: pages have seven digits, and numerical libraries
+differ by less. Another record, band or method moves poles by more."""
+
+
+def pick_poles(
+    candidates: Sequence[Candidate], table: PoleTable, picked: Sequence[PickedPole]
+) -> tuple[Candidate, ...]:
+    """The table with the picked poles as the modes, whatever the rule says; all other candidates are dropped.
+
+    A cluster is represented by the pole that was picked in it. A pole that is in no cluster becomes one, and so does
+    the second one of a cluster.
+
+    Raises
+    ------
+    FemtuneError : ``identify.choices/no-pole`` where the method has no such pole at this order
+    """
+    changed = [replace(c, chosen=False, reason=DROPPED_BY_USER if c.chosen else c.reason) for c in candidates]
+    orders, taken = _orders(table), set[int]()
+    for one in picked:
+        at = _pole_at(table, one)
+        if at in taken:
+            raise FemtuneError("identify.choices/twice", values=_values(one))
+        taken.add(at)
+        i = next((i for i, c in enumerate(changed) if at in c.members and not c.chosen), len(changed))
+        if i == len(changed):
+            changed.append(_candidate(table, np.array([at]), orders, Rule()))
+        reason = changed[i].reason if one.fit_only else CHOSEN_BY_USER
+        changed[i] = replace(changed[i], at=at, chosen=True, reason=reason, name=one.name)
+    return tuple(sorted(changed, key=lambda c: c.freq_hz))
+
+
+def _values(one: PickedPole) -> dict[str, object]:
+    return {"method": one.method, "order": one.order, "freq_hz": one.freq_hz, "damping_ratio": one.damping_ratio}
+
+
+def _pole_at(table: PoleTable, one: PickedPole) -> int:
+    """Position of the pole of a method and order that is the picked one."""
+    omega = 2.0 * np.pi * one.freq_hz
+    pole = omega * (-one.damping_ratio + 1j * np.sqrt(max(0.0, 1.0 - one.damping_ratio**2)))
+    own = np.flatnonzero((np.array(table.method) == one.method) & (table.order == one.order))
+    away = np.abs(table.poles[own] - pole) / omega
+    if not len(own) or away.min() > SAME_POLE:
+        raise FemtuneError("identify.choices/no-pole", values=_values(one))
+    return int(own[away.argmin()])
 
 
 def has_candidate(candidates: Sequence[Candidate], freq: float, within: float = 0.01) -> bool:

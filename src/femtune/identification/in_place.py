@@ -78,7 +78,9 @@ def in_place(
             continue
         left[r] = True
         told.append(notice)
-        kept[i] = replace(kept[i], chosen=False, reason=f"its fit ends at {hz:.4g} Hz, damping ratio {ratio:.2%}")
+        kept[i] = replace(
+            kept[i], chosen=False, left=True, reason=f"its fit ends at {hz:.4g} Hz, damping ratio {ratio:.2%}"
+        )
     fit = replace(fit, left=left)
     if not fit.reported.any():
         raise FemtuneError("identify.no-poles/left", n_clusters=len(chosen))

@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Notice, with_notices
-from femtune.identification.choice import Candidate, Limits, Rule, change_choice, choose, chosen_poles
+from femtune.identification.choice import (
+    CHOSEN_BY_USER,
+    Candidate,
+    Limits,
+    PickedPole,
+    Rule,
+    change_choice,
+    choose,
+    chosen_poles,
+    pick_poles,
+)
 from femtune.identification.frf_checks import check_frfs, dead_responses
 from femtune.identification.in_place import in_place
 from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
 from femtune.identification.kinds import KNOWN_INPUT
+from femtune.identification.late_channels import late_notices
 from femtune.identification.modal_fit import ModalFit
 from femtune.identification.modal_solve import OUT_OF_BAND
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
@@ -34,6 +46,9 @@ from femtune.identification.state_space_fit import SystemFit, residual_poles, sy
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 from femtune.modal.frf_set import KINDS
 
+_SAMPLES_PER_PERIOD = 10.24
+"""Delays of channels are looked for in steps of a quarter of a sample, with 2.56 samples a period at the last line."""
+
 
 @dataclass(frozen=True)
 class InputKnown:
@@ -46,6 +61,7 @@ class InputKnown:
     methods : out of KNOWN_INPUT
     limits, rule : of stable poles and of modes among them
     take, drop : frequencies in Hz of candidates that are accepted as modes, or rejected, regardless of the rule
+    picked : poles that are the modes, in place of all that the rule chooses; none where empty
     rigid : mass-normalised rigid-body modes whose motion is taken away first and put back into the system
     low, high : residual modes below and above the band that the system gets
     reciprocal : whether the system is reciprocal
@@ -61,6 +77,7 @@ class InputKnown:
     rule: Rule = field(default_factory=Rule)
     take: tuple[float, ...] = ()
     drop: tuple[float, ...] = ()
+    picked: tuple[PickedPole, ...] = ()
     rigid: ModeSet | None = None
     low: int = 1
     high: int = 2
@@ -110,6 +127,16 @@ class IdentifiedModes:
     clusters: tuple[int, ...] = ()
 
 
+class NoModesChosen(FemtuneError):  # noqa: N818
+    """``identify.no-poles``, with the poles and clusters from which a person may choose, and the functions."""
+
+    def __init__(
+        self, code: str, table: PoleTable, candidates: tuple[Candidate, ...], measured: FrfSet, **facts: Any
+    ) -> None:
+        super().__init__(code, **facts)
+        self.table, self.candidates, self.measured = table, candidates, measured
+
+
 def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None = None) -> IdentifiedModes:
     """Poles of all orders by every method, modes among them, their fit, and the system.
 
@@ -143,24 +170,34 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
     band = asked.band_hz or (float(whole.freq_hz[0]), float(whole.freq_hz[-1]))
     candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
     candidates = without_poles_of_noise(candidates, table, elastic, 0.5 * asked.rule.share)
-    by_rule = candidates
     candidates = change_choice(candidates, asked.take, asked.drop)
-    by_hand = [now is not before for now, before in zip(candidates, by_rule)]
+    if asked.picked:
+        candidates = pick_poles(candidates, _moved_table(table, shift), asked.picked)
+    by_hand = [c.reason == CHOSEN_BY_USER for c in candidates]
     chosen = np.flatnonzero([c.chosen for c in candidates])
+    if not len(chosen):
+        raise NoModesChosen("identify.no-poles", _moved_table(table, shift), candidates, whole)
     fit = fit_with_neighbours(elastic, chosen_poles(candidates, table).poles, errors, terms_outside(asked))
     of_system = _system(motion, fit, band, asked)
     if shift:
         fit, of_system = replace(fit, poles=fit.poles + shift), _moved_system(of_system, shift)
-        table = replace(table, poles=table.poles + shift)
+        table = _moved_table(table, shift)
         candidates = tuple(_moved(one, table) for one in candidates)
-    fit, candidates, left, kept = in_place(fit, candidates, by_hand, table, band)
+    try:
+        fit, candidates, left, kept = in_place(fit, candidates, by_hand, table, band)
+    except FemtuneError as error:
+        raise NoModesChosen("identify.no-poles/left", table, candidates, whole, **error.facts) from error
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
+    clusters = tuple(chosen[fit.begun_at[fit.reported]].tolist())
     quality = fit_quality(_with_window(system, shift).frf(whole.freq_hz), whole)
     remarks = (*kept, *fit_remarks(fit, scaled_shapes(fit, driving_points(elastic))))
-    phases = quadrature_notices(leading_shapes(fit), whole.responses.labels())
+    shapes, labels = leading_shapes(fit), whole.responses.labels()
+    step_s = 1.0 / (_SAMPLES_PER_PERIOD * float(whole.freq_hz[-1]))
+    late = late_notices(shapes, freq_and_damping(fit.poles[fit.reported])[0], labels, step_s, counted=False)
+    phases = late or quadrature_notices(shapes, labels)
     notices = (*left, *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
     return IdentifiedModes(
-        modes=as_modes(fit, asked.real),
+        modes=as_modes(fit, asked.real, tuple(candidates[i].name or str(r + 1) for r, i in enumerate(clusters))),
         system=system,
         table=table,
         candidates=candidates,
@@ -170,7 +207,7 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
         measured=whole,
         notices=notices,
         remarks=remarks,
-        clusters=tuple(chosen[fit.begun_at[fit.reported]].tolist()),
+        clusters=clusters,
     )
 
 
@@ -188,6 +225,10 @@ def _without_window(frfs: FrfSet, shift: float) -> FrfSet:
 def _with_window(system: StateSpace, shift: float) -> StateSpace:
     """The system whose functions at iω are those of the given one at iω + σ."""
     return replace(system, A=system.A - shift * np.eye(len(system.A)))
+
+
+def _moved_table(table: PoleTable, shift: float) -> PoleTable:
+    return replace(table, poles=table.poles + shift)
 
 
 def _moved_system(found: SystemFit, shift: float) -> SystemFit:

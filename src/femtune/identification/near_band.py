@@ -25,7 +25,7 @@ MOST = 3
 """Modes on one side of the band."""
 _LEAST_DAMPING = 1e-3
 """Damping ratio of a trial pole beyond the band at least, where the poles of the band have next to none."""
-_APART = 0.1
+APART = 0.1
 """Distance of two neighbours in half bandwidths below which they are one."""
 _FARTHEST = 2.0
 """Factor on the ends of the band within which a pole beyond it is accepted; others act as a static or mass line."""
@@ -56,7 +56,7 @@ def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms:
         if not fit.outside.any():
             # beside strong modes on both sides, one alone draws the modes inside to the place of the other
             both = search.refined(fit, (False, True))
-            if both is not None and (best is None or _explains(both, best)):
+            if both is not None and (best is None or explains(both, best)):
                 best = both
         if best is None:
             return fit
@@ -103,7 +103,7 @@ class _Search:
         if not np.isfinite(min(deviances)):
             return None
         trial = self.fit(inside, np.append(known, best))
-        return trial if trial is not None and _is_sound(trial) and _explains(trial, fit) else None
+        return trial if trial is not None and _is_sound(trial) and explains(trial, fit) else None
 
     def _grid(self, lines: Reals, *, above: bool, more: bool) -> Complexes:
         """Poles at some distances from the band, damped as the modes are; with `more`, also four times as much."""
@@ -126,14 +126,14 @@ def _is_sound(fit: ModalFit) -> bool:
     lines, poles = fit.measured.freq_hz, fit.poles[fit.outside]
     freq = freq_and_damping(poles)[0]
     apart = np.abs(poles[:, None] - poles)[np.triu_indices(len(poles), 1)]
-    if (apart < _APART * np.abs(poles.real).min()).any():
+    if (apart < APART * np.abs(poles.real).min()).any():
         return False
     below = (freq < lines[0]) & (freq > lines[0] / _FARTHEST)
     above = (freq > lines[-1]) & (freq < lines[-1] * _FARTHEST)
     return fit.converged and bool((below | above).all())
 
 
-def _explains(trial: ModalFit, fit: ModalFit) -> bool:
+def explains(trial: ModalFit, fit: ModalFit) -> bool:
     """Whether two further numbers of each pole and two of each function lower the errors by more than chance."""
     n, u, _ = fit.measured.values.shape
     return _gain(trial, fit) > float(chdtri((len(trial.poles) - len(fit.poles)) * (2 + 2 * n * u), CHANCE))

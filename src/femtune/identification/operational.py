@@ -143,9 +143,9 @@ def chosen_modes(found: OperationalModes, candidates: tuple[Candidate, ...]) -> 
         if c.chosen and found.model is not None and order not in moved:
             moved[order] = scatter_of_order(found.model, order).in_one_quantity(found.derivatives)
     at = [c.at for c in candidates if c.chosen]
-    return replace(
-        found, modes=_modes(table, at, moved), complex_shapes=table.shapes[:, at], candidates=candidates
-    )  # fmt: skip
+    names = tuple(c.name or str(i + 1) for i, c in enumerate(c for c in candidates if c.chosen))
+    modes = replace(_modes(table, at, moved), labels=names)
+    return replace(found, modes=modes, complex_shapes=table.shapes[:, at], candidates=candidates)
 
 
 def by_data(record: TimeSeries, asked: Operational) -> OperationalModes:

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import find_objects, label, maximum_filter1d
+from scipy.special import ndtri
 
 from femtune.arrays import Reals
 from femtune.errors import Notice
@@ -22,8 +23,27 @@ CLIPPED_RATIO = 4
 """Samples at an extreme relative to those of any of the next values, beyond which they are more than chance."""
 NEXT_LEVELS = 5
 """Next values that the extreme is compared with."""
-DRIFT = 0.5
-"""Part of a channel's power in its trend (a polynomial of third degree) above which it drifts."""
+CLIPPED_BANDS = (0.01, 0.02)
+"""Widths of the bands of values at an extreme that are compared, relative to the range of a channel: noise behind the
+amplifier that is at its end spreads the clipped samples over one or two of them."""
+CLIPPED_BAND_SAMPLES = 30
+"""Samples in the band at the extreme from which it is compared."""
+DRIFT = 0.3
+"""Part of a channel's power in its trend, cosines of up to three periods over the record, above which it drifts."""
+DRIFT_TERMS = 6
+"""Half periods of the fastest of these cosines: a mode that has only three periods in a record cannot be identified."""
+BURST_PIECES = 400
+"""Pieces of a record whose powers are compared."""
+BURST_SAMPLES = 16
+"""Samples of a piece at least."""
+BURST_LEVEL = 1e-3
+"""Probability of a louder piece without a burst, over all pieces of a channel."""
+BURST_POWER = 0.05
+"""Part of the power of a channel that bursts have at least: less does not move a mode."""
+BURST_TIME = 0.1
+"""Part of the record that bursts last at most: more is how the structure was excited."""
+MOST_BURSTS = 5
+"""Bursts of a channel at most: many are its excitation, such as vehicles on a bridge."""
 CUT = 0.02
 """Part of a record at its end in which nothing changes on any channel, above which it was cut short."""
 SPIKE_RATIO = 10.0
@@ -40,12 +60,12 @@ OTHER_UNIT = 200.0
 
 
 def check_record(record: TimeSeries) -> tuple[Notice, ...]:
-    """Notices of lost samples, of spikes, of dead, clipped, drifting and doubled channels, and of an early end.
+    """Notices of lost samples, spikes, bursts, of dead, clipped, drifting and doubled channels, and of an early end.
 
     Returns
     -------
     ``record.lost-samples``, ``record.spikes``, ``record.dead``, ``record.other-unit``, ``record.clipped``,
-    ``record.drifting``, ``record.same-signal``, ``record.cut-short``; each names its channels
+    ``record.drifting``, ``record.bursts``, ``record.same-signal``, ``record.cut-short``; each names its channels
     """
     return tuple(_checks(record))
 
@@ -64,16 +84,16 @@ def level_ratios(record: TimeSeries) -> Reals:
 
 def _checks(record: TimeSeries) -> Iterator[Notice]:
     values = record.values
-    lost = np.isnan(values).sum(axis=1)
-    yield from _told(record, "record.lost-samples/channels", lost > 0)
+    yield from _gaps_told(record)
     spikes = _spikes(record)
     yield from _spikes_told(record, spikes)
     filled = _without_spikes(_filled(record), spikes)
     dead = _dead(record, filled)
     yield from _told(record, "record.dead", dead)
     yield from _levels_told(record, _level_ratios(record, filled))
-    yield from _told(record, "record.clipped", _clipped(filled) & ~dead)
+    yield from _told(record, "record.clipped", _clipped(record, filled) & ~dead)
     yield from _told(record, "record.drifting", _drifting(filled) & ~dead)
+    yield from _bursts_told(record, filled, dead)
     yield from _same(record, filled, dead)
     still = _still_at_end(values)
     if still > CUT * record.samples and not dead.all():
@@ -85,6 +105,20 @@ def _told(record: TimeSeries, code: str, bad: NDArray[np.bool_]) -> Iterator[Not
     names = [str(record.channels[i]) for i in np.flatnonzero(bad)]
     if names:
         yield Notice(code, channels=", ".join(names))
+
+
+def _gaps_told(record: TimeSeries) -> Iterator[Notice]:
+    """Channels with samples that are not finite, and where."""
+    missing = np.isnan(record.values)
+    names = []
+    for i in np.flatnonzero(missing.any(axis=1)):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], missing[i], [False]]).astype(int))).reshape(-1, 2)
+        begin, end = edges[np.argmax(edges[:, 1] - edges[:, 0])]
+        place = f"{end - begin} from {record.time_s[begin]:.6g} s"
+        several = f"{missing[i].sum()} in {len(edges)} gaps, the longest with " if len(edges) > 1 else ""
+        names.append(f"{record.channels[i]} ({several}{place})")
+    if names:
+        yield Notice("record.lost-samples/channels", channels=", ".join(names))
 
 
 def _filled(record: TimeSeries) -> Reals:
@@ -164,29 +198,50 @@ def _dead(record: TimeSeries, values: Reals) -> NDArray[np.bool_]:
     return dead
 
 
-def _clipped(values: Reals) -> NDArray[np.bool_]:
-    """Many equal samples at an extreme other than zero, the value of a force between impacts.
+def _clipped(record: TimeSeries, values: Reals) -> NDArray[np.bool_]:
+    """Samples that pile up at an extreme other than zero, the value of a force between impacts.
+
+    A force may be a binary sequence, whose values are at two levels.
+    """
+    roles = [c.role for c in record.channels]
+    out = []
+    for role, row in zip(roles, values):
+        levels, counts = np.unique(row, return_counts=True)
+        near = role != "input" and len(levels) >= 4.0 / min(CLIPPED_BANDS)
+        out.append(_at_an_end(row, levels, counts) or (near and _near_an_end(row)))
+    return np.array(out)
+
+
+def _at_an_end(row: Reals, levels: Reals, counts: NDArray[np.int64]) -> bool:
+    """Many equal samples at an extreme.
 
     Several runs of three or more: a wave has one such sample, coarse steps a few. Or single samples, where the signal
     is fast, that are far more than those of the values next to the extreme.
     """
-    clipped = []
-    for row in values:
-        levels, counts = np.unique(row, return_counts=True)
-        ends = [
-            (levels[-1], counts[-1], counts[-1 - NEXT_LEVELS : -1]),
-            (levels[0], counts[0], counts[1 : 1 + NEXT_LEVELS]),
-        ]
-        clipped.append(
-            len(levels) > 16
-            and any(
-                _runs(row == extreme) >= CLIPPED_RUNS
-                or (count >= CLIPPED_SAMPLES and count > CLIPPED_RATIO * beside.max())
-                for extreme, count, beside in ends
-                if extreme != 0.0
-            )
-        )
-    return np.array(clipped)
+    ends = [
+        (levels[-1], counts[-1], counts[-1 - NEXT_LEVELS : -1]),
+        (levels[0], counts[0], counts[1 : 1 + NEXT_LEVELS]),
+    ]
+    return len(levels) > 16 and any(
+        _runs(row == extreme) >= CLIPPED_RUNS or (count >= CLIPPED_SAMPLES and count > CLIPPED_RATIO * beside.max())
+        for extreme, count, beside in ends
+        if extreme != 0.0
+    )
+
+
+def _near_an_end(row: Reals) -> bool:
+    """Far more samples in the two bands at an extreme than in the two next ones; of a sine they are 3 times as many.
+
+    None of the bands has zero.
+    """
+    low, high = float(row.min()), float(row.max())
+    for width in (high - low) * np.array(CLIPPED_BANDS):
+        for away, extreme in ((high - row, high), (row - low, -low)):
+            counts = np.histogram(away, bins=4, range=(0.0, 4.0 * width))[0]
+            most = counts[:2].max()
+            if extreme > 4.0 * width and most >= CLIPPED_BAND_SAMPLES and most > CLIPPED_RATIO * counts[2:].max():
+                return True
+    return False
 
 
 def _runs(at: NDArray[np.bool_]) -> int:
@@ -196,12 +251,60 @@ def _runs(at: NDArray[np.bool_]) -> int:
 
 
 def _drifting(values: Reals) -> NDArray[np.bool_]:
-    t = np.linspace(-1.0, 1.0, values.shape[1])
-    basis = np.linalg.qr(np.vander(t, 4, increasing=True))[0]
+    n = values.shape[1]
+    basis = np.cos(np.pi * np.outer(np.arange(n) + 0.5, np.arange(1, DRIFT_TERMS + 1)) / n) * np.sqrt(2.0 / n)
     moving = values - values.mean(axis=1, keepdims=True)
     power = np.sum(moving**2, axis=1)
     trend = np.sum((moving @ basis) ** 2, axis=1)
     return trend > DRIFT * np.where(power > 0.0, power, np.inf)
+
+
+def _bursts_told(record: TimeSeries, values: Reals, dead: NDArray[np.bool_]) -> Iterator[Notice]:
+    """Short loud pieces of records without a measured excitation, which would tell what they are."""
+    if record.positions("input"):
+        return
+    names = []
+    for i in np.flatnonzero(~dead):
+        bursts, share = _bursts(values[i])
+        if bursts:
+            when = ", ".join(f"{record.time_s[a]:.4g} to {record.time_s[b - 1]:.4g} s" for a, b in bursts)
+            names.append(f"{record.channels[i]} ({when}: {100.0 * share:.2g} % of its power)")
+    if names:
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        yield Notice("record.bursts", channels=", ".join(names[:MOST_NAMED]) + more)
+
+
+MOST_NAMED = 4
+"""Channels with bursts that a notice lists."""
+
+
+def _bursts(row: Reals) -> tuple[list[tuple[int, int]], float]:
+    """First and last sample of each burst, and their part of the power; none where they are no fault.
+
+    The powers of pieces are compared with a lognormal distribution, whose tail is longer than that of the powers of a
+    stationary signal. Its median and spread follow from two quantiles that bursts hardly change, so that the spread
+    includes slow changes of the level.
+    """
+    length = max(len(row) // BURST_PIECES, BURST_SAMPLES)
+    count = len(row) // length
+    if count < BURST_PIECES // 4:
+        return [], 0.0
+    pieces = row[: count * length].reshape(count, length)
+    power = np.var(pieces, axis=1)
+    middle, upper = np.quantile(power, [0.5, 0.75])
+    if middle <= 0.0:
+        return [], 0.0
+    largest = middle * (upper / middle) ** (ndtri(1.0 - BURST_LEVEL / count) / ndtri(0.75))
+    loud = power > largest
+    # the flanks of a burst belong to it
+    edge = power > upper + 2.0 * (upper - middle)
+    labels = label(edge | loud)[0]
+    spans = [(s[0].start, s[0].stop) for k, s in enumerate(find_objects(labels), 1) if loud[labels == k].any()]
+    share = sum(float(power[a:b].sum()) for a, b in spans) / float(power.sum())
+    lasting = sum(b - a for a, b in spans) / count
+    if not 0 < len(spans) <= MOST_BURSTS or lasting > BURST_TIME or share < BURST_POWER:
+        return [], 0.0
+    return [(a * length, b * length) for a, b in spans], share
 
 
 def _same(record: TimeSeries, values: Reals, dead: NDArray[np.bool_]) -> Iterator[Notice]:

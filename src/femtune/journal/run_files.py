@@ -32,6 +32,7 @@ VTU_FILE = "shapes.vtu"
 """The modes and parameters after the update."""
 STARTS_FILE = "starts.jsonl"
 BOOTSTRAP_FILE = "bootstrap.jsonl"
+POSTERIOR_FILE = "posterior.jsonl"
 SAMPLES_FILE = "samples.jsonl"
 CANDIDATES_FILE = "candidates.jsonl"
 JOURNAL_FOLDER = "journal"
@@ -40,7 +41,7 @@ RUNS_FOLDER = "external"
 LOCK_FILE = "running.lock"
 OWNER_FILE = "owner.json"
 
-UPDATES = ("update", "validate", "bootstrap", "run")
+UPDATES = ("update", "validate", "bootstrap", "posterior", "run")
 """Steps that update the model, and write all that follows from that."""
 
 RUNNING_SOLVER = (
@@ -125,6 +126,7 @@ RUN_FILES = (
     RunFile(UNVERIFIED_FILE, UPDATES, wanted=_of_deck, of_specimen=True),
     RunFile(STARTS_FILE, UPDATES, Role.RESUME),
     RunFile(BOOTSTRAP_FILE, UPDATES, Role.RESUME),
+    RunFile(POSTERIOR_FILE, UPDATES, Role.RESUME),
     RunFile(SAMPLES_FILE, UPDATES, Role.RESUME),
     RunFile(CANDIDATES_FILE, ("candidates",), Role.RESUME),
     RunFile(JOURNAL_FOLDER, HOLDING, Role.RESUME, folder=True),

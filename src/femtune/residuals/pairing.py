@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.correlation import Pairing, pair_modes
+from femtune.correlation.order import other_orders, scatter
 from femtune.correlation.pairing import closeness, visible_modes
 from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
@@ -38,7 +39,17 @@ def pair_case(case: ComparedCase, solution: EigenSolution) -> Pairing:
         relative_gap=case.rules.relative_gap,
         fixed=case.fixed,
         left_out=case.left_out,
+        rigid=0 if len(case.test.dofs) else rigid_count(case, solution),
     )
+
+
+_RIGID = 0.01
+"""Frequency over the lowest one of the test below which a mode of the model is a rigid-body mode, full or reduced."""
+
+
+def rigid_count(case: ComparedCase, solution: EigenSolution) -> int:
+    """Number of modes far below all of the test, which are rigid-body modes but for rounding."""
+    return int(np.sum(solution.freq_hz < _RIGID * np.min(case.test.freq_hz, initial=np.inf)))
 
 
 def groups_of(pairing: Pairing) -> tuple[Group, ...]:
@@ -151,6 +162,8 @@ def other_pairings(
     if not len(case.test):
         return []
     model = modes_at_sensors(case, solution)
+    if not len(case.test.dofs):
+        return _other_orders(position, case, groups, solution)
     mac, distance = closeness(case.test, model)
     fixed = {i for i, _ in case.fixed}
     partner = {g[0][0]: g[1][0] for g in groups if len(g[0]) == len(g[1]) == 1 and g[0][0] not in fixed}
@@ -174,6 +187,32 @@ def other_pairings(
             if other > i:
                 consider({i: k, other: j}, _with(case, {i: k, other: j}))
     return sorted(found, key=lambda one: (one.loss, one.sentence))
+
+
+def _other_orders(
+    position: int, case: ComparedCase, groups: Sequence[Group], solution: EigenSolution
+) -> list[OtherPairing]:
+    """Of frequencies without shapes: orders in which the test misses a mode of the model; with pairs that are fixed by
+    hand none. `loss` is the growth of the scatter of the frequencies."""
+    if case.fixed:
+        return []
+    partners = {g[0][0]: g[1][0] for g in groups}
+    hz, model_hz = case.test.freq_hz, solution.freq_hz[: solution.wanted]
+    now = scatter(hz, model_hz, partners)
+    return [
+        OtherPairing(
+            position,
+            tuple(sorted(((i,), (j,)) for i, j in one.partners.items())),
+            one.scatter - now,
+            f"{case.name}: {_missed(one.skipped[0], model_hz)}",
+        )
+        for one in other_orders(hz, model_hz, partners, rigid_count(case, solution))
+        if one.of_model
+    ]
+
+
+def _missed(j: int, model_hz: NDArray) -> str:
+    return f"model mode {j + 1} ({model_hz[j]:.4g} Hz) without a partner, and the test modes above it one mode higher"
 
 
 def crossed(case: ComparedCase, groups: Sequence[Group]) -> bool:

@@ -62,12 +62,15 @@ class LineSamples:
         for values that are linear in the measured ones
     identified : how the values follow the measured ones, if they are those of an identified test; None if they were
         measured themselves
+    noise : (n,) standard deviation of the noise that an identification has found, over the stated one; None if it is
+        not known
     """
 
     freq_hz: Reals
     entry: Integers
     log_sd: Reals | None = None
     identified: IdentifiedValues | None = None
+    noise: Reals | None = None
 
 
 _IDENTIFIED = "the values come from one identified test, so that the errors of different lines are not independent"

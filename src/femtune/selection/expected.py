@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femtune.arrays import Flags, Reals
-from femtune.residuals import Evaluation
-from femtune.residuals.identified import drawn_changes, identified_tests
+from femtune.residuals import Evaluation, ResidualBlock
+from femtune.residuals.identified import drawn_changes
 from femtune.selection.combinations import determined, listed, sparse_basis
 from femtune.selection.information import KNOWN
 
@@ -45,11 +45,11 @@ class ExpectedKnowledge:
     alone : (k,) were all others known; inf without effect
     correlation : (k, k) of the estimate in what the data determine
     null : (m, k) combinations in prior standard deviations that the data leave open, as sparse as they can be made
-    measured : whether the noise is that of the measured FRFs behind an identified test
-    misfit : residuals of identified tests after an update over those that the noise makes; 1 where the noise explains
+    measured : whether the noise is that of measured FRFs that were identified
+    misfit : residuals of these FRFs after an update over those that the noise makes; 1 where the noise explains
         them, before an update, and for other data. The standard deviations contain it
     noise : (k, k) covariance of Jᵀe, with the Jacobian J of all parameters in prior standard deviations, where errors e
-        of identified tests, the misfit included, are among the data; None for other data, and of a selection
+        of such FRFs, the misfit included, are among the data; None for other data, and of a selection
     """
 
     names: tuple[str, ...]
@@ -149,7 +149,7 @@ def expected_knowledge(
     _, s, vt = np.linalg.svd(np.vstack([S, np.zeros((max(0, k - len(S)), k))]), full_matrices=False)
     kept = determined(s)
     inverse = (vt[kept].T / s[kept] ** 2) @ vt[kept]
-    measured = bool(identified_tests(at.weighted))
+    measured = any(_noise_is_known(b) for b in at.weighted)
     noise, misfit = _noise(at, S, vt[kept]) if measured else (size**2 * (S.T @ S), 1.0)
     misfit = misfit if updated else 1.0
     noise = misfit**2 * noise
@@ -189,14 +189,16 @@ def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:
     """
     ends = np.cumsum([0, *(len(b.values) for b in at.weighted)])
     rows, left = np.split(S, ends[1:-1]), np.split(at.residuals, ends[1:-1])
-    identified = [b.samples is not None and b.samples.identified is not None for b in at.weighted]
+    identified = [_noise_is_known(b) for b in at.weighted]
     mine = [i for i, is_so in enumerate(identified) if is_so]
     jacobian_rows = np.concatenate([rows[i] for i in mine])
     # an orthonormal basis of what the parameters can do to these residuals
     basis = np.linalg.qr(jacobian_rows @ directions.T)[0]
     sums, squares = np.zeros((_NOISE_DRAWS, S.shape[1])), np.zeros(_NOISE_DRAWS)
     for i in range(_NOISE_DRAWS):
-        changes = drawn_changes(at.weighted, "noise", np.random.default_rng(i))
+        rng = np.random.default_rng(i)
+        drawn = drawn_changes(at.weighted, "noise", rng)
+        changes = [_own_noise(b, rng) if c is None else c for b, c in zip(at.weighted, drawn)]
         found = np.concatenate([change for change in changes if change is not None])
         sums[i] = found @ jacobian_rows
         squares[i] = _square_outside(found, basis)
@@ -205,6 +207,17 @@ def _noise(at: Evaluation, S: Reals, directions: Reals) -> tuple[Reals, float]:
     large = square > np.quantile(squares, 1.0 - _BY_CHANCE)
     misfit = float(np.sqrt(square / squares.mean())) if large else 1.0
     return np.asarray(np.atleast_2d(np.cov(sums.T)) + others), misfit
+
+
+def _noise_is_known(block: ResidualBlock) -> bool:
+    """Whether an identification has found the noise of a block."""
+    return block.samples is not None and (block.samples.identified is not None or block.samples.noise is not None)
+
+
+def _own_noise(block: ResidualBlock, rng: np.random.Generator) -> Reals | None:
+    """(n,) errors of the measured values of a block, if their noise is known."""
+    noise = None if block.samples is None else block.samples.noise
+    return None if noise is None else np.asarray(noise * rng.standard_normal(len(noise)))
 
 
 def _square_outside(values: Reals, basis: Reals) -> float:

@@ -37,7 +37,7 @@ _JUDGED = "`run`, `validate`, `correlate`"
 EXIT_CODES = (
     ExitCode(ENDED, _JUDGED, "the verdict is *accepted* or *accepted with reservations*"),
     ExitCode(ENDED, "all others", "the command succeeded"),
-    ExitCode(NO_OPTIMUM, "`update`, `bootstrap`", "the update did not reach an optimum"),
+    ExitCode(NO_OPTIMUM, "`update`, `bootstrap`, `posterior`", "the update did not reach an optimum"),
     ExitCode(BAD_INPUT, "all", "the input has errors"),
     ExitCode(RESERVATIONS, _JUDGED, "with `--strict`: the verdict is *accepted with reservations*"),
     ExitCode(NOT_ACCEPTED, _JUDGED, "the verdict is *not accepted*"),

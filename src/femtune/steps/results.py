@@ -18,6 +18,7 @@ from femtune.steps.info.record.model import ModelFacts, ModelModes, SensorResult
 from femtune.steps.judge.record.judgement import JudgementResults
 from femtune.steps.modes.record import ModeShapes
 from femtune.steps.plan.record import PlanResults
+from femtune.steps.posterior.record import PosteriorResults
 from femtune.steps.quantify.record import QuantifyResults
 from femtune.steps.respond.record import ResponseResults
 from femtune.steps.screen.record import ScreenResults
@@ -75,6 +76,8 @@ class Results(Record):
     """Variability of the parameters from repeated tests; None if the study has no [quantify]."""
     bootstrap: BootstrapResults | None = None
     """Spread of the parameters by a bootstrap of the FRFs; None if the study has no [bootstrap]."""
+    posterior: PosteriorResults | None = None
+    """Sampled distribution of the parameters; None if the study has no [posterior]."""
     specimens: SpecimenResults | None = None
     """Nominally identical specimens, calibrated jointly and separately; None if the study has none."""
     mapped_damping: tuple[MappedDamping, ...] = ()

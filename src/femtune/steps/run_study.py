@@ -1,4 +1,4 @@
-"""A run of a study in its folder: the part that `update`, `validate`, `bootstrap` and `run` share."""
+"""A run of a study in its folder: the part that `update`, `validate`, `bootstrap`, `posterior` and `run` share."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.study_file import BootstrapTable, StudyFile, is_deck, read_study_file
+from femtune.files.study_file import BootstrapTable, PosteriorTable, StudyFile, is_deck, read_study_file
 from femtune.journal.run_files import REPORT_FILE
 from femtune.steps.held_folder import held
 from femtune.steps.report.function import checked_page
@@ -44,9 +44,11 @@ def _run(
             study = read_study(file, progress, fresh=fresh)
             if word == "bootstrap" and study.file.bootstrap is None:
                 study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
+            if word == "posterior" and study.file.posterior is None:
+                study = replace(study, file=study.file.model_copy(update={"posterior": PosteriorTable()}))
             study.problem()
             check_parameters(study)
-            if study.file.update.starts > 1 or study.file.bootstrap is not None:
+            if study.file.update.starts > 1 or study.file.bootstrap is not None or study.file.posterior is not None:
                 check_executor(study, progress)
             inputs = inputs_of(study)
         place.check(study)

@@ -66,7 +66,8 @@ def without(case: ComparedCase, held: HeldOut) -> ComparedCase:
         test=case.test.select_dofs(case.test.dofs.select(keep)),
         sensors=sp.csr_array(case.sensors[keep]),
         left_out={**dict.fromkeys(sorted(held.modes), HELD_OUT), **case.left_out},
-        fixed=tuple(pair for pair in case.fixed if pair[0] not in held.modes),
+        # without shapes a pair made by hand says where the order goes on, also if it is held out
+        fixed=tuple(pair for pair in case.fixed if pair[0] not in held.modes or not len(case.test.dofs)),
     )
 
 

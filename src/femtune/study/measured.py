@@ -16,8 +16,9 @@ from femtune.dofs import DIRECTIONS, parse_dof
 from femtune.errors import FemtuneError, Notice
 from femtune.files.described_test import described_test
 from femtune.files.deviations import with_deviations
+from femtune.files.frequency_table import frequencies_alone
 from femtune.files.shape_table import is_shape_table, read_shape_table
-from femtune.files.study_file import test_files
+from femtune.files.study_file import MEASURED, test_files
 from femtune.files.uff import UffFile, read_uff
 from femtune.modal import entry_deviations
 from femtune.model.eigen.default_count import ELASTIC_MODES
@@ -226,8 +227,9 @@ def _some(dofs: Iterable[object]) -> str:
 
 def _check_something_left(file: StudyFile, entry: ConfigurationEntry, case: ComparedCase, held: HeldOut) -> None:
     modes = len(case.test) - len(held.modes | set(case.left_out))
-    sensors = len(case.test.dofs) - len(held.sensors)
-    if held.any and (modes < 1 or sensors < 2):
+    dofs = len(case.test.dofs)
+    sensors = dofs - len(held.sensors)
+    if held.any and (modes < 1 or (dofs and sensors < 2)):
         left = "no mode" if modes < 1 else "fewer than two sensors"
         raise FemtuneError("study.hold-out", where=file.where("hold_out"), configuration=entry.name, remaining=left)
 
@@ -251,7 +253,9 @@ def _read_test(
     names = test_files(entry)
     paths = [file.path_of(name) for name in names]
     with errors_at(place_of(file, entry, "test")):
-        if names[0] in file.given.tests:
+        if names[0] == MEASURED and MEASURED not in file.given.tests:
+            unplaced = measured_frequencies(file)
+        elif names[0] in file.given.tests:
             unplaced = _given(file.given.tests[names[0]], file.study.unit_system)
         elif paths[0].suffix.lower() == ".toml":
             unplaced = described_test(paths[0], entry.name, file.study.unit_system)
@@ -267,6 +271,13 @@ def _read_test(
         return test, notices
     modes = real_modes(test.modes).modes
     return replace(test, modes=_labelled(file, entry, modes)), notices
+
+
+def measured_frequencies(file: StudyFile) -> ModalTest:
+    """The frequencies of the study as a test without shapes."""
+    assert file.test is not None
+    hz, sd = np.array(file.test.freq_hz), np.array(file.test.freq_sd_hz) if file.test.freq_sd_hz else None
+    return frequencies_alone(hz, file.study.unit_system, MEASURED, "frequencies of the study", sd_hz=sd)
 
 
 def _parsed(paths: list[Path], tests: dict[Path, UffFile]) -> UffFile:

@@ -240,5 +240,6 @@ def _measured(file: StudyFile, nodes: NodeTable, count: int) -> ModalTest:
     if len(hz) > count:
         raise FemtuneError("runs.measured", where=file.where("test", "freq_hz"), measured=len(hz), modes=count)
     dofs = DofSet(Dof(int(node), "S") for node in nodes.scalar_points)
-    modes = ModeSet(hz, np.eye(count)[:, : len(hz)], dofs, source="frequencies of the study")
+    sd = np.array(file.test.freq_sd_hz) if file.test.freq_sd_hz else None
+    modes = ModeSet(hz, np.eye(count)[:, : len(hz)], dofs, freq_sd_hz=sd, source="frequencies of the study")
     return ModalTest(MEASURED, file.study.unit_system, modes=modes)

@@ -75,6 +75,9 @@ def _check_nan(modes: ModeSet) -> None:
 
 
 def _check_zero(modes: ModeSet) -> None:
+    if not len(modes.dofs):
+        # frequencies without shapes
+        return
     largest = np.nanmax(np.abs(modes.shapes), axis=0, initial=0.0)
     _check_size(modes, largest)
     empty = [modes.labels[j] for j in np.flatnonzero(largest == 0)]

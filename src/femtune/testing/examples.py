@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 CANTILEVER = """SOL 103
 CEND
@@ -58,10 +59,10 @@ def example_test(folder: Path | str = ".", *, frequency_scatter: float = 0.0, sh
     from femtune.steps.files import write_deck, write_test  # noqa: PLC0415
     from femtune.steps.modes.simulate import simulate  # noqa: PLC0415
 
-    folder = Path(folder)
-    true = write_deck(example_deck(folder), TRUTH, folder / "true.bdf", wide=True)
-    test = simulate(
-        true, ["2 THRU 5:23"], units="m-kg-s", count=4, frequency_scatter=frequency_scatter, shape_scatter=shape_scatter
-    )  # fmt: skip
-    true.unlink()
-    return write_test(test, folder / "cantilever.uff")
+    with TemporaryDirectory() as apart:
+        true = write_deck(example_deck(apart), TRUTH, Path(apart) / "true.bdf", wide=True)
+        test = simulate(
+            true, ["2 THRU 5:23"], units="m-kg-s", count=4,
+            frequency_scatter=frequency_scatter, shape_scatter=shape_scatter,
+        )  # fmt: skip
+    return write_test(test, Path(folder) / "cantilever.uff")

@@ -273,7 +273,7 @@ class _Search:
     def _from(self, x: Reals) -> _Way:
         """The update from a point, given up where its steps lead back to the best end, and after some steps where the
         linear model expects no better minimum."""
-        valley = _Valley.of(self._walk(), self.best)
+        valley = Valley.of(self._walk(), self.best)
         first = self._update(
             "start", self.problem, self.problem.start(x), smallest=False, most=_FIRST_STEPS, leads_back=valley.holds
         )  # fmt: skip
@@ -332,7 +332,7 @@ class _Way:
 
 
 @dataclass(frozen=True, eq=False)
-class _Valley:
+class Valley:
     """The points from which steps lead to a known minimum: they have its pairs, and a step of their own linear model
     leads next to it, nearer than they are.
 
@@ -347,7 +347,7 @@ class _Valley:
     size: float
 
     @classmethod
-    def of(cls, walk: Walk, found: UpdateResult) -> _Valley:
+    def of(cls, walk: Walk, found: UpdateResult) -> Valley:
         """Of the end of an update."""
         free = max(found.after.independent - int(walk.moving.sum()), 1)
         return cls(walk, walk.point(found.after), float(np.sqrt(2.0 * found.after.objective / free)))

@@ -114,6 +114,8 @@ _ONE_DOF = "with one measured DOF all shapes are proportional"
 
 def _mac(e: Evidence) -> Measured:
     c = e.correlation
+    if not len(c.dofs):
+        return NotTested("no mode shapes were measured")
     trivial = [row for row in e.rows if c.one_dof(c.pairing.pairs[row].test) and np.isfinite(c.macs[row])]
     rows = [row for row in e.rows if row not in trivial]
     if trivial and not rows:

@@ -74,6 +74,7 @@ def test_six_motions_are_strain_free_and_no_more(cells, surface, material, z0, t
     assert strain_free(structure) == 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cells", "lacking"), [("quad8", [5]), ("quad8", [4, 5, 6, 7]), ("right6", [3]), ("right6", [3, 4, 5])]
 )
@@ -193,6 +194,7 @@ def test_the_second_side_of_a_node_is_to_the_left_of_the_first(shape):
     assert (ahead[:, 0] * other[:, 1] - ahead[:, 1] * other[:, 0] > 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surface", ["warped", "cylinder"])
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 def test_the_numbering_does_not_matter(cells: str, surface: str):

@@ -93,7 +93,7 @@ def tip_of(K, mesh) -> float:
     return float(u[3 * tip + 2].mean())
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(("thickness", "lean"), [(1.0, 0.1), (1.0, 0.3), (0.3, 0.1), (0.3, 0.3)])
 def test_distorted_cells_are_as_soft_as_hybrid_ones(thickness: float, lean: float):
     mesh, law = leaning_beam(thickness, lean), isotropic_law(1.0, 0.3)
@@ -187,6 +187,7 @@ def supported_plate(n: int, thickness: float) -> np.ndarray:
     return natural_frequencies(solid_model(mesh, Isotropic(1.0, 0.3, 1.0), held=held), 4)[:4] / theory
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness", [0.01, 0.001])
 def test_a_thin_plate_of_one_layer_does_not_lock(thickness: float):
     np.testing.assert_allclose(supported_plate(10, thickness)[:3], 1.0, atol=0.01)
@@ -292,6 +293,7 @@ def pressed_block(kind: str, n: int) -> float:
     return float(u @ K @ u)
 
 
+@pytest.mark.slow
 def test_a_block_of_nearly_incompressible_material_between_plates(monkeypatch: pytest.MonkeyPatch):
     reference = pressed_block("hexa20", 4)
     for kind in ("hexa8", "penta6", "pyram5"):

@@ -171,10 +171,10 @@ def test_the_first_corner_does_not_matter(seed: int, first: int, material: Isotr
     np.testing.assert_allclose(other, K[np.ix_(at, at)], atol=1e-12 * np.abs(K).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", [
     Section(ISO, 0.1), Section(ISO, 0.1, bending=ANISO), Section(ANISO, 0.1, bending=ISO), Section(ANISO, 0.1, 0.03),
 ])  # fmt: skip
-@pytest.mark.quick(2)
 def test_terms_are_exact_far_from_where_they_were_made(section: Section) -> None:
     mesh = shell_mesh(rectangle(3.0, 1.0, 0.2), 4, 3, distort=0.25)
     for change in ({"t": 0.35}, {"TS": 0.4}, {"RI": 3.0}):
@@ -211,7 +211,7 @@ def on_its_corners(n: int, nu12: float) -> float:
     return float(natural_frequencies(shell_structure(mesh.xyz, [ShellPart(mesh.cells, section)], held=held), 1)[0])
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("nu12", [0.3, 0.98])
 def test_strongly_coupled_laws_do_not_lock(nu12: float) -> None:
     coarse, fine = (on_its_corners(n, nu12) for n in (4, 16))

@@ -68,7 +68,7 @@ def test_turning_the_element_with_its_material_turns_the_matrix(kind: str):
     np.testing.assert_allclose(dense(one(kind, xyz @ Q.T, ANISO, Q @ frame)), there, atol=1e-11 * np.abs(there).max())
 
 
-@pytest.mark.quick(2)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("material", [ISO, ANISO], ids=["isotropic", "anisotropic"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_numbering_does_not_matter(kind: str, material):
@@ -282,7 +282,7 @@ def test_materials_may_be_mixed_in_a_batch():
         np.testing.assert_allclose(b, a, atol=1e-12 * np.abs(a).max())
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("middle", [300, 301])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("material", [ISO, ANISO], ids=["isotropic", "anisotropic"])

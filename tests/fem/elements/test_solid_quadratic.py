@@ -94,7 +94,7 @@ def renumberings(kind: str) -> list[list[int]]:
     return out
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_numbering_does_not_matter(kind: str) -> None:
     xyz = curved(kind)
@@ -117,7 +117,7 @@ def wavy(u, v, w):
     return 2.0 * (u + bump), 1.5 * (v - bump), w + 2.0 * bump
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("law", ["isotropic", "anisotropic", "nearly incompressible"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_patch_of_constant_strain_in_curved_cells(kind: str, law: str) -> None:

@@ -171,7 +171,7 @@ def fv52(kind: str, counts: tuple[int, int, int], hard: bool) -> np.ndarray:
     return found[found > 1.0]
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "counts", "within"),
     [("hexa20", (8, 8, 2), 0.006), ("penta15", (10, 10, 1), 0.022), ("tetra10", (10, 10, 1), 0.035)],

@@ -65,7 +65,7 @@ def _pyyeti(name: str) -> Any:
         return pytest.importorskip(f"pyyeti.nastran.{name}", reason="pyYeti is not installed")
 
 
-@pytest.mark.quick(6)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dense", "bigmat", "nonbigmat"])
 @pytest.mark.parametrize("written", [(True, "<"), (True, ">"), (False, "<")], ids=["little", "big", "text"])
 @pytest.mark.parametrize("unit", [1.0, 1.0 + 0.1j], ids=["real", "complex"])

@@ -61,6 +61,7 @@ def test_calculix_with_a_file_that_was_cut(calculix_job: Path, tmp_path: Path) -
     assert error.value.code == "matrices.truncated"
 
 
+@pytest.mark.slow
 def test_ansys(shared_data: Path, tmp_path: Path) -> None:
     pytest.importorskip("ansys.mapdl.reader", reason="ansys-mapdl-reader is not installed")
     full = shared_data / "ansys_full" / "file.full"

@@ -102,7 +102,7 @@ def test_whole_decks(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     check_same(fast, one_by_one(path, monkeypatch))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("name", DECKS)
 def test_damaged_decks_say_the_same(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = {n: text.encode("latin-1") for n, text in DECKS[name].items()}

@@ -136,6 +136,7 @@ def patches_tied(x: float, y: float) -> str:
     return tied + ends
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x", [0.4, 0.97])
 def test_a_weld_of_patches_is_a_bar_with_averaging_elements(deck_of: DeckOf, x: float) -> None:
     text = without_mass(IN_PLANE.replace("GRID,30,,.4", f"GRID,30,,{x}"))
@@ -149,6 +150,7 @@ def test_a_weld_of_patches_is_a_bar_with_averaging_elements(deck_of: DeckOf, x: 
 SPRINGS = "2.+8,3.+7,4.+7,5.+5\n,6.+5,7.+5,3.,.05\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "flag", "own"), [("", "", ",1.,0.,0."), ("5", "1", ",,,,5"), ("5", "0", "")])
 def test_a_fastener_is_a_bush_with_averaging_elements(deck_of: DeckOf, system: str, flag: str, own: str) -> None:
     x, y = 0.97, 0.35

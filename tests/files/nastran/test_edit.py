@@ -168,7 +168,7 @@ def _common(one: str, other: str) -> int:
     return next((i for i, (a, b) in enumerate(zip(one, other)) if a != b), min(len(one), len(other)))
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize(
     ("name", "card", "number", "index", "value"),
     [

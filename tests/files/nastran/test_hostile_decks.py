@@ -49,12 +49,14 @@ def test_the_deck_is_sound(folder: Path) -> None:
     assert len(read_deck(folder / "deck.bdf").cards) == 7
 
 
+@pytest.mark.slow
 def test_cut_at_every_byte(folder: Path) -> None:
     for length in range(len(DECK)):
         (folder / "deck.bdf").write_bytes(DECK[:length])
         _read_and_edit(folder / "deck.bdf")
 
 
+@pytest.mark.slow
 def test_a_cut_behind_begin_bulk_is_never_silent(folder: Path) -> None:
     for length in range(DECK.index(b"GRID"), DECK.index(b"ENDDATA") + 6):
         (folder / "deck.bdf").write_bytes(DECK[:length])

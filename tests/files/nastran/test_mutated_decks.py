@@ -74,6 +74,7 @@ def test_mutants_are_the_same_again_and_changed() -> None:
 
 
 # about a quarter is understood; of a small number it may be less
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("count", "kinds", "understood"),
     [

@@ -63,6 +63,7 @@ SHELLS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHELLS)
 def test_listed_frequencies_of_shells(nastran_decks: Path, name: str) -> None:
     rigid, tolerance, listed = SHELLS[name]
@@ -91,6 +92,7 @@ def test_a_mesh_of_solids_without_a_material_is_refused_where_it_is_blank(nastra
     assert (error.value.where.line, error.value.where.record) == (3530, "PSOLID 1")
 
 
+@pytest.mark.slow
 def test_a_mesh_of_solids_with_a_material_is_built(nastran_decks: Path, tmp_path: Path) -> None:
     """The mass is density times the volume that the corners give."""
     text = (nastran_decks / "trunc_cyl_shell.nas").read_text()

@@ -217,7 +217,7 @@ def test_tubes_and_boxes():
         assert box1[name] == pytest.approx(box[name], abs=1e-15)
 
 
-@pytest.mark.quick(6)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 def test_section_formulas_carry_derivatives(name: str):
     dims = np.array(TYPICAL[name])
@@ -243,7 +243,7 @@ def _jets_at(x: np.ndarray) -> list[jet.Jet]:
     return [every[i] for i in range(len(x))]
 
 
-@pytest.mark.quick(6)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("name", SHAPES)
 def test_sections_of_several_cards_are_those_of_each(name: str):
     one = np.array(TYPICAL[name])

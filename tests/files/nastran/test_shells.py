@@ -116,6 +116,7 @@ def plate(n: int, thickness: float, shear: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+@pytest.mark.slow
 def test_a_thick_plate_without_mid3_has_the_frequency_of_thin_plate_theory(deck_of: DeckOf) -> None:
     t, n = 0.1, 12
     rigidity = 2e11 * t**3 / 12 / (1 - 0.3**2)

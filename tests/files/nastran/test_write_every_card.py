@@ -216,7 +216,7 @@ def check_variant(sample: Sample, variant: Variant, folder: Path, start: int, ev
         check_written(deck, built, FieldRef(sample.card, sample.number, name), folder / "run")
 
 
-@pytest.mark.quick(1, gate=18)
+@pytest.mark.quick(0, gate=18)
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_in_every_format(sample: Sample, tmp_path: Path) -> None:
     for number, variant in enumerate(of_each_form(SAMPLES.index(sample))):
@@ -272,7 +272,7 @@ def buildable(deck: WrittenDeck, ref: FieldRef) -> BuiltDeck | None:
     return built if ref in built.fields else None
 
 
-@pytest.mark.quick(2, gate=40)
+@pytest.mark.quick(0, gate=40)
 @pytest.mark.parametrize("state", ["blank", "absent"])
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_fields_that_are_not_filled(sample: Sample, state: str, tmp_path: Path) -> None:

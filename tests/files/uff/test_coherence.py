@@ -7,6 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femtune.errors import FemtuneError
+from femtune.files.described_test import read_described
+from femtune.steps.identify.request import asked_of
+
 from .coherences import content_of
 
 
@@ -47,3 +51,20 @@ def test_a_rounding_above_one_is_one(tmp_path: Path) -> None:
     assert frfs is not None
     assert frfs.coherence is not None
     assert frfs.coherence[0].max() == 1.0
+
+
+@pytest.mark.parametrize("by_type", [True, False])
+def test_transmissibilities_are_refused_by_name(tmp_path: Path, by_type: bool) -> None:
+    """By function type 5, or as motion over motion: the data type of the force, 13, is that of an acceleration, 12."""
+    content_of(tmp_path, {})
+    lines = (tmp_path / "a.uff").read_text().split("\n")
+    starts = [i for i, line in enumerate(lines) if line.strip() == "58"]
+    for i in starts:
+        at, old, new = (i + 6, "    4", "    5") if by_type else (i + 10, "        13", "        12")
+        assert lines[at].startswith(old), lines[at]
+        lines[at] = new + lines[at][len(old) :]
+    (tmp_path / "t.uff").write_text("\n".join(lines))
+    with pytest.raises(FemtuneError) as caught:
+        read_described(asked_of(tmp_path / "t.uff", {"units": "m-kg-s"}))
+    assert caught.value.code == "identify.no-frfs"
+    assert any("transmissibilit" in notice.what for notice in caught.value.notices)

@@ -276,6 +276,7 @@ _RBE3 = f"{_JOINT}\nGRID,50,,1.,.5,0.\nRBE3,83,,50,123456,1.,123,2\n,12,21"
 _DMIG = f"{_JOINT}\nDMIG,KJ,0,6,1,0\nDMIG,KJ,2,2,,12,2,1.+5\nDMIG,KJ,2,2,,2,2,1.+6\nDMIG,KJ,12,2,,12,2,1.+6"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "elements"),
     [

@@ -136,6 +136,7 @@ def test_coinciding_poles_are_bilinearly_orthogonal() -> None:
     np.testing.assert_allclose(modes.shapes.T @ (2 * modes.poles[0] * M + C) @ modes.shapes, np.eye(3), atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clamped", [True, False])
 @pytest.mark.parametrize("loss", [0.0, 0.02])
 def test_iteration_finds_the_poles_of_the_dense_way(
@@ -215,7 +216,7 @@ def test_derivatives_by_complex_difference(mode: int) -> None:
         np.testing.assert_allclose(found.shape[:, i], shape, rtol=1e-6, atol=1e-7 * np.abs(shape).max() + 1e-9)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.quick(0)
 @pytest.mark.parametrize("damping", [rising(0.03, 4.0), as_hysteretic(rising(0.03, 4.0))])
 def test_derivatives_with_modal_damping(damping: ModalDamping) -> None:
     """By differences of fourth order: the damper follows the real modes, which are not complex-differentiable here."""

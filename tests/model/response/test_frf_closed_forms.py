@@ -86,7 +86,7 @@ def test_free_beam_moves_as_a_rigid_body_at_low_frequency(method: FrfMethod) -> 
     np.testing.assert_allclose(found[:, 0, 0], [4 / mass, -2 / mass], rtol=2e-6)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @every_way
 def test_rod_with_a_loss_factor(method: FrfMethod) -> None:
     """Tip receptance of a clamped rod, tan(kL)/(E*Ak) with k = ω√(ρ/E*) and E* = E(1 + iη); errors fall as h²."""

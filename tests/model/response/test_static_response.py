@@ -51,6 +51,7 @@ def test_a_free_chain_pulled_apart() -> None:
     assert found.input_names == ("pulled apart",)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [True, False])
 def test_gradient_by_differences(free: bool) -> None:
     springs = [(0, 1, 4.0), (1, 2, 5.0)] if free else [(0, 1, 4.0), (1, 2, 5.0), (-1, 2, 3.0)]

@@ -324,6 +324,7 @@ def test_errors_of_free_structures_and_directions() -> None:
     check_shown("vibration.direction", caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2])
 def test_accelerations_without_the_upper_modes_are_those_of_the_lower_ones(count: int) -> None:
     def all_and_few(make: Callable[[EigenSolution], ModalTransfer]) -> None:

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.parallel import ParallelTable
     from femtune.files.study_file.parameter import NearTable, Parameter, RegionTable
     from femtune.files.study_file.plan import PlanTable, SuspensionEntry
+    from femtune.files.study_file.posterior import PosteriorTable
     from femtune.files.study_file.quantify import QuantifyTable
     from femtune.files.study_file.reading import frozen, is_deck, read_study_file, study_from_data, study_from_text
     from femtune.files.study_file.residual import Comparison, ResidualsTable
@@ -93,6 +94,7 @@ __all__ = [
     "ParallelTable",
     "Parameter",
     "PlanTable",
+    "PosteriorTable",
     "QuantifyTable",
     "ReductionTable",
     "RegionTable",

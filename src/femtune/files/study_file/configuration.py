@@ -119,12 +119,16 @@ class SingleTest(TestKeys):
 
     file: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
     """The test: a Universal File, a list of several for one test, a [table of mode
-    shapes](guide/tests-in.md#tables-of-mode-shapes), or an identification file that [describes
+    shapes](guide/tests-in.md#tables-of-mode-shapes) or [of
+    frequencies](guide/tests-in.md#frequencies-without-shapes), or an identification file that [describes
     FRFs](guide/tests-in.md).
     Required without `freq_hz`. Example: `"frame.uff"`"""
     freq_hz: Annotated[tuple[Positive, ...], Field(max_length=1000)] = ()
-    """For a model of [runs](#runs) or of a [solver](#solver) without shapes: measured frequencies in the order of the
-    columns of the table. Example: `[43.1, 60.2]`"""
+    """Measured frequencies [without shapes](guide/tests-in.md#frequencies-without-shapes), Hz, instead of `file`; they
+    are paired in ascending order, or by `pairs`. For a model of [runs](#runs) or of a [solver](#solver) without shapes
+    they are in the order of the columns of the table. Example: `[43.1, 60.2]`"""
+    freq_sd_hz: Annotated[tuple[Positive, ...], Field(max_length=1000)] = ()
+    """Standard deviations of `freq_hz`, Hz, one for each. Default: unknown. Example: `[0.1, 0.15]`"""
     units: Units | None = None
     """Units of the test; only if the file does not state them. Example: `"mm-kg-s"`"""
 
@@ -159,7 +163,8 @@ class ConfigurationEntry(TestKeys):
     `_`; either all configurations have it or none has. Example: `"ID1"`"""
     test: TestName | Annotated[tuple[TestName, ...], Field(min_length=1)] | None = None
     """The test: a Universal File, a list of several for one test, a [table of mode
-    shapes](guide/tests-in.md#tables-of-mode-shapes), or an identification file that [describes
+    shapes](guide/tests-in.md#tables-of-mode-shapes) or [of
+    frequencies](guide/tests-in.md#frequencies-without-shapes), or an identification file that [describes
     FRFs](guide/tests-in.md).
     Default: only modes are computed. Example: `"building.uff"`"""
     test_units: Units | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -27,6 +27,9 @@ class EqualiseTable(TomlTable):
     """Frequencies of candidates that are modes, Hz. Example: `[57.3]`"""
     drop_hz: tuple[Positive, ...] = ()
     """Frequencies of candidates that are not modes, Hz. Example: `[50.0]`"""
+    then: Literal["raw", "nothing"] = "raw"
+    """What follows the update with equal damping: `"raw"`: a further update from its result with the measured FRFs
+    themselves, the modes of the model having the measured damping; `"nothing"`. Example: `"nothing"`"""
 
 
 def equalise_rules(data: Data, source: StudyLines) -> Problems:

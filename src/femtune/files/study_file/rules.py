@@ -6,6 +6,8 @@ values of the wrong type are left to the types.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from femtune.errors import did_you_mean
 from femtune.files.study_file.candidates import candidate_rules
 from femtune.files.study_file.component import component_rules
@@ -19,7 +21,7 @@ from femtune.files.study_file.parameter import parameter_rules
 from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.residual import residual_rules
 from femtune.files.study_file.respond import response_rules
-from femtune.files.study_file.runs import configuration_rules, is_of_runs, runs_rules
+from femtune.files.study_file.runs import configuration_rules, runs_rules
 from femtune.files.study_file.screen import screen_rules
 from femtune.files.study_file.search import search_rules
 from femtune.files.study_file.solver import solver_rules
@@ -72,8 +74,9 @@ def _configurations(data: Data, source: StudyLines) -> Problems:
     test = table(data, "test")
     if test and ("file" in test) == ("freq_hz" in test):
         yield source.error(("test",), "study.test-source", {})
-    if "freq_hz" in test and not is_of_runs(data):
-        yield source.error(("test", "freq_hz"), "study.test-source/no-runs", {})
+    hz, deviations = test.get("freq_hz", ()), test.get("freq_sd_hz", ())
+    if isinstance(hz, Sequence) and isinstance(deviations, Sequence) and deviations and len(deviations) != len(hz):
+        yield source.error(("test", "freq_sd_hz"), "study.test-source/deviations", {})
     if entries and "test" in data:
         yield source.error(("test",), "study.test-unused", {})
     for place, entry in entries:

@@ -27,6 +27,7 @@ from femtune.files.study_file.over_frequency import FrequencyTableEntry
 from femtune.files.study_file.parallel import ParallelTable
 from femtune.files.study_file.parameter import Parameter
 from femtune.files.study_file.plan import PlanTable
+from femtune.files.study_file.posterior import PosteriorTable
 from femtune.files.study_file.quantify import QuantifyTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
 from femtune.files.study_file.respond import LoadEntry, ResponseTable
@@ -126,6 +127,7 @@ class StudyFile(TomlTable):
     select: SelectTable = Field(default_factory=SelectTable)
     quantify: QuantifyTable | None = None
     bootstrap: BootstrapTable | None = None
+    posterior: PosteriorTable | None = None
     parallel: ParallelTable = Field(default_factory=ParallelTable)
     load: tuple[LoadEntry, ...] = ()
     write: WriteTable = Field(default_factory=WriteTable)

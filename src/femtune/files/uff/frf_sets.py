@@ -18,6 +18,14 @@ from femtune.units import UnitSystem
 _UNKNOWN = 0
 _FRF = 4
 _COHERENCE = 6
+_FUNCTION_TYPES = {
+    1: "time response", 2: "auto spectrum", 3: "cross spectrum", 5: "transmissibility", 6: "coherence",
+    7: "auto correlation", 8: "cross correlation", 9: "power spectral density", 10: "energy spectral density",
+    12: "spectrum",
+}  # fmt: skip
+"""Words for function types of data set 58 that are no FRFs."""
+_MOTIONS = {8, 11, 12}
+"""Specific data types of displacement, velocity and acceleration."""
 _LARGEST_COHERENCE = 1.0 + 1e-3
 """Coherence above which a value is wrong; single precision and averaging leave values slightly above 1."""
 
@@ -93,11 +101,14 @@ def _why_no_frf(function: MeasuredFunction, stated: StatedOfFunctions) -> str:
     header = function.header
     _, numerator, denominator = header.kinds
     if header.function_type not in (_FRF, _UNKNOWN):
-        return f"of function type {header.function_type}, not an FRF"
+        name = _FUNCTION_TYPES.get(header.function_type)
+        return f"of function type {header.function_type}{f' ({name})' if name else ''}, not an FRF"
     if header.kinds[0] != FREQUENCY or not np.iscomplexobj(function.values):
         return "not complex functions of frequency"
     if not says_motion(function, stated):
-        return f"not motion over force (data types {numerator} over {denominator})"
+        both = {numerator, denominator} <= _MOTIONS
+        word = "transmissibilities (motion over motion), " if both else ""
+        return f"{word}not motion over force (data types {numerator} over {denominator})"
     if None in (dof_of(*header.response), dof_of(*header.reference)):
         return "without response or reference node"
     return ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from femtune.residuals.frf.left_out import LeftOutModes, left_out_modes
 from femtune.residuals.frf.lines import Band, Lines, PairedResonances
 from femtune.residuals.frf.measured_zeros import ZeroSearch, found_antiresonances
 from femtune.residuals.frf.model_way import AtFirstState, ModelWay, ModesWanted, Settled, full_modes
+from femtune.residuals.frf.raw import raw_residual
 from femtune.residuals.frf.residual import FrfResidual, Places
 from femtune.residuals.frf.scatter import FrfScatter, relative_sd
 from femtune.residuals.frf.truncation import with_enough_modes
@@ -30,9 +31,17 @@ _POOR = 0.1
 """Relative error of an identified system above which modes may be missing in it."""
 
 
+@dataclass(frozen=True, eq=False)
 class AskedFrfs(AtFirstState):
-    """FRFs of the test of a configuration that a study requests; settled at the start of the update."""
+    """FRFs of the test of a configuration that a study requests; settled at the start of the update.
 
+    Parameters
+    ----------
+    raw : of an identified test: the settled comparison, a state and damping of the model's modes -> the comparison of
+        the measured FRFs themselves, see `raw_residual`
+    """
+
+    raw: Callable[[FrfResidual, CaseState, ModalDamping], FrfResidual] | None = field(default=None, repr=False)
     key = FrfResidual.key
     label = FrfResidual.label
 
@@ -57,7 +66,14 @@ class AskedFrfs(AtFirstState):
             # lines of an identified test are free of the noise of single lines, which would bias their weights
             return replace(residual, identified=test.redrawn, shift=None), told
 
-        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
+        def raw(residual: FrfResidual, state: CaseState, damping: ModalDamping) -> FrfResidual:
+            test = asked.equalised()
+            assert test is not None
+            assert residual.identified is not None
+            lines = _lines(entry, state)[0]
+            return raw_residual(residual, residual.identified, measured, lines, scatter, damping, test.left_out_hz)
+
+        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)), raw=raw)
 
 
 class AskedAntiresonances(AtFirstState):

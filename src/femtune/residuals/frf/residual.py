@@ -180,6 +180,9 @@ class FrfResidual(Residual):
     shift : (outputs, inputs, lines) added to logarithms of magnitudes, against the bias of their weights
     identified : the test that `measured` was computed from; None if it was measured itself
     left_out : modes whose part in the model's functions is taken away
+    damped_by : the identified test whose damping ratios the modes of the model have; None if there is none
+    noise : (outputs, inputs, lines) standard deviations of the values by the noise that an identification has found,
+        over `sd`; None if it is not known
     """
 
     configuration: str
@@ -192,6 +195,8 @@ class FrfResidual(Residual):
     shift: Reals | None = field(default=None, repr=False)
     identified: RedrawnTest | None = field(default=None, repr=False)
     left_out: LeftOutModes | None = None
+    damped_by: RedrawnTest | None = field(default=None, repr=False)
+    noise: Reals | None = field(default=None, repr=False)
     key = "frf"
     label = "frf"
     # a reduced model of modes has no residual vectors for the forces and no damping of its own
@@ -353,7 +358,8 @@ class FrfResidual(Residual):
             rows = np.concatenate([half * total + np.arange(begun, begun + n) for half in range(halves)])
             lines, sd = np.tile(self.measured.freq_hz[np.nonzero(at)[2]], halves), np.tile(sd, halves)
             entry, log_sd = np.tile(np.arange(n), halves), None if self.form == "linear" else sd
-            samples = LineSamples(lines, entry, log_sd, self._identified(at))
+            noise = None if self.noise is None else np.tile(self.noise[at], halves)
+            samples = LineSamples(lines, entry, log_sd, self._identified(at), noise)
             parts.append(_Part(label, rows, slice(halves * begun, halves * (begun + n)), scale, samples))
             places.append(own)
             begun += n

@@ -192,6 +192,7 @@ def _at_lines(residual: FrfResidual, at: Integers) -> FrfResidual:
         sd=residual.sd[:, :, at],
         regions=tuple(r for r in regions if r.at.size),
         shift=None,
+        noise=None,
     )
 
 

@@ -46,7 +46,8 @@ def correlate_case(case: ComparedCase, solution: EigenSolution, rigid: int = 0) 
     point = solution.point
     # a static reduction, with the stiffness at rest
     point = point.at_frequency(0.0) if point.depends_on_frequency else point
-    mass = reduce_mass(point.stiffness, point.mass, case.sensors, model)
+    none = NotTested("no mode shapes were measured")
+    mass = reduce_mass(point.stiffness, point.mass, case.sensors, model) if len(case.test.dofs) else none
     return correlate(
         case.test,
         model,
@@ -85,10 +86,10 @@ def correlation_results(
     crossed = not isinstance(c.cross_orthogonality, NotTested)
     if crossed:
         arrays[f"{prefix}/cross_orthogonality"] = _spread(c)
-    arrays[f"{prefix}/mac"] = c.mac
-    arrays[f"{prefix}/mac_without"] = c.mac_without
-    arrays[f"{prefix}/auto_mac_test"] = c.auto_mac_test
-    arrays[f"{prefix}/auto_mac_model"] = c.auto_mac_model
+    keys: dict[str, str | None] = dict.fromkeys(("mac", "mac_without", "auto_mac_test", "auto_mac_model"))
+    if len(c.dofs):
+        keys = {name: f"{prefix}/{name}" for name in keys}
+        arrays |= {f"{prefix}/{name}": getattr(c, name) for name in keys}
     return CorrelationResults(
         configuration=name,
         stage=version,
@@ -105,20 +106,20 @@ def correlation_results(
         unpaired_model=tuple(_unpaired_model(c, rigid)),
         rigid_body_modes=rigid,
         clusters=tuple(_clusters(c)),
-        mac_key=f"{prefix}/mac",
+        mac_key=keys["mac"],
         mac_test_labels=c.test.labels,
         mac_test_freq_hz=tuple(float(f) for f in c.test.freq_hz),
         mac_model_numbers=tuple(range(1, len(c.model) + 1)),
         mac_model_freq_hz=tuple(float(f) for f in c.model.freq_hz),
-        auto_mac_test_key=f"{prefix}/auto_mac_test",
-        auto_mac_model_key=f"{prefix}/auto_mac_model",
+        auto_mac_test_key=keys["auto_mac_test"],
+        auto_mac_model_key=keys["auto_mac_model"],
         comac=tuple(ComacEntry(dof=str(d), comac=float(v)) for d, v in zip(c.dofs, c.comac) if np.isfinite(v)),
         cross_orthogonality_key=f"{prefix}/cross_orthogonality" if crossed else None,
         cross_orthogonality_reason=c.cross_orthogonality.reason if isinstance(c.cross_orthogonality, NotTested) else "",
         cross_orthogonality_dropped=c.orthogonality_dropped,
         criteria=tuple(_criterion(v) for v in assess(c, criteria)),
         contributions=tuple(_contributions(c)),
-        mac_without_key=f"{prefix}/mac_without",
+        mac_without_key=keys["mac_without"],
         alerts=tuple(alert_of(notice) for notice in (*notices, *c.notices)),
     )
 

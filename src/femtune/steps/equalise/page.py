@@ -53,11 +53,20 @@ def damping_table(mapped: MappedDamping) -> Table:
 
 def _row(m: MappedMode, equal: str) -> tuple[Cell, ...]:
     mac = Cell(unit_fraction(m.mac, NONE), tone="poor" if m.mac is not None and m.mac < _LOW_MAC else "")
-    remark = m.reason or ("no partner in the test" if m.test_hz is None else "")
+    remark = m.reason or _remark(m)
     return row(
         freq(m.test_hz), NONE if m.mode is None else str(m.mode), freq(m.model_hz), mac,
         short(m.measured_percent), equal, short(m.mapped_percent), Cell(remark, tone="muted"),
     )  # fmt: skip
+
+
+def _remark(m: MappedMode) -> str:
+    """What is said of a mode that was found later, or has no partner."""
+    if m.found_hz is not None:
+        return "found near the mode of the model"
+    if m.test_hz is not None:
+        return ""
+    return "no partner in the test" + (f", should be seen in {m.seen_in} FRFs" if m.seen_in else "")
 
 
 def _deviations(mapped: MappedDamping) -> str:

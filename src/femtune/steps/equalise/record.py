@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from femtune.study.record import Record
+from femtune.study.record import Alert, Record
 
 if TYPE_CHECKING:
     pass
@@ -32,6 +32,16 @@ class MappedMode(Record):
     """Damping ratio of the mode of the model, in %: the measured one, without partner the median of the paired ones."""
     reason: str = ""
     """Why a mode of the test has no partner."""
+    above_noise: float | None = None
+    """Of a mode of the model without partner: its largest height over the noise of a measured FRF at its resonance, by
+    the model (no unit)."""
+    seen_in: int | None = None
+    """Number of FRFs in which it should stand out of the noise by a factor of three."""
+    heights_key: str | None = None
+    """Key of its height over the noise in each FRF, shape (outputs, inputs); None of a mode of the test."""
+    found_hz: float | None = None
+    """Natural frequency of a mode of the test that the identification had missed, and that was found near the mode of
+    the model, Hz; None for other modes."""
 
 
 class MappedDamping(Record):
@@ -43,6 +53,10 @@ class MappedDamping(Record):
     """Damping ratio of test and model during the update, in %."""
     modes: tuple[MappedMode, ...]
     """Modes of the test, then those of the model inside the band of the test that have no partner."""
+    alerts: tuple[Alert, ...] = ()
+    """Remarks on the pairing of the modes."""
+    missing_before: tuple[MappedMode, ...] = ()
+    """Modes of the model before the update, inside the band of the test, without a partner."""
     deviation_before: float | None
     """Mean δ of the measured FRFs and those of the model before the update, with mapped damping; None if no mode of
     that model is paired."""

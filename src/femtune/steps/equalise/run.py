@@ -3,56 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.correlation import pair_modes
-from femtune.correlation.mode_damping import paired_damping
 from femtune.errors import FemtuneError
-from femtune.modal import ModeSet
 from femtune.model import EigenSolution, damping_by_mode
 from femtune.model.response import frf
+from femtune.residuals.frf.measured_damping import MeasuredDamping, measured_damping
 from femtune.residuals.frf.model_way import settled
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.steps.correlate.facts import array_prefix
+from femtune.steps.info.facts import alert_of
 from femtune.validation.frfs import squared_deviation
 
 if TYPE_CHECKING:
-    from femtune.arrays import Complexes, Reals
-    from femtune.correlation import Pairing
+    from femtune.arrays import Complexes
     from femtune.identification.redrawn import RedrawnTest
     from femtune.residuals import CaseState, Evaluation, Residual
 from femtune.steps.equalise.record import MappedDamping, MappedMode
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredDamping:
-    """Damping ratios (n,) of the modes of a solution, by the modes of an identified test.
-
-    Parameters
-    ----------
-    test : identified modes
-    pairing : with those of the model
-    ratios : of all modes of the solution
-    """
-
-    test: ModeSet
-    pairing: Pairing
-    ratios: Reals
-
-
-def measured_damping(residual: FrfResidual, test: RedrawnTest, modes: EigenSolution) -> MeasuredDamping:
-    """Damping ratios of an identified test for the modes of a model (error ``correlate.no-damping``)."""
-    ports = residual.places.ports(modes.point.configured, residual.measured)
-    seen = residual.measured.responses
-    identified = test.modes.select_dofs(seen)
-    count = modes.wanted
-    model = ModeSet(modes.freq_hz, np.asarray(ports.outputs @ modes.shapes[:, :count]), seen)
-    pairing = pair_modes(identified, model)
-    return MeasuredDamping(identified, pairing, paired_damping(identified, pairing, count))
 
 
 def mapped_damping(start: Evaluation, end: Evaluation, arrays: dict[str, NDArray[Any]]) -> tuple[MappedDamping, ...]:
@@ -72,11 +42,11 @@ def mapped_damping(start: Evaluation, end: Evaluation, arrays: dict[str, NDArray
 
 
 def identified_residuals(residuals: Iterable[Residual]) -> Iterator[tuple[FrfResidual, RedrawnTest]]:
-    """FRF residuals that compare an identified test."""
+    """FRF residuals that compare an identified test, or measured FRFs with its damping."""
     for one in residuals:
         residual = settled(one)
-        if isinstance(residual, FrfResidual) and residual.identified is not None:
-            yield residual, residual.identified
+        if isinstance(residual, FrfResidual) and (test := residual.identified or residual.damped_by) is not None:
+            yield residual, test
 
 
 def _record(
@@ -92,18 +62,20 @@ def _record(
     )
     raw = measured.values[np.ix_(rows, columns)]
     identified = test.system.system.frf(lines).values[np.ix_(rows, columns)]
-    solution, damping, values = _functions(residual, test, after)
+    solution, damping, values = _functions(residual, test, after, guided=residual.damped_by is not None)
     arrays |= {f"{key}_hz": lines, f"{key}_test": raw, f"{key}_identified": identified, f"{key}_after": values}
     try:
-        _, _, first = _functions(residual, test, before)
+        _, lacking, first = _functions(residual, test, before)
         arrays[f"{key}_before"] = first
     except FemtuneError:
         # the nominal model may be so far off that none of its modes is paired
-        first = None
+        first, lacking = None, None
     return MappedDamping(
         configuration=residual.configuration,
         equalised_percent=100.0 * test.damping_ratio,
-        modes=tuple(_modes(damping, solution, float(lines[0]), float(lines[-1]))),
+        modes=(*_modes(damping, solution), *_lacking(damping, f"{key}_heights", arrays)),
+        alerts=tuple(map(alert_of, damping.pairing.notices)),
+        missing_before=() if lacking is None else tuple(_lacking(lacking, f"{key}_heights_before", arrays)),
         deviation_before=None if first is None else _deviation(first, raw),
         deviation_after=_deviation(values, raw),
         deviation_identified=_deviation(identified, raw),
@@ -123,12 +95,12 @@ def _deviation(values: Complexes, raw: Complexes) -> float:
 
 
 def _functions(
-    residual: FrfResidual, test: RedrawnTest, state: CaseState
+    residual: FrfResidual, test: RedrawnTest, state: CaseState, *, guided: bool = False
 ) -> tuple[EigenSolution, MeasuredDamping, Complexes]:
     """Modes of the full model at a state, their measured damping, and its FRFs at the measured lines."""
     solution = residual.way.model(state, residual.highest_hz)
     assert isinstance(solution, EigenSolution)
-    damping = measured_damping(residual, test, solution)
+    damping = measured_damping(residual, test, solution, guided=guided)
     ports = residual.places.ports(solution.point.configured, residual.measured)
     functions = frf(
         solution, ports, test.measured.freq_hz, test.measured.kind, residual.way.method,  # type: ignore[arg-type]
@@ -137,7 +109,8 @@ def _functions(
     return solution, damping, functions.values
 
 
-def _modes(damping: MeasuredDamping, solution: EigenSolution, low: float, high: float) -> Iterable[MappedMode]:
+def _modes(damping: MeasuredDamping, solution: EigenSolution) -> Iterable[MappedMode]:
+    """Modes of the test."""
     zeta, partners = damping.test.damping_ratio, {p.test: p for p in damping.pairing.pairs}
     reasons = {u.test: u.reason for u in damping.pairing.unpaired_test}
     assert zeta is not None
@@ -151,12 +124,17 @@ def _modes(damping: MeasuredDamping, solution: EigenSolution, low: float, high: 
             measured_percent=100.0 * float(zeta[i]),
             mapped_percent=None if pair is None else 100.0 * float(damping.ratios[pair.model]),
             reason=reasons.get(i, ""),
+            found_hz=float(hertz) if pair is not None and pair.model in damping.found else None,
         )
-    paired = {p.model for p in damping.pairing.pairs}
-    for j in range(solution.wanted):
-        hertz = float(solution.freq_hz[j])
-        if j not in paired and low <= hertz <= high:
-            yield MappedMode(
-                test_hz=None, mode=j + 1, model_hz=hertz, mac=None, measured_percent=None,
-                mapped_percent=100.0 * float(damping.ratios[j]),
-            )  # fmt: skip
+
+
+def _lacking(damping: MeasuredDamping, key: str, arrays: dict[str, Any]) -> Iterable[MappedMode]:
+    """Modes of the model without a partner; their heights are put into `arrays`."""
+    for one in damping.lacking:
+        own = f"{key}_{one.mode + 1}"
+        arrays[own] = one.over_noise
+        yield MappedMode(
+            test_hz=None, mode=one.mode + 1, model_hz=one.freq_hz, mac=None, measured_percent=None,
+            mapped_percent=100.0 * one.damping_ratio, above_noise=one.above_noise, seen_in=one.seen_in,
+            heights_key=own,
+        )  # fmt: skip

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def identification(
-    identified: Found, title: str, source: InputFile, units: str, linearity: LinearityResults | None = None
+    identified: Found, title: str, inputs: tuple[InputFile, ...], units: str, linearity: LinearityResults | None = None
 ) -> Identification:
-    """The record of what was found."""
+    """The record of what was found in measured files."""
     clusters = tuple(
         PoleCluster(freq_hz=c.freq_hz, damping_ratio=c.damping_ratio, chosen=c.chosen, reason=c.reason)
         for c in identified.candidates
@@ -27,7 +27,7 @@ def identification(
     return Identification(
         femtune_version=__version__,
         title=title,
-        source=source,
+        source=inputs[0],
         units=units,
         dofs=tuple(str(dof) for dof in identified.modes.dofs),
         normalisation=identified.modes.normalisation,
@@ -39,6 +39,7 @@ def identification(
             HarmonicLine(freq_hz=e.freq_hz, kurtosis=e.kurtosis, width_hz=e.width_hz, share=e.share, multiple=word)
             for e, word in zip(identified.lines, multiples(identified.lines))
         ),
+        inputs=inputs,
         linearity=linearity,
     )
 

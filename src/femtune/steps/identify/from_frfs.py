@@ -15,13 +15,15 @@ from femtune.files.described_test import read_described
 from femtune.identification.averaging import Averaging, input_output_spectra, no_lost_samples
 from femtune.identification.estimators import estimate_frfs
 from femtune.identification.hammer import DECAYED, hits_of, is_impulsive, still_moving
-from femtune.identification.input_known import InputKnown, identify_frfs
+from femtune.identification.input_known import InputKnown, NoModesChosen, identify_frfs
 from femtune.identification.join import at_lines
 from femtune.identification.kinds import KNOWN_INPUT
 from femtune.identification.periodic import periodic_frfs
 from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
-from femtune.steps.identify.identified import Curve, Found
+from femtune.modal import ModeSet
+from femtune.steps.identify.choices import picked_poles
+from femtune.steps.identify.identified import Curve, Found, NothingFound
 from femtune.testdata import NO_GEOMETRY
 from femtune.testdata.checks import phase_collinearity
 
@@ -61,9 +63,18 @@ def found_from_frfs(
     methods = tuple(m for m in table.methods or KNOWN_INPUT if m in KNOWN_INPUT)
     asked = InputKnown(
         table.band_hz, table.largest_order or _order(frfs, table.band_hz), methods, take=table.take_hz,
-        drop=table.drop_hz, real=table.real, exponential_s=table.exponential_s,
+        drop=table.drop_hz, picked=picked_poles(file), real=table.real, exponential_s=table.exponential_s,
     )  # fmt: skip
-    made = identify_frfs(frfs, asked, sd)
+    try:
+        made = identify_frfs(frfs, asked, sd)
+    except NoModesChosen as chosen_none:
+        measured = chosen_none.measured
+        nothing = ModeSet(np.zeros(0), np.zeros((len(measured.responses), 0)), measured.responses)
+        found = Found(
+            nothing, np.zeros(0), chosen_none.table, chosen_none.candidates, {}, _curve(measured), measured=measured,
+            geometry=geometry,
+        )  # fmt: skip
+        raise NothingFound(chosen_none, found) from chosen_none
     measured, synthesised = made.fit.measured, made.fit.synthesised
     error = np.linalg.norm(synthesised.values - measured.values, axis=2)
     size = np.linalg.norm(measured.values, axis=2)

@@ -12,12 +12,13 @@ from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Notice
 from femtune.files.records import ChannelColumn, read_record
 from femtune.identification.averaging import cross_spectra, no_lost_samples
-from femtune.identification.choice import CHOSEN_BY_USER, change_choice, has_candidate
+from femtune.identification.choice import CHOSEN_BY_USER, PickedPole, change_choice, has_candidate, pick_poles
 from femtune.identification.combine import Estimate, combine
 from femtune.identification.fdd import decompose
 from femtune.identification.harmonics import Line, find_lines, multiples, without_lines
 from femtune.identification.input_lines import judge_peaks
 from femtune.identification.kinds import OUTPUT_ONLY
+from femtune.identification.late_channels import late_notices
 from femtune.identification.mode_checks import (
     ModeRemark,
     collinearity_remarks,
@@ -32,7 +33,8 @@ from femtune.identification.operational import (
 )
 from femtune.identification.record_checks import level_ratios
 from femtune.modal.shape_criteria import mac
-from femtune.steps.identify.identified import Curve, Found
+from femtune.steps.identify.choices import picked_poles
+from femtune.steps.identify.identified import Curve, Found, NothingFound
 from femtune.steps.identify.request import check_length
 from femtune.units import unit_system
 
@@ -118,20 +120,38 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
         for j, name in enumerate(names):
             progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
             several[name, i] = _by_hand(OUTPUT_ONLY[name].load()(piece, asked), file)
+    if picked := picked_poles(file):
+        several[names[0], 0] = _picked(several[names[0], 0], picked)
     _check_choice([several[names[0], i] for i in range(table.fragments)], file)
     ready = prepared(record, asked)
     lines = find_lines(ready, asked.band_hz, [float(f) for one in several.values() for f in one.modes.freq_hz])
     several = {key: _without_harmonics(one, lines, ready, asked, table.take_hz) for key, one in several.items()}
-    identified = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
+    curve = _curve(ready, asked)
+    try:
+        identified = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
+    except FemtuneError as error:
+        first = several[names[0], 0]
+        found = Found(first.modes, first.collinearity, first.table, first.candidates, {}, curve, lines=lines)
+        raise NothingFound(error, found) from error
     labels = identified.modes.dofs.labels()
-    phases = next((n for one in several.values() if (n := quadrature_notices(one.complex_shapes, labels))), ())
-    spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
-    level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
-    inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
-    curve = Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
+    phases = next((n for one in several.values() if (n := _phase_notices(one, labels, 1.0 / measured.even_hz))), ())
     identified = _unscaled(_judged(identified, measured), measured, levels)
     notices = (*removed, *line_notices(lines), *phases, *identified.notices)
     return _beside_lines(replace(identified, curve=curve, notices=notices), lines)
+
+
+def _curve(ready: TimeSeries, asked: Operational) -> Curve:
+    spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
+    level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
+    inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
+    return Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
+
+
+def _phase_notices(found: OperationalModes, labels: list[str], step_s: float) -> tuple[Notice, ...]:
+    """Channels that are late, else those in quadrature."""
+    shapes = found.complex_shapes
+    late = late_notices(shapes, found.modes.freq_hz, labels, step_s, counted=True)
+    return late or quadrature_notices(shapes, labels)
 
 
 def subtracted(record: TimeSeries, file: IdentifyFile) -> tuple[TimeSeries, tuple[Notice, ...]]:
@@ -241,6 +261,14 @@ def _by_hand(operational: OperationalModes, file: IdentifyFile) -> OperationalMo
         for asked in (file.identify.take_hz, file.identify.drop_hz)
     )
     return chosen_modes(operational, change_choice(operational.candidates, take, drop)) if take or drop else operational
+
+
+def _picked(found: OperationalModes, picked: tuple[PickedPole, ...]) -> OperationalModes:
+    """The picked poles of the first method as its modes (errors ``identify.choices``)."""
+    others = sorted({one.method for one in picked if one.method != found.method})
+    if others or found.table is None:
+        raise FemtuneError("identify.choices/method", method=found.method, others=", ".join(others) or found.method)
+    return chosen_modes(found, pick_poles(found.candidates, found.table, picked))
 
 
 def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:

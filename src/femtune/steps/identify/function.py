@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from femtune.arguments import checked
 from femtune.files.study_file.python_table import plain
 from femtune.journal.run_files import REPORT_FILE
+from femtune.steps.identify.identified import NothingFound
 from femtune.steps.identify.run import identify as find_modes
 from femtune.study.progress import silent
 
@@ -58,7 +59,13 @@ def identify(
     from femtune.steps.identify.page import build_identification_page  # noqa: PLC0415
 
     given = {key: plain(value) for key, value in options.items()}
-    made = find_modes(source, output, progress, options=given, jobs=jobs)
+    try:
+        made = find_modes(source, output, progress, options=given, jobs=jobs)
+    except NothingFound as error:
+        if error.result is not None:
+            page = write_html(build_identification_page(error.result), error.result.folder / REPORT_FILE, progress)
+            error.values["page with the poles"] = str(page)
+        raise
     made = replace(made, files=(REPORT_FILE, *made.files))
     progress.step("drawing the page", 0, None)
     page = write_html(build_identification_page(made), made.folder / REPORT_FILE, progress)

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 def level_file(file: IdentifyFile, entry: LevelEntry) -> IdentifyFile:
     """The identification file with the measurement of another level."""
-    changed = {"record": entry.record, "frfs": entry.frfs}
+    # poles were picked for the first level only
+    changed = {"record": entry.record, "frfs": entry.frfs, "choices": None}
     copy = file.model_copy(update={"identify": file.identify.model_copy(update=changed)})
     copy._path, copy._source = file._path, file._source
     return copy

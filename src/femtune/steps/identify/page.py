@@ -30,13 +30,17 @@ from femtune.document.numbers import (
 from femtune.document.page_view import (
     FUNCTION_BYTES,
     FunctionsView,
+    InputView,
     PageView,
+    PickedView,
     SceneView,
+    StabilisationView,
     StageView,
     coordinates,
     curve_view,
     phases,
     quantised,
+    single,
     whole,
 )
 from femtune.identification.mode_checks import LARGE_DAMPING
@@ -221,7 +225,33 @@ def motion_at_points(geometry: WireFrame, modes: ModeSet, mode: int, placed: lis
 
 def _view(made: IdentifyResult) -> PageView:
     """What moves on the page: the shapes on the wire frame, measured and synthesised functions."""
-    return PageView(tuple(_scenes(made)), tuple(_functions(made)))
+    return PageView(tuple(_scenes(made)), tuple(_functions(made)), stabilisation=_stabilisation(made))
+
+
+def _stabilisation(made: IdentifyResult) -> StabilisationView | None:
+    """The poles in the band to pick from, with those of the modes; None for several set-ups or fragments."""
+    found, table = made.found, made.found.table
+    if table is None or found.estimates > 1:
+        return None
+    low, high = _picture(made).band_hz
+    shown = np.flatnonzero((table.freq_hz >= low) & (table.freq_hz <= high))
+    row = {int(at): i for i, at in enumerate(shown)}
+    ours = [c for c in found.candidates if c.chosen or c.left]
+    picked = [PickedView(row[c.at], c.name, c.left) for c in ours if c.at in row]
+    methods = list(dict.fromkeys(table.method))
+    return StabilisationView(
+        tuple(methods),
+        whole(np.array([methods.index(table.method[i]) for i in shown], np.int64)),
+        whole(table.order[shown]),
+        single(table.freq_hz[shown]),
+        single(table.damping_ratio[shown]),
+        whole(found.stable_poles()[shown].astype(np.int64)),
+        tuple(picked),
+        single(found.curve.freq_hz),
+        single(found.curve.level_db),
+        (low, high),
+        tuple(InputView(one.path, one.sha256) for one in made.record.inputs),
+    )
 
 
 def _scenes(made: IdentifyResult) -> Iterator[SceneView]:
@@ -256,22 +286,26 @@ def _scenes(made: IdentifyResult) -> Iterator[SceneView]:
 def _functions(made: IdentifyResult) -> Iterator[FunctionsView]:
     """Those with the poorest fits where there is no room for all."""
     identified = made.found
-    if identified.measured is None or identified.synthesised is None or identified.misfit_percent is None:
+    measured, synthesised, misfit = identified.measured, identified.synthesised, identified.misfit_percent
+    if measured is None:
         return
-    sides = (("test", identified.measured), ("identified", identified.synthesised))
-    order = np.argsort(-identified.misfit_percent, axis=None)
+    both = (("test", measured), ("identified", synthesised))
+    sides = [(look, side) for look, side in both if side is not None]
+    size = measured.values.shape[:2]
+    order = np.arange(size[0] * size[1]) if misfit is None else np.argsort(-misfit, axis=None)
     shown = order[: max(1, FUNCTION_BYTES // (8 * sum(len(side.freq_hz) for _, side in sides)))]
-    i, j = np.unravel_index(shown, identified.misfit_percent.shape)
+    i, j = np.unravel_index(shown, size)
     titles = [
-        f"{identified.measured.responses[a]} / {identified.measured.references[b]}, "
-        f"error {percent(float(identified.misfit_percent[a, b]))} %"
+        f"{measured.responses[a]} / {measured.references[b]}"
+        + ("" if misfit is None else f", error {percent(float(misfit[a, b]))} %")
         for a, b in zip(i.tolist(), j.tolist())
     ]
     left = len(order) - len(shown)
     curves = tuple(curve_view(look, side.freq_hz, side.values[i, j]) for look, side in sides)
-    note = f"The {len(shown)} functions with the poorest fits, of {len(order)}." if left else ""
-    unit = frf_unit(identified.measured.kind, unit_system(made.record.units))
-    ordinate = f"{identified.measured.kind.capitalize()}, {unit}"
+    which = "" if misfit is None else " with the poorest fits"
+    note = f"The {len(shown)} functions{which}, of {len(order)}." if left else ""
+    unit = frf_unit(measured.kind, unit_system(made.record.units))
+    ordinate = f"{measured.kind.capitalize()}, {unit}"
     yield FunctionsView("test", ordinate, tuple(titles), curves, note, section="fit")
 
 
@@ -291,7 +325,10 @@ def _poles(made: IdentifyResult) -> Iterator[Block]:
             row(freq(c.freq_hz), short(100.0 * c.damping_ratio), "yes" if c.chosen else "no", c.reason)
             for c in made.record.clusters
         ]
-        note = "To change the choice, use take_hz and drop_hz in the file, or --take and --drop."
+        note = (
+            "To change the choice, pick poles in the diagram, save them and identify with choices or --choices; or use "
+            "take_hz and drop_hz in the file, or --take and --drop."
+        )
         yield Table("Clusters of stable poles", heads, tuple(rows), note, folded=True)
 
 
@@ -316,6 +353,8 @@ def _picture(made: IdentifyResult) -> StabilisationPicture:
 
 def _fit(made: IdentifyResult) -> Iterator[Block]:
     identified = made.found
+    if identified.measured is not None and not len(identified.modes):
+        yield Paragraph("No mode was chosen: the functions are shown as they were measured.")
     if identified.measured is None or identified.synthesised is None or identified.misfit_percent is None:
         return
     worst, middle = float(identified.misfit_percent.max()), float(np.median(identified.misfit_percent))

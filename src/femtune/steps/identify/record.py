@@ -167,5 +167,7 @@ class Identification(Record):
     """Alerts."""
     harmonics: tuple[HarmonicLine, ...] = ()
     """Lines of machines and of the mains, which are not among the modes."""
+    inputs: tuple[InputFile, ...] = ()
+    """All measured files of one record or one set of functions, in their order; () for several set-ups."""
     linearity: LinearityResults | None = None
     """Comparison of tests at several levels of force; None if only one level was measured."""

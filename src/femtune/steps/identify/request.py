@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,22 +35,33 @@ _TIME_RESPONSE = 1
 def asked_of(path: Path | str, options: Mapping[str, Any]) -> IdentifyFile:
     """An identification file, or one made for a measured file; `options` are keys of [identify] that take precedence.
 
+    The option ``further_records`` adds records to that of the file, such as other hits of a hammer. Names of files
+    among the options are relative to the working folder.
+
     Raises
     ------
     FemtuneError : ``study.*`` and ``identify.*`` of the file; ``record.missing``
     """
     path = Path(path)
     given = {key: value for key, value in options.items() if value is not None}
+    further = tuple(map(os.path.abspath, given.pop("further_records", ())))
+    if "choices" in given:
+        # a path of the command line, and not of the file
+        given["choices"] = os.path.abspath(given["choices"])
     if is_identification_file(path):
         file = read_identify_file(path)
         table = {**file.identify.model_dump(exclude_none=True), **given}
+        if further:
+            first = file.identify.record or ()
+            table["record"] = (*((first,) if isinstance(first, str) else first), *further)
         changed = _checked({**file.model_dump(exclude_none=True), "identify": table}, path)
         changed._path, changed._source = file._path, file._source
         return changed
     if not path.is_file():
         code = "record.missing/folder" if path.is_dir() else "record.missing/request"
         raise FemtuneError(code, where=Where(str(path)))
-    made = _checked({"identify": {_kind_of(path): path.name, **given}}, path)
+    kind = "record" if further else _kind_of(path)
+    made = _checked({"identify": {kind: (path.name, *further) if further else path.name, **given}}, path)
     made._path, made._source = path, StudyLines(str(path))
     return made
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,9 +15,11 @@ from femtune.executor import Processes
 from femtune.files.described_test import read_described_geometry
 from femtune.identification.record_checks import check_record
 from femtune.journal.owner import owner_of
+from femtune.steps.identify.choices import digest_of
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.steps.identify.from_record import found_from_record, heading_notices, read_asked
+from femtune.steps.identify.identified import NothingFound
 from femtune.steps.identify.levels import level_file, linearity_notice, linearity_of
 from femtune.steps.identify.request import asked_of, check_methods, check_no_lines, check_usable
 from femtune.steps.identify.result import IdentifyResult
@@ -65,19 +66,25 @@ def identify(
     folder = Path(output) if output is not None else file.output_folder
     _check_folder(folder, file)
     progress.step("reading the measurement", 0, None)
-    with _at_the_file(file):
-        identified = _found(file, progress, each)
+    inputs = tuple(InputFile(path=one.name, sha256=digest_of(one)) for one in file.measured_paths)
+    title = file.identify.title or file.measured_path.name
+    try:
+        with _at_the_file(file):
+            identified = _found(file, progress, each)
+    except NothingFound as error:
+        nothing = replace(error.found, notices=(*error.notices, *error.found.notices))
+        record = identification(nothing, title, inputs, file.identify.units)
+        error.result = IdentifyResult(folder, record, nothing, tuple(write_found(folder, nothing, record, None)))
+        raise
     linearity = linearity_of(file, identified, each)
     if linearity is not None:
         identified = replace(identified, notices=(*identified.notices, *linearity_notice(linearity)))
-    source = InputFile(path=file.measured_path.name, sha256=_digest(file.measured_path))
-    title = file.identify.title or file.measured_path.name
     tables = (file.channel, file.function, file.functions, *(one.channel for one in file.setup))
     test = test_of_modes(identified, title, file.identify.units)
     unwritten = no_modes_file(test, named=any(map(bool, tables)))
     if unwritten is not None:
         identified = replace(identified, notices=(*identified.notices, unwritten))
-    record = identification(identified, title, source, file.identify.units, linearity)
+    record = identification(identified, title, inputs, file.identify.units, linearity)
     names = write_found(folder, identified, record, test if unwritten is None else None)
     return IdentifyResult(folder, record, identified, tuple(names))
 
@@ -176,8 +183,3 @@ def _check_folder(folder: Path, file: IdentifyFile) -> None:
         for name in WRITTEN_FILES:
             if os.path.lexists(folder / name):
                 raise FemtuneError("run.other-file/identify", where=Where(str(folder / name)), name=name)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

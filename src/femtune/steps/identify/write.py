@@ -73,6 +73,9 @@ def write_found(folder: Path, identified: Found, record: Identification, test: M
     if identified.system is not None:
         files[SYSTEM_FILE] = _packed(identified.system)
     try:
+        # modes of an earlier identification would pass for those of this one
+        for name in set(WRITTEN_FILES) - {*files, REPORT_FILE}:
+            (folder / name).unlink(missing_ok=True)
         for name, content in files.items():
             write_whole(folder / name, content)
     except OSError as error:

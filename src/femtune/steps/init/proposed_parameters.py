@@ -194,8 +194,8 @@ _NO_EFFECT = 1e-9
 
 def sensitivities(parameters: ParameterSet, case: ComparedCase, solution: EigenSolution) -> Reals:
     """(n, k) derivatives of frequencies and shapes, in units of their standard deviations and those of the prior."""
-    residuals = (FrequencyResidual(FREQUENCY_SD), ShapeResidual(SHAPE_SD, of_largest=True))
-    problem = UpdateProblem((case,), parameters, residuals)
+    of_shapes = (ShapeResidual(SHAPE_SD, of_largest=True),) if len(case.test.dofs) else ()
+    problem = UpdateProblem((case,), parameters, (FrequencyResidual(FREQUENCY_SD), *of_shapes))
     x = np.zeros(len(parameters.free))
     at = problem.assess(x, [state_at(case, x, solution)])
     S = np.asarray(at.jacobian * parameters.prior[1])

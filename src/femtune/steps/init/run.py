@@ -433,8 +433,8 @@ class _Draft:
             model_modes = modes_at_sensors(case.compared, solution)
             paired = pair_case(case.compared, solution)
             self.pairing = with_suspension(case.compared.test, model_modes, paired, self.rigid)
-            self.notices = tuple(n.what for n in unit_factor(case.compared.test, model_modes, self.pairing))
-            self.notices = (*self.notices, *_of_deck(study))
+            told = (*self.pairing.notices, *unit_factor(case.compared.test, model_modes, self.pairing))
+            self.notices = (*(n.what for n in told if n.level != "info"), *_of_deck(study))
             self.range = _agreement(self.pairing, case.compared.test, model_modes)
         if fields:
             progress.step("ranking the parameters", 0, None)
@@ -534,7 +534,7 @@ class _Draft:
         table: dict[str, Any] = {"file": named(self.measured.file)}
         if self.measured.deviations is not None:
             table["deviations"] = named(self.measured.deviations)
-        if self.units.of_test is not None:
+        if self.units.of_test is not None and self._has_shapes:
             table["units"] = self.units.of_test.name
         return table | self.sensors.test
 
@@ -569,6 +569,11 @@ class _Draft:
             )
         several = (self.sensors.several,) if self.sensors.several else ()
         return (*self.units.doubts, *self.sensors.doubts, *several, *self.notices, *self.errors, *few)
+
+    @property
+    def _has_shapes(self) -> bool:
+        modes = self.measured.test.modes
+        return modes is not None and len(modes.dofs) > 0
 
     @property
     def _test_modes(self) -> int:
@@ -609,10 +614,9 @@ class _Draft:
         """The standard deviations of the test where it has those of all modes, and guesses otherwise."""
         modes = self.measured.test.modes
         assert modes is not None
-        of_test = {
-            "frequency_sd": not FrequencyResidual("test").without_sd(modes),
-            "shape_sd": not ShapeResidual("test").without_sd(modes),
-        }
+        of_test = {"frequency_sd": not FrequencyResidual("test").without_sd(modes)}
+        if self._has_shapes:
+            of_test["shape_sd"] = not ShapeResidual("test").without_sd(modes)
         guesses = {
             "frequency_sd": (FREQUENCY_SD, "relative"),
             "shape_sd": (SHAPE_SD, "of an entry of a shape, relative to its largest entry"),
@@ -665,12 +669,13 @@ class _Draft:
     def _parameters(self, text: StudyText) -> None:
         taken = [p for p in self.proposed if p.proposed]
         others = [p for p in self.proposed if not p.proposed]
+        of_shapes = f" and {100 * SHAPE_SD:g} % in shapes" if self._has_shapes else ""
         text.lines.append("")
         text.say(
             "Parameters: factors on fields of the deck, within bounds that are usual for materials, properties, joints "
             "and masses. The order is that of the information that the test modes give (with errors of "
-            f"{100 * FREQUENCY_SD:g} % in frequencies and {100 * SHAPE_SD:g} % in shapes); ± is the expected standard "
-            "deviation beside the other parameters of the study."
+            f"{100 * FREQUENCY_SD:g} % in frequencies{of_shapes}); ± is the expected standard deviation beside the "
+            "other parameters of the study."
         )
         if not taken:
             text.say("No field of the deck is determined by the test modes: add [[parameter]] tables of your own.")
@@ -800,7 +805,8 @@ def _in_units(test: ModalTest, guessed: GuessedUnits) -> ModalTest:
 def _own_test(study: Study, solution: EigenSolution, highest: float) -> ComparedCase:
     """The model at the sensors of the test, with its own elastic modes up to the highest test frequency as the test."""
     case = study.cases[0]
-    if case.compared is not None and case.compared.sensors.shape[0] > 1:
+    alone = case.compared is not None and len(case.compared.test) > 0 and not len(case.compared.test.dofs)
+    if case.compared is not None and (alone or case.compared.sensors.shape[0] > 1):
         rows, dofs = case.compared.sensors, case.compared.test.dofs
     else:
         nodes = case.configured.model.structure.nodes
@@ -813,7 +819,7 @@ def _own_test(study: Study, solution: EigenSolution, highest: float) -> Compared
     if not len(inside):
         inside = np.flatnonzero(~rigid)
     shapes = rows @ solution.shapes[:, inside]
-    seen = np.abs(shapes).max(axis=0, initial=0.0) > 0.0
+    seen = (np.abs(shapes).max(axis=0, initial=0.0) > 0.0) | alone
     test = ModeSet(solution.freq_hz[inside[seen]], shapes[:, seen], dofs, source="model")
     return ComparedCase(case.configured, test, rows, max_hz=None)
 
@@ -829,10 +835,12 @@ def _agreement(pairing: Pairing, test: ModeSet, model: ModeSet) -> str:
     if not pairs:
         return f"no test mode of {len(test)} is paired."
     errors = [100.0 * (model.freq_hz[p.model] / test.freq_hz[p.test] - 1.0) for p in pairs]
+    macs = [p.mac for p in pairs if np.isfinite(p.mac)]
+    of_shapes = f"MAC {min(macs):.2f} to {max(macs):.2f}" if macs else "no MAC without shapes"
     count = pairing.suspension_count
     suspension = f", and {count} of the suspension {'are' if count > 1 else 'is'} set apart" if count else ""
     return (
         f"{len(pairs)} of {len(test) - count} test modes are paired{suspension}; errors of the "
         f"frequencies {min(errors):+.2g} to {max(errors):+.2g} %, "
-        f"MAC {min(p.mac for p in pairs):.2f} to {max(p.mac for p in pairs):.2f}."
+        f"{of_shapes}."
     )

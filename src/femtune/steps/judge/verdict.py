@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from femtune.steps.judge.reasons import TOPICS
+from femtune.steps.judge.reasons.alerts import reasons_of_alerts
 from femtune.steps.judge.reasons.compared import reasons_of_comparisons
 from femtune.steps.judge.reasons.criteria import reasons_of_criteria
 from femtune.steps.judge.record.judgement import JudgementResults
@@ -42,10 +43,12 @@ def judgement(results: Results, facts: Mapping[str, Any], not_computed: Sequence
 def judgement_of_comparisons(
     correlations: Sequence[CorrelationResults], modes: Sequence[ModelModes], acceptance: AcceptanceResults
 ) -> JudgementResults:
-    """The verdict on a comparison without an update: what was compared, and the criteria."""
+    """The verdict on a comparison without an update: what was compared, the criteria, and what the
+    comparison found."""
     found = [
         *reasons_of_comparisons(correlations, modes, acceptance),
         *reasons_of_criteria(correlations, acceptance),
+        *reasons_of_alerts([a for c in correlations for a in c.alerts if a.code.startswith("correlate.")]),
     ]
     reasons = [_placed(r, [c.configuration for c in correlations]) for r in found]
     return _with_reasons(JudgementResults(verdict="accepted", line="", acceptance=acceptance), reasons)

@@ -19,6 +19,7 @@ from femtune.validation.goodness import Finding
 
 if TYPE_CHECKING:
     from femtune.steps.correlate.record.correlation import CorrelationResults
+    from femtune.steps.equalise.record import MappedDamping
     from femtune.steps.results import Results
     from femtune.steps.update.record.stages import StageResults
     from femtune.steps.update.record.update import PairingEvent, UpdateResults
@@ -64,7 +65,10 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_truncation(results),
         *_of_left_out_modes(results),
         *_of_frfs_alone(study, results),
+        *_of_raw(results),
+        *(told for mapped in results.mapped_damping for told in _of_completeness(mapped)),
         *(told for r in results.responses for told in r.alerts),
+        *(() if results.posterior is None else results.posterior.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
         *others,
@@ -107,6 +111,47 @@ def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:
         missing = responses_not_tested(study, bool(validation.frfs), results.responses)
         if missing:
             yield alert("info", "update.frfs-alone", missing="; ".join(missing))
+
+
+_MOVED = 3.0
+"""Change by the measured FRFs, in standard deviations of the update with equal damping, that is no chance."""
+
+
+def _of_raw(results: Results) -> Iterable[Alert]:
+    """The update with measured FRFs after one with equal damping."""
+    raw = None if results.update is None else results.update.raw
+    if raw is None:
+        return
+    moved = {v.parameter: abs(v.moved) for v in raw.values if v.moved is not None}
+    name = max(moved, key=lambda n: moved[n], default="")
+    if moved:
+        yield alert(
+            "info", "update.raw", paired=raw.paired, median=raw.others_percent, moved=moved[name], name=name,
+        )  # fmt: skip
+    far = [n for n, size in moved.items() if size > _MOVED]
+    if far:
+        yield alert("warning", "update.raw-moved", names=", ".join(far), limit=_MOVED)
+
+
+def _of_completeness(mapped: MappedDamping) -> Iterable[Alert]:
+    """Modes of the updated model, or of the identified test, that the other does not have."""
+    yield from mapped.alerts
+    missed = [m for m in mapped.modes if m.test_hz is None and m.seen_in]
+    if missed:
+        modes = "; ".join(
+            f"mode {m.mode} of the model ({m.model_hz:.4g} Hz), which should be seen in {m.seen_in} FRFs, up to "
+            f"{m.above_noise:.3g} times the noise"
+            for m in missed
+        )
+        yield alert("warning", "update.mode-not-identified", configuration=mapped.configuration, modes=modes)
+    found = [m for m in mapped.modes if m.found_hz is not None]
+    if found:
+        modes = ", ".join(f"mode {m.mode} ({m.model_hz:.4g} Hz; found at {m.found_hz:.4g} Hz)" for m in found)
+        yield alert("info", "update.mode-found", configuration=mapped.configuration, modes=modes)
+    alone = [f"{m.test_hz:.4g} Hz" for m in mapped.modes if m.mode is None and m.test_hz is not None]
+    if alone:
+        facts = {"configuration": mapped.configuration, "modes": ", ".join(alone)}
+        yield alert("warning", "update.mode-not-in-model", **facts)
 
 
 def pairing_alerts(events: Sequence[PairingEvent]) -> Iterable[Alert]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from femtune.steps.bootstrap.run import check_bootstrap
 from femtune.steps.info.facts import model_facts, sensor_results
 from femtune.steps.judge.same_data import check_independent
+from femtune.steps.posterior.run import check_posterior
 from femtune.steps.quantify.run import check_quantify, repeats_of
 from femtune.steps.results import Results
 from femtune.steps.run.outcomes import Initial, Made, Outcomes, Prepared
@@ -27,6 +28,8 @@ def prepare(run: Run, outcomes: Outcomes, made: Made) -> Prepared:
     repeats, vibration_tests = repeats_of(study), VibrationTests.of(study)
     check_frf_band(study)
     check_independent(study)
+    if study.file.posterior is not None:
+        check_posterior(study)
     if study.writes_deck:
         check_writable_fields(study, run.wide)
     run.progress.step("mass and rigid-body check", 0, None)

@@ -205,6 +205,16 @@ class RunResult(StepResult):
         return Rows() if found is None else rows_of(found.parameters, *columns)
 
     @property
+    def posterior(self) -> Rows:
+        """One line per parameter: its sampled distribution beside the linear one; no rows if the run has none."""
+        columns = (
+            "parameter", "value", "mean", "median", "sd", "interval_95", "linear_interval_95", "update_interval_95",
+            "of_bounds",
+        )  # fmt: skip
+        found = self.results.posterior
+        return Rows() if found is None else rows_of(found.parameters, *columns)
+
+    @property
     def specimens(self) -> Rows:
         """One line per parameter and specimen: joint and separate values; no rows if the study has no specimens."""
         found = self.results.specimens

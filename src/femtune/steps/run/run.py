@@ -20,6 +20,7 @@ from femtune.steps.info.facts import alert_of
 from femtune.steps.judge.narrowing import with_honest_intervals
 from femtune.steps.judge.run import JudgedTopics
 from femtune.steps.judge.verdict import judgement
+from femtune.steps.posterior.record import PosteriorResults
 from femtune.steps.quantify.record import QuantifyResults
 from femtune.steps.results import Results
 from femtune.steps.run.alerts import alerts_of
@@ -44,6 +45,7 @@ from femtune.steps.select.record.identifiability import SelectionResults
 from femtune.steps.specimens.record import SpecimenResults
 from femtune.steps.step import InRun, load
 from femtune.steps.update.damping_values import write_damping
+from femtune.steps.update.facts.raw import raw_results
 from femtune.steps.update.facts.stages import stage_results
 from femtune.steps.update.facts.update import update_results
 from femtune.steps.validate.facts import predictions, validation
@@ -166,6 +168,7 @@ class Run:
                 "fisher": updated.fisher,
                 "left_out_modes": outcomes.of(ModesLeftOut).records,
                 "frfs": updated.iteration_frfs,
+                "raw": raw_results(parameters.raw, result),
             }
         )  # fmt: skip
         damped = outcomes.find(Damped)
@@ -183,6 +186,7 @@ class Run:
             "update": update,
             "quantify": outcomes.find(QuantifyResults),
             "bootstrap": outcomes.find(BootstrapResults),
+            "posterior": outcomes.find(PosteriorResults),
             "specimens": outcomes.find(SpecimenResults),
             "mapped_damping": () if damped is None else damped.records,
             "write_back": None if written is None else written.deck.record,

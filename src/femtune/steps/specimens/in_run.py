@@ -17,6 +17,6 @@ def compare_specimens(run: Run, outcomes: Outcomes, made: Made) -> SpecimenResul
     """The specimens, calibrated jointly and separately; None without specimens."""
     parameters = outcomes.of(Updated).parameters
     before, after = outcomes.of(Initial).records, outcomes.of(Final).records
-    separate = calibrate_each(run.study, parameters, run.progress)
+    separate = calibrate_each(parameters.study or run.study, parameters, run.progress)
     compared = Compared(before.correlations, after.correlations, before.modes, after.modes)
     return specimen_results(run.study, parameters.result, separate, compared)

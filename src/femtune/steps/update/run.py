@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from femtune.steps.info.facts import alert_of
 from femtune.steps.select.fisher import known_of_frfs
 from femtune.steps.update.on_reduced_model import TrainingProgress, find_on_reduced
+from femtune.steps.update.raw import RawUpdate, then_raw
 from femtune.steps.update.starts import History, find_from_starts
 from femtune.study.error_places import errors_at
 from femtune.study.stages import bottom_up
@@ -38,6 +40,7 @@ class FoundParameters:
     alerts : what is said of the runs of an external solver
     search : the reduced models at the end, from which another update may go on
     known : information of the FRFs on the parameters at the result; None without FRFs
+    raw : the update with measured FRFs after one with equal damping, where there is one
     """
 
     result: UpdateResult
@@ -48,6 +51,7 @@ class FoundParameters:
     alerts: tuple[Alert, ...] = ()
     search: ReducedSearch | None = None
     known: ExpectedKnowledge | None = None
+    raw: RawUpdate | None = None
 
 
 def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progress) -> FoundParameters:
@@ -61,7 +65,26 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
     """
     found = _found(study, folder, at, progress)
     result, known = with_noise_of_tests(found.study or study, found.result)
-    return replace(found, result=result, known=known)
+    found = replace(found, result=result, known=known)
+    return _with_raw(study, found, folder, progress)
+
+
+def _with_raw(study: Study, found: FoundParameters, folder: Path, progress: Progress) -> FoundParameters:
+    """With the update by the measured FRFs, where an identified test with equal damping was compared."""
+    history, method = History(folder, study.parameters), method_of(study.file.update, study.parameters)
+
+    def tell(iteration: Iteration) -> None:
+        history.add(iteration)
+        progress.step("measured FRFs", iteration.number, None)
+
+    raw, told = then_raw(study, found.result, method, tell, found.search)
+    if raw is None:
+        return replace(found, alerts=(*found.alerts, *map(alert_of, told)))
+    result, known = with_noise_of_tests(raw.study, raw.result)
+    return replace(
+        found, result=result, known=known, study=raw.study, search=raw.search or found.search, raw=raw,
+        alerts=(*found.alerts, *map(alert_of, told)),
+    )  # fmt: skip
 
 
 def with_noise_of_tests(study: Study, result: UpdateResult) -> tuple[UpdateResult, ExpectedKnowledge | None]:

@@ -17,11 +17,12 @@ from femtune.files.study_file.stage import RESONANCES
 from femtune.modal.kinds import FrfKind
 from femtune.model import damping_by_mode
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
+from femtune.residuals.frf.measured_damping import measured_damping
 from femtune.residuals.frf.model_way import AtFirstState
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.steps.correlate.criteria import of_frfs
 from femtune.steps.correlate.facts import array_prefix
-from femtune.steps.equalise.run import identified_residuals, measured_damping
+from femtune.steps.equalise.run import identified_residuals
 from femtune.study.error_places import errors_at_grid
 from femtune.study.progress import silent
 from femtune.study.response import response_request, solved_frfs

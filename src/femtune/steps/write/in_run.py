@@ -26,7 +26,7 @@ def write_deck(run: Run, outcomes: Outcomes, made: Made) -> Written:
     deck = write_back(run.study, outcomes.of(Updated).parameters.result, run.folder, run.wide)
     for built in deck.built.values():
         check_written(built, run.study)
-    return Written(deck, on_decks(run.study, deck.built))
+    return Written(deck, on_decks(outcomes.of(Updated).study(run.study), deck.built))
 
 
 def verify(run: Run, outcomes: Outcomes, made: Made) -> Written:

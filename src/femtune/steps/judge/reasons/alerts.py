@@ -48,6 +48,8 @@ WEIGHTS: Mapping[str, Weight] = {
     "correlate.sensor-inverted": "reservation",
     "correlate.sensors-exchanged": "reservation",
     "correlate.unit-factor": "reservation",
+    "correlate.without-shapes": "reservation",
+    "correlate.order-doubtful": "not accepted",
     "correlate.axes": "reservation",
 }
 """Weight of the alerts that bear on the verdict, by code. Other alerts do, as reservations, if they are problems."""
@@ -56,12 +58,17 @@ _SAID_ELSEWHERE = ("update.no-optimum", "update.stage-unfinished", "write.differ
 
 
 def alert_reasons(results: Results) -> Iterable[ReasonRecord]:
-    """Alerts that bear on the verdict; several with one code are one reason, in the words of the first."""
-    by_code: dict[str, list[Alert]] = {}
+    """Alerts of all steps that bear on the verdict; several with one code are one reason, in the words of the first."""
     judged_in_parts = results.judgement is not None and results.judgement.parts is not None
     elsewhere = (*_SAID_ELSEWHERE, *(["update.misfit"] if judged_in_parts else []))
-    for a in results.alerts:
-        if a.level != "info" and a.code not in elsewhere and (a.code in WEIGHTS or a.level == "problem"):
+    return reasons_of_alerts([a for a in results.alerts if a.code not in elsewhere])
+
+
+def reasons_of_alerts(alerts: Iterable[Alert]) -> Iterable[ReasonRecord]:
+    """One reason for each code that bears on the verdict."""
+    by_code: dict[str, list[Alert]] = {}
+    for a in alerts:
+        if a.level != "info" and (a.code in WEIGHTS or a.level == "problem"):
             by_code.setdefault(a.code, []).append(a)
     for code, found in by_code.items():
         more = f"; and {len(found) - 1} more of this kind" if len(found) > 1 else ""

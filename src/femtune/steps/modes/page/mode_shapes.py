@@ -199,7 +199,7 @@ def _panel(drawn: _Drawn, comparison: CorrelationResults, pair: ModePairRecord) 
     test = np.nan_to_num(drawn.test[:, drawn.rows.index(pair.test_label)])
     columns = _columns(comparison, pair)
     # modes of a cluster are drawn in the combination that is nearest to the test's shape
-    mixture = np.linalg.lstsq(drawn.seen[:, columns], test, rcond=None)[0]
+    mixture = np.linalg.lstsq(drawn.seen[:, columns], test, rcond=None)[0] if len(test) else np.ones(1)
     motion, seen = drawn.translations[:, :, columns] @ mixture, drawn.seen[:, columns] @ mixture
     factor = float(test @ seen / (test @ test)) if test.any() else 0.0
     places, measured = measured_motion(drawn, factor * test)
@@ -237,7 +237,7 @@ def measured_places(
         ends = _rigid_ends(frame, seat) if (here & rotations).any() else np.zeros((0, 3))
         places += [seat, *ends]
         motions += [shift, *(shift + np.cross(spin, end - seat, axis=0) for end in ends)]
-    return np.array(places).reshape(-1, 3), np.array(motions).reshape(-1, 3, len(seats)), place_of
+    return np.array(places).reshape(-1, 3), np.array(motions).reshape(len(places), 3, len(seats)), place_of
 
 
 def _vector(directions: Reals, rows: NDArray[np.bool_]) -> Reals:

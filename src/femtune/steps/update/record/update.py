@@ -7,6 +7,7 @@ from typing import Literal
 from femtune.steps.select.record.fisher import FisherResults
 from femtune.steps.update.record.iterations import IterationFrfs
 from femtune.steps.update.record.left_out import ModeLeftOutOfFrfs
+from femtune.steps.update.record.raw import RawResults
 from femtune.steps.update.record.reduction import ReductionResults
 from femtune.steps.update.record.search import (
     CertificateResults,
@@ -275,6 +276,8 @@ class UpdateResults(Record):
     """Names of the columns of IterationRecord.parameters."""
     history: tuple[IterationRecord, ...]
     """One record per iteration, beginning with the initial point."""
+    raw: RawResults | None = None
+    """The update with measured FRFs after that with equal damping; None if there was none."""
     frfs: tuple[IterationFrfs, ...] = ()
     """Compared FRFs at each iteration; empty without FRF residuals, and in older results."""
     parameters: tuple[ParameterResult, ...]

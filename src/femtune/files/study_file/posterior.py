@@ -1,0 +1,29 @@
+"""[posterior]: a sampled distribution of the parameters."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from femtune.files.study_file.kinds import Seed, TomlTable
+from femtune.sampling.kinds import NoiseRule
+
+
+class PosteriorTable(TomlTable):
+    """[posterior]: a sampled distribution of the parameters, weighted by the model itself."""
+
+    noise: NoiseRule = "by-kind"
+    """Size of the errors of the data: one unknown factor on the stated standard deviations for each kind of residual
+    (`"by-kind"`), one for all residuals (`"common"`), or as `"stated"`. Kinds with fewer than three degrees of freedom
+    are as stated. Example: `"stated"`"""
+    draws: Annotated[int, Field(ge=100, le=100_000)] = 1000
+    """Number of weighted samples, each a solution of the model. Example: `2000`"""
+    gradients: Annotated[int, Field(ge=20, le=10_000)] = 150
+    """Solutions with derivatives at most, from which a surrogate of the residuals is made where the linearised
+    residuals do not hold. Example: `300`"""
+    starts: Annotated[int, Field(ge=0, le=1000)] = 6
+    """Updates from other points of the bounds, which look for further regions that explain the data as well; 0 for
+    none. Starts of `[update]` are used where it has several. Example: `20`"""
+    seed: Seed = 0
+    """Seed of the random numbers. Example: `7`"""

@@ -1,0 +1,72 @@
+"""A mode where a model has one and the identification has none: looked for in the functions, and judged by chance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from femtune.errors import FemtuneError
+from femtune.identification.modal_fit import ModalFit, deviance_at, fit_modes
+from femtune.identification.near_band import APART, explains, fit_with_neighbours
+from femtune.modal import freq_and_damping, pole_of
+from femtune.modal.equalise import LARGEST_DAMPING_RATIO
+
+_PLACES = (0.0, -0.002, 0.002, -0.006, 0.006, -0.015, 0.015)
+"""Relative distances from the frequency of the model at which the mode is looked for first."""
+_DAMPING = (1.0, 0.25, 4.0)
+"""Factors on the damping ratio with which it is looked for."""
+_FARTHEST = 0.03
+"""Relative distance from the frequency of the model within which a mode is taken for its partner."""
+
+
+def with_mode_near(fit: ModalFit, terms: tuple[str, ...], freq_hz: float, damping_ratio: float) -> ModalFit | None:
+    """The fit with a further mode near a frequency.
+
+    The pole is placed at some distances from the frequency, with some damping ratios; the best of these is refined
+    together with all others. If it explains more than noise does, all modes are fitted again, with others beyond the
+    band where the functions want them.
+
+    Parameters
+    ----------
+    fit : the modal fit without it
+    terms : for what lies outside the band, as in the fit
+    freq_hz, damping_ratio : where the mode is expected
+
+    Returns
+    -------
+    None if a further mode explains no more than noise does, or is not near the frequency
+    """
+    inside, outside, lines = fit.poles[~fit.outside], fit.poles[fit.outside], fit.measured.freq_hz
+    if 2 * len(lines) <= 2 * (len(fit.poles) + 1) + len(terms):
+        return None
+    at = np.array([(freq_hz * (1.0 + place), factor * damping_ratio) for factor in _DAMPING for place in _PLACES])
+    places = pole_of(at[:, 0], np.minimum(at[:, 1], 0.9 * LARGEST_DAMPING_RATIO))
+    best: complex | None = None
+    least = np.inf
+    for pole in places:
+        try:
+            deviance = deviance_at(fit.measured, np.append(fit.poles, pole), None, terms)
+        except (np.linalg.LinAlgError, FemtuneError):
+            continue
+        if deviance < least:
+            best, least = pole, deviance
+    if best is None:
+        return None
+    try:
+        trial = fit_modes(fit.measured, np.append(inside, best), None, terms, neighbours=outside)
+    except (np.linalg.LinAlgError, FemtuneError):
+        return None
+    if not trial.converged or not explains(trial, fit) or not _is_near(trial, len(inside), freq_hz):
+        return None
+    start = trial.poles[~trial.outside][np.argsort(trial.begun_at[~trial.outside])]
+    whole = fit_with_neighbours(fit.measured, start, None, terms)
+    return whole if _is_near(whole, len(inside), freq_hz) else trial
+
+
+def _is_near(fit: ModalFit, number: int, freq_hz: float) -> bool:
+    """Whether the mode that began with a number is near a frequency, and is none of the others."""
+    own = fit.begun_at == number
+    pole = fit.poles[own][0]
+    found_hz, found_ratio = (float(value[0]) for value in freq_and_damping(fit.poles[own]))
+    apart = float(np.abs(fit.poles[~own] - pole).min(initial=np.inf))
+    near = abs(found_hz / freq_hz - 1.0) <= _FARTHEST and 0.0 < found_ratio < LARGEST_DAMPING_RATIO
+    return near and apart > APART * abs(pole.real)

@@ -1,0 +1,190 @@
+"""Likelihood of all residuals, with unknown sizes of the errors of the data and of the model.
+
+The residuals of kind k have the variance σ_k² in units of their stated variances: σ_k is one, or is sampled with the
+prior 1/σ_k (Jeffreys). Where the model has errors of its own, the residuals are r(x) + B q with nuisance factors q on
+what no parameter represents, B = ∂r/∂q, and q normal with an unknown standard deviation s_c in each class c, which has
+a half-Cauchy prior. The factors q are integrated out:
+
+    H = Σ_k B_kᵀB_k/σ_k² + diag(s⁻²),  g = Σ_k B_kᵀr_k/σ_k²,
+    log p(r) = −½ (Σ_k (n_k log σ_k² + r_kᵀr_k/σ_k²) + Σ log s² + log|H| − gᵀH⁻¹g) + constant.
+
+Sources: A. Gelman, Prior distributions for variance parameters in hierarchical models, Bayesian Analysis 1, 2006
+(half-Cauchy); M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, J. Royal Stat. Soc. B 63, 2001
+(errors of the model as part of it).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femtune.arrays import Flags, Integers, Reals
+
+_LOG_2PI = float(np.log(2.0 * np.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseGroup:
+    """Residuals whose errors have one factor.
+
+    Parameters
+    ----------
+    name : kind of residual, or "all"
+    rows : their positions
+    count : number of independent ones
+    estimated : whether the factor is sampled; otherwise it is one
+    """
+
+    name: str
+    rows: Integers
+    count: float
+    estimated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class NuisanceClass:
+    """Nuisance factors with one unknown standard deviation.
+
+    Parameters
+    ----------
+    name : what they are on
+    columns : their positions in B
+    scale : of the half-Cauchy prior of the standard deviation, a relative change
+    """
+
+    name: str
+    columns: Integers
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """The density of residuals (n,) with sampled sizes θ = (log σ_k of estimated groups, log s_c of the classes).
+
+    Parameters
+    ----------
+    groups : of the rows; each row is in one of them
+    classes : of the columns of B
+    B : (n, m) ∂r/∂q of the nuisance factors
+    """
+
+    groups: tuple[NoiseGroup, ...]
+    classes: tuple[NuisanceClass, ...]
+    B: Reals
+
+    @property
+    def estimated(self) -> tuple[int, ...]:
+        """Positions of the groups whose factor is sampled."""
+        return tuple(i for i, group in enumerate(self.groups) if group.estimated)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of θ."""
+        return (*(self.groups[i].name for i in self.estimated), *(c.name for c in self.classes))
+
+    @property
+    def size(self) -> int:
+        """Number of θ."""
+        return len(self.estimated) + len(self.classes)
+
+    def reduced(self, r: Reals) -> tuple[Reals, ...]:
+        """By group, rows (m, q) with the Gram matrix of residuals (n, q) and of B together; see `Reduced`."""
+        return tuple(r[group.rows] for group in self.groups)
+
+    def prior(self, theta: Reals) -> tuple[Reals, Reals]:
+        """(c,) log density of θ (c, t), and its gradient (c, t): 1/σ is flat in log σ, s is half-Cauchy."""
+        log, slope, first = np.zeros(len(theta)), np.zeros_like(theta), len(self.estimated)
+        for j, one in enumerate(self.classes, start=first):
+            ratio = np.exp(2.0 * (theta[:, j] - np.log(one.scale)))
+            log += theta[:, j] + np.log(2.0 / (np.pi * one.scale)) - np.log1p(ratio)
+            slope[:, j] = 1.0 - 2.0 * ratio / (1.0 + ratio)
+        return log, slope
+
+    def of(
+        self, parts: tuple[Reals, ...], B: tuple[Reals, ...], theta: Reals
+    ) -> tuple[Reals, tuple[Reals, ...], Reals]:
+        """Log likelihood (c,), its gradients by the residuals of each group (c, m_g), and by θ (c, t).
+
+        Parameters
+        ----------
+        parts : by group, (c, m_g) residuals, or rows with the same Gram matrices
+        B : by group, (m_g, m) in the same rows
+        theta : (c, t)
+        """
+        log_sigma = np.zeros((len(theta), len(self.groups)))
+        log_sigma[:, list(self.estimated)] = theta[:, : len(self.estimated)]
+        weight = np.exp(-2.0 * log_sigma)
+        counts = np.array([group.count for group in self.groups])
+        log = -(log_sigma @ counts) - 0.5 * float(counts.sum()) * _LOG_2PI
+        fitted, b, covariance, log_s = self._factors(parts, B, weight, theta)
+        slope = np.zeros_like(theta)
+        by_parts, squares = [], np.zeros_like(log_sigma)
+        for g, (r, of_b) in enumerate(zip(parts, B)):
+            left = r if fitted is None else r - fitted[g]
+            squares[:, g] = np.sum(left**2, axis=1)
+            log -= 0.5 * weight[:, g] * squares[:, g]
+            by_parts.append(-weight[:, g, None] * left)
+            if g in self.estimated:
+                j = self.estimated.index(g)
+                slope[:, j] = weight[:, g] * squares[:, g] - counts[g]
+                if covariance is not None:
+                    slope[:, j] += weight[:, g] * np.einsum("cij,ij->c", covariance, of_b.T @ of_b)
+        if covariance is None or b is None:
+            return log, tuple(by_parts), slope
+        _, log_det = np.linalg.slogdet(covariance)
+        log += 0.5 * log_det - np.sum(log_s, axis=1) - 0.5 * np.sum(b**2 * np.exp(-2.0 * log_s), axis=1)
+        own = b**2 + np.einsum("cii->ci", covariance)
+        for j, one in enumerate(self.classes, start=len(self.estimated)):
+            inverse = np.exp(-2.0 * theta[:, j])
+            slope[:, j] = inverse * own[:, one.columns].sum(axis=1) - len(one.columns)
+        return log, tuple(by_parts), slope
+
+    def _factors(
+        self, parts: tuple[Reals, ...], B: tuple[Reals, ...], weight: Reals, theta: Reals
+    ) -> tuple[list[Reals] | None, Reals | None, Reals | None, Reals]:
+        """B b by group with the most probable factors b (c, m), these, their covariance (c, m, m), and log s (c, m)."""
+        m = self.B.shape[1]
+        log_s = np.zeros((len(theta), m))
+        if not m:
+            return None, None, None, log_s
+        for j, one in enumerate(self.classes, start=len(self.estimated)):
+            log_s[:, one.columns] = theta[:, j, None]
+        H = np.einsum("cg,gij->cij", weight, np.array([of_b.T @ of_b for of_b in B]))
+        H[:, np.arange(m), np.arange(m)] += np.exp(-2.0 * log_s)
+        g = sum((weight[:, i, None] * (r @ of_b) for i, (r, of_b) in enumerate(zip(parts, B))), np.zeros_like(log_s))
+        covariance = np.linalg.inv(H)
+        b = np.einsum("cij,cj->ci", covariance, g)
+        return [b @ of_b.T for of_b in B], b, covariance, log_s
+
+    def at(self, r: Reals, theta: Reals) -> Reals:
+        """(c,) log likelihood of residuals (c, n) with θ (c, t)."""
+        parts = tuple(r[:, group.rows] for group in self.groups)
+        return self.of(parts, tuple(self.B[group.rows] for group in self.groups), theta)[0]
+
+
+def noise_groups(
+    kinds: np.ndarray, fixed: Flags, lost: dict[str, int], rule: str, freedom: dict[str, float], least: float
+) -> tuple[NoiseGroup, ...]:
+    """Groups of rows by the rule, those of a prior with the factor one.
+
+    Parameters
+    ----------
+    kinds : (n,) kind of each residual
+    fixed : (n,) rows of a prior
+    lost : by kind, combinations that vanish whatever the noise
+    rule : "stated", "common" or "by-kind"
+    freedom : by kind, degrees of freedom that the parameters leave
+    least : degrees of freedom below which the errors of a kind cannot be estimated, and are as stated
+    """
+    names = list(dict.fromkeys(kinds[~fixed].tolist()))
+    count = {name: float(np.sum(kinds[~fixed] == name)) - lost.get(name, 0) for name in names}
+    free = [n for n in names if rule == "by-kind" and freedom.get(n, 0.0) >= least]
+    if rule == "common" and sum(freedom.values()) >= least:
+        rows = np.flatnonzero(~fixed)
+        groups = [NoiseGroup("all residuals", rows, sum(count.values()), True)]
+    else:
+        groups = [NoiseGroup(n, np.flatnonzero((kinds == n) & ~fixed), count[n], n in free) for n in names]
+    if fixed.any():
+        groups.append(NoiseGroup("prior", np.flatnonzero(fixed), float(fixed.sum()), False))
+    return tuple(groups)

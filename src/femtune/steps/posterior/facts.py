@@ -1,0 +1,256 @@
+"""The record of a posterior distribution, from its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femtune.document.numbers import listed
+from femtune.sampling import bends, weighted_quantiles
+from femtune.sampling.chains import MIXED
+from femtune.steps.posterior.record import (
+    BentPair,
+    OtherRegion,
+    PosteriorNoise,
+    PosteriorParameter,
+    PosteriorResults,
+)
+from femtune.steps.update.facts.update import citations
+from femtune.study.record import alert
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from femtune.arrays import Flags, Integers, Reals
+    from femtune.files.study_file import PosteriorTable
+    from femtune.sampling import Likelihood, PosteriorSamples
+    from femtune.study.record import Alert
+    from femtune.updating import UpdateResult
+
+_ENDS = np.array([0.025, 0.5, 0.975])
+_SHIFT = 0.2
+"""Shift of a median in standard deviations, up to which the linearised residuals do: a 95 % interval that is shifted so
+far holds 94 %."""
+_END_SHIFT = 0.3
+"""Shift of an end of a 95 % interval in standard deviations, up to which they do."""
+_QUANTILE_SD = 2.67
+"""Standard deviation of the 2.5 % quantile of n samples of a normal distribution, times √n: √(0.025·0.975)/φ(1.96)."""
+_AS_WIDE = 0.9
+"""Standard deviation over that before the test, above which the data tell nothing."""
+_MOST_ANEW = 0.05
+"""Weighted part of the samples with another pairing from which a warning is given."""
+_MOST_FAILED = 0.01
+_LARGE_FULL_ERROR = 0.5
+"""Standard deviation of log likelihood between full and reduced model, above which the weights would not be those of
+the full model: one effective sample of five is lost there."""
+_FEWEST = 400.0
+"""Effective samples below which ends of 95 % intervals vary by 0.13 standard deviations or more."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutsideOptimum:
+    """An optimum outside the samples: where, difference of log likelihood to the best sample, number of starts."""
+
+    x: Reals
+    difference: float
+    starts: int
+
+
+@dataclass(frozen=True, eq=False)
+class SampledFacts:
+    """All that the record is made of.
+
+    Parameters
+    ----------
+    moving : positions of the sampled parameters
+    anew : (n,) samples at which the pairing is another one
+    """
+
+    table: PosteriorTable
+    result: UpdateResult
+    moving: Integers
+    samples: PosteriorSamples
+    likelihood: Likelihood
+    anew: Flags
+    recalled: int
+    seconds: float
+    executor: str
+    starts: int
+    regions: tuple[OutsideOptimum, ...]
+    left_out: tuple[str, ...]
+    reduced_orders: tuple[int, ...]
+    full_error: float | None
+    remarks: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the sampled parameters."""
+        return tuple(self.result.parameters.free[i].name for i in self.moving)
+
+    def complete(self, x: Reals) -> Reals:
+        """(n, k) with the parameters that rest."""
+        out = np.tile(self.result.x, (len(x), 1))
+        out[:, self.moving] = x
+        return out
+
+
+def posterior_results(facts: SampledFacts, arrays: dict[str, NDArray[Any]]) -> PosteriorResults:
+    """The record; samples and weights are put into `arrays`."""
+    s, table = facts.samples, facts.table
+    keys = {name: f"posterior/{name}" for name in ("samples", "weights", "linear", "sizes")}
+    parameters = facts.result.parameters
+    arrays[keys["samples"]] = np.asarray(parameters.denormalise(facts.complete(s.x)))[:, facts.moving]
+    arrays[keys["weights"]] = s.weights.values
+    arrays[keys["linear"]] = np.asarray(parameters.denormalise(facts.complete(s.linear)))[:, facts.moving]
+    arrays[keys["sizes"]] = np.exp(s.theta)
+    found, noise = tuple(_parameters(facts)), tuple(_noise(facts))
+    coordinates = s.x
+    bent = tuple(
+        BentPair(first=facts.names[b.first], second=facts.names[b.second], share_percent=100.0 * b.share)
+        for b in bends(coordinates, s.weights.values)
+    )
+    chance = 2.0 * _QUANTILE_SD / np.sqrt(s.weights.effective)
+    off = [p for p in found if not _linear_does(p, chance)]
+    anew = float(s.weights.values @ facts.anew)
+    others = tuple(
+        OtherRegion(
+            values=tuple(map(float, parameters.denormalise(r.x))), log_likelihood_difference=r.difference,
+            starts=r.starts,
+        )
+        for r in facts.regions
+    )  # fmt: skip
+    record = PosteriorResults(
+        noise=table.noise, seed=table.seed, draws=len(s.x), effective=s.weights.effective, k_hat=s.weights.k_hat,
+        drawn_from=s.route, degree=s.degree, surrogate_error=s.error, r_hat=s.r_hat, displacement=s.displacement,
+        log_evidence=s.log_evidence, log_evidence_sd=s.log_evidence_sd, gradient_solutions=s.gradients,
+        plain_solutions=s.plain, failed=s.failed, paired_anew_percent=100.0 * anew, recalled=facts.recalled,
+        seconds=facts.seconds, executor=facts.executor, parameters=found, free=facts.names, noise_levels=noise,
+        bent=bent, others=others, starts=facts.starts, linear_enough=not off, tried=s.tried, left_out=facts.left_out,
+        reduced_orders=facts.reduced_orders, full_model_error=facts.full_error, samples_key=keys["samples"],
+        weights_key=keys["weights"], linear_key=keys["linear"], sizes_key=keys["sizes"], sentences=(),
+        citations=citations(("vehtari2024", "neal2011", "meng1996")),
+    )  # fmt: skip
+    sentences = (*_sentences(record, off), *facts.remarks)
+    return record.model_copy(update={"sentences": sentences, "alerts": tuple(limits_of(record))})
+
+
+def _parameters(facts: SampledFacts) -> Iterator[PosteriorParameter]:
+    s, result = facts.samples, facts.result
+    w, parameters = s.weights.values, result.parameters
+    values, intervals = result.values, result.interval()
+    sampled = parameters.at_samples(facts.complete(s.x))
+    linear = parameters.at_samples(facts.complete(s.linear))
+    before = _prior_sd(facts)
+    for name in parameters.names:
+        if not np.ptp(sampled[name]):
+            continue
+        mean = float(w @ sampled[name])
+        sd = float(np.sqrt(w @ (sampled[name] - mean) ** 2))
+        low, median, high = map(float, weighted_quantiles(sampled[name], w, _ENDS))
+        l_low, l_median, l_high = map(float, np.quantile(linear[name], _ENDS))
+        own, of_prior = intervals[name], before.get(name)
+        yield PosteriorParameter(
+            parameter=name, value=values[name], mean=mean, median=median, sd=sd, interval_95=(low, high),
+            linear_median=l_median, linear_sd=float(linear[name].std()), linear_interval_95=(l_low, l_high),
+            update_interval_95=own if np.isfinite(own).all() else None, prior_sd=of_prior,
+            of_bounds=of_prior is not None and sd > _AS_WIDE * of_prior,
+        )  # fmt: skip
+
+
+def _prior_sd(facts: SampledFacts) -> dict[str, float]:
+    parameters = facts.result.parameters
+    informed = bool(np.any(facts.result.side.informative)) and len(facts.result.side.matrix) > 0
+    lower, upper = (parameters.denormalise(ends) for ends in parameters.limits)
+    uniform = (upper - lower) / np.sqrt(12.0)
+    own = np.minimum(parameters.prior[1] * parameters.scale, uniform) if informed else uniform
+    return {parameters.free[i].name: float(own[i]) for i in facts.moving}
+
+
+def _noise(facts: SampledFacts) -> Iterator[PosteriorNoise]:
+    likelihood, s = facts.likelihood, facts.samples
+    for i, group in enumerate(likelihood.groups):
+        if group.name == "prior":
+            continue
+        if not group.estimated:
+            yield PosteriorNoise(residuals=group.name, count=group.count, factor=1.0, interval_95=None)
+            continue
+        factor = np.exp(s.theta[:, likelihood.estimated.index(i)])
+        low, median, high = map(float, weighted_quantiles(factor, s.weights.values, _ENDS))
+        yield PosteriorNoise(residuals=group.name, count=group.count, factor=median, interval_95=(low, high))
+
+
+def _linear_does(p: PosteriorParameter, chance: float) -> bool:
+    """Whether linearised residuals give the same interval; `chance` is what ends may differ by in any case."""
+    ends = zip(p.interval_95, p.linear_interval_95)
+    return abs(p.median - p.linear_median) <= (_SHIFT + 0.5 * chance) * p.sd and all(
+        abs(a - b) <= (_END_SHIFT + chance) * p.sd for a, b in ends
+    )
+
+
+def _size(p: PosteriorParameter) -> float:
+    return max(abs(a - b) for a, b in zip(p.interval_95, p.linear_interval_95)) / p.sd
+
+
+def _sentences(record: PosteriorResults, off: list[PosteriorParameter]) -> Iterator[str]:
+    if off:
+        worst = max(off, key=_size)
+        (a, b), (c, d) = worst.interval_95, worst.linear_interval_95
+        others = [p.parameter for p in off if p is not worst]
+        further = f"; further off are {listed(others)}" if others else ""
+        yield (
+            f"The intervals of linearised residuals do not hold: that of {worst.parameter} would be {c:.3g} … {d:.3g}, "
+            f"and is {a:.3g} … {b:.3g}{further}."
+        )
+    else:
+        yield (
+            "The intervals of linearised residuals would have done, with the same size of the errors: no median is "
+            f"shifted by more than {_SHIFT} standard deviations, no end of an interval by more than {_END_SHIFT}."
+        )
+    for level in record.noise_levels:
+        if level.interval_95 is not None:
+            low, high = level.interval_95
+            yield (
+                f"The errors of {level.residuals} are {level.factor:.2g} times as large as stated "
+                f"({low:.2g} … {high:.2g})."
+            )
+    blind = [p.parameter for p in record.parameters if p.of_bounds]
+    if blind:
+        yield f"The data tell nothing of {listed(blind)}: the distribution is as wide as before the test."
+    if record.bent:
+        pairs = [f"{b.first} and {b.second}" for b in record.bent[:3]]
+        yield f"Their joint distribution is bent: {listed(pairs)}."
+    yield (
+        f"{record.effective:.0f} of {record.draws} samples are effective, k̂ = {record.k_hat:.2f}; the logarithm of the "
+        f"evidence is {record.log_evidence:.2f} ± {record.log_evidence_sd:.2f}."
+    )
+
+
+def limits_of(record: PosteriorResults) -> Iterator[Alert]:
+    if record.others:
+        values = "; ".join(
+            ", ".join(f"{n} = {v:.4g}" for n, v in zip(record.free, o.values)) for o in record.others[:3]
+        )
+        yield alert(
+            "problem",
+            "posterior.other-region",
+            regions="another" if len(record.others) == 1 else f"{len(record.others)} others",
+            values=values,
+        )
+    if record.paired_anew_percent > 100.0 * _MOST_ANEW:
+        yield alert("warning", "posterior.paired-anew", percent=record.paired_anew_percent)
+    if record.r_hat > MIXED:
+        yield alert("warning", "posterior.slow-chains", r_hat=record.r_hat)
+    if record.effective < _FEWEST:
+        yield alert("warning", "posterior.few-effective", effective=record.effective, draws=record.draws)
+    if record.failed > _MOST_FAILED * (record.gradient_solutions + record.plain_solutions):
+        yield alert("warning", "posterior.failed", failed=record.failed)
+    if record.full_model_error is not None and record.full_model_error > _LARGE_FULL_ERROR:
+        yield alert("warning", "posterior.reduced-model", sd=record.full_model_error)
+    if record.left_out:
+        yield alert("warning", "posterior.left-out", kinds="; ".join(record.left_out))
+    stated = [n.residuals for n in record.noise_levels if n.interval_95 is None]
+    if record.noise != "stated" and stated:
+        yield alert("info", "posterior.noise-as-stated", kinds=listed(stated))

@@ -1,0 +1,135 @@
+"""Posterior distribution: intervals beside those of linearised residuals, histograms, bent pairs."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.document.document import Cell, Figure, Listing, Paragraph, Section, Table, columns, row
+from femtune.document.figures.posterior import marginals_svg, pairs_svg
+from femtune.document.numbers import as_sentence, counted, short, value
+from femtune.steps.report_source import warnings_of
+
+if TYPE_CHECKING:
+    from femtune.document.document import Block, Document, Level
+    from femtune.steps.posterior.record import PosteriorParameter, PosteriorResults
+    from femtune.steps.report_source import ReportSource, Subject
+    from femtune.steps.results import Results
+
+_MOST_LISTED = 24
+"""Parameters in the table and in the pictures; the others are in the results."""
+_MOST_PAIRS = 4
+"""Bent pairs that are drawn."""
+
+
+def posterior(source: ReportSource) -> list[Block]:
+    """Blocks of the report; a sentence where the study asks for no samples."""
+    record = source.results.posterior
+    if record is None:
+        return [Paragraph("Not tested: the study has no [posterior].")]
+    return [*posterior_blocks(record), *_pictures(source, record)]
+
+
+def posterior_blocks(record: PosteriorResults) -> list[Block]:
+    """Sentences and tables, for page and terminal."""
+    return [Listing(record.sentences), Paragraph(_how(record)), parameter_table(record), noise_table(record)]
+
+
+def _how(record: PosteriorResults) -> str:
+    drawn = (
+        "the linearised residuals" if record.drawn_from == "linear"
+        else f"a surrogate of the residuals of degree {record.degree}"
+    )  # fmt: skip
+    tried = f" Before: {'; '.join(record.tried)}." if record.tried else ""
+    recalled = f", {record.recalled} of them from an earlier run" if record.recalled else ""
+    starts = (
+        f" {counted(record.starts, 'update')} from other points looked for further regions." if record.starts else ""
+    )
+    orders = ", ".join(map(str, record.reduced_orders))
+    on = f" on reduced models of order {orders}" if orders else ""
+    return (
+        f"{record.draws} samples (seed {record.seed}) drawn from {drawn}, R-hat {record.r_hat:.3f}, and weighted by "
+        f"the model{on}.{tried}{starts} {counted(record.gradient_solutions, 'solution')} with derivatives and "
+        f"{record.plain_solutions} without{recalled}, in {short(record.seconds)} s by {record.executor}."
+    )
+
+
+def parameter_table(record: PosteriorResults) -> Table:
+    """Mean, standard deviation and interval, beside the interval of linearised residuals and that of the update."""
+    heads = columns(
+        "Parameter", ">Update", ">Median", ">Mean", ">σ", ">95 % from", ">to", ">Linear from", ">to", ">Update from",
+        ">to", ">σ / σ before",
+    )  # fmt: skip
+    note = (
+        "Linear: with linearised residuals, the same prior and the same rule for the size of the errors. Update: the "
+        "interval of the update, with its standard deviations. The last column is one where the data tell nothing."
+    )
+    if len(record.parameters) > _MOST_LISTED:
+        note += f" And {counted(len(record.parameters) - _MOST_LISTED, 'more parameter')} in the results."
+    return Table("Posterior distribution", heads, tuple(map(_parameter, record.parameters[:_MOST_LISTED])), note)
+
+
+def _parameter(p: PosteriorParameter) -> tuple[Cell, ...]:
+    update = ("", "") if p.update_interval_95 is None else tuple(map(value, p.update_interval_95))
+    share = "" if p.prior_sd is None else f"{p.sd / p.prior_sd:.2g}"
+    return row(
+        p.parameter, value(p.value), value(p.median), value(p.mean), short(p.sd), *map(value, p.interval_95),
+        *map(value, p.linear_interval_95), *update, Cell(share, tone="poor") if p.of_bounds else share,
+    )  # fmt: skip
+
+
+def noise_table(record: PosteriorResults) -> Table:
+    """Size of the errors by kind."""
+    heads = columns("Residuals", ">Independent", ">Errors / stated", ">95 % from", ">to")
+    rows = tuple(
+        row(
+            n.residuals, short(n.count), short(n.factor),
+            *(("as stated", "") if n.interval_95 is None else tuple(map(short, n.interval_95))),
+        )
+        for n in record.noise_levels
+    )  # fmt: skip
+    return Table("Size of the errors", heads, rows)
+
+
+def _pictures(source: ReportSource, record: PosteriorResults) -> list[Block]:
+    samples, weights, linear = (
+        source.array(key) for key in (record.samples_key, record.weights_key, record.linear_key)
+    )
+    if samples is None or weights is None or linear is None:
+        return []
+    names = record.free[:_MOST_LISTED]
+    by_name = {p.parameter: p for p in record.parameters}
+    intervals = [by_name[n].interval_95 for n in names]
+    draw = partial(marginals_svg, names, samples, weights, linear, [by_name[n].value for n in names], intervals)
+    caption = (
+        "Distribution of the parameters: filled the samples, line those of linearised residuals; the vertical line is "
+        "the result of the update, shaded the 95 % interval."
+    )
+    alt = "; ".join(f"{n} {value(by_name[n].median)} ± {short(by_name[n].sd)}" for n in names)
+    out: list[Block] = [Figure(draw, caption, f"{caption} {alt}", wide=True)]
+    places = {n: i for i, n in enumerate(record.free)}
+    pairs = [(b.first, b.second) for b in record.bent if b.first in places and b.second in places][:_MOST_PAIRS]
+    if pairs:
+        # as many points as effective samples, drawn by their weights
+        rng = np.random.default_rng(record.seed)
+        chosen = samples[rng.choice(len(samples), len(samples), p=weights)]
+        columns_of = [(places[a], places[b]) for a, b in pairs]
+        words = (
+            "Pairs of parameters whose joint distribution is bent: samples, and in grey those of linearised residuals."
+        )
+        out.append(Figure(partial(pairs_svg, pairs, columns_of, chosen, linear), words, words, wide=True))
+    return out
+
+
+def posterior_document(subject: Subject, results: Results) -> Document:
+    """The first sentence, or why there is no distribution."""
+    found = results.posterior
+    if found is None:
+        reasons = [a.sentence for a in results.alerts if a.code.startswith(("posterior.", "executor."))]
+        return subject.document(as_sentence((reasons or ["there are no samples"])[0]), "problem", ())
+    sections = (Section("posterior", "Posterior distribution", tuple(posterior_blocks(found))), *warnings_of(results))
+    levels = {a.level for a in found.alerts}
+    level: Level = "problem" if "problem" in levels else "warning" if "warning" in levels else "info"
+    return subject.document(found.sentences[0], level, sections)

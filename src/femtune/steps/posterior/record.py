@@ -1,0 +1,153 @@
+"""The posterior distribution of the parameters as a record."""
+
+from __future__ import annotations
+
+from femtune.sampling.kinds import NoiseRule, Route
+from femtune.study.record import Alert, CitationRecord, Record
+
+
+class PosteriorParameter(Record):
+    """One parameter, in its unit."""
+
+    parameter: str
+    """Name of the parameter."""
+    value: float
+    """Result of the update."""
+    mean: float
+    """Mean of the samples."""
+    median: float
+    """Median of the samples."""
+    sd: float
+    """Standard deviation of the samples."""
+    interval_95: tuple[float, float]
+    """Interval between the 2.5 % and the 97.5 % quantile."""
+    linear_median: float
+    """Median with linearised residuals, the same prior and the same rule for the errors."""
+    linear_sd: float
+    """Standard deviation with linearised residuals."""
+    linear_interval_95: tuple[float, float]
+    """The interval with linearised residuals."""
+    update_interval_95: tuple[float, float] | None
+    """The interval of the update; None where it gives none."""
+    prior_sd: float | None
+    """Standard deviation before the test: that of a uniform distribution between the bounds, or of the prior of the
+    update; None for tied parameters."""
+    of_bounds: bool
+    """True if the data tell nothing of it: it is as wide as before."""
+
+
+class PosteriorNoise(Record):
+    """Size of the errors of some residuals."""
+
+    residuals: str
+    """Kind of residual."""
+    count: float
+    """Number of independent residuals."""
+    factor: float
+    """Actual over stated standard deviation, median; 1 where it is not estimated."""
+    interval_95: tuple[float, float] | None
+    """Interval of the factor; None where it is not estimated."""
+
+
+class BentPair(Record):
+    """Two parameters whose joint distribution is bent."""
+
+    first: str
+    """Name of a parameter."""
+    second: str
+    """Name of the other one."""
+    share_percent: float
+    """Part of the variance of the second one that a parabola in the first explains beyond a line, in %."""
+
+
+class OtherRegion(Record):
+    """An optimum outside the sampled region."""
+
+    values: tuple[float, ...]
+    """Values of the free parameters there, each in its unit."""
+    log_likelihood_difference: float
+    """Logarithm of the likelihood there over the largest one of the samples, at the same size of the errors."""
+    starts: int
+    """Number of starts that ended there."""
+
+
+class PosteriorResults(Record):
+    """Samples of the distribution of the parameters after the test."""
+
+    noise: NoiseRule
+    """Rule for the size of the errors of the data."""
+    seed: int
+    """Seed of the random numbers."""
+    draws: int
+    """Number of weighted samples."""
+    effective: float
+    """Effective number of independent samples, 1/Σw²."""
+    k_hat: float
+    """Shape k̂ of the tail of the weights; below 0.7 averages can be trusted."""
+    drawn_from: Route
+    """What the samples were drawn from: linearised residuals, or a surrogate of the residuals."""
+    degree: int
+    """Degree of the polynomials that the residuals were drawn from; 1 for linearised residuals."""
+    surrogate_error: float
+    """Standard deviation of the logarithm of the weights."""
+    r_hat: float
+    """R-hat of the chains on what was drawn from; below 1.01 they have forgotten where they began."""
+    displacement: float
+    """Mean square distance of samples half a run apart over twice the variance, of the slowest parameter; 1 for chains
+    that move."""
+    log_evidence: float
+    """Logarithm of the evidence: likelihood integrated over the prior. It compares sets of parameters with the same
+    residuals and the same rule for the errors."""
+    log_evidence_sd: float
+    """Its standard deviation by sampling."""
+    gradient_solutions: int
+    """Number of points that were solved with derivatives."""
+    plain_solutions: int
+    """Number of points that were solved without."""
+    failed: int
+    """Number of points at which the model could not be solved; they have the weight zero."""
+    paired_anew_percent: float
+    """Weighted part of the samples at which test modes and model modes would be paired in another way, in %."""
+    recalled: int
+    """Number of solutions from the journal of an earlier run."""
+    seconds: float
+    """Duration, s."""
+    executor: str
+    """Where the solutions were made."""
+    parameters: tuple[PosteriorParameter, ...]
+    """All parameters, tied ones too."""
+    free: tuple[str, ...]
+    """Names of the sampled parameters, the columns of the samples."""
+    noise_levels: tuple[PosteriorNoise, ...]
+    """Sizes of the errors."""
+    bent: tuple[BentPair, ...] = ()
+    """Pairs of parameters whose joint distribution is bent, the most bent first."""
+    others: tuple[OtherRegion, ...] = ()
+    """Regions outside the samples that explain the data about as well."""
+    starts: int = 0
+    """Number of updates from other points that looked for such regions."""
+    linear_enough: bool = True
+    """True if the intervals of linearised residuals agree with those of the samples."""
+    tried: tuple[str, ...] = ()
+    """What did not hold before, in sentences."""
+    left_out: tuple[str, ...] = ()
+    """Kinds of residual that are not in the likelihood, with reasons."""
+    reduced_orders: tuple[int, ...] = ()
+    """Orders of the reduced models on which the samples were solved; none for the full model."""
+    full_model_error: float | None = None
+    """Standard deviation of the difference of log likelihood between full and reduced model, over some samples; None
+    without a reduced model."""
+    samples_key: str
+    """Key of the samples (draws, free), each in its unit."""
+    weights_key: str
+    """Key of their weights (draws,), which sum to one."""
+    linear_key: str
+    """Key of samples with linearised residuals (n, free), each in its unit."""
+    sizes_key: str
+    """Key of the sampled sizes of the errors (draws, sizes), factors on the stated standard deviations."""
+    sentences: tuple[str, ...]
+    """What the samples show, in sentences, the most important first."""
+    alerts: tuple[Alert, ...] = ()
+    """What limits the result."""
+    citations: tuple[CitationRecord, ...] = ()
+    """Publications on the methods."""

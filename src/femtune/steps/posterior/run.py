@@ -1,0 +1,309 @@
+"""The step posterior: a sampled distribution of the parameters about the result of the update."""
+
+from __future__ import annotations
+
+import base64
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femtune.errors import FemtuneError, Notice
+from femtune.executor import finish
+from femtune.journal.finished import FinishedRuns
+from femtune.journal.run_files import POSTERIOR_FILE
+from femtune.model import digest
+from femtune.model.full_model import direct
+from femtune.sampling import (
+    Known,
+    Likelihood,
+    NormalBox,
+    PosteriorSamples,
+    Sampler,
+    SamplingRules,
+    Scaled,
+    SolvedSample,
+    Solving,
+    far_from,
+    kept_blocks,
+    noise_groups,
+)
+from femtune.steps.posterior.facts import OutsideOptimum, SampledFacts, posterior_results
+from femtune.steps.run_folder import unwritable
+from femtune.study.error_places import errors_at
+from femtune.study.executor import executor_of
+from femtune.study.study import solved_by
+from femtune.study.update_method import method_of
+from femtune.updating import StartRules, multi_start
+from femtune.updating.error_scales import FEWEST_DEGREES
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from femtune.arrays import Reals
+    from femtune.executor import Executor
+    from femtune.files.study_file import PosteriorTable
+    from femtune.residuals import UpdateProblem
+    from femtune.steps.posterior.record import PosteriorResults
+    from femtune.steps.update.run import FoundParameters
+    from femtune.study.progress import Progress
+    from femtune.study.study import Study
+    from femtune.updating import UpdateResult
+
+_CHECKED_ON_FULL = 20
+"""Samples at which the full model is solved beside a reduced one: the standard deviation of the difference is then
+known to a sixth."""
+_AS_GOOD = 2.0
+"""Difference of log likelihood to the lowest of the samples' upper 95 %, up to which another optimum counts: a region
+there has a seventh of the density of the edge of the samples, and may be wider."""
+_LOWER_EDGE = 0.05
+
+
+def check_posterior(study: Study) -> None:
+    """Check, before anything is solved, that there is one set of residuals of a model that can be solved often.
+
+    Raises
+    ------
+    FemtuneError : ``posterior.stages``, ``posterior.external``, ``posterior.specimens``
+    """
+    with errors_at(study.file.where("posterior")):
+        if study.file.stage:
+            raise FemtuneError("posterior.stages")
+        if study.source.needs_runs:
+            raise FemtuneError("posterior.external")
+        if study.file.specimens:
+            raise FemtuneError("posterior.specimens")
+
+
+def posterior_at(
+    study: Study, update: FoundParameters, folder: Path, arrays: dict[str, NDArray[Any]], progress: Progress
+) -> PosteriorResults:
+    """The samples about the result of the update; each solution is on disk as soon as it has ended.
+
+    Raises
+    ------
+    FemtuneError : ``posterior.*``, ``executor.*``, ``run.unwritable``
+    """
+    table, found = study.file.posterior, update.result
+    assert table is not None
+    begun = time.monotonic()
+    with errors_at(study.file.where("posterior")):
+        if not found.status.ok:
+            raise FemtuneError("posterior.not-converged", status=found.status.value)
+        reduced = update.search if update.search is not None and update.search.serves_all else None
+        full = solved_by(study, direct).problem()
+        problem = full if reduced is None else reduced.reduced_problem()
+        solving = solving_of(problem, found, reduced is not None)
+        executor = executor_of(study, reduced=reduced is not None)
+        solutions = _Solutions(solving, executor, FinishedRuns(folder / POSTERIOR_FILE, _key(solving)), progress)
+        solutions.begin(study.file.study.journal)
+        likelihood = _likelihood(solving, found, table)
+        sampler = _sampler(solving, likelihood, table, solutions)
+        samples = sampler.run()
+        starts, regions = _other_regions(study, update, problem, solving, samples, likelihood, table, progress)
+        orders = () if reduced is None else tuple(trained.model.order for trained in reduced.trained)
+        error = None if reduced is None else _full_error(full, found, samples, likelihood, progress)
+    facts = SampledFacts(
+        table=table, result=found, moving=solving.moving, samples=samples, likelihood=likelihood,
+        anew=np.array([solutions.anew(x) for x in samples.x]), recalled=solutions.recalled,
+        seconds=time.monotonic() - begun, executor=executor.words, starts=starts, regions=regions,
+        left_out=_left_out(solving), reduced_orders=orders, full_error=error,
+        remarks=tuple(n.what for n in solutions.remarks),
+    )  # fmt: skip
+    return posterior_results(facts, arrays)
+
+
+def solving_of(problem: UpdateProblem, found: UpdateResult, reduced: bool) -> Solving:
+    """The problem about the result, with all that can be sent to another process."""
+    at = problem.start(found.x) if reduced else found.after
+    if not kept_blocks(at):
+        raise FemtuneError("posterior.no-likelihood", reason="; ".join(_reasons(at.weighted)))
+    moving = np.flatnonzero(np.isin([p.name for p in found.parameters.free], found.active))
+    sent = problem.to_send()
+    # the journal keeps what the samples need, not their modes
+    return Solving(sent, sent.unsolved(at), found.side, moving)
+
+
+def _reasons(blocks: Sequence[Any]) -> list[str]:
+    return list(dict.fromkeys(f"{b.kind}: {b.without_distribution}" for b in blocks if b.without_distribution))
+
+
+def _left_out(solving: Solving) -> tuple[str, ...]:
+    return tuple(_reasons(solving.at.weighted))
+
+
+def _likelihood(solving: Solving, found: UpdateResult, table: PosteriorTable) -> Likelihood:
+    blocks = kept_blocks(solving.at)
+    kinds = np.array([b.kind for b in blocks for _ in b.values] + ["prior"] * solving.priors)
+    fixed = np.arange(len(kinds)) >= len(kinds) - solving.priors
+    lost: dict[str, int] = {}
+    for b in blocks:
+        lost[b.kind] = lost.get(b.kind, 0) + b.lost
+    # standard deviations that are relative weights say nothing of the size of the errors
+    rule = "common" if table.noise == "stated" and solving.problem.scatter == "estimated" else table.noise
+    groups = noise_groups(kinds, fixed, lost, rule, found.covariance.freedom, FEWEST_DEGREES)
+    return Likelihood(groups, (), np.zeros((len(kinds), 0)))
+
+
+def _sampler(solving: Solving, likelihood: Likelihood, table: PosteriorTable, solutions: _Solutions) -> Sampler:
+    parameters, moving = solving.problem.parameters, solving.moving
+    lower, upper = (ends[moving] for ends in parameters.limits)
+    k = len(moving)
+    positive = parameters.denormalise(parameters.limits[0])[moving] > 0.0
+    scaled = Scaled(parameters.nominal[moving], parameters.scale[moving], positive, np.zeros(k), np.ones(k))
+    here = solving.of(solving.at)
+    start = Known(np.clip(solving.at.x[moving], lower, upper), here.residuals, here.jacobian)
+    rules = SamplingRules(table.draws, table.seed, table.gradients)
+    return Sampler(likelihood, NormalBox(lower, upper), start, scaled, solutions, rules, solutions.tell)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Solutions, kept in the run folder.
+
+
+@dataclass(eq=False)
+class _Solutions:
+    """The model at samples: by the executor, or from the journal of an earlier run."""
+
+    solving: Solving
+    executor: Executor
+    file: FinishedRuns
+    progress: Progress
+    known: dict[str, SolvedSample] = field(default_factory=dict)
+    recalled: int = 0
+    remarks: list[Notice] = field(default_factory=list)
+
+    def begin(self, resume: bool) -> None:
+        """Take over what an earlier run has solved (error ``run.unwritable``)."""
+        try:
+            lines = self.file.begin(resume)
+        except OSError as error:
+            raise unwritable(self.file.path.parent, error) from error
+        found = ((str(line.get("run")), _of_line(line)) for line in lines)
+        self.known = {run: solved for run, solved in found if solved is not None}
+
+    def tell(self, text: str) -> None:
+        """What is done."""
+        self.progress.step(f"posterior: {text}", 0, None)
+
+    def __call__(self, points: Sequence[Reals], derivatives: bool) -> list[Known | None]:
+        """See `femtune.sampling.sampler.ModelAtSamples`."""
+        keys = [_run(x, derivatives) for x in points]
+        known = {i: self.known[key] for i, key in enumerate(keys) if key in self.known}
+        what = f"posterior: solutions with{'' if derivatives else 'out'} derivatives"
+        done = len(known)
+        self.recalled += done
+        self.progress.step(what, done, len(keys))
+
+        def keep(number: int, solved: SolvedSample) -> None:
+            nonlocal done
+            try:
+                # kept before it is shown: whoever shows it may be interrupted
+                self.file.add({"run": keys[number], **_line(solved)})
+            except OSError as error:
+                raise unwritable(self.file.path.parent, error) from error
+            self.known[keys[number]] = solved
+            done += 1
+            self.progress.step(what, done, len(keys))
+
+        tasks = [(np.array(x), derivatives) for x in points]
+        found = finish(
+            self.executor, self.solving, tasks, known, name="sample", finished=keep, remark=self.remarks.append
+        )
+        return [None if s.problem else Known(np.array(x), s.residuals, s.jacobian) for x, s in zip(points, found)]
+
+    def anew(self, x: Reals) -> bool:
+        """Whether the pairing is another one at a sample that was solved without derivatives."""
+        return self.known[_run(x, False)].paired_anew
+
+
+def _run(x: Reals, derivatives: bool) -> str:
+    return digest(np.ascontiguousarray(x), derivatives)
+
+
+def _key(solving: Solving) -> str:
+    """Of all that a solution depends on."""
+    at, (lower, upper) = solving.at, solving.problem.parameters.bounds
+    return digest(at.x, at.residuals, at.jacobian, lower, upper, *solving.side.rows(at.x), solving.moving)
+
+
+def _line(solved: SolvedSample) -> dict[str, object]:
+    J = None if solved.jacobian is None else _text(solved.jacobian)
+    return {
+        "residuals": _text(solved.residuals), "jacobian": J, "paired_anew": bool(solved.paired_anew),
+        "problem": solved.problem,
+    }  # fmt: skip
+
+
+def _text(values: Reals) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, "<f8").tobytes()).decode()
+
+
+def _of_line(line: Mapping[str, Any]) -> SolvedSample | None:
+    """A solution; None for what cannot be read, which is solved again."""
+    try:
+        r = np.frombuffer(base64.b64decode(line["residuals"]), "<f8").astype(float)
+        J = None
+        if line["jacobian"] is not None:
+            J = np.frombuffer(base64.b64decode(line["jacobian"]), "<f8").astype(float).reshape(len(r), -1)
+        return SolvedSample(r, J, bool(line["paired_anew"]), str(line["problem"]))
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+# ----------------------------------------------------------------------------------------------------
+# What the samples do not show by themselves.
+
+
+def _other_regions(
+    study: Study, update: FoundParameters, problem: UpdateProblem, solving: Solving, samples: PosteriorSamples,
+    likelihood: Likelihood, table: PosteriorTable, progress: Progress,
+) -> tuple[int, tuple[OutsideOptimum, ...]]:  # fmt: skip
+    """Number of updates from other points, and optima outside the samples that explain the data about as well."""
+    many = update.starts
+    if many is None:
+        if not table.starts:
+            return 0, ()
+        progress.step("posterior: updates from other points", 0, None)
+        rules = StartRules(table.starts, table.seed)
+        method = method_of(study.file.update, study.parameters)
+        many = multi_start(problem, method, rules, active=update.result.active)
+    theta = samples.weights.values @ samples.theta
+    own = likelihood.at(samples.residuals, np.tile(theta, (len(samples.x), 1)))
+    regions = []
+    for optimum in many.optima:
+        x = optimum.x[solving.moving]
+        if not far_from(samples.x, x):
+            continue
+        try:
+            there = solving.of(problem.start(optimum.x), False).residuals
+        except FemtuneError:
+            continue
+        if len(there) != len(solving.of(solving.at, False).residuals):
+            continue
+        log = float(likelihood.at(there[None], theta[None])[0])
+        if log > np.quantile(own, _LOWER_EDGE) - _AS_GOOD:
+            regions.append(OutsideOptimum(optimum.x, log - float(own.max()), len(optimum.members)))
+    return len(many.starts), tuple(regions)
+
+
+def _full_error(
+    full: UpdateProblem, found: UpdateResult, samples: PosteriorSamples, likelihood: Likelihood, progress: Progress
+) -> float | None:
+    """Standard deviation of the difference of log likelihood of full and reduced model; None if it cannot be had."""
+    moving = np.flatnonzero(np.isin([p.name for p in found.parameters.free], found.active))
+    solving = Solving(full, full.start(found.x), found.side, moving)
+    rng = np.random.default_rng(0)
+    chosen = rng.choice(len(samples.x), _CHECKED_ON_FULL, p=samples.weights.values)
+    differences = []
+    for number, i in enumerate(chosen):
+        progress.step("posterior: samples on the full model", number, _CHECKED_ON_FULL)
+        solved = solving((samples.x[i], False))
+        if len(solved.residuals) == samples.residuals.shape[1]:
+            both = np.vstack([solved.residuals, samples.residuals[i]])
+            on_full, on_reduced = likelihood.at(both, np.tile(samples.theta[i], (2, 1)))
+            differences.append(float(on_full - on_reduced))
+    return float(np.std(differences)) if len(differences) > 1 else None

@@ -1,0 +1,191 @@
+"""The update with the measured FRFs themselves that follows one with equal damping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from femtune.errors import FemtuneError, Notice
+from femtune.model import EigenSolution, damping_by_mode
+from femtune.residuals import CaseState, Residual, UpdateProblem
+from femtune.residuals.frf.asked import AskedFrfs
+from femtune.residuals.frf.measured_damping import MeasuredDamping, measured_damping
+from femtune.residuals.frf.residual import FrfResidual
+from femtune.study.stages import reduction_rules
+from femtune.updating import update, update_reduced
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from femtune.study.study import Study
+    from femtune.updating import Iteration, ReducedSearch, ReducedUpdate, SensitivityMethod, UpdateResult
+
+_MOST_ROUNDS = 3
+"""Updates with measured FRFs: each begins with the pairs of modes where the one before has ended, until they stay."""
+
+
+@dataclass(frozen=True, eq=False)
+class RawUpdate:
+    """The update with measured FRFs.
+
+    Parameters
+    ----------
+    result : from the initial values to its end, with the iterations of the update with equal damping before its own
+    study : the study that compares the measured FRFs
+    equalised : the result with equal damping, where it began
+    damping : measured damping on the modes of the model where it began, by configuration
+    search : the reduced models at its end, where there are some
+    reduced : the update on reduced models; None without them
+    """
+
+    result: UpdateResult
+    study: Study
+    equalised: UpdateResult
+    damping: Mapping[str, MeasuredDamping]
+    search: ReducedSearch | None = None
+    reduced: ReducedUpdate | None = None
+
+
+def then_raw(
+    study: Study,
+    equalised: UpdateResult,
+    method: SensitivityMethod,
+    tell: Callable[[Iteration], None],
+    search: ReducedSearch | None = None,
+) -> tuple[RawUpdate | None, tuple[Notice, ...]]:
+    """The update with the measured FRFs from the result of one with equal damping.
+
+    Parameters
+    ----------
+    search : reduced models at this result, on which the iterations are made
+
+    Returns
+    -------
+    None if the study compares no identified test or wants no such update, or if it cannot be made; what happened
+    """
+    table = study.file.equalise
+    if table is None or table.then != "raw" or study.file.stage or study.source.needs_runs or not _asked(study):
+        return None, ()
+    if not equalised.status.ok:
+        return None, (Notice("update.no-raw/not-converged", ending=equalised.status.value),)
+    found: RawUpdate | None = None
+    start = equalised
+    try:
+        for _ in range(_MOST_ROUNDS):
+            now = _round(study, equalised, start, method, tell, search, found)
+            if now is None:
+                break
+            found, start = now, now.result
+            if not found.result.status.ok:
+                break
+    except FemtuneError as error:
+        if found is None:
+            return None, (Notice("update.no-raw", reason=error.what),)
+    if found is not None and found.reduced is not None and not found.reduced.certified:
+        return found, (Notice("update.not-certified", last_round=found.reduced.rounds[-1]),)
+    return found, ()
+
+
+def _asked(study: Study) -> bool:
+    """Whether some FRFs of an identified test are compared."""
+    return any(_identified(r) for case in study.cases if case.used is not None for r in case.used.residuals)
+
+
+def _identified(residual: Residual) -> bool:
+    settled = residual.settled if isinstance(residual, AskedFrfs) else None
+    return isinstance(settled, FrfResidual) and settled.identified is not None
+
+
+def _round(
+    study: Study,
+    equalised: UpdateResult,
+    start: UpdateResult,
+    method: SensitivityMethod,
+    tell: Callable[[Iteration], None],
+    reduced: ReducedSearch | None,
+    before: RawUpdate | None,
+) -> RawUpdate | None:
+    """One update from `start`; None if the modes have the same partners as in the one before.
+
+    Parameters
+    ----------
+    reduced : reduced models of the comparison with equal damping
+    """
+    states = {s.case.name: s for s in start.after.states}
+    damping = {name: own for name, s in states.items() if (own := _damping(study, s)) is not None}
+    if before is not None and all(damping[name].partners == before.damping[name].partners for name in damping):
+        return None
+    cases, raw = [], dict[int, FrfResidual]()
+    for case in study.cases:
+        if case.compared is None or case.name not in damping:
+            cases.append(case)
+            continue
+        new = _with_raw(case.compared.residuals, states[case.name], damping[case.name], raw)
+        cases.append(replace(case, compared=replace(case.compared, residuals=new)))
+    on_raw = replace(study, cases=tuple(cases))
+    problem = on_raw.problem()
+    rules, first_x = reduction_rules(study), equalised.before.x
+    search = None if before is None else before.search
+    on_reduced: ReducedUpdate | None = None
+    at_start, at_first = (_on_cases(problem, of.states) for of in (start.after, equalised.before))
+    if rules is None or reduced is None:
+        at = problem.assess(start.x, at_start)
+        problem.check_compared(at)
+        found = update(problem, method, tell, at, equalised.active)
+        first = problem.assess(first_x, at_first, derivatives=False)
+    else:
+        functions = [tuple(raw.get(id(r), r) for r in of) for of in reduced.functions]
+        search = replace(search or reduced, problem=problem, functions=functions, history=[])
+        at = search.assess(start.x, at_start, search.trained)
+        problem.check_compared(at)
+        on_reduced = update_reduced(problem, method, rules, tell, at, active=equalised.active, search=search)
+        found, search = on_reduced.result, on_reduced.search
+        assert search is not None
+        first = search.assess(first_x, at_first, search.trained)
+    history = tuple(replace(i, functions=()) for i in found.history)
+    whole = tuple(replace(i, number=n) for n, i in enumerate((*start.history, *history)))
+    result = replace(found, before=first, history=whole, number=len(start.history) + found.number)
+    return RawUpdate(result, on_raw, equalised, damping, search, on_reduced)
+
+
+def _on_cases(problem: UpdateProblem, states: Sequence[CaseState]) -> list[CaseState]:
+    """The same states of the same model, of other comparisons; what has been solved stays."""
+    out = []
+    for case, state in zip(problem.cases, states, strict=True):
+        new = replace(state, case=case, known=state.solved)
+        new.further.update(state.further)
+        out.append(new)
+    return out
+
+
+def _damping(study: Study, state: CaseState) -> MeasuredDamping | None:
+    """Measured damping on the modes of a configuration; None if it compares no identified test."""
+    residuals = next((c.compared.residuals for c in study.cases if c.name == state.case.name and c.compared), ())
+    for asked in residuals:
+        if not isinstance(asked, AskedFrfs) or not _identified(asked):
+            continue
+        residual = asked.settled
+        assert isinstance(residual, FrfResidual)
+        assert residual.identified is not None
+        modes = residual.way.model(state, residual.highest_hz)
+        assert isinstance(modes, EigenSolution)
+        return measured_damping(residual, residual.identified, modes, guided=True)
+    return None
+
+
+def _with_raw(
+    residuals: Sequence[Residual], state: CaseState, damping: MeasuredDamping, raw: dict[int, FrfResidual]
+) -> tuple[Residual, ...]:
+    """The residuals with measured FRFs in place of those of the identified test; `raw` gets each by the old one."""
+    out = list[Residual]()
+    for asked in residuals:
+        if isinstance(asked, AskedFrfs) and _identified(asked):
+            assert asked.raw is not None
+            residual = asked.settled
+            assert isinstance(residual, FrfResidual)
+            raw[id(residual)] = asked.raw(residual, state, damping_by_mode(damping.ratios.tolist()))
+            out.append(raw[id(residual)])
+        else:
+            out.append(asked)
+    return tuple(out)

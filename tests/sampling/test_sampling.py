@@ -1,0 +1,206 @@
+"""Samples of posterior distributions against closed forms, numerical integration and simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+from femtune.sampling import (
+    ChainRules,
+    Known,
+    Likelihood,
+    NoiseGroup,
+    NormalBox,
+    NuisanceClass,
+    PosteriorSamples,
+    Sampler,
+    SamplingRules,
+    Scaled,
+    noise_groups,
+    smoothed_weights,
+    weighted_quantiles,
+)
+from femtune.sampling.surrogate import Monomials, PolynomialResiduals
+from femtune.sampling.weights import fitted_pareto
+
+Function = Callable[[Reals], Reals]
+SHORT = ChainRules(chains=24, windows=(10, 15, 25), kept=40, most=160, leaps=30)
+
+
+def jacobian(function: Function, x: Reals) -> Reals:
+    """Central differences."""
+    step = 1e-6
+    return np.array([(function(x + step * d) - function(x - step * d)) / (2 * step) for d in np.eye(len(x))]).T
+
+
+def sampled(
+    function: Function, start: Reals, ends: tuple[float, float], rule: str = "stated",
+    rules: SamplingRules | None = None, kinds: Sequence[str] = (),
+) -> PosteriorSamples:  # fmt: skip
+    """The posterior of residuals that are a function of x, with P = 1 + x."""
+    k, n = len(start), len(function(start))
+    words = np.array(kinds or ["frequency"] * n)
+    freedom = {name: float(np.sum(words == name)) - 0.5 * k for name in dict.fromkeys(words.tolist())}
+    groups = noise_groups(words, np.zeros(n, bool), {}, rule, freedom, 3.0)
+    likelihood = Likelihood(groups, (), np.zeros((n, 0)))
+
+    def model(points: Sequence[Reals], derivatives: bool) -> list[Known | None]:
+        return [Known(x, function(x), jacobian(function, x) if derivatives else None) for x in points]
+
+    scaled = Scaled(np.ones(k), np.ones(k), np.ones(k, bool), np.zeros(k), np.ones(k))
+    box = NormalBox(np.full(k, ends[0]), np.full(k, ends[1]))
+    known = Known(start, function(start), jacobian(function, start))
+    return Sampler(likelihood, box, known, scaled, model, rules or SamplingRules()).run()
+
+
+@pytest.mark.slow
+def test_a_linear_model_with_normal_errors_has_its_closed_form() -> None:
+    rng = np.random.default_rng(3)
+    k, n = 4, 20
+    A = 30.0 * rng.normal(size=(n, k))
+    y = A @ (0.05 * rng.normal(size=k)) + rng.normal(size=n)
+    best = np.linalg.lstsq(A, y, rcond=None)[0]
+    found = sampled(lambda x: A @ x - y, best, (-0.5, 1.0))
+    H, r, w = A.T @ A, A @ best - y, found.weights.values
+    sd = np.sqrt(np.diag(np.linalg.inv(H)))
+    assert (found.route, found.gradients, found.plain) == ("linear", 0, 1000)
+    assert found.weights.effective == pytest.approx(1000)
+    np.testing.assert_allclose((w @ found.x - best) / sd, 0.0, atol=0.12)
+    np.testing.assert_allclose(found.x.std(axis=0) / sd, 1.0, atol=0.1)
+    exact = stats.multivariate_normal.logpdf(r, np.zeros(n)) + 0.5 * k * np.log(2 * np.pi)
+    exact -= 0.5 * np.linalg.slogdet(H)[1] + k * np.log(1.5)
+    assert abs(found.log_evidence - exact) < 4.0 * found.log_evidence_sd < 0.1
+
+
+def curved(x: Reals) -> Reals:
+    """Three residuals of two parameters whose product is known well, and whose sum hardly."""
+    return np.array([np.log((1 + x[0]) * (1 + x[1])) / 0.05, (x[0] + x[1]) / 0.8, x[0] / 0.7])
+
+
+@pytest.mark.slow
+def test_a_curved_valley_is_that_of_numerical_integration() -> None:
+    found = sampled(curved, np.zeros(2), (-0.9, 2.0), rules=SamplingRules(seed=1, chain=ChainRules(most=600)))
+    # by the product t = log of it, which is narrow, and the first parameter, on a fine grid
+    first, t = np.meshgrid(np.linspace(-0.9, 2.0, 3001)[1:-1], np.linspace(-0.3, 0.3, 601), indexing="ij")
+    second = np.exp(t) / (1 + first) - 1
+    density = np.exp(-0.5 * ((t / 0.05) ** 2 + ((first + second) / 0.8) ** 2 + (first / 0.7) ** 2))
+    density *= (second > -0.9) & (second < 2.0)
+    # dx₂ = (1 + x₂) dt
+    mass = density * (1 + second)
+    marginal = np.cumsum(mass.sum(axis=1)) / mass.sum()
+    exact = np.interp([0.025, 0.5, 0.975], marginal, first[:, 0])
+    ours = weighted_quantiles(found.x[:, 0], found.weights.values, np.array([0.025, 0.5, 0.975]))
+    sd = found.x[:, 0].std()
+    assert found.route == "surrogate"
+    assert found.weights.effective > 500
+    np.testing.assert_allclose(ours, exact, atol=0.25 * sd)
+    cell = (first[1, 0] - first[0, 0]) * (t[0, 1] - t[0, 0])
+    log_z = np.log(mass.sum() * cell / 2.9**2) - 1.5 * np.log(2 * np.pi)
+    assert abs(found.log_evidence - log_z) < 4.0 * found.log_evidence_sd < 0.4
+    # an interval along the tangent would be another one
+    linear = np.quantile(found.linear[:, 0], [0.025, 0.975])
+    assert abs(linear - exact[[0, 2]]).max() > 0.3 * sd
+
+
+@pytest.mark.slow
+def test_what_nothing_determines_stays_as_it_was() -> None:
+    found = sampled(lambda x: np.array([x[0] / 0.01, x[0] / 0.01]), np.zeros(2), (-0.5, 1.0))
+    w = found.weights.values
+    assert found.weights.effective > 900
+    assert w @ found.x[:, 1] == pytest.approx(0.25, abs=0.06)
+    assert found.x[:, 1].std() == pytest.approx(1.5 / np.sqrt(12), rel=0.07)
+
+
+@pytest.mark.slow
+def test_errors_that_are_smaller_than_stated_are_found() -> None:
+    rng = np.random.default_rng(5)
+    A = rng.normal(size=(60, 2)) * 20
+    y = np.concatenate([0.25 * rng.normal(size=30), 2.0 * rng.normal(size=30)])
+    kinds = ["frequency"] * 30 + ["shape"] * 30
+    found = sampled(lambda x: A @ x - y, np.linalg.lstsq(A, y, rcond=None)[0], (-0.5, 1.0), "by-kind", kinds=kinds)
+    size = np.exp(found.weights.values @ found.theta)
+    np.testing.assert_allclose(size, [0.25, 2.0], rtol=0.3)
+
+
+@pytest.mark.slow
+def test_sixty_parameters_that_are_not_linear_are_refused_with_the_reason() -> None:
+    scale = np.linspace(1.0, 2.0, 60)
+    with pytest.raises(FemtuneError) as caught:
+        sampled(
+            lambda x: np.concatenate([30 * np.sin(3 * scale * x), 20 * x**2]), np.zeros(60), (-0.9, 2.0),
+            rules=SamplingRules(chain=SHORT),
+        )  # fmt: skip
+    assert caught.value.code == "posterior.not-sampled"
+    assert "60 parameters has 1891 coefficients" in caught.value.what
+
+
+def test_the_likelihood_with_errors_of_the_model_is_that_of_the_whole_covariance() -> None:
+    rng = np.random.default_rng(2)
+    n, m = 25, 5
+    B, r = rng.normal(size=(n, m)), rng.normal(size=(3, n))
+    groups = (NoiseGroup("a", np.arange(10), 10.0, True), NoiseGroup("b", np.arange(10, n), 15.0, False))
+    classes = (NuisanceClass("c", np.arange(2), 0.1), NuisanceClass("d", np.arange(2, m), 0.1))
+    likelihood = Likelihood(groups, classes, B)
+    theta = 0.4 * rng.normal(size=(3, 3))
+    for one, sizes, log in zip(r, np.exp(2 * theta), likelihood.at(r, theta)):
+        D = np.diag([*[sizes[0]] * 10, *[1.0] * 15])
+        S = np.diag([*[sizes[1]] * 2, *[sizes[2]] * 3])
+        assert log == pytest.approx(stats.multivariate_normal.logpdf(one, np.zeros(n), D + B @ S @ B.T))
+    parts, of_B = tuple(r[:, g.rows] for g in groups), tuple(B[g.rows] for g in groups)
+    _, by_parts, by_theta = likelihood.of(parts, of_B, theta)
+    direction, turn, step = rng.normal(size=r.shape), rng.normal(size=theta.shape), 1e-6
+    ends = [likelihood.at(r + s * direction, theta + s * turn) for s in (step, -step)]
+    slope = np.sum(np.hstack(by_parts) * direction, axis=1) + np.sum(by_theta * turn, axis=1)
+    np.testing.assert_allclose((ends[0] - ends[1]) / (2 * step), slope, rtol=1e-6)
+
+
+def test_a_surrogate_has_the_gradient_of_its_own_likelihood() -> None:
+    rng = np.random.default_rng(4)
+    k, n = 3, 12
+    monomials = Monomials(k, 3)
+    surrogate = PolynomialResiduals(Scaled.identity(k), monomials, rng.normal(size=(Monomials.number(k, 3), n)))
+    likelihood = Likelihood((NoiseGroup("a", np.arange(n), 12.0, True),), (), np.zeros((n, 0)))
+    x, theta, step = rng.normal(size=(6, k)), np.zeros((6, 1)), 1e-6
+    reduced = surrogate.for_chains(likelihood, rng.normal(size=(60, k)), np.full(1, 1e-9))
+    log, slope, _ = reduced.log_likelihood(x, theta)
+    np.testing.assert_allclose(log, likelihood.at(surrogate.residuals(x), theta))
+    d = rng.normal(size=x.shape)
+    ends = [reduced.log_likelihood(x + s * d, theta)[0] for s in (step, -step)]
+    np.testing.assert_allclose((ends[0] - ends[1]) / (2 * step), np.sum(slope * d, axis=1), rtol=1e-5)
+    by = monomials.derivatives(x)
+    values = [monomials.values(x + s * d) for s in (step, -step)]
+    np.testing.assert_allclose(np.einsum("nkq,nk->nq", by, d), (values[0] - values[1]) / (2 * step), atol=1e-6)
+
+
+def test_the_tail_of_weights_is_known_by_its_shape() -> None:
+    rng = np.random.default_rng(0)
+    for k in (0.2, 0.5, 0.9):
+        excess = np.sort(stats.genpareto.rvs(k, scale=3.0, size=4000, random_state=rng))
+        assert fitted_pareto(excess)[0] == pytest.approx(k, abs=0.06)
+    # of weights p/q of two normal distributions, q that of half the variance: the tail has the shape one half
+    z = np.sqrt(0.5) * rng.standard_normal(20_000)
+    assert smoothed_weights(0.5 * z**2).k_hat == pytest.approx(0.5, abs=0.12)
+
+
+@pytest.mark.slow
+def test_the_truth_has_a_uniform_rank_among_the_samples() -> None:
+    """Simulation-based calibration (Talts and others 2018); level of the test 0.1 %."""
+    ranks = []
+    for number in range(30):
+        rng = np.random.default_rng([9, number])
+        truth, A = rng.uniform(-0.6, 1.2, size=2), np.array([[1.0, 0.2], [0.3, 1.0], [0.7, 0.7], [0.2, 0.5]])
+        noise = 0.05 * rng.standard_normal(4)
+
+        def function(x: Reals, A: Reals = A, truth: Reals = truth, noise: Reals = noise) -> Reals:
+            return (np.log1p(A @ (x - truth) / (1.5 + A @ truth)) + noise) / 0.05
+
+        best = np.clip(truth, -0.6, 1.2)
+        found = sampled(function, best, (-0.6, 1.2), rules=SamplingRules(300, number, chain=SHORT))
+        ranks.append(found.weights.values @ (found.x < truth))
+    for of_parameter in np.array(ranks).T:
+        assert stats.kstest(of_parameter, "uniform").pvalue > 1e-3

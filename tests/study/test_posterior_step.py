@@ -1,0 +1,48 @@
+"""[posterior] through whole runs: results, page, interrupted runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import femtune as ft
+from femtune.steps.posterior.run import POSTERIOR_FILE
+
+from .cantilever import EI, TRUE, Bench
+
+TABLE = '\n[residuals]\nfrequency_sd = 0.01\n[posterior]\nnoise = "stated"\ndraws = 120\nstarts = 2\nseed = 4\n'
+
+
+@pytest.mark.slow
+def test_a_run_with_a_posterior(bench: Bench) -> None:
+    bench.write("beam.bdf", bench.text)
+    bench.uff(bench.measure(bench.truth(TRUE)))
+    study = bench.study(f"{EI}{TABLE}")
+    run = ft.run(study)
+    found = run.results.posterior
+    assert found is not None
+    samples, weights = run.arrays[found.samples_key], run.arrays[found.weights_key]
+    assert samples.shape == (found.draws, 2)
+    assert weights.sum() == pytest.approx(1.0)
+    assert found.effective > 60
+    # errors of one percent and no misfit: the truth is inside, and the linear interval does
+    for p, truth in zip(found.parameters, (1.3, 0.85)):
+        assert p.interval_95[0] < truth < p.interval_95[1]
+        assert p.mean == pytest.approx(float(weights @ samples[:, found.free.index(p.parameter)]))
+    assert [row.parameter for row in run.posterior] == ["root", "tip"]
+    assert not found.others
+    page = run.report.read_text(encoding="utf-8") if run.report else ""
+    assert "Posterior distribution" in page
+    assert "Distribution of the parameters: filled the samples" in page
+    # an interrupted run solves what is missing, with the same result
+    file = run.folder / POSTERIOR_FILE
+    lines = file.read_bytes().splitlines(keepends=True)
+    file.write_bytes(b"".join(lines[: len(lines) // 2]))
+    again = ft.posterior(study)
+    other = again.results.posterior
+    assert other is not None
+    assert 0 < other.recalled < found.draws
+    apart = {"seconds", "recalled"}
+    assert other.model_dump(exclude=apart) == found.model_dump(exclude=apart)
+    for key in (found.samples_key, found.weights_key, found.sizes_key):
+        np.testing.assert_array_equal(again.arrays[key], run.arrays[key])
