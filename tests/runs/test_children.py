@@ -7,14 +7,16 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tests.runs.fake import fake_solver
 
 from femtune.executor import Threads
 from femtune.runs import evaluate
-from femtune.runs.process import begun, run_process, start_of
+from femtune.runs.process import RunInterruptedError, begun, end_all, run_process, start_of
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are found in /proc")
 
@@ -72,6 +74,35 @@ def test_after_a_kill_the_next_start_ends_the_solver_before_it_removes_its_folde
     evaluate(fake_solver(tmp_path), [], Threads(1))
     assert start_of(solver) == ""
     assert not folder.exists()
+
+
+def test_a_run_that_is_started_while_all_are_ended_is_ended_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    popen, begin = subprocess.Popen, time.monotonic()
+    started: list[subprocess.Popen[bytes]] = []
+
+    def interrupted(*words: Any, **options: Any) -> subprocess.Popen[bytes]:
+        started.append(popen(*words, **options))
+        # before anything is known of the process
+        end_all()
+        return started[0]
+
+    monkeypatch.setattr(subprocess, "Popen", interrupted)
+    with pytest.raises(RunInterruptedError):
+        run_process((sys.executable, "-c", "import time; time.sleep(60)"), tmp_path, 60.0, {}, begun())
+    assert started[0].poll() is not None
+    assert time.monotonic() - begin < 30.0
+
+
+def test_no_thread_starts_a_run_after_all_were_ended(tmp_path: Path) -> None:
+    solver, point = fake_solver(tmp_path), {"k1": 4.0, "k2": 9.0, "point": 1}
+    end_all()
+    with ThreadPoolExecutor(1) as pool, pytest.raises(RunInterruptedError):
+        pool.submit(solver.run, point).result()
+    assert list((tmp_path / "runs").iterdir()) == []
+    # other runs may begin
+    assert evaluate(solver, [point], Threads(1)).started == 1
 
 
 def test_a_number_that_belongs_to_another_process_by_now_is_not_ended(tmp_path: Path) -> None:

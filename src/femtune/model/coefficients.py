@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -227,17 +226,6 @@ class Coefficients:
     numbers: Integers
 
     def __call__(self, table: TableJet) -> Jet:
-        # configurations share terms and, at one point, the table
-        known = self.__dict__.get("_last")
-        if known is None or known[0] is not table:
-            known = table, self._at(table)
-            self.__dict__["_last"] = known
-        return known[1]
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"book": self.book, "numbers": self.numbers}
-
-    def _at(self, table: TableJet) -> Jet:
         parts = [source.jet(table) for source, _ in self._plan]
         kind = np.result_type(float, *(p.value for p in parts))
         out = jet.constant(np.zeros(len(self.numbers), kind), table.moving.n_variables)

@@ -95,7 +95,7 @@ class ConfiguredModel:
 _MATRICES = (
     "stiffness", "mass", "viscous", "hysteretic", "element_hysteretic", "stiffness_derivatives", "mass_derivatives",
     "viscous_derivatives", "hysteretic_derivatives", "element_hysteretic_derivatives", "symmetric_stiffness",
-    "symmetric_mass", "slopes",
+    "symmetric_mass",
 )  # fmt: skip
 
 
@@ -265,29 +265,6 @@ class ModelPoint:
     def stiffness_derivatives(self) -> tuple[sp.csr_array, ...]:
         """∂K/∂x_i of every free parameter."""
         return tuple(self._matrix("stiffness", (i,)) for i in range(self.n_parameters))
-
-    @cached_property
-    def slopes(self) -> sp.csr_array:
-        """(2kn, n) ∂K/∂x of all k free parameters, one below the other, then ∂M/∂x: for one product with all.
-
-        For small models; others have `stiffness_derivatives` and `mass_derivatives`.
-        """
-        of, count = self.configured.both_triangles, 2 * self.n_parameters
-        data = np.concatenate([self._upper_derivatives("stiffness"), self._upper_derivatives("mass")], axis=1)
-        first = len(of.indices) * np.arange(count)[:, None]
-        starts = np.append((of.indptr[:-1] + first).ravel(), count * len(of.indices))
-        entries = data[of.source].T.ravel(), np.tile(of.indices, count), starts
-        return sp.csr_array(entries, shape=(count * self.configured.n_free, self.configured.n_free))
-
-    def _upper_derivatives(self, kind: MatrixKind) -> NDArray:
-        """(nnz, k) entries of the upper triangles of a matrix's derivatives by all parameters."""
-        self.check_frequency(kind)
-        dtype = self.x.dtype if np.iscomplexobj(self.x) else float
-        data = np.zeros((len(self.configured.indices), self.n_parameters), dtype)
-        for projected, c in zip(self.configured.projected, self.coefficients):
-            if projected.term.matrix == kind and c is not None and c.grad.any():
-                data += projected.spread @ c.grad
-        return data
 
     @cached_property
     def mass_derivatives(self) -> tuple[sp.csr_array, ...]:

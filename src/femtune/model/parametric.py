@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -100,7 +100,7 @@ class ParametricModel:
 
         `factors` are the values of the tables over frequency; 1 where none are given.
         """
-        return self._once(True, x, factors, lambda: self._table(self.parameters.jets(x), self._n_free, factors))
+        return self._table(self.parameters.jets(x), len(self.parameters.free), factors)
 
     def values(self, x: NDArray, factors: Sequence[float] = ()) -> NDArray[np.float64]:
         """(n,) the value table without derivatives, which take most of the time if there are many parameters."""
@@ -108,28 +108,8 @@ class ParametricModel:
 
     def table_of_values(self, x: NDArray, factors: Sequence[float] = ()) -> TableJet:
         """The same as jets of no variables."""
-        values = self.parameters.values
-        return self._once(
-            False, x, factors, lambda: self._table({n: constant(v, 0) for n, v in values(x).items()}, 0, factors)
-        )
-
-    def _once(self, derivatives: bool, x: NDArray, factors: Sequence[float], make: Callable[[], TableJet]) -> TableJet:
-        """A table, made once: all configurations request it at one point after the other."""
-        point = np.asarray(x)
-        key = point.dtype.str, point.tobytes(), tuple(factors)
-        known = self._last.get(derivatives)
-        if known is None or known[0] != key:
-            known = self._last[derivatives] = key, make()
-        return known[1]
-
-    @cached_property
-    def _last(self) -> dict[bool, tuple[tuple[str, bytes, tuple[float, ...]], TableJet]]:
-        """The last tables with derivatives and without."""
-        return {}
-
-    @property
-    def _n_free(self) -> int:
-        return len(self.parameters.free)
+        values = self.parameters.values(x)
+        return self._table({n: constant(v, 0) for n, v in values.items()}, 0, factors)
 
     def _table(self, jets: Mapping[str, Jet], k: int, factors: Sequence[float]) -> TableJet:
         """The value table from the parameters with their derivatives by k variables."""

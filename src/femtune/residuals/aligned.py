@@ -43,8 +43,6 @@ def align(derivative: SubspaceDerivative, test: Reals) -> AlignedModes:
     ------
     FemtuneError : ``residual.unseen-mode`` where a test shape has no part in the subspace
     """
-    if len(derivative.eigenvalues) == test.shape[1] == 1:
-        return _single(derivative, test[:, 0])
     A, dA = derivative.shapes, _basis_gradient(derivative)
     Q, dQ = _rotation(A, dA, test)
     small = np.diag(derivative.eigenvalues)
@@ -54,17 +52,6 @@ def align(derivative: SubspaceDerivative, test: Reals) -> AlignedModes:
     shapes = A @ Q
     d_shapes = np.einsum("sak,ai->sik", dA, Q) + np.einsum("sa,aik->sik", A, dQ)
     return AlignedModes(turned, d_turned, shapes, d_shapes)
-
-
-def _single(d: SubspaceDerivative, test: Reals) -> AlignedModes:
-    """A single mode in the sign of its test shape."""
-    known = ~np.isnan(test)
-    along = d.shapes[known, 0] @ test[known]
-    if along == 0.0:
-        raise _unseen(1)
-    sign = np.sign(along)
-    shape, gradient = sign * d.shapes, sign * d.shape_gradient[:, None, :]
-    return AlignedModes(d.eigenvalues, d.eigenvalue_gradient[None], shape, gradient)
 
 
 def _basis_gradient(d: SubspaceDerivative) -> Reals:
@@ -99,13 +86,11 @@ def _rotation(A: Reals, dA: Reals, B: Reals) -> tuple[Reals, Reals]:
 def _unit_columns(X: Reals, dX: Reals) -> tuple[Reals, Reals]:
     length = np.linalg.norm(X, axis=0)
     if not (length > 0.0).all():
-        raise _unseen(int(np.argmin(length)) + 1)
+        raise FemtuneError(
+            "residual.unseen-mode", values={"test mode within its group (from 1)": int(np.argmin(length)) + 1}
+        )
     U = X / length
     return U, (dX - U[:, :, None] * np.einsum("ai,aik->ik", U, dX)) / length[None, :, None]
-
-
-def _unseen(mode: int) -> FemtuneError:
-    return FemtuneError("residual.unseen-mode", values={"test mode within its group (from 1)": mode})
 
 
 def _coordinates(A: Reals, dA: Reals, B: Reals) -> tuple[Reals, Reals]:

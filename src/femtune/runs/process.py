@@ -26,7 +26,7 @@ _PAUSE_S = 0.01
 """Time in s that the system gets to remove processes that were ended."""
 _RUNNING: dict[subprocess.Popen[bytes], Path] = {}
 _STOPS: list[threading.Event] = [threading.Event()]
-"""The last event is that of the runs that go on; it is set when they are interrupted."""
+"""The event of the runs that go on; it is set when they are interrupted, and `begin_runs` replaces it."""
 _LOCK = threading.Lock()
 
 
@@ -34,9 +34,21 @@ class RunInterruptedError(Exception):
     """The runs were interrupted; this one is not tried again."""
 
 
+def begin_runs() -> None:
+    """Let runs begin again after others were interrupted.
+
+    Until then none begins: a thread that was about to start a run when all were ended must not start it afterwards.
+    """
+    with _LOCK:
+        if _STOPS[0].is_set():
+            _STOPS[0] = threading.Event()
+
+
 def begun() -> threading.Event:
-    """What is set when the runs that begin now are interrupted."""
-    return _STOPS[-1]
+    """What is set when the runs that begin now are interrupted; it is set already for a thread of interrupted runs."""
+    if threading.current_thread() is threading.main_thread():
+        begin_runs()
+    return _STOPS[0]
 
 
 def pause(seconds: float, stop: threading.Event) -> None:
@@ -79,6 +91,8 @@ def run_process(
     with _LOCK:
         _RUNNING[process] = folder.resolve()
     try:
+        # they may have been ended while this one was started
+        pause(0.0, stop)
         started(process.pid)
         code = process.wait(timeout_s)
     except subprocess.TimeoutExpired:
@@ -111,9 +125,7 @@ def _signal(send: Callable[[int, int], None], pid: int) -> None:
 def end_all() -> None:
     """End all solvers that this process has started: the run is interrupted."""
     with _LOCK:
-        _STOPS[-1].set()
-        _STOPS.append(threading.Event())
-        del _STOPS[:-1]
+        _STOPS[0].set()
         running = list(_RUNNING.items())
     for process, folder in running:
         _end(process, folder)

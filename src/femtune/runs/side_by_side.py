@@ -11,7 +11,7 @@ from femtune.executor import Executor
 from femtune.executor.interface import nothing
 from femtune.runs.external import Solver, Values
 from femtune.runs.outcome import RunOutcome
-from femtune.runs.process import end_all
+from femtune.runs.process import begin_runs, end_all
 
 
 class RunKeeper(Protocol):
@@ -70,6 +70,7 @@ def evaluate(
     """
     solver.check()
     solver.clean()
+    begin_runs()
     keys = [solver.key(values) for values in points]
     known: dict[str, RunOutcome] = {}
     for key in dict.fromkeys(keys):

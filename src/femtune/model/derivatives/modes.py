@@ -20,7 +20,6 @@ from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.solution import EigenSolution
-from femtune.model.eigen.spectrum import DENSE_UP_TO, DenseSpectrum
 from femtune.model.solvers.interface import Factor
 
 _TOLERANCE = 1e-13
@@ -33,8 +32,6 @@ _MOST_STEPS = 400
 """Steps of the conjugate gradients."""
 _REPEATED = 1e-9
 """|λ_j − λ_h| relative to λ_j − σ below which two modes cross exactly: the quotient would have no digits."""
-_PASSES = 2
-"""Solutions by all eigenpairs of a small model: the second removes the rounding that large eigenvalues bring in."""
 _STURM_FACTOR_FROM = 60_000
 """DOFs from which on a solution keeps the factors of the Sturm count, and not those of its own shift."""
 _PENCILS: WeakKeyDictionary[ModelPoint, Pencil] = WeakKeyDictionary()
@@ -97,9 +94,6 @@ def exact_derivative(
 def _forces(solution: EigenSolution, members: list[int]) -> tuple[NDArray, NDArray, NDArray]:
     """(K′ − λ_jM′)φ_j as (n, c, k), and ΦᵀK′Φ, ΦᵀM′Φ as (k, c, c)."""
     point, phi, values = solution.point, solution.shapes[:, members], solution.eigenvalues[members]
-    if len(phi) <= DENSE_UP_TO and point.n_parameters:
-        pushed = (point.slopes @ phi).reshape(2, point.n_parameters, *phi.shape)
-        return np.moveaxis(pushed[0] - pushed[1] * values, 0, -1), phi.T @ pushed[0], phi.T @ pushed[1]
     forces, stiffness, mass = [], [], []
     for i in range(point.n_parameters):
         k, m = point.stiffness_derivatives[i] @ phi, point.mass_derivatives[i] @ phi
@@ -116,12 +110,6 @@ def _outside(solution: EigenSolution, members: list[int], forces: NDArray) -> ND
     gaps, out = inverse_gaps(solution, [members]), np.zeros_like(forces)
     # a damping, or a parameter of another part of the structure, does not change the modes
     acts = np.flatnonzero(forces.any(axis=(0, 1)))
-    if len(forces) <= DENSE_UP_TO:
-        columns = np.repeat(np.arange(len(members)), len(acts))
-        some = forces[:, :, acts].reshape(len(forces), -1)
-        found = outside(solution, solution.eigenvalues[members][columns], gaps[:, columns], some)
-        out[:, :, acts] = found.reshape(len(forces), len(members), len(acts))
-        return out
     for j, member in enumerate(members):
         out[:, j, acts] = outside(solution, solution.eigenvalues[[member]], gaps[:, [j]], forces[:, j, acts])
     return out
@@ -139,29 +127,12 @@ def outside(solution: EigenSolution, eigenvalues: Reals, gaps: Reals, forces: Re
     gaps : (m, k) or (m, 1) from `inverse_gaps`
     forces : f (n, k)
     """
-    if solution.spectrum is not None:
-        return _outside_by_all(solution, solution.spectrum, eigenvalues, gaps, forces)
     known, pencil, phi = Complement(solution), pencil_of(solution.point), solution.shapes
     # relative to the whole force: if it lies in the known modes, the rest is rounding
     size = known.energy(forces)
     rest, out = forces, np.zeros_like(forces)
     for least in (size, _LEAST_PART * size):
         out += phi @ ((phi.T @ rest) * gaps) + known.solve(eigenvalues, -rest, least, _ENOUGH)
-        rest = forces + pencil.stiffness @ out - eigenvalues * (pencil.mass @ out)
-    return out
-
-
-def _outside_by_all(
-    solution: EigenSolution, spectrum: DenseSpectrum, eigenvalues: Reals, gaps: Reals, forces: Reals
-) -> Reals:
-    """The same by all eigenpairs of a small model, and once more for the residual."""
-    pencil, phi, (theta, vectors) = spectrum.pencil, solution.shapes, spectrum.vectors
-    further, m_phi = vectors[:, : len(theta) - phi.shape[1]], pencil.mass @ phi
-    inverse = 1.0 / (1.0 - theta[: further.shape[1], None] * (eigenvalues - spectrum.shift))
-    rest, out = forces, np.zeros_like(forces)
-    for _ in range(_PASSES):
-        inside = phi.T @ rest
-        out += phi @ (inside * gaps) - further @ (inverse * (further.T @ (rest - m_phi @ inside)))
         rest = forces + pencil.stiffness @ out - eigenvalues * (pencil.mass @ out)
     return out
 

@@ -13,11 +13,26 @@ from femtune.model.eigen.accuracy import energy_residuals
 from femtune.model.eigen.krylov import TOLERANCE, KrylovBasis, begin, beside, iterate
 from femtune.model.eigen.mass_space import MassSpace
 from femtune.model.eigen.pencil import Inverse, Pencil, pieces
-from femtune.model.eigen.spectrum import DENSE_UP_TO, DenseSpectrum, Pairs, finite, largest, polished
 from femtune.model.linear.symmetric import SymmetricMatrix
 
 # ----------------------------------------------------------------------------------------------------
-# The lowest eigenpairs from the flexibility of the DOFs that have mass.
+# The lowest eigenpairs of small problems: densely, or from the flexibility of the DOFs that have mass.
+
+
+_WITHOUT_MASS = 1e-14
+"""θ below this fraction of the largest belong to directions without mass: rounding of the largest is 1e-16."""
+_POLLUTED = 1e-7
+"""θ below this fraction of the largest have lost half of their digits to the large ones, and are solved once more."""
+
+
+def dense(pencil: Pencil, shift: float, count: int) -> Pairs:
+    """By the inverse: eigenvalues θ = 1/(λ − σ) of L⁻¹ML⁻ᵀ; M may be singular."""
+    L = la.cholesky(pencil.shifted(shift).full().toarray(), lower=True)
+    half = la.solve_triangular(L, pencil.M.full().toarray(), lower=True)
+    inverse = la.solve_triangular(L, half.T, lower=True)
+    theta, y = finite(*largest(0.5 * (inverse + inverse.T), count))
+    shapes = la.solve_triangular(L, y, lower=True, trans="T") / np.sqrt(theta)
+    return _polished(pencil, shift, theta, shapes)
 
 
 def condensed(inverse: Inverse, count: int) -> Pairs:
@@ -29,9 +44,48 @@ def condensed(inverse: Inverse, count: int) -> Pairs:
     G, m = X[heavy], pencil.M.full()[heavy][:, heavy].toarray()
     L = la.cholesky(0.5 * (G + G.T), lower=True)
     theta, y = finite(*largest(L.T @ m @ L, count))
-    return polished(pencil, inverse.shift, theta, X @ (m @ (L @ y)) / theta**1.5)
+    return _polished(pencil, inverse.shift, theta, X @ (m @ (L @ y)) / theta**1.5)
 
 
+def largest(matrix: Reals, count: int) -> Pairs:
+    """At most `count` largest eigenvalues of a symmetric matrix, ascending, and their vectors."""
+    n = len(matrix)
+    first = max(0, n - count)
+    try:
+        theta, y = la.eigh(matrix, subset_by_index=[first, n - 1])
+    except la.LinAlgError:
+        # LAPACK's xSYEVR can fail on many eigenvalues that are equal but for rounding
+        theta, y = la.eigh(matrix, driver="evd")
+        theta, y = theta[first:], y[:, first:]
+    return theta, y
+
+
+def finite(theta: Reals, vectors: Reals) -> Pairs:
+    """θ that are not zero, and their vectors."""
+    some = theta > _WITHOUT_MASS * theta.max()
+    if some.all():
+        return theta, vectors
+    return theta[some], vectors[:, some]
+
+
+def _polished(pencil: Pencil, shift: float, theta: Reals, shapes: Reals) -> Pairs:
+    """Modes far above the lowest, freed of these and solved once more among themselves."""
+    values, shapes = shift + 1.0 / theta, shapes.copy()
+    high = theta < _POLLUTED * theta.max()
+    if not high.any():
+        return values, shapes
+    good, X = shapes[:, ~high], shapes[:, high]
+    for _ in range(2):
+        X = X - good @ (good.T @ (pencil.mass @ X))
+    values[high], y = la.eigh(X.T @ (pencil.stiffness @ X), X.T @ (pencil.mass @ X))
+    shapes[:, high] = X @ y
+    return values, shapes
+
+
+Pairs = tuple[Reals, Reals]
+
+DENSE_UP_TO = 400
+"""DOFs up to which dense matrices are solved: there they are as fast as an iteration, and find all modes."""
 _MOST_ENTRIES = 20_000_000
 """Entries of the columns of (K − σM)⁻¹ at the DOFs with mass that may be stored: 160 MB."""
 _ACCURACY = 1e-5
@@ -51,13 +105,11 @@ class EigenSearch:
     inverse : (K − σM)⁻¹ for a σ below the spectrum
     start : (n, c) shapes that are nearly those wanted
     basis : a basis that was begun with this factor
-    spectrum : of a small pencil, at this shift
     """
 
     inverse: Inverse
     start: Reals | None = None
     basis: KrylovBasis | None = None
-    spectrum: DenseSpectrum | None = None
 
     @property
     def pencil(self) -> Pencil:
@@ -82,7 +134,7 @@ def lowest(search: EigenSearch, count: int, wanted: int, known: Pairs | None = N
     """
     try:
         if search.pencil.n <= DENSE_UP_TO:
-            values, shapes = (search.spectrum or DenseSpectrum.of(search.pencil, search.shift)).lowest(count)
+            values, shapes = dense(search.pencil, search.shift, count)
         elif is_iterative(search.pencil, count):
             values, shapes = iterative(search, count, wanted, known)
         else:

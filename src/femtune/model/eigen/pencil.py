@@ -37,15 +37,6 @@ class Pencil:
         return self.K.shape[0]
 
     @cached_property
-    def dense_mass(self) -> Reals:
-        """(n, n) M of a small pencil."""
-        return self.M.dense()
-
-    def dense_shifted(self, shift: float) -> Reals:
-        """(n, n) K − σM of a small pencil."""
-        return self.shifted(shift).dense()
-
-    @cached_property
     def stiffness(self) -> Product:
         """K for products."""
         return product(self.K)

@@ -12,8 +12,6 @@ from femtune.model.eigen.krylov import KrylovBasis, begin
 from femtune.model.eigen.mass_space import MassSpace
 from femtune.model.eigen.pairs import EigenSearch
 from femtune.model.eigen.pencil import Inverse, Pencil
-from femtune.model.eigen.spectrum import DENSE_UP_TO, CholeskyFactor, DenseSpectrum
-from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.mechanisms import check_mechanisms
 from femtune.model.solvers.interface import Factor, SingularMatrixError
 
@@ -42,8 +40,6 @@ _STILL_FALLING = 0.7
 _NEARER = 1e-2
 """A lowest estimate between the first, as a part of the shift, and the second, as a part of the estimate before, has
 not converged, because all modes look alike from so far away: the third is the factor of the next shift."""
-_KNOWN = 1e-8
-"""θ relative to the largest one from which on it has digits."""
 _ELASTIC_PART = 1e-3
 """Estimates below this part of the shift may be rigid-body modes that rounding lifts from zero."""
 
@@ -58,22 +54,17 @@ def spectral_shift(point: ModelPoint, pencil: Pencil, count: int) -> EigenSearch
     ------
     FemtuneError : ``eigen.mechanism``, ``eigen.negative``
     """
-    size, start = first_guess(pencil), None
+    size = first_guess(pencil)
     for _ in range(_MOST_TRIALS):
         size, factor = _factor_below(point, pencil, size)
         inverse = Inverse(pencil, -size, factor)
-        if isinstance(factor, CholeskyFactor):
-            spectrum = DenseSpectrum(pencil, -size, factor)
-            if (better := _better_of(spectrum, count)) == size:
-                return EigenSearch(inverse, spectrum=spectrum)
-            size = better
-            continue
         better, basis = _better_size(inverse, count)
         if better == size:
             return EigenSearch(inverse, None, basis)
         start, size = np.array(basis.vectors), better
         del basis, inverse, factor
-    return _search_below(point, pencil, size, start)
+    size, factor = _factor_below(point, pencil, size)
+    return EigenSearch(Inverse(pencil, -size, factor), start)
 
 
 def near_shift(point: ModelPoint, pencil: Pencil, known: Reals, shift: float, start: Reals) -> EigenSearch:
@@ -83,13 +74,9 @@ def near_shift(point: ModelPoint, pencil: Pencil, known: Reals, shift: float, st
     if not _NEAREST_USABLE < -shift / best < _FARTHEST_USABLE:
         # rigid-body modes that rounding lifts from zero look elastic, and so near to zero nothing is accurate
         shift = -max(best, min(-shift, _NEAREST * float((pencil.K.diagonal() / _masses(pencil)).max())))
-    return _search_below(point, pencil, -shift, start)
-
-
-def _search_below(point: ModelPoint, pencil: Pencil, size: float, start: Reals | None) -> EigenSearch:
+    size = -shift
     size, factor = _factor_below(point, pencil, size)
-    spectrum = DenseSpectrum(pencil, -size, factor) if isinstance(factor, CholeskyFactor) else None
-    return EigenSearch(Inverse(pencil, -size, factor), start, spectrum=spectrum)
+    return EigenSearch(Inverse(pencil, -size, factor), start)
 
 
 def _masses(pencil: Pencil) -> Reals:
@@ -115,7 +102,7 @@ def _factor_below(point: ModelPoint, pencil: Pencil, size: float) -> tuple[float
     for _ in range(_MOST_TRIALS):
         shifted = pencil.shifted(-size)
         try:
-            factor = _definite(shifted) or pencil.factorise(-size)
+            factor = pencil.factorise(-size)
         except SingularMatrixError:
             factor = None
         check_mechanisms(point, shifted, factor)
@@ -123,16 +110,6 @@ def _factor_below(point: ModelPoint, pencil: Pencil, size: float) -> tuple[float
             return size, factor
         size *= _FARTHER
     raise negative_stiffness(point)
-
-
-def _definite(matrix: SymmetricMatrix) -> CholeskyFactor | None:
-    """Dense factors of a small matrix that is positive definite."""
-    if matrix.shape[0] > DENSE_UP_TO:
-        return None
-    try:
-        return CholeskyFactor(matrix.dense())
-    except la.LinAlgError:
-        return None
 
 
 def negative_stiffness(point: ModelPoint) -> FemtuneError:
@@ -155,27 +132,11 @@ def _better_size(inverse: Inverse, count: int) -> tuple[float, KrylovBasis]:
     if not (values > _ELASTIC_PART * size).any() and basis.k < operator.rank:
         # θ of the rigid-body motions is so far above the rest that the start contains nothing else
         return _FARTHER * size, basis
-    return _beside_elastic(values, size), basis
-
-
-def _better_of(spectrum: DenseSpectrum, count: int) -> float:
-    """The same by all eigenvalues of a small pencil."""
-    size, theta = -spectrum.shift, spectrum.theta[::-1]
-    # θ of directions without mass, and those that the rigid-body motions leave no digits
-    known = theta > _KNOWN * theta[0]
-    values = 1.0 / theta[known][:count] - size
-    if not (values > _ELASTIC_PART * size).any() and not known.all():
-        return _FARTHER * size
-    return _beside_elastic(values, size)
-
-
-def _beside_elastic(values: Reals, size: float) -> float:
-    """A size of the shift for these lowest eigenvalues, the same if it is good enough."""
     positive = values[values > _RIGID * values.max(initial=0.0)]
     # far below the shift a rigid-body mode looks elastic by rounding, or because the iteration has not converged to it
     elastic = positive[positive > _ELASTIC_PART * size] if (positive > _ELASTIC_PART * size).any() else positive
     lowest = float(elastic.min()) if elastic.size else size
-    return size if _NEAREST_USABLE < size / lowest < _FARTHEST_USABLE else _BEST * lowest
+    return (size if _NEAREST_USABLE < size / lowest < _FARTHEST_USABLE else _BEST * lowest), basis
 
 
 def _step(basis: KrylovBasis, size: float) -> Reals:
@@ -184,4 +145,4 @@ def _step(basis: KrylovBasis, size: float) -> Reals:
         return np.zeros(0)
     basis.step()
     theta = la.eigvalsh(basis.T)
-    return np.asarray(1.0 / theta[theta > _KNOWN * theta[-1]][::-1] - size)
+    return np.asarray(1.0 / theta[theta > 1e-8 * theta[-1]][::-1] - size)

@@ -17,7 +17,6 @@ from femtune.model.eigen.pairs import DENSE_UP_TO, EigenSearch, Pairs, is_iterat
 from femtune.model.eigen.pencil import Pencil, indefinite_mass
 from femtune.model.eigen.shift import first_guess, near_shift, negative_stiffness, spectral_shift
 from femtune.model.eigen.slepc import goes_to_slepc, small_for_slepc, solve_by_slepc
-from femtune.model.eigen.spectrum import DenseSpectrum
 from femtune.model.eigen.sturm import Count, Cut, count_below, cut_above, missed, not_counted, separates, with_repeats
 from femtune.model.linear.blocks import recycled
 from femtune.model.linear.sparse_products import row_major
@@ -52,7 +51,6 @@ class EigenSolution:
         counted from the inertia of K − σM; −1 where it could not be counted
     sturm_factor : factors of K − σM at `sturm_shift`, kept for large models in place of those at `shift`
     method : eigen-solver and sparse solver that ran, in words; "" if unknown
-    known_spectrum : all eigenpairs of a small model, where they are at hand
     """
 
     point: ModelPoint = field(repr=False)
@@ -66,17 +64,6 @@ class EigenSolution:
     known_factor: Factor | None = field(default=None, repr=False)
     sturm_factor: Factor | None = field(default=None, repr=False)
     method: str = ""
-    known_spectrum: DenseSpectrum | None = field(default=None, repr=False)
-
-    @cached_property
-    def spectrum(self) -> DenseSpectrum | None:
-        """All eigenpairs of a small model; None of a large one, or where its shift is not below the spectrum."""
-        if self.known_spectrum is not None or len(self.shapes) > DENSE_UP_TO:
-            return self.known_spectrum
-        try:
-            return DenseSpectrum.of(Pencil(self.point.symmetric_stiffness, self.point.symmetric_mass), self.shift)
-        except np.linalg.LinAlgError:
-            return None
 
     @cached_property
     def factor(self) -> Factor:
@@ -259,8 +246,7 @@ def _solution(
     number_below = -1 if count.below is None else count.below
     # one order in memory, so that later results are the same to the last bit whichever solver computed the shapes
     kept = row_major(shapes)
-    # small models factorise again where a sparse factor is wanted, as they do where the solution was read from a file
-    factor = None if search.spectrum is not None else search.inverse.at_hand
+    factor = search.inverse.at_hand
     sturm = count.factor if factor is None and _is_accurate(count.factor) else None
     return EigenSolution(
         point=point,
@@ -273,7 +259,6 @@ def _solution(
         notices=notices,
         known_factor=factor,
         sturm_factor=sturm,
-        known_spectrum=search.spectrum,
     )
 
 

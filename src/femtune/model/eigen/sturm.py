@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Notice
 from femtune.model.eigen.pencil import Pencil
-from femtune.model.eigen.spectrum import DENSE_UP_TO, negative_eigenvalues
 from femtune.model.solvers.interface import Factor, SingularMatrixError
 
 _REPEATED = 1e-6
@@ -33,8 +32,6 @@ def count_below(pencil: Pencil, value: float) -> Count:
     """Negative pivots of K − λM."""
     for nudge in _NUDGES:
         try:
-            if pencil.n <= DENSE_UP_TO:
-                return Count(nudge * value, negative_eigenvalues(pencil.dense_shifted(nudge * value)))
             factor = pencil.factorise(nudge * value)
         except SingularMatrixError:
             continue

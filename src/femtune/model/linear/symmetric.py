@@ -61,14 +61,6 @@ class SymmetricMatrix:
         upper = self.upper
         return np.asarray(upper @ x + upper.T @ x - diagonal * x)
 
-    def dense(self) -> NDArray:
-        """(n, n) both triangles as a full array, for small matrices."""
-        out = np.zeros(self.shape, self.data.dtype)
-        rows = np.repeat(np.arange(len(out)), np.diff(self.indptr))
-        out[rows, self.indices] = self.data
-        out[self.indices, rows] = self.data
-        return out
-
     def full(self) -> sp.csr_array:
         """Both triangles."""
         return BothTriangles.of(self.indptr, self.indices).matrix(self.data)

@@ -23,7 +23,8 @@ from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
 from femtune.modal import ModeSet
 from femtune.steps.identify.choices import picked_poles
-from femtune.steps.identify.identified import Curve, Found, NothingFound
+from femtune.steps.identify.identified import Curve, Found
+from femtune.steps.identify.result import NothingFound
 from femtune.testdata import NO_GEOMETRY
 from femtune.testdata.checks import phase_collinearity
 

@@ -34,8 +34,9 @@ from femtune.identification.operational import (
 from femtune.identification.record_checks import level_ratios
 from femtune.modal.shape_criteria import mac
 from femtune.steps.identify.choices import picked_poles
-from femtune.steps.identify.identified import Curve, Found, NothingFound
+from femtune.steps.identify.identified import Curve, Found
 from femtune.steps.identify.request import check_length
+from femtune.steps.identify.result import NothingFound
 from femtune.units import unit_system
 
 if TYPE_CHECKING:

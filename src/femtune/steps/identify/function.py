@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from femtune.arguments import checked
 from femtune.files.study_file.python_table import plain
 from femtune.journal.run_files import REPORT_FILE
-from femtune.steps.identify.identified import NothingFound
+from femtune.steps.identify.result import NothingFound
 from femtune.steps.identify.run import identify as find_modes
 from femtune.study.progress import silent
 

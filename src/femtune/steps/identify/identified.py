@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError
 from femtune.identification.choice import Limits, stable
 from femtune.testdata import NO_GEOMETRY
 
@@ -21,17 +20,7 @@ if TYPE_CHECKING:
     from femtune.identification.mode_checks import ModeRemark
     from femtune.identification.pole_table import PoleTable
     from femtune.modal import FrfSet, ModeSet, StateSpace
-    from femtune.steps.identify.result import IdentifyResult
     from femtune.testdata import WireFrame
-
-
-class NothingFound(FemtuneError):  # noqa: N818
-    """No mode was chosen; `found` has the poles from which a person may choose, and what was measured."""
-
-    def __init__(self, error: FemtuneError, found: Found) -> None:
-        super().__init__(error.code, error.what, where=error.where, values=error.values, hint=error.hint)
-        self.facts, self.notices, self.found = error.facts, error.notices, found
-        self.result: IdentifyResult | None = None
 
 
 @dataclass(frozen=True, eq=False)

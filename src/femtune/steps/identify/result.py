@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from femtune.errors import FemtuneError
 from femtune.steps.result import StepResult
 from femtune.study.rows import Rows, rows_of
 
@@ -101,3 +102,12 @@ class IdentifyResult(StepResult):
 
     def _table(self) -> Rows:
         return self.frequencies
+
+
+class NothingFound(FemtuneError):  # noqa: N818
+    """No mode was chosen; `found` has the poles from which a person may choose, and what was measured."""
+
+    def __init__(self, error: FemtuneError, found: Found) -> None:
+        super().__init__(error.code, error.what, where=error.where, values=error.values, hint=error.hint)
+        self.facts, self.notices, self.found = error.facts, error.notices, found
+        self.result: IdentifyResult | None = None

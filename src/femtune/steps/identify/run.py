@@ -19,10 +19,9 @@ from femtune.steps.identify.choices import digest_of
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.steps.identify.from_record import found_from_record, heading_notices, read_asked
-from femtune.steps.identify.identified import NothingFound
 from femtune.steps.identify.levels import level_file, linearity_notice, linearity_of
 from femtune.steps.identify.request import asked_of, check_methods, check_no_lines, check_usable
-from femtune.steps.identify.result import IdentifyResult
+from femtune.steps.identify.result import IdentifyResult, NothingFound
 from femtune.steps.identify.rigid_bodies import with_rigid_bodies
 from femtune.steps.identify.setups import found_from_setups
 from femtune.steps.identify.write import RECORD_FILE, WRITTEN_FILES, no_modes_file, test_of_modes, write_found
