@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,13 @@ import pytest
 from tests.deck_models import model_of
 
 import femtune as ft
-from femtune.errors import Notice
+from femtune.errors import FemtuneError, Notice
 from femtune.identification import equal_damping
 from femtune.model import damping_by_mode, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.residuals.frf import measured_damping
 from femtune.steps.run.result import RunResult
+from femtune.steps.update import raw
 from femtune.steps.update import run as update_run
 
 from ..messages.shown import check_shown
@@ -145,11 +147,36 @@ def test_the_update_with_equal_damping_alone(bench: Bench) -> None:
     assert not {"update.raw", "update.raw-moved"} & {a.code for a in results.alerts}
 
 
+@pytest.mark.parametrize("fails", [False, True])
+def test_pairs_that_do_not_stay_are_told(monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
+    end = SimpleNamespace(status=SimpleNamespace(ok=True))
+    rounds: list[object] = []
+
+    def another(*given: object) -> object:
+        rounds.append(given)
+        if fails and len(rounds) > 1:
+            raise FemtuneError("correlate.no-damping", test="the test")
+        return SimpleNamespace(result=end, reduced=None)
+
+    monkeypatch.setattr(raw, "_round", another)
+    monkeypatch.setattr(raw, "_asked", lambda study: True)
+    monkeypatch.setattr(raw, "_settled", lambda study, found: False)
+    file = SimpleNamespace(equalise=SimpleNamespace(then="raw"), stage=())
+    asked = SimpleNamespace(file=file, source=SimpleNamespace(needs_runs=False))
+    found, told = raw.then_raw(asked, end, None, None)  # type: ignore[arg-type]
+    assert found is not None
+    assert [notice.code for notice in told] == ["update.raw-open"]
+    assert ("could not be repeated" in told[0].what) is fails
+    assert len(rounds) == (2 if fails else 3)
+
+
 @pytest.mark.parametrize(
     ("code", "facts"),
     [
         ("update.no-raw", {"reason": "no paired mode of the test has a damping ratio"}),
         ("update.no-raw/not-converged", {"ending": "iteration limit reached"}),
+        ("update.raw-open", {"rounds": 3}),
+        ("update.raw-open/failed", {"reason": "no paired mode of the test has a damping ratio"}),
         ("update.raw", {"paired": 9, "median": 1.2, "moved": 0.8, "name": "root"}),
         ("update.raw-moved", {"names": "root, tip", "limit": 3.0}),
         (
