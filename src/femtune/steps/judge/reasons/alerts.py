@@ -24,6 +24,7 @@ WEIGHTS: Mapping[str, Weight] = {
     "update.few-data": "reservation",
     "update.few-samples": "reservation",
     "update.no-raw": "reservation",
+    "update.raw-misfit": "reservation",
     "update.raw-moved": "reservation",
     "update.raw-open": "reservation",
     "update.mode-not-identified": "reservation",
