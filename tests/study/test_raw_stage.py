@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,13 @@ import pytest
 from tests.deck_models import model_of
 
 import femtune as ft
-from femtune.errors import Notice
+from femtune.errors import FemtuneError, Notice
 from femtune.identification import equal_damping
 from femtune.model import damping_by_mode, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.residuals.frf import measured_damping
 from femtune.steps.run.result import RunResult
+from femtune.steps.update import raw
 from femtune.steps.update import run as update_run
 
 from ..messages.shown import check_shown
@@ -27,9 +29,9 @@ LINES = np.arange(5.0, 240.0, 0.25)
 TRUTH = {"root": 1.3, "tip": 0.85}
 
 
-def measure(bench: Bench, noise: float) -> None:
+def measure(bench: Bench, noise: float, changes: tuple[tuple[str, str], ...] = TRUE) -> None:
     """Receptances of the true beam, with noise of each value and of a floor."""
-    model = model_of(bench.truth(TRUE, CANTILEVER))
+    model = model_of(bench.truth(changes, CANTILEVER))
     ports = make_ports(model, ["5Y+"], ["2Y+", "3Y+", "4Y+", "5Y+"])
     exact = frf(solve_modes(model.at(np.zeros(0)), 20), ports, LINES, damping=damping_by_mode(ZETA))
     chance = np.random.default_rng(4).standard_normal((2, *exact.values.shape))
@@ -128,6 +130,23 @@ def test_measured_frfs_correct_what_a_missed_mode_has_spoilt(told: Told) -> None
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("mass", ["2.0", "2.2"])
+def test_a_wrong_mass_is_told_and_a_right_model_is_not_accused(bench: Bench, mass: str) -> None:
+    """The noise of the functions is not that of the stated standard deviations."""
+    right = mass == "2.0"
+    changes = (
+        TRUE if right else (*TRUE, ("CONM2   9       5               2.0", f"CONM2   9       5               {mass}"))
+    )
+    measure(bench, 0.002, changes)
+    results = ft.run(study(bench)).results
+    codes = {a.code for a in results.alerts}
+    assert ("update.raw-misfit" in codes) is not right
+    assert "update.misfit" not in codes
+    assert results.judgement is not None
+    assert "judge.misfit" not in {reason.code for reason in results.judgement.reasons}
+
+
+@pytest.mark.slow
 def test_exact_functions_give_exact_parameters(bench: Bench) -> None:
     measure(bench, 0.0)
     update = ft.update(study(bench)).results.update
@@ -145,13 +164,39 @@ def test_the_update_with_equal_damping_alone(bench: Bench) -> None:
     assert not {"update.raw", "update.raw-moved"} & {a.code for a in results.alerts}
 
 
+@pytest.mark.parametrize("fails", [False, True])
+def test_pairs_that_do_not_stay_are_told(monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
+    end = SimpleNamespace(status=SimpleNamespace(ok=True))
+    rounds: list[object] = []
+
+    def another(*given: object) -> object:
+        rounds.append(given)
+        if fails and len(rounds) > 1:
+            raise FemtuneError("correlate.no-damping", test="the test")
+        return SimpleNamespace(result=end, reduced=None)
+
+    monkeypatch.setattr(raw, "_round", another)
+    monkeypatch.setattr(raw, "_asked", lambda study: True)
+    monkeypatch.setattr(raw, "_settled", lambda study, found: False)
+    file = SimpleNamespace(equalise=SimpleNamespace(then="raw"), stage=())
+    asked = SimpleNamespace(file=file, source=SimpleNamespace(needs_runs=False))
+    found, told = raw.then_raw(asked, end, None, None)  # type: ignore[arg-type]
+    assert found is not None
+    assert [notice.code for notice in told] == ["update.raw-open"]
+    assert ("could not be repeated" in told[0].what) is fails
+    assert len(rounds) == (2 if fails else 3)
+
+
 @pytest.mark.parametrize(
     ("code", "facts"),
     [
         ("update.no-raw", {"reason": "no paired mode of the test has a damping ratio"}),
         ("update.no-raw/not-converged", {"ending": "iteration limit reached"}),
+        ("update.raw-open", {"rounds": 3}),
+        ("update.raw-open/failed", {"reason": "no paired mode of the test has a damping ratio"}),
         ("update.raw", {"paired": 9, "median": 1.2, "moved": 0.8, "name": "root"}),
         ("update.raw-moved", {"names": "root, tip", "limit": 3.0}),
+        ("update.raw-misfit", {"factor": 1.8}),
         (
             "update.mode-not-identified",
             {"configuration": "free", "modes": "mode 9 of the model (120.3 Hz), which should be seen in 12 FRFs"},

@@ -74,6 +74,7 @@ class LineSamples:
 
 
 _IDENTIFIED = "the values come from one identified test, so that the errors of different lines are not independent"
+_NOISE_FOUND = "the size of their errors was found by the identification of the same FRFs, too roughly for a test"
 
 
 @dataclass(frozen=True)
@@ -136,8 +137,11 @@ class ResidualBlock:
     @property
     def without_distribution(self) -> str:
         """Why it is not known how the values are distributed where the model is right; "" where it is."""
-        identified = self.samples is not None and self.samples.identified is not None
-        return self.not_normal or (_IDENTIFIED if identified else "")
+        if self.not_normal or self.samples is None:
+            return self.not_normal
+        if self.samples.identified is not None:
+            return _IDENTIFIED
+        return "" if self.samples.noise is None else _NOISE_FOUND
 
     @property
     def error(self) -> float:

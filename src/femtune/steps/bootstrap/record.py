@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.identification.kinds import Drawing
 from femtune.study.record import CitationRecord, Record
 from femtune.uncertainty.kinds import Jacobian
-
-if TYPE_CHECKING:
-    pass
 
 
 class BootstrappedParameter(Record):

@@ -7,12 +7,7 @@ compared with the measured ones directly.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.study.record import Alert, Record
-
-if TYPE_CHECKING:
-    pass
 
 
 class MappedMode(Record):

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from femtune.modal.kinds import FrfKind
 from femtune.model.kinds import FrfMethodWord
 from femtune.steps.modes.record import ModeShapes
 from femtune.study.record import Alert, ModelVersion, Record
-
-if TYPE_CHECKING:
-    pass
 
 
 class FrfPair(Record):

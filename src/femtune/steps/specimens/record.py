@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from femtune.study.record import CitationRecord, Record
-
-if TYPE_CHECKING:
-    pass
-
 
 SpreadWord = Literal["real", "explained", "not tested"]
 

@@ -70,6 +70,7 @@ def then_raw(
     if not equalised.status.ok:
         return None, (Notice("update.no-raw/not-converged", ending=equalised.status.value),)
     found: RawUpdate | None = None
+    told: list[Notice] = []
     start = equalised
     try:
         for _ in range(_MOST_ROUNDS):
@@ -79,12 +80,16 @@ def then_raw(
             found, start = now, now.result
             if not found.result.status.ok:
                 break
+        else:
+            if found is not None and not _settled(study, found):
+                told.append(Notice("update.raw-open", rounds=_MOST_ROUNDS))
     except FemtuneError as error:
         if found is None:
             return None, (Notice("update.no-raw", reason=error.what),)
+        told.append(Notice("update.raw-open/failed", reason=error.what))
     if found is not None and found.reduced is not None and not found.reduced.certified:
-        return found, (Notice("update.not-certified", last_round=found.reduced.rounds[-1]),)
-    return found, ()
+        told.append(Notice("update.not-certified", last_round=found.reduced.rounds[-1]))
+    return found, tuple(told)
 
 
 def _asked(study: Study) -> bool:
@@ -113,8 +118,8 @@ def _round(
     reduced : reduced models of the comparison with equal damping
     """
     states = {s.case.name: s for s in start.after.states}
-    damping = {name: own for name, s in states.items() if (own := _damping(study, s)) is not None}
-    if before is not None and all(damping[name].partners == before.damping[name].partners for name in damping):
+    damping = _damping_at(study, start)
+    if before is not None and _same_partners(damping, before.damping):
         return None
     cases, raw = [], dict[int, FrfResidual]()
     for case in study.cases:
@@ -147,6 +152,20 @@ def _round(
     whole = tuple(replace(i, number=n) for n, i in enumerate((*start.history, *history)))
     result = replace(found, before=first, history=whole, number=len(start.history) + found.number)
     return RawUpdate(result, on_raw, equalised, damping, search, on_reduced)
+
+
+def _settled(study: Study, found: RawUpdate) -> bool:
+    """Whether the modes have the same partners at the result as where it began."""
+    return _same_partners(_damping_at(study, found.result), found.damping)
+
+
+def _same_partners(one: Mapping[str, MeasuredDamping], other: Mapping[str, MeasuredDamping]) -> bool:
+    return all(one[name].partners == other[name].partners for name in one)
+
+
+def _damping_at(study: Study, result: UpdateResult) -> dict[str, MeasuredDamping]:
+    """Measured damping on the modes at a result, by configuration."""
+    return {s.case.name: own for s in result.after.states if (own := _damping(study, s)) is not None}
 
 
 def _on_cases(problem: UpdateProblem, states: Sequence[CaseState]) -> list[CaseState]:

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.steps.correlate.record.expansion import ExpansionResults
 from femtune.steps.correlate.record.placement import PlacementResults
 from femtune.study.record import Alert, LimitSense, ModelVersion, Record, VerdictWord
-
-if TYPE_CHECKING:
-    pass
 
 
 class ModePairRecord(Record):

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.steps.info.record.checks import ModelCheck
 from femtune.study.record import Alert, ModelVersion, Record, Vector3, VerdictWord
-
-if TYPE_CHECKING:
-    pass
 
 
 class UsedCard(Record):

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.steps.info.record.checks import ModelCheck
 from femtune.steps.judge.record.missing import MissingResults
 from femtune.steps.select.record.fisher import FisherResults
 from femtune.steps.select.record.selection import SelectionMeasures
 from femtune.study.record import Record
-
-if TYPE_CHECKING:
-    pass
 
 
 class Share(Record):

@@ -71,9 +71,6 @@ from femtune.steps.update.record.update import (
     WrittenValue,
 )
 
-if TYPE_CHECKING:
-    pass
-
 _NO_VALUE = "its expression is not finite at the updated parameters"
 
 

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.study.record import Record
-
-if TYPE_CHECKING:
-    pass
-
 
 LEAST_CORRELATION = 0.5
 """Correlation from which a mode after the update is the same one as before."""

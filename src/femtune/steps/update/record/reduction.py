@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.study.record import Record
-
-if TYPE_CHECKING:
-    pass
 
 
 class ReducedComponentResults(Record):

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.study.record import Record
 from femtune.updating.kinds import TrialKind, WeightRule
-
-if TYPE_CHECKING:
-    pass
 
 
 class PathPoint(Record):

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.steps.update.record.reduction import ReductionResults
 from femtune.study.record import Record
-
-if TYPE_CHECKING:
-    pass
 
 
 class StageRun(Record):

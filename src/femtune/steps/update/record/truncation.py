@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.study.record import EndOfUpdate, Record
-
-if TYPE_CHECKING:
-    pass
 
 
 class FrfTruncation(Record):

@@ -6,13 +6,9 @@ in published FRF calibrations.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from femtune.study.record import Record
-
-if TYPE_CHECKING:
-    pass
-
 
 DataSet = Literal["calibration", "validation"]
 

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.modal.kinds import FrfKind
 from femtune.study.record import Record
-
-if TYPE_CHECKING:
-    pass
 
 
 class PredictedFrf(Record):

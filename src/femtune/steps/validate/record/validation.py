@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from femtune.steps.validate.record.frf_deviation import FrfDeviations
 from femtune.steps.validate.record.frf_validation import PredictedCurves, PredictedFrf, PredictedResonance
 from femtune.steps.vibration.record import VibrationResults
 from femtune.study.record import LimitSense, Record, VerdictWord
-
-if TYPE_CHECKING:
-    pass
 
 
 class Prediction(Record):
