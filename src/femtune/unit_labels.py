@@ -53,8 +53,8 @@ _SPELLINGS = {
     "kipf": "kip", "klbf": "kip", "tonf": "tf", "dyne": "dyn", "dynes": "dyn", "pond": "gf",
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "minute": "min",
     "g's": "g", "gs": "g", "g’s": "g", "gn": "g", "g_n": "g", "gee": "g", "g0": "g", "gravity": "g", "grms": "g",
-    "galileo": "gal", "hertz": "Hz", "kilohertz": "kHz", "cps": "Hz", "cycles": "1", "cycle": "1", "rev": "1", "u": "1", "r": "1",
-    "radian": "rad", "radians": "rad", "rads": "rad", "degree": "deg", "degrees": "deg", "ustrain": "µstrain",
+    "galileo": "gal", "hertz": "Hz", "kilohertz": "kHz", "cps": "Hz", "cycles": "1", "cycle": "1", "rev": "1", "u": "1",
+    "r": "1", "radian": "rad", "radians": "rad", "rads": "rad", "degree": "deg", "degrees": "deg", "ustrain": "µstrain",
     "microstrain": "µstrain", "µe": "µstrain", "ue": "µstrain", "tonne": "t", "n.m": "Nm", "n-m": "Nm",
 }  # fmt: skip
 _WORDS_BEHIND = re.compile(r"[\s_-]*[(\[]?\b(rms|peak|pk|0-pk|0-peak|zero-peak)\b[)\]]?", re.IGNORECASE)

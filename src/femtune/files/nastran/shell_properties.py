@@ -359,7 +359,7 @@ def _weighted(weights: tuple[float, ...], values: tuple[Any, ...]) -> Any:
 
 
 _NEAR, _FAR = (0.5 + 0.5 / 3.0**0.5, 0.5 - 0.5 / 3.0**0.5)
-_CUBIC_POINTS = {
+_CUBIC_POINTS: dict[int, tuple[tuple[float, tuple[float, ...]], ...]] = {
     # four points integrate a cubic over a triangle exactly (Strang and Fix)
     3: (
         (-9.0 / 16.0, (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)),
