@@ -52,7 +52,7 @@ def read_record(
     format: str | None = None,
     units: UnitSystem = SI,
 ) -> TimeSeries:
-    """Time records of a file: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5, WAV, LVM, TDMS.
+    """Time records of a file: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5, WAV, LVM, TDMS, MDF.
 
     Parameters
     ----------
