@@ -46,7 +46,7 @@ def by_chance(tests: int) -> tuple[float, float]:
     return binom.ppf(5e-4, tests, LEVEL) / tests, binom.ppf(1 - 5e-4, tests, LEVEL) / tests
 
 
-QUICK = Size(12, 5, *by_chance(12))
+QUICK = Size(20, 5, *by_chance(20))
 FULL = Size(1000, 200, 0.93, 0.97)
 
 
