@@ -78,7 +78,7 @@ def test_sensors(full: StudyFile) -> None:
 
 def test_where_names_the_line(full: StudyFile) -> None:
     assert str(full.where("parameter", 1, "tie")).endswith("study.toml:72 (parameter[2].tie)")
-    assert full.where("parameter", 1, "lower").line == full.where("parameter", 1).line == 67
+    assert full.where("parameter", 1, "lower").line == full.where("parameter", 1).line == 69
 
 
 def test_study_is_frozen(full: StudyFile) -> None:
