@@ -1,4 +1,4 @@
-"""Commands of the documentation for clusters, run as its pages have them: python .ci/cluster_commands.py [--evidence DIR].
+"""Commands of the pages for clusters, run as they stand: python .ci/cluster_commands.py [--evidence docs/evidence].
 
 Slurm with one node is started in a folder of its own where it is installed (apt-get install slurmd slurmctld
 slurm-client). The job script, the commands and the Python lines are taken from the pages; names of machines, ports,
