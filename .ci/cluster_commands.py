@@ -119,7 +119,9 @@ def _slurm(folder: Path) -> Iterator[str]:
     text = _CONF.format(host=host, auth=auth, authinfo=info, ports=_free_ports(2), folder=folder)
     (folder / "slurm.conf").write_text(text)
     os.environ["SLURM_CONF"] = str(folder / "slurm.conf")
-    started += [subprocess.Popen(["slurmctld", "-D"]), subprocess.Popen(["slurmd", "-D", "-N", host])]
+    for words in (["slurmctld", "-D"], ["slurmd", "-D", "-N", host]):
+        # their logs are in the folder
+        started.append(subprocess.Popen(words, stderr=subprocess.DEVNULL))
     try:
         end = time.monotonic() + 120.0
         while "idle" not in (said := _output(["sinfo", "--noheader", "--format=%T"])):

@@ -65,7 +65,7 @@ def _reason(done: subprocess.CompletedProcess[str]) -> str:
 
 def write_arrays(source: str, target: str, module: str, function: str) -> None:
     """Write what a function makes of a file to an .npz file (errors of the library)."""
-    convert: Callable[[Any], Arrays] = getattr(import_module(module), function)
+    convert: Callable[[Any], dict[str, Any]] = getattr(import_module(module), function)
     library = require("ansys.mapdl.reader", extra="ansys")
     _limit(Path(source).stat().st_size)
     part = Path(target).with_suffix(".part.npz")
