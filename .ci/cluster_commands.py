@@ -188,7 +188,8 @@ def _job_script(folder: Path, expected: object, by: str) -> Row:
     work = _study(folder / "job", _here(_block("[parallel]"), ports))
     (work / "workers.sh").write_text(_here(_block("#SBATCH"), ports))
     scheduler, submit, femtune = _here(_block("dask scheduler"), ports).splitlines()
-    with subprocess.Popen(scheduler.rstrip("& ").split(), cwd=work, stderr=subprocess.DEVNULL) as running:
+    words, here = scheduler.rstrip("& ").split(), _environment()
+    with subprocess.Popen(words, cwd=work, env=here, stderr=subprocess.DEVNULL) as running:
         try:
             _run(submit.split(), work)
             _run([*femtune.replace(" run ", " update ").split(), "--quiet"], work)
