@@ -47,6 +47,9 @@ _CASES: dict[str, Notice] = {
     "judge.missing, mass suspected": Notice(
         "judge.missing/mass-suspected", position="at grid point 306", chance="p = 0.03", tested="105 candidates"
     ),
+    "judge.missing, beyond bound": Notice(
+        "judge.missing/beyond-bound", field="spring beyond its bound", chance="p = 0.004", tested="105 fields"
+    ),
     "judge.missing, suspected": Notice(
         "judge.missing/suspected", field="CELAS2 903 K", chance="p = 0.03", tested="105 fields"
     ),
@@ -64,6 +67,10 @@ _CASES: dict[str, Notice] = {
     ),
     "judge.fit-not-tested": Notice(
         "judge.fit-not-tested", kinds="MAC", why="a MAC near 1 has no normal distribution"
+    ),
+    "judge.fit-not-tested, large": Notice(
+        "judge.fit-not-tested/large", kind="frf", ratio=5.1, error=76.7,
+        why="the values come from one identified test, so that the errors of different lines are not independent",
     ),
     "judge.neighbour": Notice("judge.neighbour", sentence="mode 6 contains 7 % of mode 8", chance="p = 0.0003"),
     "judge.overstated": Notice("judge.overstated", kind="frequency", times=112.0),

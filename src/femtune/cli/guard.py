@@ -150,14 +150,54 @@ def _is_unicode(stream: TextIOWrapper) -> bool:
 # without a handler Python would print them all the same
 logging.getLogger("py.warnings").addHandler(logging.NullHandler())
 codecs.register_error(_REPLACING, _replaced)
+_ASCII = "femtune_ascii"
+"""ASCII under another name: click takes a stream in ASCII for a mistake, and writes UTF-8 into it."""
+
+
+def _ascii(name: str) -> codecs.CodecInfo | None:
+    if name != _ASCII:
+        return None
+    own = codecs.lookup("ascii")
+    return codecs.CodecInfo(
+        own.encode,
+        own.decode,
+        own.streamreader,
+        own.streamwriter,
+        own.incrementalencoder,
+        own.incrementaldecoder,
+        _ASCII,
+    )
+
+
+codecs.register(_ascii)
+
+
+HELP = "Help"
+"""Heading of the commands that belong to no step."""
 
 
 class GuardedGroup(click.Group):
     """A group of commands whose failures end as messages and exit codes."""
 
+    def __init__(self, *words: Any, **options: Any) -> None:
+        super().__init__(*words, **options)
+        self.group_of: dict[str, str] = {}
+
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The commands in the order of the steps."""
-        return list(self.commands)
+        """The commands by groups, and in the order of the steps within a group."""
+        return [name for names in self._groups().values() for name in names]
+
+    def _groups(self) -> dict[str, list[str]]:
+        groups: dict[str, list[str]] = {}
+        for name in self.commands:
+            groups.setdefault(self.group_of.get(name, HELP), []).append(name)
+        return groups
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands under the headings of their groups, each with the first sentence of its help."""
+        for heading, names in self._groups().items():
+            with formatter.section(heading):
+                formatter.write_dl([(name, (self.commands[name].help or "").partition("\n\n")[0]) for name in names])
 
     def main(self, *words: Any, **options: Any) -> Any:
         """Run the command line; characters that a console or a pipe lacks are replaced.
@@ -168,7 +208,8 @@ class GuardedGroup(click.Group):
             if isinstance(stream, TextIOWrapper) and not (
                 stream.encoding.lower().startswith("utf") and stream is sys.stderr
             ):
-                stream.reconfigure(errors=_REPLACING)
+                is_ascii = codecs.lookup(stream.encoding).name == "ascii"
+                stream.reconfigure(encoding=_ASCII if is_ascii else None, errors=_REPLACING)
         logging.captureWarnings(True)
         try:
             return super().main(*words, **options)
