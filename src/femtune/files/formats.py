@@ -330,14 +330,6 @@ RECORD_FORMATS = Formats(
         has="channels",
     ),
     RecordFormat(
-        key="mdf",
-        suffixes=(".mf4", ".mdf"),
-        written_by="data loggers, INCA, CANape: needs the library asammdf (`pip install asammdf`)",
-        content="channels of one clock, with their names and units",
-        reader="records.mdf.read_mdf",
-        has="channels",
-    ),
-    RecordFormat(
         key="uff",
         suffixes=(".uff", ".unv", ".ufb", ".bunv"),
         written_by="programs for modal tests: Universal Files, data set 58",

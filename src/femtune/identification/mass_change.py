@@ -84,7 +84,7 @@ def scale_by_masses(before: ModeSet, after: ModeSet, masses: Mapping[Dof, float]
             continue
         errors = [0.0 if s.freq_sd_hz is None else float(s.freq_sd_hz[at]) for s, at in ((before, i), (after, k))]
         loaded = float(after.freq_hz[k])
-        if hz - loaded <= KNOWN_SHIFT * float(np.hypot(*errors)):
+        if hz - loaded <= KNOWN_SHIFT * float(np.hypot(errors[0], errors[1])):
             notices.append(Notice("identify.added-mass/no-shift", frequency_hz=hz, loaded_hz=loaded))
             continue
         own, other = first[:, i], second[:, k]

@@ -30,8 +30,8 @@ def read_uff_spectra(sets: Iterable[DataSet], source: str) -> tuple[SpectrumSet,
     FemtuneError : ``uff.*``; ``identify.spectra/none`` if there are none, ``identify.spectra/lines`` if their frequency
         lines differ, ``identify.spectra/twice`` for two spectra of one pair; errors of `spectrum_set`
     """
-    functions, of_body = read_functions(sets)
-    functions, of_axes = in_hz(functions)
+    stored, of_body = read_functions(sets)
+    functions, of_axes = in_hz(stored)
     chosen = [one for one in functions if _is_spectrum(one.header)]
     if not chosen:
         types = ", ".join(map(str, sorted({one.header.function_type for one in functions}))) or "none"
