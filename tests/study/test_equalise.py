@@ -290,11 +290,29 @@ def test_bands_have_a_lower_and_an_upper_end(bench: Bench, key: str, line: str) 
     assert f"equalise.{line}" in str(caught.value)
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "code"),
+    [
+        ("damping = 1e-7", "system.equalise"),
+        ("damping = 0.02\nband_hz = [300.0, 400.0]", "identify.band"),
+        ("damping = 0.02\nleave_out_hz = [[1.0, 300.0]]", "system.equalise"),
+    ],
+)
+def test_lines_that_the_test_does_not_have_are_told_before_it_is_identified(bench: Bench, key: str, code: str) -> None:
+    _measured(bench, 0.0)
+    found = ft.check(_study(bench, f"[equalise]\n{key}\n"))
+    (error,) = found.errors
+    assert error.code == code
+    assert "equalise" in str(error.where)
+
+
 def test_keys_that_do_not_go_with_it(bench: Bench) -> None:
     _measured(bench, 0.0)
+    path = _study(bench, EQUALISE, "ratio = 0.01")
     with pytest.raises(FemtuneError) as caught:
-        ft.run(_study(bench, EQUALISE, "ratio = 0.01"))
+        load_study(path)
+    (error,) = ft.check(path).errors
+    assert error.code == caught.value.code
     check_shown("residual.equalised-keys", str(caught.value).replace(str(bench.folder), "folder"))
 
 
