@@ -170,7 +170,11 @@ def test_held_out_channels_are_compared_with_the_measured_damping(bench: Bench) 
     assert np.abs(model[~inside] / test[~inside] - 1.0).max() < 0.2
     deviations = run.results.validation.deviations
     assert deviations is not None
-    (held,) = [s for s in deviations.sums if s.data == "validation"]
+    own, measured, held = deviations.sums
+    assert [(s.data, s.compared, s.frfs) for s in (own, measured, held)] == [
+        ("calibration", "equal damping", 3), ("calibration", "measured", 3), ("validation", "measured", 1),
+    ]  # fmt: skip
+    assert measured.after < 0.05 * measured.before
     assert held.after < 0.05 * held.before
     # the functions of [response] beside the measured ones too
     frfs = run.results.responses[-1].frfs

@@ -60,7 +60,7 @@ def test_the_noisiest_input_is_held_out_where_one_output_was_measured(bench: Ben
     assert case.held.functions == {(0, 1)}
     (notice,) = [n for n in found.notices if n.code == "study.worst-held"]
     assert "1 of 3 inputs" in notice.what
-    assert ": 4Y+ (0.04" in notice.what
+    assert ": 4Y+ (0.05" in notice.what
     with pytest.raises(FemtuneError, match="3 inputs should be held out"):
         load_study(study(bench, "worst = 3"))
 

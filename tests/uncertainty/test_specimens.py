@@ -73,7 +73,7 @@ def test_common_parameters_by_separate_estimates() -> None:
     rng = np.random.default_rng(12)
     roots = [rng.standard_normal((2, 2)) + 0.1 * np.eye(2) for _ in range(3)]
     covariances = [root @ root.T for root in roots]
-    different = [np.zeros(2), np.zeros(2), 5.0 * np.sqrt(np.diag(covariances[2]))]
+    different = [np.zeros(2), np.zeros(2), 5.0 * np.sqrt(np.diag(sum(covariances)))]
 
     def p_value(shifts: list[np.ndarray]) -> float:
         values = [np.array([1.0, 2.0]) + shift + root @ rng.standard_normal(2) for shift, root in zip(shifts, roots)]
