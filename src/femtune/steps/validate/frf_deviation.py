@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femtune.residuals.frf.model_way import settled
 from femtune.residuals.frf.residual import FrfResidual
@@ -14,6 +15,7 @@ from femtune.validation.frfs import squared_deviation
 
 if TYPE_CHECKING:
     from femtune.arrays import Complexes, Flags
+    from femtune.modal.equalise import Band
     from femtune.residuals import Evaluation
     from femtune.steps.equalise.record import MappedDamping
     from femtune.steps.validate.frf_validation import UnusedFrfs
@@ -33,11 +35,13 @@ class MeasuredBeside:
     Parameters
     ----------
     records : of each configuration
-    arrays : their FRFs by key
+    arrays : their lines and FRFs by key
+    left_out_hz : bands that are not compared
     """
 
     records: Sequence[MappedDamping] = ()
-    arrays: Mapping[str, Complexes] = field(default_factory=dict)
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    left_out_hz: Sequence[Band] = ()
 
 
 def frf_deviations(
@@ -100,8 +104,10 @@ def _measured(beside: MeasuredBeside, used: Sequence[ChannelDeviation]) -> Itera
             continue
         keys = (one.test_values_key, one.before_values_key, one.after_values_key)
         test, *models = (np.asarray(beside.arrays[key]) for key in keys)
-        labels = one.outputs, one.inputs
-        for channel in _channels(one.configuration, "calibration", labels, models, test, np.isfinite(test)):
+        hertz, known = beside.arrays[one.freq_key], np.isfinite(test)
+        for low, high in beside.left_out_hz:
+            known[:, :, (hertz >= low) & (hertz <= high)] = False
+        for channel in _channels(one.configuration, "calibration", (one.outputs, one.inputs), models, test, known):
             if (channel.configuration, channel.output, channel.input) in equalised:
                 yield channel
 

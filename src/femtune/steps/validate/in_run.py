@@ -18,6 +18,8 @@ def compare_unused_frfs(run: Run, outcomes: Outcomes, made: Made) -> Unused:
     after = unused_frfs(run.study, updated.parameters.result.x, made.arrays, run.progress)
     some = any(one.found is not None for one in after)
     before = unused_frfs(run.study, initial.at.x, {}, run.progress) if some else ()
-    damped = outcomes.find(Damped)
-    beside = MeasuredBeside() if damped is None else MeasuredBeside(damped.records, outcomes.arrays)
+    damped, equalise = outcomes.find(Damped), run.study.file.equalise
+    beside = MeasuredBeside()
+    if damped is not None and equalise is not None:
+        beside = MeasuredBeside(damped.records, outcomes.arrays, equalise.leave_out_hz)
     return Unused(after, frf_deviations(initial.at, updated.at, before, after, beside))
