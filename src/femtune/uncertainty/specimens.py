@@ -145,7 +145,8 @@ def common_test_of_estimates(values: Sequence[Reals], covariances: Sequence[Real
     (0.5, 2)
     """
     inverses = [np.linalg.inv(one) for one in covariances]
-    mean = np.linalg.solve(sum(inverses), sum(inverse @ value for inverse, value in zip(inverses, values)))
+    weighted = np.sum([inverse @ value for inverse, value in zip(inverses, values)], axis=0)
+    mean = np.linalg.solve(np.sum(inverses, axis=0), weighted)
     off = [value - mean for value in values]
     increase = float(sum(d @ inverse @ d for d, inverse in zip(off, inverses)))
     restrictions = len(mean) * (len(values) - 1)
