@@ -76,12 +76,13 @@ def test_the_terminal_has_the_optima_and_the_bootstrap(searched: Results) -> Non
     assert searched.update is not None
     one = searched.update.parameters[0]
     spread = {"mean": one.value, "sd": 0.1, "cov_percent": 10.0, "bias": 0.0, "linear_sd": 0.1, "fisher_sd": 0.1,
-              "fisher_cov_percent": 10.0, "interval_95": (one.value - 0.2, one.value + 0.2), "at_bound_percent": 0.0}  # fmt: skip
+              "fisher_cov_percent": 10.0, "interval_95": (0.8, 1.2), "at_bound_percent": 0.0}  # fmt: skip
+    row = {"parameter": one.name, "value": one.value} | spread
     drawn = BootstrapResults.model_validate({
         "method": "lines", "runs": 50, "converged": 50, "seed": 0, "drawn_from": 400, "jacobian": "shared",
         "own_jacobian": 0, "largest_difference": None, "checked": 0, "solutions": 60, "recalled": 0, "seconds": 1.0,
         "executor": "one process", "free": (one.name,), "samples_key": "a", "correlation_key": "b",
-        "sentences": ("50 of 50 runs converged.",), "parameters": [{"parameter": one.name, "value": one.value} | spread],
+        "sentences": ("50 of 50 runs converged.",), "parameters": [row],
     })  # fmt: skip
     sections = {s.id: s for s in short_form(ReportSource(searched.model_copy(update={"bootstrap": drawn}), {}))}
     (optima,) = [b for b in sections["starts"].blocks if isinstance(b, Table)]

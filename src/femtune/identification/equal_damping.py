@@ -75,8 +75,9 @@ def equalised_test(
         if error.code != "identify.no-poles":
             raise
         raise FemtuneError("system.equalise/no-modes", order=asked.largest_order) from error
-    band, lines = _lines(identified.measured, damping_ratio, per_half_band, left_out_hz)
+    band = _band(identified.measured)
     moved = equalise_damping(identified.system, damping_ratio, band, left_out_hz)
+    lines = _lines(band, damping_ratio, per_half_band, left_out_hz)
     again = _Again(damping_ratio, asked, per_half_band, tuple(left_out_hz))
     redrawn = None if asked.rigid is not None else _redrawn(identified, again, lines, band)
     return EqualisedTest(
@@ -98,17 +99,20 @@ def check_equalised_lines(
     FemtuneError : ``identify.band``, ``system.equalise``, and as `complete_lines`
     """
     used = complete_lines(frfs if band_hz is None else in_band(frfs, *band_hz))
-    _lines(used, damping_ratio, per_half_band, left_out_hz)
+    _lines(_band(used), damping_ratio, per_half_band, left_out_hz)
 
 
-def _lines(used: FrfSet, damping_ratio: float, per_half_band: float, left_out_hz: Sequence[Band]) -> tuple[Band, Reals]:
-    """The band of the measured lines, and the lines that are compared in it."""
-    band = (float(used.freq_hz[0]), float(used.freq_hz[-1]))
+def _band(used: FrfSet) -> Band:
+    return float(used.freq_hz[0]), float(used.freq_hz[-1])
+
+
+def _lines(band: Band, damping_ratio: float, per_half_band: float, left_out_hz: Sequence[Band]) -> Reals:
+    """The lines that are compared in a band."""
     lines = half_band_lines(band, damping_ratio, per_half_band, left_out_hz)
     if not len(lines):
         shown = {"leave_out_hz": [list(one) for one in left_out_hz]}
         raise FemtuneError("system.equalise/no-lines", values=shown, low_hz=band[0], high_hz=band[1])
-    return band, lines
+    return lines
 
 
 @dataclass(frozen=True)
