@@ -15,13 +15,15 @@ MOTION = {
     "m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "(m/s²)": 1.0, "m s-2": 1.0, "m/s/s": 1.0, "M/S2": 1.0,
     "µm/s2": 1e-6, "mil/s2": 1e-3 * INCH, "in/sec^2": INCH, "ft/s2": 0.3048,
     "g": G, "G": G, "g's": G, "Gs": G, "gn": G, "mg": 1e-3 * G, "gal": 0.01, "Gal": 0.01, "m/s2 RMS": 1.0,
+    "grms": G, "g(rms)": G, "m/s² [peak]": 1.0,
 }  # fmt: skip
 FORCES = {"N": 1.0, "kN": 1e3, "KN": 1e3, "mN": 1e-3, "MN": 1e6, "daN": 10.0, "kgf": G, "kp": G, "lbf": LBF, "LB": LBF,
-    "kip": 1e3 * LBF, "ozf": LBF / 16, "dyn": 1e-5}  # fmt: skip
+    "kip": 1e3 * LBF, "ozf": LBF / 16, "dyn": 1e-5, "tonf": 1e3 * G, "klbf": 1e3 * LBF, "N-rms": 1.0}  # fmt: skip
 RATIOS = {
     "g/N": (G, "accelerance"), "G/LBF": (G / LBF, "accelerance"), "m/s^2/N": (1.0, "accelerance"),
     "(m/s²)/N": (1.0, "accelerance"), "m/(s²·N)": (1.0, "accelerance"), "in/(lbf-sec^2)": (INCH / LBF, "accelerance"),
     "1/kg": (1.0, "accelerance"), "mm/s/N": (1e-3, "mobility"), "(m/s)/kgf": (1.0 / G, "mobility"),
+    "[m/s²]/[N]": (1.0, "accelerance"), "g (peak)/N": (G, "accelerance"),
     "µm/N": (1e-6, "receptance"), "mm/kN": (1e-6, "receptance"), "m s^-2 N^-1": (1.0, "accelerance"),
 }  # fmt: skip
 KINDS = ("receptance", "mobility", "accelerance")

@@ -30,7 +30,8 @@ _UNITS: dict[str, tuple[float, Dimension]] = {
     "N": (1.0, _FORCE), "kN": (1e3, _FORCE), "MN": (1e6, _FORCE), "mN": (1e-3, _FORCE), "daN": (10.0, _FORCE),
     "dyn": (1e-5, _FORCE), "kgf": (STANDARD_GRAVITY, _FORCE), "kp": (STANDARD_GRAVITY, _FORCE),
     "gf": (1e-3 * STANDARD_GRAVITY, _FORCE), "lbf": (POUND_FORCE, _FORCE), "ozf": (POUND_FORCE / 16.0, _FORCE),
-    "kip": (1e3 * POUND_FORCE, _FORCE), "pdl": (_POUND_MASS * 12.0 * _INCH, _FORCE),
+    "tf": (1e3 * STANDARD_GRAVITY, _FORCE), "kip": (1e3 * POUND_FORCE, _FORCE),
+    "pdl": (_POUND_MASS * 12.0 * _INCH, _FORCE),
     "s": (1.0, _TIME), "ms": (1e-3, _TIME), "µs": (1e-6, _TIME), "us": (1e-6, _TIME), "min": (60.0, _TIME),
     "g": (STANDARD_GRAVITY, _ACCELERATION), "mg": (1e-3 * STANDARD_GRAVITY, _ACCELERATION),
     "µg": (1e-6 * STANDARD_GRAVITY, _ACCELERATION), "ug": (1e-6 * STANDARD_GRAVITY, _ACCELERATION),
@@ -40,22 +41,23 @@ _UNITS: dict[str, tuple[float, Dimension]] = {
     "Pa": (1.0, PRESSURE), "kPa": (1e3, PRESSURE), "MPa": (1e6, PRESSURE), "bar": (1e5, PRESSURE),
     "psi": (POUND_FORCE / _INCH**2, PRESSURE), "Nm": (1.0, _MOMENT), "kNm": (1e3, _MOMENT),
     "Hz": (1.0, _RATE), "kHz": (1e3, _RATE), "MHz": (1e6, _RATE), "mHz": (1e-3, _RATE),
-    "rpm": (1.0 / 60.0, _RATE), "cpm": (1.0 / 60.0, _RATE),
+    "rpm": (1.0 / 60.0, _RATE), "krpm": (1e3 / 60.0, _RATE), "cpm": (1.0 / 60.0, _RATE),
     "rad": (1.0, _NONE), "deg": (math.pi / 180.0, _NONE), "°": (math.pi / 180.0, _NONE),
-    "strain": (1.0, _NONE), "1": (1.0, _NONE),
+    "strain": (1.0, _NONE), "µstrain": (1e-6, _NONE), "1": (1.0, _NONE),
 }  # fmt: skip
 _GRAM = (1e-3, _MASS)
 _SPELLINGS = {
     "metre": "m", "meter": "m", "millimetre": "mm", "millimeter": "mm", "micrometre": "µm", "micrometer": "µm",
     "microns": "µm", "inch": "in", "inches": "in", '"': "in", "mils": "mil", "foot": "ft", "feet": "ft",
     "newton": "N", "newtons": "N", "lb": "lbf", "lbs": "lbf", "pound": "lbf", "pounds": "lbf", "kips": "kip",
-    "kipf": "kip", "dyne": "dyn", "dynes": "dyn", "pond": "gf",
+    "kipf": "kip", "klbf": "kip", "tonf": "tf", "dyne": "dyn", "dynes": "dyn", "pond": "gf",
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "minute": "min",
-    "g's": "g", "gs": "g", "g’s": "g", "gn": "g", "g_n": "g", "gee": "g", "g0": "g", "gravity": "g", "galileo": "gal",
-    "hertz": "Hz", "cps": "Hz", "cycles": "1", "cycle": "1", "rev": "1", "u": "1", "r": "1", "radian": "rad",
-    "radians": "rad", "rads": "rad", "degree": "deg", "degrees": "deg", "tonne": "t", "n.m": "Nm", "n-m": "Nm",
+    "g's": "g", "gs": "g", "g’s": "g", "gn": "g", "g_n": "g", "gee": "g", "g0": "g", "gravity": "g", "grms": "g",
+    "galileo": "gal", "hertz": "Hz", "kilohertz": "kHz", "cps": "Hz", "cycles": "1", "cycle": "1", "rev": "1", "u": "1",
+    "r": "1", "radian": "rad", "radians": "rad", "rads": "rad", "degree": "deg", "degrees": "deg", "ustrain": "µstrain",
+    "microstrain": "µstrain", "µe": "µstrain", "ue": "µstrain", "tonne": "t", "n.m": "Nm", "n-m": "Nm",
 }  # fmt: skip
-_WORDS_BEHIND = re.compile(r"\s+\(?(rms|peak|pk|0-pk|0-peak|zero-peak)\)?$", re.IGNORECASE)
+_WORDS_BEHIND = re.compile(r"[\s_-]*[(\[]?\b(rms|peak|pk|0-pk|0-peak|zero-peak)\b[)\]]?", re.IGNORECASE)
 """Words of scaling behind a unit; in a ratio of motion and force they cancel."""
 _TOKEN = re.compile(
     r"\s*(?:(?P<open>\()|(?P<close>\))|(?P<per>/|\bper\b)|(?P<times>\*\*(?=\D)|[*·×]|\.(?=\D)|-(?=[a-zA-Zµ]))"
@@ -119,7 +121,8 @@ def unit_label(text: str) -> UnitLabel | None:
 def meanings(text: str) -> list[UnitLabel]:
     """All that a label can mean, the usual meaning first: g is a gram in `g.cm/s2`, and N/m.s may be (N/m)·s."""
     plain = re.sub(r"[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+", lambda m: "^" + m[0].translate(_SUPERSCRIPTS), text.strip())
-    plain = _WORDS_BEHIND.sub("", plain.replace("μ", "µ").strip("[]{}").strip())
+    plain = _WORDS_BEHIND.sub("", plain.replace("μ", "µ"))
+    plain = re.sub(r"[\[{]([^\[\]{}]*)[\]}]", r"(\1)", plain).strip()
     plain = re.sub(r"\s*\^\s*", "^", plain)
     if says_nothing(plain):
         return []

@@ -59,6 +59,24 @@ def test_help_lists_the_commands_in_the_order_of_the_steps(invoke: Invoke, comma
     assert places == sorted(places)
 
 
+def test_help_has_groups_and_fits_a_terminal(invoke: Invoke) -> None:
+    lines = invoke("--help").output.splitlines()
+    headings = [line for line in lines if line.endswith(":") and not line.startswith(" ")]
+    assert headings[:3] == ["Options:", "First steps:", "Model:"]
+    assert headings[-1] == "Help:"
+    assert lines[lines.index("First steps:") + 1].startswith("  init ")
+    assert max(map(len, lines)) <= 80
+
+
+def test_the_study_of_the_folder_is_taken(invoke: Invoke, steps: Any, study: Path) -> None:
+    assert invoke("run").stdout == invoke("run", study.name).stdout
+    study.unlink()
+    for command in ("run", "check", "report"):
+        refused = invoke(command)
+        assert refused.exit_code == 2
+        assert "has no study.toml; `femtune init DECK TEST` writes one" in refused.stderr
+
+
 @pytest.mark.parametrize("command", _COMMANDS)
 def test_every_command_has_help(invoke: Invoke, command: str) -> None:
     result = invoke(command, "-h")

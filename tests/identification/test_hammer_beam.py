@@ -17,7 +17,6 @@ from femtune.identification import (
     chosen_poles,
     driving_points,
     fit_modes,
-    fit_notices,
     join_tables,
     n4sid_poles,
     normal_equations,
@@ -25,6 +24,7 @@ from femtune.identification import (
     scaled_shapes,
     subspace,
 )
+from femtune.identification.shapes import fit_remarks
 from femtune.modal import FrfSet, mac
 
 pytestmark = pytest.mark.slow
@@ -80,7 +80,7 @@ def test_shapes_are_those_of_a_free_beam(fit: ModalFit) -> None:
 
 def test_the_hits_disagree_by_more_than_noise(fit: ModalFit) -> None:
     """The beam got lower from hit to hit, by 4 to 10 in 100,000: the bars of all nine must cover that, and are told."""
-    told = [n for n in fit_notices(fit, scaled_shapes(fit)) if n.code == "identify.functions-disagree"]
+    told = [r for r in fit_remarks(fit, scaled_shapes(fit)) if r.notice.code == "identify.functions-disagree"]
     assert len(told) == 4
     frfs, alone = fit.measured, []
     for i in range(9):

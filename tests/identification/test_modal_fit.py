@@ -14,12 +14,12 @@ from femtune.identification import (
     as_modes,
     driving_points,
     fit_modes,
-    fit_notices,
     scaled_shapes,
     subspace,
     subspace_poles,
 )
 from femtune.identification.modal_solve import modal_basis, solve_residues
+from femtune.identification.shapes import fit_remarks
 from femtune.modal import FrfSet, ModeSet, pole_of
 
 _LINES = np.linspace(5.0, 30.0, 300)
@@ -108,14 +108,14 @@ def test_a_reference_of_opposite_sign_is_the_same_driving_point(three_modes: Any
     _same_shapes(as_modes(fit_modes(turned, _start(turned, 6))), three_modes.shapes, 1e-6)
     wrong = FrfSet(_LINES, -frfs.values, frfs.responses, frfs.references, frfs.kind)
     fit = fit_modes(wrong, _start(wrong, 6))
-    notices = fit_notices(fit, scaled_shapes(fit, driving_points(wrong)))
+    notices = [r.notice for r in fit_remarks(fit, scaled_shapes(fit, driving_points(wrong)))]
     assert [n.code for n in notices] == ["identify.driving-point-sign"] * 3
 
 
 def test_two_modes_taken_for_one_are_told(eight_modes: Any) -> None:
     frfs = eight_modes.frfs(_LINES * 2.1)
     fit = fit_modes(frfs, pole_of(np.delete(eight_modes.freq_hz, 3), np.delete(eight_modes.damping_ratio, 3)))
-    notices = fit_notices(fit, scaled_shapes(fit, driving_points(frfs)))
+    notices = [r.notice for r in fit_remarks(fit, scaled_shapes(fit, driving_points(frfs)))]
     assert any(n.code == "identify.references-disagree" and "25" in n.what for n in notices)
 
 
@@ -135,7 +135,7 @@ def test_a_repeated_mode_that_the_references_excite_little_is_told(second: float
         lines, values, DofSet.parse([f"{i}Z+" for i in range(1, 7)]), DofSet.parse(["7Z+", "8Z+"]), "accelerance"
     )
     fit = fit_modes(frfs, pole)
-    codes = [n.code for n in fit_notices(fit, scaled_shapes(fit, driving_points(frfs)))]
+    codes = [r.notice.code for r in fit_remarks(fit, scaled_shapes(fit, driving_points(frfs)))]
     assert ("identify.references-disagree" in codes) == told
 
 
@@ -219,7 +219,7 @@ def test_functions_that_disagree_on_a_frequency_widen_its_bar(three_modes: Any) 
     np.testing.assert_array_equal(fits[0].spread, 1.0)
     assert fits[1].spread[1] > 10.0
     assert fits[1].spread[2] < 4.0
-    told = fit_notices(fits[1], scaled_shapes(fits[1]))
+    told = [r.notice for r in fit_remarks(fits[1], scaled_shapes(fits[1]))]
     assert any(n.code == "identify.functions-disagree" and " 11" in n.what for n in told)
 
 

@@ -16,6 +16,7 @@ from femtune.steps.judge.page.missing import missing_blocks
 from femtune.steps.judge.reasons.missing import missing_reasons
 from femtune.steps.judge.record.judgement import JudgementResults
 from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
+from femtune.steps.judge.record.reason import ReasonRecord
 from femtune.steps.results import Results
 from femtune.steps.select.page import missing_of_select
 from structures.wrong_property import FRAME, PLATE, WrongProperty
@@ -36,10 +37,14 @@ def _refit(p: float | None, at_bound: bool = False) -> RefittedField:
     )  # fmt: skip
 
 
-def _reasons(p: float, *fields: MissingField) -> list[tuple[str, str]]:
+def _found(p: float, *fields: MissingField) -> list[ReasonRecord]:
     found = MissingResults(tested=40, chi_square=300.0, p_value=p, fields=fields)
     results = Results.model_construct(judgement=JudgementResults(verdict="accepted", line="", missing=found))
-    return [(r.weight, r.sentence) for r in missing_reasons(results)]
+    return list(missing_reasons(results))
+
+
+def _reasons(p: float, *fields: MissingField) -> list[tuple[str, str]]:
+    return [(r.weight, r.sentence) for r in _found(p, *fields)]
 
 
 def test_reason_of_a_confirmed_field() -> None:
@@ -78,6 +83,18 @@ def test_reason_of_a_mass() -> None:
     ((weight, said),) = _reasons(0.001, _field(**facts, alike=("mass, at grid point 7",), refit=_refit(0.2)))
     assert weight == "reservation"
     assert "at grid point 306 (or what looks like it: mass, at grid point 7)" in said
+    (suspected,) = _found(0.001, _field(**facts, alike=("mass, at grid point 7",)))
+    assert suspected.brief == "a mass may be missing at grid point 306"
+
+
+def test_the_line_names_a_support_without_what_looks_like_it() -> None:
+    facts = {
+        "field": "support", "place": "at grid point 102 in DOF 2", "stiffness": 4e5, "stiffness_unit": "N/m",
+        "alike": ("support at grid point 103 in DOF 2",), "lower_percent": 0.0, "upper_percent": 100.0,
+    }  # fmt: skip
+    (suspected,) = _found(0.03, _field(**facts))
+    assert suspected.brief == "the support at grid point 102 in DOF 2 may give way"
+    assert "or what looks like it" in suspected.sentence
 
 
 def test_no_reason_without_a_finding() -> None:

@@ -123,7 +123,7 @@ def test_the_eigenvalue_by_complex_step(tmp_path: Path) -> None:
     K, M = (m.toarray() for m in (rigid.at(np.zeros(1)).stiffness, rigid.at(np.zeros(1)).mass))
     for j in range(3):
         value, h = float(solution.eigenvalues[j]), 1e-30
-        d = own.at(value).toarray()[0]
+        d = (own.stiffness - value * own.mass).toarray()[0]
         # ∂λ/∂c of (K − λM − c·ddᵀ)φ = 0 with φᵀMφ = 1: Newton's step for λ at a complex c
         phi = solution.shapes[:, j]
         D = (K - value * M).astype(complex) - 1j * h * np.outer(d, d)

@@ -65,6 +65,10 @@ _CASES: dict[str, Notice] = {
     "judge.fit-not-tested": Notice(
         "judge.fit-not-tested", kinds="MAC", why="a MAC near 1 has no normal distribution"
     ),
+    "judge.fit-not-tested, large": Notice(
+        "judge.fit-not-tested/large", kind="frf", ratio=5.1, error=76.7,
+        why="the values come from one identified test, so that the errors of different lines are not independent",
+    ),
     "judge.neighbour": Notice("judge.neighbour", sentence="mode 6 contains 7 % of mode 8", chance="p = 0.0003"),
     "judge.overstated": Notice("judge.overstated", kind="frequency", times=112.0),
     "judge.overstated, key": Notice(

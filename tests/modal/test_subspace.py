@@ -10,7 +10,7 @@ from scipy.linalg import subspace_angles
 from scipy.stats import ortho_group
 
 from femtune.errors import FemtuneError
-from femtune.modal import clusters, mac, principal_angles_deg, rotate_to, subspace_mac
+from femtune.modal import clusters, mac, principal_angles_deg, rotate_to
 from femtune.modal.subspace import mostly_real, projection
 
 
@@ -123,19 +123,10 @@ def test_principal_angles_agree_with_scipy() -> None:
     a, b = rng.normal(size=(10, 3)), rng.normal(size=(10, 2)) + 1j * rng.normal(size=(10, 2))
     expected = np.sort(np.degrees(subspace_angles(a.astype(complex), b)))
     assert principal_angles_deg(a, b) == pytest.approx(expected)
-    assert subspace_mac(a, b) == pytest.approx(np.mean(np.cos(np.radians(expected)) ** 2))
-
-
-def test_subspace_mac_of_single_vectors_is_the_mac() -> None:
-    rng = np.random.default_rng(7)
-    a, b = rng.normal(size=(2, 8, 1))
-    a[3] = np.nan
-    assert subspace_mac(a, b) == pytest.approx(mac(a, b)[0, 0])
 
 
 def test_nothing_in_common_is_undefined() -> None:
     a, b = np.array([[1.0], [np.nan]]), np.array([[np.nan], [1.0]])
-    assert np.isnan(subspace_mac(a, b))
     assert np.isnan(principal_angles_deg(a, b)).all()
 
 

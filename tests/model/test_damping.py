@@ -14,8 +14,6 @@ from femtune.model.damping import (
     constant_damping,
     damping_by_mode,
     damping_table,
-    viscous_equivalent,
-    viscous_equivalent_derivatives,
 )
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing.derivatives import check_matrix_derivatives
@@ -136,23 +134,6 @@ def test_the_overall_loss_factor_is_not_for_a_part_of_the_model():
     with pytest.raises(FemtuneError) as error:
         parametric_model(structure, ParameterSet((Parameter("p", 0.03, 0.0, 0.1),)), [part])
     assert error.value.code == "parameter.whole-model"
-
-
-def test_viscous_damping_instead_of_loss_factors():
-    """c + η_G k/W3 + η_E k/W4 of the oscillator, zero where a frequency is not given."""
-    both = [*OSCILLATOR, "PARAM,W3,5.", "PARAM,W4,10."]
-    assert viscous_equivalent(point(both)).toarray()[0, 0] == pytest.approx(0.6 + 0.01 * 100 / 5 + 0.04 * 100 / 10)
-    assert viscous_equivalent(point(OSCILLATOR)).toarray()[0, 0] == pytest.approx(0.6)
-    assert viscous_equivalent(point([*OSCILLATOR, "PARAM,W4,10."])).toarray()[0, 0] == pytest.approx(1.0)
-
-
-def test_derivatives_of_the_viscous_equivalent():
-    cards = [*FRAME, "PARAM,W3,5.", "PARAM,W4,10."]
-    p = point(cards, MOVED, 0.01)
-    for i, exact in enumerate(viscous_equivalent_derivatives(p)):
-        stepped = p.configured.at(p.x + 1e-30j * np.eye(len(p.x))[i])
-        found = viscous_equivalent(stepped).toarray().imag / 1e-30
-        np.testing.assert_allclose(found, exact.toarray(), atol=1e-9 * np.abs(exact.toarray()).max())
 
 
 def test_ratios_of_modes():

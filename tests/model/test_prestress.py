@@ -393,6 +393,11 @@ def test_derivatives_are_exact() -> None:
         ]:
             expected = complex_step.toarray().imag / h
             np.testing.assert_allclose(found.toarray(), expected, atol=1e-9 * np.abs(expected).max() + rounding, rtol=0)
+    of_model = model.model
+    bare = ParameterSet(of_model.parameters.parameters, curved=False)
+    short = configure(parametric_model(frame().structure, bare, of_model.assignments), Configuration()).at(x)
+    for first, other in zip(point.stiffness_derivatives, short.stiffness_derivatives):
+        np.testing.assert_array_equal(other.toarray(), first.toarray())
 
 
 def test_a_shortage_of_memory_is_said_before_the_work(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,6 @@ from femtune.surrogates import (
     SumOfSquares,
     fit_surrogate,
     where_better,
-    where_uncertain,
     where_wrong,
     with_run,
 )
@@ -20,15 +19,6 @@ from femtune.surrogates import (
 
 def _function(x: np.ndarray) -> np.ndarray:
     return np.stack([np.sin(4.0 * x[:, 0]) + x[:, 1], x[:, 0] * x[:, 1]], axis=1)
-
-
-def test_uncertain_points_fill_the_largest_gap() -> None:
-    x = np.random.default_rng(1).random((25, 2)) * [0.5, 1.0]
-    surrogate = fit_surrogate(x, _function(x), KrigingRules(starts=1), box=(np.zeros(2), np.ones(2)))
-    points = where_uncertain(surrogate, 3)
-    assert np.all(points[:, 0] > 0.8)
-    # each takes the others into account
-    assert min(np.linalg.norm(a - b) for i, a in enumerate(points) for b in points[:i]) > 0.1
 
 
 def test_a_further_run_is_passed_through() -> None:

@@ -37,7 +37,7 @@ def by_chance(draws: int) -> tuple[float, float]:
     return binom.ppf(1e-4, draws, LEVEL) / draws, binom.ppf(1 - 1e-4, draws, LEVEL) / draws
 
 
-QUICK = Size(150, *by_chance(150))
+QUICK = Size(80, *by_chance(80))
 FULL = Size(20_000, LEVEL - BAND, LEVEL + BAND)
 
 

@@ -32,7 +32,7 @@ from structures.bounded import (
 
 LEVEL = 0.95
 LOWER, UPPER = 0.93, 0.97
-LEAST, FEW = 20, 8
+LEAST, FEW = 20, 4
 """Tests in a row of the table, at least; tests of each problem in the quick form."""
 
 

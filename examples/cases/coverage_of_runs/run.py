@@ -1,7 +1,7 @@
 """Coverage of the intervals of a model that is a table of runs: python run.py [--quick] [--evidence DIR].
 
 A table of 200 runs of six frequencies over three parameters is the model, by polynomials and by surrogates. The
-parameters of 2000 simulated specimens (12 in the quick form) are found from their noisy frequencies; 90 % intervals
+parameters of 2000 simulated specimens (8 in the quick form) are found from their noisy frequencies; 90 % intervals
 must contain the true values in 87 to 93 % of all cases. A second table has specimens whose frequencies belong to two
 sets of parameters; it is computed in the full form.
 """
@@ -103,10 +103,10 @@ def _table(found: dict[str, RunsCoverage], exact: ExactCoverage) -> list[str]:
 def main() -> None:
     """Count, check, and write the evidence where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="12 specimens instead of 2000, one chain")
+    parser.add_argument("--quick", action="store_true", help="8 specimens instead of 2000, one chain")
     parser.add_argument("--evidence", type=Path, help="folder for the table of the documentation")
     arguments = parser.parse_args()
-    specimens = 12 if arguments.quick else 2000
+    specimens = 8 if arguments.quick else 2000
     found = {name: coverage(RUNS, specimens, rules=rules) for name, rules in MODELS.items()}
     exact = {name: exact_coverage(RUNS, specimens, springs=springs) for name, springs in CHAINS.items()}
     both = {}

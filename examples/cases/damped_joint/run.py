@@ -318,7 +318,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer lines, starts and tests")
     parser.add_argument("--evidence", type=Path, help="folder for the tables of the documentation")
     arguments = parser.parse_args()
-    n, count, tests = (4, 3, 6) if arguments.quick else (4, 12, 24)
+    n, count, tests = (4, 2, 4) if arguments.quick else (4, 12, 24)
     with tempfile.TemporaryDirectory() as name:
         bench = Bench(model_of(Path(name), n), n, 1.0 if arguments.quick else 0.5)
     far, z, alone = from_far(bench, count), many_tests(bench, tests), damping_alone(bench)

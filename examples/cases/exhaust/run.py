@@ -73,7 +73,7 @@ class Size:
     started: tuple[str, ...]
 
 
-QUICK = Size((1,), 0.5, (3.0,), (FRONT,))
+QUICK = Size((1,), 0.5, (3.0,), ())
 FULL = Size((1, 2, 3, 4, 5), 0.25, (0.3, 3.0), (FRONT, REAR, WHOLE))
 
 STAGES = (
@@ -334,7 +334,7 @@ def _deviations(axes: Axes, runs: Sequence[Found]) -> None:
 def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="one seed of noise, and further starts of one part only")
+    parser.add_argument("--quick", action="store_true", help="one seed of noise, and no further starts")
     parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     parser.add_argument("--folder", type=Path, help="keep study and run there")
     options = parser.parse_args()

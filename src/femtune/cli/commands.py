@@ -23,42 +23,21 @@ from femtune.steps import all_steps
 from femtune.steps.exit_codes import exit_code_help
 from femtune.steps.step import FILE, Command, Step
 
-_HELP = "Finite element model updating: from a vibration test and a deck to an updated deck."
+_HELP = """\
+Finite element model updating: from a vibration test and a deck to an updated deck.
+
+`femtune init DECK TEST` writes a study, `femtune run` updates the model and writes a report."""
 
 
 @click.group(
     cls=GuardedGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help=f"{_HELP}\n\n{exit_code_help()}",
+    help=_HELP,
+    epilog=exit_code_help(),
 )
 @click.version_option(__version__, prog_name="femtune")
 def main() -> None:
     """The group of commands."""
-
-
-@main.command()
-@click.argument("kind", type=click.Choice(["study", "identify"]), default="study")
-def schema(kind: str) -> None:
-    """JSON Schema of the study file, or of the identification file, for editors."""
-    from femtune.files.study_file.json_schema import schema_text  # noqa: PLC0415
-
-    click.echo(schema_text(kind), nl=False)
-
-
-@main.command()
-@click.argument("code")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
-def explain(code: str, as_json: bool) -> None:
-    """Explain the code of an error or notice, and how to fix it.
-
-    CODE is what a message shows in brackets: deck.missing-include.
-    """
-    code, known = code.strip("[]"), codes()
-    if code not in known:
-        close = did_you_mean(code, known)
-        hint = close if close.startswith("did") else "codes have the form deck.missing-include"
-        raise click.BadParameter(f"'{printable(code)}' is not the code of a message; {hint}", param_hint="CODE")
-    click.echo(json.dumps({"code": code, **meaning(code)}) if as_json else f"[{code}]\n\n{explanation(code)}")
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -124,3 +103,33 @@ def _show(command: Command, path: Path, result: Any, *, as_json: bool, quiet: bo
 for _step in all_steps():
     if _step.command is not None:
         main.add_command(command_of(_step, _step.command))
+        main.group_of[_step.name] = _step.command.group
+
+
+# ----------------------------------------------------------------------------------------------------
+# The commands that explain.
+
+
+@main.command()
+@click.argument("kind", type=click.Choice(["study", "identify"]), default="study")
+def schema(kind: str) -> None:
+    """JSON Schema of the study file, or of the identification file, for editors."""
+    from femtune.files.study_file.json_schema import schema_text  # noqa: PLC0415
+
+    click.echo(schema_text(kind), nl=False)
+
+
+@main.command()
+@click.argument("code")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
+def explain(code: str, as_json: bool) -> None:
+    """Explain the code of an error or notice, and how to fix it.
+
+    CODE is what a message shows in brackets: deck.missing-include.
+    """
+    code, known = code.strip("[]"), codes()
+    if code not in known:
+        close = did_you_mean(code, known)
+        hint = close if close.startswith("did") else "codes have the form deck.missing-include"
+        raise click.BadParameter(f"'{printable(code)}' is not the code of a message; {hint}", param_hint="CODE")
+    click.echo(json.dumps({"code": code, **meaning(code)}) if as_json else f"[{code}]\n\n{explanation(code)}")

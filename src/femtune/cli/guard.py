@@ -152,12 +152,32 @@ logging.getLogger("py.warnings").addHandler(logging.NullHandler())
 codecs.register_error(_REPLACING, _replaced)
 
 
+HELP = "Help"
+"""Heading of the commands that belong to no step."""
+
+
 class GuardedGroup(click.Group):
     """A group of commands whose failures end as messages and exit codes."""
 
+    def __init__(self, *words: Any, **options: Any) -> None:
+        super().__init__(*words, **options)
+        self.group_of: dict[str, str] = {}
+
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The commands in the order of the steps."""
-        return list(self.commands)
+        """The commands by groups, and in the order of the steps within a group."""
+        return [name for names in self._groups().values() for name in names]
+
+    def _groups(self) -> dict[str, list[str]]:
+        groups: dict[str, list[str]] = {}
+        for name in self.commands:
+            groups.setdefault(self.group_of.get(name, HELP), []).append(name)
+        return groups
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands under the headings of their groups, each with the first sentence of its help."""
+        for heading, names in self._groups().items():
+            with formatter.section(heading):
+                formatter.write_dl([(name, (self.commands[name].help or "").partition("\n\n")[0]) for name in names])
 
     def main(self, *words: Any, **options: Any) -> Any:
         """Run the command line; characters that a console or a pipe lacks are replaced.

@@ -124,16 +124,18 @@ def repeated_elements(batch: ElementBatch) -> Iterator[tuple[int, int, bool]]:
 
 
 def alternating_normals(structure: Structure) -> list[tuple[int, int]]:
-    """Numbers of neighbouring shells with an offset to their own upper side, whose upper sides are opposite.
+    """Numbers of neighbouring shells with a stiffer upper side each, whose upper sides are opposite.
 
-    Neighbours share one side; it is listed in opposite directions where their normals agree.
+    One side of a shell is the stiffer one by an offset, or by a law that couples membrane and bending (a laminate that
+    is not symmetric, or MID4). Neighbours share one side; it is listed in opposite directions where their normals
+    agree.
     """
-    sides, numbers, offsets, normals = [], [], [], []
+    sides, numbers, liftings, normals = [], [], [], []
     for batch in structure.batches:
         if batch.card in SHELLS:
             corners = batch.nodes[:, : 3 if batch.card in _TRIANGLES else 4]
-            offset = structure.values.values[batch.roles["z0"]]
-            some = offset != 0.0
+            lifting = _liftings(batch, structure)
+            some = lifting.any(axis=1)
             xyz = structure.nodes.xyz[corners[some]]
             normal = np.cross(xyz[:, 2] - xyz[:, 0], xyz[:, -1] - xyz[:, 1])
             size = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -141,20 +143,38 @@ def alternating_normals(structure: Structure) -> list[tuple[int, int]]:
             each = corners.shape[1]
             sides.append(np.stack([corners[some], np.roll(corners[some], -1, axis=1)], axis=2).reshape(-1, 2))
             numbers.append(np.repeat(batch.ids[some], each))
-            offsets.append(np.repeat(offset[some], each))
+            liftings.append(np.repeat(lifting[some], each, axis=0))
             normals.append(np.repeat(normal, each, axis=0))
     if not sides:
         return []
-    side, number, offset, normal = (np.concatenate(x) for x in (sides, numbers, offsets, normals))
+    side, number, lifting, normal = (np.concatenate(x) for x in (sides, numbers, liftings, normals))
     key = np.sort(side, axis=1)
     order = np.lexsort(key.T)
     _, start, count = np.unique(key[order], axis=0, return_index=True, return_counts=True)
     # a side of one shell is an edge, a side of three or more is a joint
     a, b = order[start[count == 2]], order[start[count == 2] + 1]
-    opposite = (side[a, 0] == side[b, 0]) & (offset[a] * offset[b] > 0.0)
+    opposite = (side[a, 0] == side[b, 0]) & ((lifting[a] * lifting[b]).sum(axis=1) > 0.0)
     opposite &= np.abs((normal[a] * normal[b]).sum(axis=1)) > _COPLANAR
     return [(int(number[i]), int(number[j])) for i, j in zip(a[opposite], b[opposite])]
 
+
+def _liftings(batch: ElementBatch, structure: Structure) -> Reals:
+    """(e, 4) offset, and the entries 11, 12, 22 of coupling over those of the membrane: lengths along the normal."""
+    values = structure.values.values
+    out = np.zeros((len(batch), 4))
+    out[:, 0] = values[batch.roles["z0"]]
+    if "C11" in batch.roles:
+        stiffness = np.maximum(values[batch.roles["M11"]], values[batch.roles["M22"]]) * values[batch.roles["t"]]
+        coupling = np.stack([values[batch.roles[name]] for name in ("C11", "C12", "C22")], axis=1)
+        lengths = coupling * values[batch.roles["t"]][:, None] ** 2
+        out[:, 1:] = np.divide(lengths, stiffness[:, None], out=np.zeros_like(lengths), where=stiffness[:, None] > 0.0)
+    thickness = values[batch.roles["t"]][:, None]
+    out[:, 1:][np.abs(out[:, 1:]) < _COUPLING * thickness] = 0.0
+    return out
+
+
+_COUPLING = 1e-4
+"""Coupling of membrane and bending, as a length over the thickness, below which a laminate counts as symmetric."""
 
 _SPRINGS = ("CELAS1", "CELAS2", "CBUSH")
 """Elements whose two ends are in one place or near each other."""

@@ -144,13 +144,23 @@ class ElementBatch:
             roles |= {name: np.where(mask & (at == old), new, roles[name]) for name, at in self.roles.items()}
         return replace(self, roles=roles)
 
-    def repoint_each(self, rows: Integers, moved: Sequence[Mapping[int, int]]) -> ElementBatch:
-        """The batch with the roles of some rows moved, each by its own map of positions."""
-        if not len(rows):
+    def repoint_each(self, sets: Integers, parts: Integers, moved: Integers) -> ElementBatch:
+        """The batch with the roles of some elements moved to other positions of the value table.
+
+        Parameters
+        ----------
+        sets : (m,) number of the set to which each element belongs; −1 for one that stays as it is
+        parts : (p,) positions, in ascending order
+        moved : (sets, p) positions that take their place in each set
+        """
+        some = sets >= 0
+        if not some.any():
             return self
         roles = {name: at.copy() for name, at in self.roles.items()}
         for at in roles.values():
-            at[rows] = [own.get(int(old), int(old)) for own, old in zip(moved, at[rows])]
+            place = np.minimum(np.searchsorted(parts, at), len(parts) - 1)
+            rows = np.flatnonzero(some & (parts[place] == at))
+            at[rows] = moved[sets[rows], place[rows]]
         return replace(self, roles=roles)
 
     def users(self, positions: Collection[int]) -> Integers:
@@ -298,13 +308,21 @@ class Structure:
 
     def split_each(self, index: int, elements: Sequence[int], regions: Sequence[str]) -> tuple[Structure, list[int]]:
         """The structure with a copy of a value for each of some elements, and the positions of these copies."""
+        return self.split_sets(index, [frozenset((e,)) for e in elements], regions)
+
+    def split_sets(
+        self, index: int, sets: Sequence[frozenset[int]], regions: Sequence[str]
+    ) -> tuple[Structure, list[int]]:
+        """The structure with a copy of a value for each of some disjoint sets of elements, and their positions."""
         values, moved = self.values.split_each(index, regions)
-        number = {e: k for k, e in enumerate(elements)}
-        batches = []
-        for batch in self.batches:
-            rows = np.array([i for i, e in enumerate(batch.ids.tolist()) if e in number], np.int64)
-            batches.append(batch.repoint_each(rows, [moved[number[int(e)]] for e in batch.ids[rows]]))
-        return replace(self, values=values, batches=tuple(batches)), [own[index] for own in moved]
+        parts = np.array(sorted(self.values.dependents([index])), np.int64)
+        targets = np.array([[own[int(i)] for i in parts] for own in moved], np.int64).reshape(len(moved), len(parts))
+        number = {e: k for k, members in enumerate(sets) for e in members}
+        batches = tuple(
+            b.repoint_each(np.array([number.get(e, -1) for e in b.ids.tolist()], np.int64), parts, targets)
+            for b in self.batches
+        )
+        return replace(self, values=values, batches=batches), [own[index] for own in moved]
 
     def direct_users(self, index: int) -> Integers:
         """Numbers of the elements that use an entry, or an entry derived from it other than one of a single element."""

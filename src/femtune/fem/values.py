@@ -157,7 +157,9 @@ class ValueTable:
         moves = self._moving(given)
         rows = np.where(moves, np.cumsum(moves) - 1, -1)
         # the last row stays zero
-        out = TableJet(self.values.astype(kind), rows, jet.constant(np.zeros(moves.sum() + 1, kind), n_variables))
+        curved = min((j.n_curved for _, j in assigned), default=n_variables)
+        moving = jet.constant(np.zeros(moves.sum() + 1, kind), n_variables, curved)
+        out = TableJet(self.values.astype(kind), rows, moving)
         for at, j in assigned:
             out.put(at, j)
         for rule in self._rules:

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
         check_mass,
         compare_levels,
         exchanged,
-        levels_notice,
         power_in,
         reciprocity,
     )
@@ -45,7 +44,6 @@ if TYPE_CHECKING:
         ScaledShapes,
         as_modes,
         driving_points,
-        fit_notices,
         scaled_shapes,
     )
     from femtune.identification.state_space_fit import SystemFit, fit_system, residual_poles, stable_poles, system_fit
@@ -89,7 +87,6 @@ __all__ = [
     "estimate_frfs",
     "exchanged",
     "fit_modes",
-    "fit_notices",
     "fit_quality",
     "fit_system",
     "identify_frfs",
@@ -97,7 +94,6 @@ __all__ = [
     "input_output_spectra",
     "join_frfs",
     "join_tables",
-    "levels_notice",
     "n4sid_poles",
     "normal_equations",
     "periodic_frfs",

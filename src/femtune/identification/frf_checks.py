@@ -198,15 +198,6 @@ def compare_levels(levels: Sequence[FrfSet], sd: Sequence[Reals] | None = None) 
     return Levels(change, significant, bool(significant[1:].max(initial=0.0) < 0.01))
 
 
-def levels_notice(found: Levels, names: Sequence[str]) -> tuple[Notice, ...]:
-    """``frf.not-linear`` naming the level that changes most."""
-    if found.linear:
-        return ()
-    worst = int(np.nanargmax(np.nanmax(found.change, axis=(1, 2))))
-    difference = float(np.nanmax(found.change[worst]))
-    return (Notice("frf.not-linear", level_name=names[worst], first_level=names[0], difference=difference),)
-
-
 def _unit(rows: Complexes) -> Complexes:
     size = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.asarray(rows / np.where(size > 0.0, size, 1.0))

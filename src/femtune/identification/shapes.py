@@ -311,8 +311,3 @@ def _beyond_noise(fit: ModalFit) -> Flags:
     left = [np.sum(np.linalg.svd(residue, compute_uv=False)[1:] ** 2) for residue in np.moveaxis(fit.residues, 2, 0)]
     noise = np.einsum("numaa->m", fit.own_covariance)
     return np.asarray(left > BEYOND_NOISE * noise)
-
-
-def fit_notices(fit: ModalFit, made: ScaledShapes) -> tuple[Notice, ...]:
-    """The notices of `fit_remarks`."""
-    return tuple(remark.notice for remark in fit_remarks(fit, made))

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
@@ -36,6 +38,7 @@ from femtune.model import (
 )
 from femtune.model.configuration import held_dofs
 from femtune.model.derivatives.modes import inverse_gaps, outside
+from femtune.model.digests import digest
 from femtune.model.full_model import ModelSolver, direct
 from femtune.parameters import Parameter, ParameterSet, parse_expression
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
@@ -44,6 +47,8 @@ from femtune.updating import UpdateResult
 _USUALLY_FREE = 0.5
 """Share of the grid points from which a direction that is held belongs to the model, such as that of a plane frame, and
 not to its supports."""
+_AT_ONCE = 4_000_000
+"""Numbers (DOFs × supports × modes) of the motions that are solved for together."""
 _STIFFEST = 1e-5
 """Compliance relative to the largest plausible one from which the update with a support as a parameter starts: zero has
 no spring, and smaller ones lose digits of the stiffness of the structure."""
@@ -91,10 +96,6 @@ class SupportRows:
     dofs: Integers
     stiffness: sp.csr_array
     mass: sp.csr_array
-
-    def at(self, eigenvalue: float) -> sp.csr_array:
-        """K_sf − λM_sf."""
-        return sp.csr_array(self.stiffness - eigenvalue * self.mass)
 
     def forces(self, solution: EigenSolution) -> Reals:
         """(s, m) forces on the supports in all modes of unit modal mass."""
@@ -174,26 +175,61 @@ class GivingWay:
         """As `subspace_derivative`, with ∂/∂c of the supports in the last columns."""
         found, members = self.given.derivative(solution, members, rows), list(members)
         phi, values = solution.shapes[:, members], solution.eigenvalues[members]
-        gaps = inverse_gaps(solution, [members])
-        of_all, first = [self.rows.at(float(value)) for value in values], len(found.stiffness) - len(self.supports)
-        at_mean = self.rows.at(float(np.mean(values))) @ phi
+        first, mean = len(found.stiffness) - len(self.supports), float(np.mean(values))
         of_mass = self.rows.mass @ phi
-        place = {int(dof): i for i, dof in enumerate(self.rows.dofs)}
+        at_mean = self.rows.stiffness @ phi - mean * of_mass
         stiffness, mass, moved = found.stiffness.copy(), found.mass.copy(), found.outside.copy()
-        own = [[place[dof] for dof in s.dofs if dof in place] for s in self.supports]
-        for k, at in enumerate(own, start=first):
+        for k, at in enumerate(self._own, start=first):
             r, m = at_mean[at], of_mass[at]
             # the term −(m dᵀ + d mᵀ) of the mass is that of the motion of the support
             mass[k] = -(r.T @ m + m.T @ r)
-            stiffness[k] = -(r.T @ r) + float(np.mean(values)) * mass[k]
-        for j, (d, value) in enumerate(zip(of_all, values)):
-            r = d @ phi[:, j]
-            forces = np.column_stack([-(d[at].T @ r[at]) if at else np.zeros(len(phi)) for at in own])
+            stiffness[k] = -(r.T @ r) + mean * mass[k]
+        moved[:, :, first:] = self._moved(solution, members, rows)
+        return replace(found, stiffness=stiffness, mass=mass, outside=moved)
+
+    @cached_property
+    def _own(self) -> list[list[int]]:
+        """Rows of each support."""
+        place = {int(dof): i for i, dof in enumerate(self.rows.dofs)}
+        return [[place[dof] for dof in s.dofs if dof in place] for s in self.supports]
+
+    @cached_property
+    def _kept(self) -> WeakKeyDictionary[EigenSolution, dict[str, Reals]]:
+        """Motions of the wanted modes, one by one, by their solution and the rows."""
+        return WeakKeyDictionary()
+
+    def _moved(self, solution: EigenSolution, members: list[int], rows: sp.csr_array) -> Reals:
+        """(rows, c, supports) part of the derivative of shapes outside the subspace of the members."""
+        if len(members) > 1 or members[0] >= solution.wanted:
+            return self._solved(solution, [members], rows)
+        kept, key = self._kept.setdefault(solution, {}), digest(rows)
+        if key not in kept:
+            kept[key] = self._solved(solution, [[j] for j in range(solution.wanted)], rows)
+        return kept[key][:, members]
+
+    def _solved(self, solution: EigenSolution, clusters: list[list[int]], rows: sp.csr_array) -> Reals:
+        """The same of several subspaces, some modes at a time."""
+        gaps, members = inverse_gaps(solution, clusters), [j for cluster in clusters for j in cluster]
+        count = len(self.supports)
+        choice = np.zeros((len(self.rows.dofs), count))
+        for k, at in enumerate(self._own):
+            choice[at, k] = 1.0
+        out, K, M = np.zeros((rows.shape[0], len(members), count)), self.rows.stiffness, self.rows.mass
+        at_once = max(1, _AT_ONCE // max(count * len(solution.shapes), 1))
+        for begin in range(0, len(members), at_once):
+            some = members[begin : begin + at_once]
+            phi, values = solution.shapes[:, some], solution.eigenvalues[some]
+            r = K @ phi - (M @ phi) * values
+            acting = (r[:, :, None] * choice[:, None, :]).reshape(len(r), -1)
+            of_column = np.repeat(values, count)
+            forces = -(K.T @ acting - (M.T @ acting) * of_column)
             acts = np.flatnonzero(forces.any(axis=0))
             if len(acts):
-                u = outside(solution, np.array([value]), gaps[:, [j]], forces[:, acts])
-                moved[:, j, first + acts] = rows @ u
-        return replace(found, stiffness=stiffness, mass=mass, outside=moved)
+                own = np.repeat(gaps[:, begin : begin + at_once], count, axis=1)[:, acts]
+                u = np.zeros((rows.shape[0], forces.shape[1]))
+                u[:, acts] = rows @ outside(solution, of_column[acts], own, forces[:, acts])
+                out[:, begin : begin + at_once] = u.reshape(rows.shape[0], len(some), count)
+        return out
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -216,7 +252,7 @@ def with_spring(model: ParametricModel, support: Support, largest: float) -> Par
     wide, assignments = _with_scalars(given, SPRING.key, "CELAS2", "K", dofs, owner, [stiffness])
     compliance = Parameter(support.name, _STIFFEST, 0.1 * _STIFFEST, 1.0)
     tied = Parameter(stiffness, tie=parse_expression(f"{1.0 / largest!r}/{support.name}"))
-    parameters = ParameterSet((*model.parameters.parameters, compliance, tied))
+    parameters = ParameterSet((*model.parameters.parameters, compliance, tied), curved=False)
     return parametric_model(wide, parameters, [*model.assignments, *assignments], model.tables)
 
 

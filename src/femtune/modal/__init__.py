@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     )
     from femtune.modal.shape_scatter import entry_deviations, largest_entries
     from femtune.modal.state_space import StateSpace, freq_and_damping, pole_of, system_modes
-    from femtune.modal.subspace import Rotation, clusters, principal_angles_deg, rotate_to, subspace_mac
+    from femtune.modal.subspace import Rotation, clusters, principal_angles_deg, rotate_to
     from femtune.modal.time_series import Channel, TimeSeries
 else:
     __getattr__, __dir__ = lazy_names(__name__)
@@ -52,6 +52,5 @@ __all__ = [
     "pole_of",
     "principal_angles_deg",
     "rotate_to",
-    "subspace_mac",
     "system_modes",
 ]

@@ -113,15 +113,6 @@ def projection(model: NDArray, test: NDArray) -> Reals:
     return np.array([_share(model, test[:, i]) for i in range(test.shape[1])])
 
 
-def subspace_mac(a: NDArray, b: NDArray) -> float:
-    """Mean squared cosine of the principal angles of two subspaces, 0 … 1; the MAC for single vectors.
-
-    Only rows without NaN in either are used; NaN if none are left.
-    """
-    cosines = _cosines(a, b)
-    return float(np.mean(cosines**2)) if len(cosines) else float("nan")
-
-
 def principal_angles_deg(a: NDArray, b: NDArray) -> Reals:
     """Principal angles between two subspaces in degrees, ascending, over the rows without NaN in either."""
     small = min(a.shape[1], b.shape[1])

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
         constant_damping,
         damping_by_mode,
         damping_table,
-        viscous_equivalent,
-        viscous_equivalent_derivatives,
     )
     from femtune.model.derivatives.chosen import eigenvalue_derivatives, subspace_derivative
     from femtune.model.derivatives.modes import SubspaceDerivative
@@ -59,6 +57,4 @@ __all__ = [
     "sensor_derivatives",
     "solve_modes",
     "subspace_derivative",
-    "viscous_equivalent",
-    "viscous_equivalent_derivatives",
 ]

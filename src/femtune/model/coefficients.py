@@ -228,7 +228,8 @@ class Coefficients:
     def __call__(self, table: TableJet) -> Jet:
         parts = [source.jet(table) for source, _ in self._plan]
         kind = np.result_type(float, *(p.value for p in parts))
-        out = jet.constant(np.zeros(len(self.numbers), kind), table.moving.n_variables)
+        moving = table.moving
+        out = jet.constant(np.zeros(len(self.numbers), kind), moving.n_variables, moving.n_curved)
         scale = self.book.scale(self.numbers)
         for (_, places), part in zip(self._plan, parts):
             scaled = part / scale[places]

@@ -522,4 +522,4 @@ def _without_stiffness(model: ParametricModel, terms: Sequence[TermFunction], el
 
 
 def _nominal_table(model: ParametricModel) -> TableJet:
-    return model.table(np.zeros(len(model.parameters.free))).without_derivatives()
+    return model.table_of_values(np.zeros(len(model.parameters.free)))

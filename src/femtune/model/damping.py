@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from femtune.arrays import Reals
@@ -138,38 +137,6 @@ def _checked_quality(values: Reals) -> Reals:
 
 def _too_few(given: int, modes: int) -> FemtuneError:
     return FemtuneError("damping.too-few-modes", given=given, modes=modes)
-
-
-def viscous_equivalent(point: ModelPoint) -> sp.csr_array:
-    """C + G/W3·K + H/W4: the viscous equivalent of all damping, for responses that are not harmonic.
-
-    G is the overall loss factor, H the elements' own hysteretic stiffness; W3 and W4 are the frequencies in rad/s at
-    which dashpot and loss factor dissipate the same. A loss factor without its frequency is left out, as in Nastran.
-    """
-    overall, of_elements = _weights(point)
-    out = point.viscous + of_elements * point.element_hysteretic
-    eta = point.loss_factor
-    return sp.csr_array(out if eta is None else out + (overall * eta.value) * point.stiffness)
-
-
-def viscous_equivalent_derivatives(point: ModelPoint) -> tuple[sp.csr_array, ...]:
-    """Derivatives of `viscous_equivalent` by every free parameter."""
-    overall, of_elements = _weights(point)
-    pairs = zip(point.viscous_derivatives, point.element_hysteretic_derivatives)
-    out = [c + of_elements * h for c, h in pairs]
-    eta = point.loss_factor
-    if eta is not None:
-        pairs = zip(point.stiffness_derivatives, eta.grad)
-        out = [c + overall * (eta.value * k + d * point.stiffness) for c, (k, d) in zip(out, pairs)]
-    return tuple(sp.csr_array(c) for c in out)
-
-
-def _weights(point: ModelPoint) -> tuple[float, float]:
-    """1/W3 and 1/W4, zero without them."""
-    damping = point.configured.model.structure.damping
-    omegas = (damping.overall_omega, damping.element_omega)
-    overall, of_elements = (1.0 / omega if omega else 0.0 for omega in omegas)
-    return overall, of_elements
 
 
 # ----------------------------------------------------------------------------------------------------

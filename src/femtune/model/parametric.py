@@ -124,7 +124,8 @@ class ParametricModel:
                 scale[at] *= factor
             assigned = [(at, (j if j.value.shape else j[None]) * scale[at]) for at, j in assigned]
             rest = self._only_tabled
-            assigned.append((rest, constant(nominal[rest] * scale[rest], k)))
+            curved = min((j.n_curved for _, j in assigned), default=k)
+            assigned.append((rest, constant(nominal[rest] * scale[rest], k, curved)))
         return self.structure.values.assign(assigned, k)
 
     def factors(self, freq_hz: float) -> tuple[float, ...]:
@@ -202,10 +203,16 @@ def parametric_model(
     # a value that a parameter sets does not follow from other values
     structure = replace(structure, values=structure.values.with_own(_own(structure, assignments, tables)))
     placed: dict[int, tuple[str, int, bool]] = {}
-    for assignment in assignments:
-        with errors.catch():
-            structure, position = _place(structure, parameters, assignment, placed)
-            placed[position] = (assignment.parameter, position, assignment.relative)
+    for group in _by_field(assignments):
+        together = _split_at_once(structure, group, placed)
+        if together is not None:
+            structure, positions = together
+            placed |= {i: (a.parameter, i, a.relative) for a, i in zip(group, positions)}
+            continue
+        for assignment in group:
+            with errors.catch():
+                structure, position = _place(structure, parameters, assignment, placed)
+                placed[position] = (assignment.parameter, position, assignment.relative)
     with errors.catch():
         _check_all_used(parameters, assignments)
     errors.raise_if_any()
@@ -305,6 +312,41 @@ def _sample(model: ParametricModel, x: NDArray[np.float64], factors: Sequence[fl
         except FemtuneError:
             x = 0.5 * x
     return model.values(np.zeros_like(x), factors)
+
+
+def _by_field(assignments: Sequence[Assignment]) -> Iterator[list[Assignment]]:
+    """Each by itself, but disjoint regions of one field that follow each other together."""
+    group, taken = list[Assignment](), frozenset[int]()
+    for a in assignments:
+        joins = group and a.ref == group[-1].ref and taken and a.elements and taken.isdisjoint(a.elements)
+        if group and not joins:
+            yield group
+            group, taken = [], frozenset()
+        group.append(a)
+        taken |= a.elements or frozenset()
+    if group:
+        yield group
+
+
+def _split_at_once(
+    structure: Structure, group: Sequence[Assignment], placed: Container[int]
+) -> tuple[Structure, list[int]] | None:
+    """As `_place` one after the other for the regions of a field, of which the structure is split once.
+
+    None where `_place` has to do it: for a single assignment, and for all that it refuses.
+    """
+    position = structure.values.index(group[0].ref)
+    if len(group) < 2 or position is None or position in placed or position in structure.damping.of_whole_model:
+        return None
+    users = frozenset(structure.users(position).tolist())
+    sets = [users & a.elements for a in group if a.elements]
+    if not all(sets) or structure.values.values[position] == 0.0:
+        return None
+    # the last region keeps the entry itself if nothing else uses it
+    last = frozenset.union(*sets) == users
+    split = len(sets) - last
+    structure, at = structure.split_sets(position, sets[:split], [a.parameter for a in group[:split]])
+    return structure, [*at, *([position] if last else [])]
 
 
 def _place(

@@ -106,13 +106,14 @@ class InternalForces:
         jets = _Jets(table)
         solve, u = self._solved(jets)
         value = self._forces(jets.value, u)
-        grad, hess = np.zeros((self.count, n), value.dtype), np.zeros((self.count, n, n), value.dtype)
+        h = table.moving.n_curved
+        grad, hess = np.zeros((self.count, n), value.dtype), np.zeros((self.count, h, h), value.dtype)
         by = [jets.by(i) for i in range(n)]
         slopes = [self.step.stiffness(weights) for weights in by]
         firsts = [solve(self._weight(weights, u.dtype) - slope @ u) for weights, slope in zip(by, slopes)]
         for i in range(n):
             grad[:, i] = self._forces(by[i], u) + self._forces(jets.value, firsts[i])
-            for j in range(i, n):
+            for j in range(i, h):
                 both = jets.by(i, j)
                 load = self._weight(both, u.dtype) - self.step.stiffness(both) @ u
                 load = load - slopes[i] @ firsts[j] - slopes[j] @ firsts[i]

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 class Jet:
     """Array of values with derivatives in k variables.
 
-    `value` has any shape s, `grad` shape s + (k,), `hess` shape s + (k, k).
+    `value` has any shape s, `grad` shape s + (k,), `hess` shape s + (h, h): second derivatives in the first h
+    variables. h is k, or zero where nobody needs second derivatives: they would take most of the time if there are
+    many variables.
     """
 
     value: NDArray
@@ -32,12 +34,22 @@ class Jet:
         """Number k of variables of the derivatives."""
         return self.grad.shape[-1]
 
+    @property
+    def n_curved(self) -> int:
+        """Number h of variables of the second derivatives."""
+        return self.hess.shape[-1]
+
+    @property
+    def bending(self) -> NDArray:
+        """s + (h,) the gradient in the variables of the second derivatives."""
+        return self.grad[..., : self.n_curved]
+
     def __getitem__(self, at: Any) -> Jet:
         return Jet(self.value[at], self.grad[at], self.hess[at])
 
     def chain(self, value: NDArray, first: NDArray, second: NDArray) -> Jet:
         """f(self) from f, f' and f'' at the value."""
-        outer = self.grad[..., :, None] * self.grad[..., None, :]
+        outer = self.bending[..., :, None] * self.bending[..., None, :]
         return Jet(
             value,
             first[..., None] * self.grad,
@@ -45,7 +57,7 @@ class Jet:
         )
 
     def _lift(self, other: Any) -> Jet:
-        return other if isinstance(other, Jet) else constant(other, self.n_variables)
+        return other if isinstance(other, Jet) else constant(other, self.n_variables, self.n_curved)
 
     def __add__(self, other: Any) -> Jet:
         b = self._lift(other)
@@ -64,7 +76,7 @@ class Jet:
 
     def __mul__(self, other: Any) -> Jet:
         b = self._lift(other)
-        cross = self.grad[..., :, None] * b.grad[..., None, :]
+        cross = self.bending[..., :, None] * b.bending[..., None, :]
         return Jet(
             self.value * b.value,
             self.value[..., None] * b.grad + b.value[..., None] * self.grad,
@@ -96,17 +108,19 @@ class Jet:
         return exp(self * np.log(base))
 
 
-def constant(value: Any, n_variables: int) -> Jet:
-    """A jet with zero derivatives."""
+def constant(value: Any, n_variables: int, n_curved: int | None = None) -> Jet:
+    """A jet with zero derivatives; second ones in all variables, or in the first `n_curved`."""
     v = np.asarray(value, dtype=complex if np.iscomplexobj(value) else float)
-    return Jet(v, np.zeros((*v.shape, n_variables), v.dtype), np.zeros((*v.shape, n_variables, n_variables), v.dtype))
+    h = n_variables if n_curved is None else n_curved
+    return Jet(v, np.zeros((*v.shape, n_variables), v.dtype), np.zeros((*v.shape, h, h), v.dtype))
 
 
-def variables(x: NDArray) -> Jet:
-    """The k independent variables themselves, as a jet of shape (k,)."""
+def variables(x: NDArray, curved: bool = True) -> Jet:
+    """The k independent variables themselves, as a jet of shape (k,), with or without second derivatives."""
     v = np.asarray(x)
     v = v if np.iscomplexobj(v) else v.astype(float)
-    return Jet(v, np.eye(v.size, dtype=v.dtype), np.zeros((v.size,) * 3, v.dtype))
+    h = v.size if curved else 0
+    return Jet(v, np.eye(v.size, dtype=v.dtype), np.zeros((v.size, h, h), v.dtype))
 
 
 def stack(jets: list[Jet]) -> Jet:

@@ -105,6 +105,7 @@ class ParameterSet:
     """All parameters of a study, free and tied.
 
     Solvers move the normalised free vector x, P = P0 + |P0|·x (P = P0 (1 + x) for positive P0), zero at nominal.
+    Without `curved` there are no second derivatives, whose number grows as the square of that of the parameters.
 
     Raises
     ------
@@ -113,6 +114,7 @@ class ParameterSet:
     """
 
     parameters: tuple[Parameter, ...] = field(default=())
+    curved: bool = True
 
     def __post_init__(self) -> None:
         errors = ErrorCollector()
@@ -207,12 +209,12 @@ class ParameterSet:
 
     def jets(self, x: NDArray) -> dict[str, Jet]:
         """Values of all parameters with exact gradient and Hessian in x (error ``tie.value``)."""
-        free = jet.variables(x) * self.scale + self.nominal
+        free = jet.variables(x, self.curved) * self.scale + self.nominal
         values = {p.name: free[i] for i, p in enumerate(self.free)}
         for p in self._order:
             assert p.tie is not None
             tied = p.tie(values)
-            values[p.name] = tied if isinstance(tied, Jet) else jet.constant(tied, len(self.free))
+            values[p.name] = tied if isinstance(tied, Jet) else jet.constant(tied, len(self.free), free.n_curved)
         return values
 
     def values(self, x: NDArray) -> dict[str, float]:

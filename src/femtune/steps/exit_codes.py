@@ -35,11 +35,11 @@ class ExitCode:
 
 _JUDGED = "`run`, `validate`, `correlate`"
 EXIT_CODES = (
-    ExitCode(ENDED, _JUDGED, "the verdict is *accepted* or *accepted with reservations*"),
+    ExitCode(ENDED, _JUDGED, "*accepted*, also with reservations"),
     ExitCode(ENDED, "all others", "the command succeeded"),
     ExitCode(NO_OPTIMUM, "`update`, `bootstrap`, `posterior`", "the update did not reach an optimum"),
     ExitCode(BAD_INPUT, "all", "the input has errors"),
-    ExitCode(RESERVATIONS, _JUDGED, "with `--strict`: the verdict is *accepted with reservations*"),
+    ExitCode(RESERVATIONS, _JUDGED, "with `--strict`: *accepted with reservations*"),
     ExitCode(NOT_ACCEPTED, _JUDGED, "the verdict is *not accepted*"),
     ExitCode(FAULT, "all", "internal error of femtune"),
     ExitCode(HUNG_UP, "all", "SIGHUP: the terminal was closed"),
@@ -55,7 +55,7 @@ def exit_code_help() -> str:
     --------
     >>> from femtune.steps.exit_codes import exit_code_help
     >>> exit_code_help().splitlines()[2]
-    '  0  run, validate, correlate: the verdict is accepted or accepted with reservations'
+    '  0  run, validate, correlate: accepted, also with reservations'
     """
     lines = (f"{e.number:>3}  {e.commands}: {e.when}" for e in EXIT_CODES)
     return "\n".join(["\b", "Exit codes:", *lines]).replace("`", "").replace("*", "")

@@ -132,6 +132,7 @@ class Command:
     page_of : the page that was written, if the step always writes one
     last : the last line on standard output
     ends : sentence and exit code at the end
+    group : heading of the help of femtune under which the command stands
     """
 
     help: str
@@ -149,6 +150,7 @@ class Command:
     page_of: Callable[[Any], Path | None] | None = None
     last: Callable[[Any], str] | None = None
     ends: Callable[[Any], End] = lambda result: End()
+    group: str = "Parameters"
 
 
 @dataclass(frozen=True)
@@ -298,7 +300,19 @@ def keep_jobs(context: click.Context, option: click.Parameter, jobs: int | None)
     context.find_root().meta[JOBS_KEY] = jobs
 
 
-STUDY = click.Argument(["study"], type=FILE)
+STUDY_FILE = "study.toml"
+"""Name of the study that ``femtune init`` writes, and that a command takes if it is given none."""
+
+
+def study_of_folder(context: click.Context, argument: click.Parameter, path: Path | None) -> Path:
+    """The file that was given, or the study of the working folder."""
+    if path is None and not Path(STUDY_FILE).is_file():
+        message = f"no file was given, and this folder has no {STUDY_FILE}; `femtune init DECK TEST` writes one"
+        raise click.UsageError(message, context)
+    return path or Path(STUDY_FILE)
+
+
+STUDY = click.Argument(["study"], type=FILE, required=False, callback=study_of_folder)
 JSON = click.Option(["--json", "as_json"], is_flag=True, help="Print the result as JSON on standard output.")
 OUTPUT = click.Option(["--output"], type=FILE, metavar="FOLDER", help="Run folder, instead of that of the study.")
 FRESH = click.Option(["--fresh"], is_flag=True, help="Ignore the journal of an earlier run and solve everything again.")

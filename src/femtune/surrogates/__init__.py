@@ -6,7 +6,7 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.surrogates.chaos import ChaosRules, chaos_indices, explained_variances, term_counts
-    from femtune.surrogates.infill import SumOfSquares, where_better, where_uncertain, where_wrong, with_run
+    from femtune.surrogates.infill import SumOfSquares, where_better, where_wrong, with_run
     from femtune.surrogates.kriging import KrigingRules
     from femtune.surrogates.radial import RadialRules
     from femtune.surrogates.surrogate import Surrogate, SurrogateRules, fit_surrogate
@@ -25,7 +25,6 @@ __all__ = [
     "fit_surrogate",
     "term_counts",
     "where_better",
-    "where_uncertain",
     "where_wrong",
     "with_run",
 ]

@@ -47,15 +47,6 @@ def with_run(surrogate: Surrogate, x: Reals, y: Reals) -> Surrogate:
     return surrogate.with_runs(np.vstack([surrogate.x, x]), np.vstack([surrogate.y, y]))
 
 
-def where_uncertain(surrogate: Surrogate, count: int, seed: int = 0) -> Reals:
-    """(count, n) points at which the standard deviation is the largest, in units of the spread of each response."""
-
-    def worth(current: Surrogate, points: Reals) -> Reals:
-        return np.asarray(np.max(current.predict_sd(points) / current.scale, axis=1))
-
-    return _chosen(surrogate, count, seed, worth)
-
-
 def where_wrong(surrogate: Surrogate, count: int, seed: int = 0) -> Reals:
     """(count, n) points at which the expected squared error is the largest, in units of the spread of each response.
 

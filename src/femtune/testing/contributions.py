@@ -23,7 +23,8 @@ def check_contribution(term: Contribution, values: Mapping[str, Reals]) -> None:
     """Raise AssertionError if a term breaks its contract.
 
     Matrices must be symmetric, one an element; the gradient and the Hessian of the coefficient by each of its roles
-    must agree with complex steps to TOLERANCE, and its remainder after the gradient must fall with slope 2.
+    must agree with complex steps to TOLERANCE, its remainder after the gradient must fall with slope 2, and without
+    second derivatives the gradient must be the same.
 
     Parameters
     ----------
@@ -35,6 +36,7 @@ def check_contribution(term: Contribution, values: Mapping[str, Reals]) -> None:
     check_gradient(term, x)
     check_hessian(term, x)
     check_taylor_slope(term, x)
+    check_without_hessian(term, x)
 
 
 def check_matrices(term: Contribution) -> None:
@@ -47,12 +49,13 @@ def check_matrices(term: Contribution) -> None:
     assert all(len(f) == m for f in term.facts.values())
 
 
-def evaluate(term: Contribution, x: NDArray) -> Jet:
-    """The coefficient at x (m, k), with derivatives by its k roles."""
+def evaluate(term: Contribution, x: NDArray, curved: bool = True) -> Jet:
+    """The coefficient at x (m, k), with derivatives by its k roles; second ones if `curved`."""
     k = x.shape[1]
+    h = k if curved else 0
     unit = np.eye(k, dtype=x.dtype)
     roles = {
-        role: Jet(x[:, i], np.broadcast_to(unit[i], x.shape).copy(), np.zeros((*x.shape, k), x.dtype))
+        role: Jet(x[:, i], np.broadcast_to(unit[i], x.shape).copy(), np.zeros((len(x), h, h), x.dtype))
         for i, role in enumerate(term.roles)
     }
     out = term.coefficient(roles, term.facts)
@@ -87,6 +90,14 @@ def check_hessian(term: Contribution, x: Reals) -> None:
     for i, role in enumerate(term.roles):
         by_step = _stepped(term, x, i).grad.imag / STEP * scale
         _agree(exact[:, i], by_step, exact, f"{term.label}: second derivatives by {role}")
+
+
+def check_without_hessian(term: Contribution, x: Reals) -> None:
+    """Without second derivatives: the same value and gradient."""
+    whole, short = evaluate(term, x), evaluate(term, x, curved=False)
+    assert short.hess.shape == (len(x), 0, 0)
+    np.testing.assert_array_equal(short.value, whole.value, err_msg=term.label)
+    np.testing.assert_array_equal(short.grad, whole.grad, err_msg=term.label)
 
 
 def _agree(exact: Reals, by_step: Reals, whole: Reals, what: str) -> None:

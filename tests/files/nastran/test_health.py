@@ -60,6 +60,8 @@ def test_sound_models_raise_no_alarm(deck_of: DeckOf, name: str) -> None:
     assert _told(deck_of, SOUND[name]) == {}
 
 
+_PLIES = "MAT8,8,1.+11,1.+10,.3,5.+9,,,1600.\nPCOMP,1\n,8,.002,0.,,8,.004,90."
+_LAMINATE = PLATE.replace("PSHELL,1,1,.01,1,,1", _PLIES)
 FAULTS = {
     "two plates that were not merged": (PLATE + SECOND, {
         "deck.coincident-points": "5 pairs of grid points of parts that nothing connects are in one place: 21 and 101",
@@ -107,6 +109,9 @@ FAULTS = {
         + "CTRIA3,1,1,1,3,4,,.01\nCTRIA3,2,1,1,2,4,,.01\n", {
         "deck.alternating-normals": "the normals of 1 pair of neighbouring shells",
     }),
+    "one shell of an unsymmetric laminate is reversed": (_LAMINATE.replace(",7,12,13,8\n", ",8,13,12,7\n"), {
+        "deck.alternating-normals": "the normals of 4 pairs of neighbouring shells",
+    }),
 }  # fmt: skip
 
 
@@ -123,6 +128,14 @@ def test_offsets_that_follow_the_normals_are_sound(deck_of: DeckOf) -> None:
     """A reversed element whose offset has the other sign has its mid-surface where its neighbours have theirs."""
     text, _ = FAULTS["one shell with offset is reversed"]
     assert _told(deck_of, text.replace("8,13,12,7,,.005", "8,13,12,7,,-.005")) == {}
+
+
+def test_reversed_shells_of_a_mirrored_or_symmetric_laminate_are_sound(deck_of: DeckOf) -> None:
+    text, _ = FAULTS["one shell of an unsymmetric laminate is reversed"]
+    mirrored = text.replace("6,1,8,13,12,7", "6,2,8,13,12,7") + "PCOMP,2\n,8,.004,90.,,8,.002,0.\n"
+    assert mirrored != text
+    assert _told(deck_of, mirrored) == {}
+    assert _told(deck_of, text.replace("8,.004,90.", "8,.002,0.")) == {}
 
 
 def test_the_place_is_that_of_the_card(deck_of: DeckOf) -> None:

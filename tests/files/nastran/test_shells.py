@@ -241,6 +241,37 @@ def test_derivative_of_a_mean_thickness(deck_of: DeckOf) -> None:
     np.testing.assert_allclose(t.grad, [0.1 / 4, (1.1 + 1.2 + 2.0) / 4])
 
 
+@pytest.mark.parametrize(("card", "a", "b"), [("CQUAD4", 0.1, 0.3), ("CQUAD4", 0.04, 0.0), ("CTRIA3", 0.1, 0.3)])
+def test_thickness_that_varies_bends_by_the_mean_of_its_cube(deck_of: DeckOf, card: str, a: float, b: float) -> None:
+    """Curvature κ everywhere: E'κ²/12 ∫ t³ dA with t linear along x, from a to b over a length of 2; the area is 4."""
+    elements = {
+        "CQUAD4": f"CQUAD4,20,9,1,2,3,4\n,,,{a},{b},{b},{a}\n",
+        "CTRIA3": f"CTRIA3,20,9,1,2,3\n,,,{a},{b},{b}\nCTRIA3,21,9,1,3,4\n,,,{a},{b},{a}\n",
+    }
+    structure = built(deck_of, STEEL + PLATE + elements[card]).structure
+    xyz = structure.nodes.xyz
+    u = np.zeros((len(xyz), 6))
+    u[:, 2], u[:, 4] = 0.5 * xyz[:, 0] ** 2, -xyz[:, 0]
+    found = u.ravel() @ (assemble(structure, "stiffness") @ u.ravel())
+    cube = 4.0 * (a + b) * (a**2 + b**2) / 4.0
+    assert found == pytest.approx(2.0 / 0.9375 / 12.0 * cube, rel=1e-10)
+
+
+def test_derivative_of_the_bending_of_a_thickness_that_varies(deck_of: DeckOf) -> None:
+    """Of the inertia relative to that of the mean, beside central differences; T1 and T of the property."""
+    model, one = batch(deck_of, STEEL + PLATE + QUAD + "\n,,1,1.5,,1.2,.4\n")
+    table = model.structure.values
+    at = [table.index(FieldRef(*ref)) for ref in (("CQUAD4", 20, "T1"), ("PSHELL", 9, "T"))]
+    row = one.roles["RI"][0]
+
+    def inertia(t1: float, t: float) -> jet.Jet:
+        variables = jet.variables(np.array([t1, t]))
+        return table.evaluate({i: variables[k] for k, i in enumerate(at) if i is not None}, 2)[row]
+
+    slope = (inertia(1.5 + 1e-5, 0.1).value - inertia(1.5 - 1e-5, 0.1).value) / 2e-5
+    np.testing.assert_allclose(inertia(1.5, 0.1).grad, [slope, 0.0], rtol=1e-7, atol=1e-12)
+
+
 def test_drilling_factor(deck_of: DeckOf) -> None:
     assert built(deck_of, "").structure.drilling == 100.0
     assert built(deck_of, "PARAM,K6ROT,1.+4\n").structure.drilling == 1e4

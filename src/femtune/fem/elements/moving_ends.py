@@ -263,14 +263,15 @@ def _beside(jets: Sequence[Jet]) -> Jet:
 def _products(a: Jet, b: Jet) -> Jet:
     """(m, 12, 12) sums Σ_r a_r b_rᵀ of jets (m, r, 12), by products of matrices."""
     m, r, d = a.value.shape
-    n, left = a.n_variables, np.swapaxes(a.value, 1, 2)
+    n, h, left = a.n_variables, a.n_curved, np.swapaxes(a.value, 1, 2)
     slopes = np.moveaxis(a.grad, 1, 3).reshape(m, d * n, r)
-    curves = np.moveaxis(a.hess, 1, 4).reshape(m, d * n * n, r)
+    bending = np.moveaxis(a.bending, 1, 3).reshape(m, d * h, r)
+    curves = np.moveaxis(a.hess, 1, 4).reshape(m, d * h * h, r)
     grad = (left @ b.grad.reshape(m, r, d * n)).reshape(m, d, d, n)
     grad = grad + np.swapaxes((slopes @ b.value).reshape(m, d, n, d), 2, 3)
-    cross = np.swapaxes((slopes @ b.grad.reshape(m, r, d * n)).reshape(m, d, n, d, n), 2, 3)
-    hess = (left @ b.hess.reshape(m, r, d * n * n)).reshape(m, d, d, n, n) + cross + np.swapaxes(cross, 3, 4)
-    hess = hess + np.moveaxis((curves @ b.value).reshape(m, d, n, n, d), 4, 2)
+    cross = np.swapaxes((bending @ b.bending.reshape(m, r, d * h)).reshape(m, d, h, d, h), 2, 3)
+    hess = (left @ b.hess.reshape(m, r, d * h * h)).reshape(m, d, d, h, h) + cross + np.swapaxes(cross, 3, 4)
+    hess = hess + np.moveaxis((curves @ b.value).reshape(m, d, h, h, d), 4, 2)
     return Jet(left @ b.value, grad, hess)
 
 
@@ -297,7 +298,8 @@ def _chained(outer: Jet, inputs: list[Jet]) -> Jet:
     """Chain rule: a jet (m,) in n inputs as a jet in the variables of the inputs."""
     grad, hess = (np.stack([getattr(j, name) for j in inputs], axis=1) for name in ("grad", "hess"))
     curve = np.einsum("mn,mnkl->mkl", outer.grad, hess)
-    bent = np.swapaxes(grad, 1, 2) @ outer.hess @ grad
+    bending = np.stack([j.bending for j in inputs], axis=1)
+    bent = np.swapaxes(bending, 1, 2) @ outer.hess @ bending
     return Jet(outer.value, np.einsum("mn,mnk->mk", outer.grad, grad), curve + bent)
 
 

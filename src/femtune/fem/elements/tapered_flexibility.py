@@ -122,7 +122,8 @@ def inverse_entry(F: Matrix, i: int, j: int) -> Jet:
     S = np.linalg.inv(value)
     left, right = S[:, i], S[:, :, j]
     first, last = np.einsum("ma,mabk->mbk", left, grad), np.einsum("mabk,mb->mak", grad, right)
-    cross = np.swapaxes(first, 1, 2) @ S @ last
+    h = hess.shape[-1]
+    cross = np.swapaxes(first[..., :h], 1, 2) @ S @ last[..., :h]
     slope = -np.einsum("mbk,mb->mk", first, right)
     curve = cross + np.swapaxes(cross, 1, 2) - np.einsum("ma,mabkl,mb->mkl", left, hess, right)
     return Jet(S[:, i, j], slope, curve)

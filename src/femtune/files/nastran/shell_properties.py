@@ -203,9 +203,9 @@ def _refused(record: CardEntry, at: str, code: str, **facts: Any) -> FemtuneErro
 
 
 _LARGEST_VARIATION = 0.2
-"""Difference of the corner thicknesses, relative to their mean, above which a notice says that the mean is used.
+"""Difference of the corner thicknesses, relative to their mean, above which a notice tells what is used.
 
-Bending stiffness is ∝ t³: for a linear variation of ±10 % its mean is 1 % above that of the mean thickness.
+Up to it the mean of t³ differs from the third power of the mean by at most 1 %.
 """
 
 
@@ -213,7 +213,7 @@ Bending stiffness is ∝ t³: for a linear variation of ±10 % its mean is 1 % a
 class Thicknesses:
     """Positions of the thicknesses of one card's elements, and the elements whose corners differ much.
 
-    `made_even` is False if the elements have the varying thickness instead of its mean.
+    `made_even` is False if the elements have the varying thickness instead of its means.
     """
 
     building: Building
@@ -221,32 +221,42 @@ class Thicknesses:
     made_even: bool = True
     uneven: list[Where] = field(default_factory=list)
 
-    def get(self, record: CardEntry, eid: int, section: ShellSection) -> int:
-        """Position of an element's thickness.
+    def get(self, record: CardEntry, eid: int, section: ShellSection, corners: list[int] | None) -> int:
+        """Position of an element's thickness: that of its property, or the mean of those at its corners.
 
         Raises
         ------
-        FemtuneError : ``deck.shell-section`` if there is none, ``deck.field-value`` for TFLAG
+        FemtuneError : ``deck.shell-section`` if there is none
+        """
+        if corners is None:
+            return self._of_property(record, section)
+        return self.building.values.derive(FieldRef(record.name, eid, "T"), corner_mean(len(corners)), *corners)
+
+    def inertia(self, record: CardEntry, eid: int, section: ShellSection, corners: list[int] | None) -> int:
+        """Position of the bending inertia relative to that of the mean thickness.
+
+        It is the property's value, times the mean of t³ over the element divided by the third power of the mean if
+        the thickness varies.
+        """
+        own = section.roles["RI"]
+        if corners is None or not self.made_even or not section.facts["has_bending"]:
+            return own
+        rule = bending_ratio(len(corners))
+        return self.building.values.derive(FieldRef(record.name, eid, "bending inertia"), rule, own, *corners)
+
+    def at_corners(self, record: CardEntry, eid: int, section: ShellSection) -> list[int] | None:
+        """Positions of the thickness at each corner, None if all are the property's.
+
+        Raises
+        ------
+        FemtuneError : ``deck.shell-section`` for impossible thicknesses, ``deck.field-value`` for TFLAG
         """
         given, relative = self._given(record, section)
         if not given:
-            return self._of_property(record, section)
-        # factors multiply the property's thickness, which is also that of blank corners
-        own = [self._of_property(record, section)] if relative or len(given) < len(self.corners) else []
-        corners = {name: self.building.value(record, eid, name) for name in given}
-        rule = scaled_mean(len(self.corners)) if relative else corner_mean(len(self.corners))
-        values = self.building.values.values
-        self._check(record, {name: values[i] for name, i in corners.items()}, own, relative)
-        at = [*own, *corners.values()]
-        nominal = rule(*(values[i] for i in at))
-        return self.building.values.derive(FieldRef(record.name, eid, "T"), rule, *at, nominal=nominal)
-
-    def at_corners(self, record: CardEntry, eid: int, section: ShellSection) -> list[int] | None:
-        """Positions of the thickness at each corner, None if all are the property's; errors as of ``get``."""
-        given, relative = self._given(record, section)
-        if not given:
             return None
-        return [self._corner(record, eid, section, name, name in given, relative) for name in self.corners]
+        corners = [self._corner(record, eid, section, name, name in given, relative) for name in self.corners]
+        self._check(record, dict(zip(self.corners, (self.building.values.values[i] for i in corners))))
+        return corners
 
     def _corner(
         self, record: CardEntry, eid: int, section: ShellSection, name: str, given: bool, relative: bool
@@ -284,12 +294,11 @@ class Thicknesses:
             raise record.error("deck.field-value/thickness-flag", at="TFLAG", record_name=record.name)
         return flag == 1
 
-    def _check(self, record: CardEntry, corners: dict[str, float], own: list[int], relative: bool) -> None:
+    def _check(self, record: CardEntry, corners: dict[str, float]) -> None:
         worst = min(corners, key=corners.__getitem__)
         if corners[worst] < 0.0 or max(corners.values()) == 0.0:
             raise record.error("deck.shell-section/corner-thickness", at=worst, names=self._names)
-        blank = 1.0 if relative else self.building.values.values[own[0]] if own else 0.0
-        every = [*corners.values(), *[blank] * (len(self.corners) - len(corners))]
+        every = corners.values()
         if self.made_even and max(every) - min(every) > _LARGEST_VARIATION * sum(every) / len(every):
             self.uneven.append(record.where)
 
@@ -313,26 +322,56 @@ class Thicknesses:
 @cache
 @makes_rules
 def corner_mean(n: int) -> Callable[..., Any]:
-    """Mean over n corners of thicknesses; the first one given also replaces blank ones."""
+    """Mean of the thicknesses at n corners."""
 
     def mean(first: Any, *others: Any) -> Any:
-        total = first * float(n - len(others))
-        for one in others:
-            total = total + one
-        return total / float(n)
+        return sum(others, start=first) / float(n)
 
     return mean
 
 
 @cache
 @makes_rules
-def scaled_mean(n: int) -> Callable[..., Any]:
-    """A thickness times the mean over n corners of factors, 1 where blank."""
+def bending_ratio(n: int) -> Callable[..., Any]:
+    """An inertia ratio times the mean of t³ over an element of n corners, relative to the third power of the mean.
 
-    def mean(thickness: Any, *factors: Any) -> Any:
-        total = factors[0] + float(n - len(factors))
-        for one in factors[1:]:
-            total = total + one
-        return thickness * total / float(n)
+    The thickness is interpolated linearly between three corners, or bilinearly between four.
+    """
+    shares = _CUBIC_POINTS[n]
 
-    return mean
+    def ratio(inertia: Any, *corners: Any) -> Any:
+        mean = sum(corners[1:], start=corners[0]) / float(n)
+        cubes = None
+        for weight, point in shares:
+            t = _weighted(point, corners) / mean
+            cube = t * t * t * weight
+            cubes = cube if cubes is None else cubes + cube
+        return inertia * cubes
+
+    return ratio
+
+
+def _weighted(weights: tuple[float, ...], values: tuple[Any, ...]) -> Any:
+    total = values[0] * weights[0]
+    for weight, value in zip(weights[1:], values[1:]):
+        total = total + value * weight
+    return total
+
+
+_NEAR, _FAR = (0.5 + 0.5 / 3.0**0.5, 0.5 - 0.5 / 3.0**0.5)
+_CUBIC_POINTS: dict[int, tuple[tuple[float, tuple[float, ...]], ...]] = {
+    # four points integrate a cubic over a triangle exactly (Strang and Fix)
+    3: (
+        (-9.0 / 16.0, (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)),
+        (25.0 / 48.0, (0.6, 0.2, 0.2)),
+        (25.0 / 48.0, (0.2, 0.6, 0.2)),
+        (25.0 / 48.0, (0.2, 0.2, 0.6)),
+    ),
+    # and 2 × 2 Gauss points a bicubic over a square
+    4: tuple(
+        (0.25, ((1.0 - x) * (1.0 - y), x * (1.0 - y), x * y, (1.0 - x) * y))
+        for x in (_FAR, _NEAR)
+        for y in (_FAR, _NEAR)
+    ),
+}
+"""Weights of points in an element of three or four corners, and the shares of the corners at each point."""

@@ -78,7 +78,8 @@ def _read(card: str, building: Building, grids: Grids, laws: PlaneLaws) -> list[
 class _Row(NamedTuple):
     """One element: its number, rows of its nodes, positions of thickness and offsets, material direction.
 
-    `corners` are the positions of thicknesses at the corners if these vary.
+    `inertia` is the position of the bending inertia relative to that of the thickness; `corners` are the positions of
+    thicknesses at the corners if the shape lets them vary over the element.
     """
 
     id: int
@@ -90,6 +91,7 @@ class _Row(NamedTuple):
     offset_given: bool
     theta: float
     direction: Reals
+    inertia: int
     corners: list[int] | None = None
 
 
@@ -129,6 +131,7 @@ class _ShellReading:
             offset_given=off,
             theta=0.0,
             direction=_NO_DIRECTION,
+            inertia=section.roles["RI"],
         )
         self.rows.append(row)
         return True
@@ -138,11 +141,11 @@ class _ShellReading:
         eid = record.integer("EID")
         section = self.properties.get(record.integer("PID", eid), record)
         nodes = _nodes(record, self.grids)
-        thickness = self.thicknesses.get(record, eid, section)
+        corners = self.thicknesses.at_corners(record, eid, section)
+        thickness = self.thicknesses.get(record, eid, section, corners)
         lift, offset = self._offsets(record, eid, section)
         given = not record.blank("ZOFFS") or section.offset is not None
         theta, direction = _material_axis(record, self.grids, nodes[: self.shape.corners], section)
-        corners = self.thicknesses.at_corners(record, eid, section) if self.shape.curved else None
         row = _Row(
             id=eid,
             nodes=nodes,
@@ -153,7 +156,8 @@ class _ShellReading:
             offset_given=given,
             theta=theta,
             direction=direction,
-            corners=corners,
+            corners=corners if self.shape.curved else None,
+            inertia=self.thicknesses.inertia(record, eid, section, corners),
         )
         self.rows.append(row)
 
@@ -171,11 +175,14 @@ class _ShellReading:
         """The batch, or an empty list if no element was added."""
         if not self.rows:
             return []
-        ids, nodes, sections, thickness, offset, lift, offset_given, theta, direction, corners = zip(*self.rows)
+        ids, nodes, sections, thickness, offset, lift, offset_given, theta, direction, inertia, corners = zip(
+            *self.rows
+        )
         at = np.array(nodes, dtype=np.int64)
         dofs = np.where(at[:, :, None] >= 0, 6 * at[:, :, None] + np.arange(6), -1).reshape(len(at), -1)
         roles, facts = _section_columns(sections)
         roles |= {"t": np.array(thickness, np.int64), "z0": np.array(offset, np.int64)}
+        roles["RI"] = np.array(inertia, np.int64)
         roles["zm"] = roles["z0"] if lift == offset else np.array(lift, np.int64)
         facts |= {"offset_given": np.array(offset_given), "theta": np.array(theta), "direction": np.array(direction)}
         if any(given is not None for given in corners):

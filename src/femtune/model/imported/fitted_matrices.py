@@ -98,10 +98,11 @@ class SurrogateCoefficient:
             scaled = constant(fit.value(u), 0)
         else:
             slopes, curvatures = fit.slopes(u), fit.curvatures(u)
+            bending = np.stack([one.bending for one in unit], axis=-2)
             scaled = Jet(
                 fit.value(u),
                 np.einsum("...n,...nk->...k", slopes, inner),
-                np.einsum("...nm,...nk,...ml->...kl", curvatures, inner, inner)
+                np.einsum("...nm,...nk,...ml->...kl", curvatures, bending, bending)
                 + np.einsum("...n,...nkl->...kl", slopes, np.stack([one.hess for one in unit], axis=-3)),
             )
         return values["FACTOR"] * (scaled * float(s.scale[self.response]) + float(s.centre[self.response]))

@@ -30,6 +30,7 @@ STEP = Step(
     tables=("bootstrap",),
     in_run=(InRun("bootstrap", "bootstrap.in_run:bootstrap_after", 160, optional="bootstrap"),),
     command=Command(
+        group="Uncertainty",
         help=(
             "Spread of the updated parameters by a bootstrap of the measured FRFs.\n\n"
             "The model is updated first, as by `update`. An interrupted bootstrap continues from the runs "

@@ -16,6 +16,7 @@ from femtune.steps.step import (
     Step,
     coloured,
     no_file,
+    study_of_folder,
 )
 
 
@@ -29,12 +30,13 @@ def _tell(result: Any, quiet: bool) -> None:
 STEP = Step(
     "check",
     command=Command(
+        group="First steps",
         help=(
             "All mistakes of a study, of its deck and of its tests at once; nothing is solved.\n\n"
             "PATH is a study file (.toml) or a Nastran deck. The exit code is 2 if there are errors."
         ),
         params=(
-            click.Argument(["path"], type=FILE),
+            click.Argument(["path"], type=FILE, required=False, callback=study_of_folder),
             JSON,
         ),
         reads=no_file,

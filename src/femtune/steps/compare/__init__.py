@@ -14,6 +14,7 @@ from femtune.steps.step import (
 STEP = Step(
     "compare",
     command=Command(
+        group="Model",
         help=(
             "Compare the modes of two decks of one structure with different meshes: MAC, pairs, "
             "frequencies.\n\n"

@@ -28,6 +28,7 @@ STEP = Step(
         InRun("expanded shapes", "correlate.in_run:write_expanded", 200, optional="file of the expanded test shapes"),
     ),
     command=Command(
+        group="Model and test",
         help=(
             "Compare the model with the test: frequencies, MAC, mode pairs.\n\n"
             "The exit code is 4 if the verdict is: not accepted."

@@ -18,6 +18,7 @@ from femtune.steps.step import (
 STEP = Step(
     "identify",
     command=Command(
+        group="Test",
         help=(
             "Identify modes with standard deviations from time records or FRFs.\n\n"
             "PATH is an identification file (.toml), a record (CSV, UFF, .npy, .npz, .mat, HDF5, WAV) or "

@@ -35,6 +35,7 @@ STEP = Step(
     "info",
     tables=("checks",),
     command=Command(
+        group="Model",
         help=(
             "Summary of the deck: cards, mass, rigid-body check, supports, shapes of elements, mesh "
             "errors.\n\n"

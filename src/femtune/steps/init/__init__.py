@@ -41,6 +41,7 @@ _VECTOR = _Vector()
 STEP = Step(
     "init",
     command=Command(
+        group="First steps",
         help=(
             "Write a commented study from a deck and a test: units, sensors, modes and parameters are "
             "proposed.\n\n"

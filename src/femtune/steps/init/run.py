@@ -37,6 +37,7 @@ from femtune.steps.init.proposed_parameters import FREQUENCY_SD, SHAPE_SD, Field
 from femtune.steps.init.written import StudyText
 from femtune.steps.result import StepResult
 from femtune.steps.run_folder import check_writable, unwritable
+from femtune.steps.step import STUDY_FILE
 from femtune.study.cases import sensor_tolerance
 from femtune.study.described import model_of_deck
 from femtune.study.drawn_mesh import RIGID, thinned, whole_mesh
@@ -66,7 +67,6 @@ if TYPE_CHECKING:
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
 
-STUDY_FILE = "study.toml"
 PICTURE_FILE = "sensors.svg"
 """Picture of the test points on the mesh."""
 IDENTIFY_FILE = "identify.toml"

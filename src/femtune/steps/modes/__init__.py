@@ -44,6 +44,7 @@ STEP = Step(
     tables=("modes",),
     in_run=(InRun("file for ParaView", "modes.in_run:write_vtu", 100, optional="file for ParaView"),),
     command=Command(
+        group="Model",
         help=(
             "Compute the natural frequencies and modes of each configuration.\n\n"
             "PATH is a study file (.toml) or a Nastran deck."

@@ -10,6 +10,7 @@ STEP = Step(
     "plan",
     tables=("plan",),
     command=Command(
+        group="Test",
         help=(
             "Plan a test: sensors for target modes of the model.\n\n"
             "PATH is a study file (.toml) or a Nastran deck; no test is needed. Options replace keys of "

@@ -30,6 +30,7 @@ STEP = Step(
     tables=("posterior",),
     in_run=(InRun("posterior", "posterior.in_run:posterior_after", 165, optional="posterior"),),
     command=Command(
+        group="Uncertainty",
         help=(
             "Sampled distribution of the parameters, instead of standard deviations.\n\n"
             "The model is updated first, as by `update`. An interrupted run continues from the solutions that had "

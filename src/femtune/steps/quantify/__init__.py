@@ -9,6 +9,7 @@ STEP = Step(
     tables=("quantify",),
     in_run=(InRun("quantify", "quantify.in_run:quantify_after", 150, optional="variability of the parameters"),),
     command=Command(
+        group="Uncertainty",
         help="Estimate mean and covariance of the parameters from repeated tests.",
         params=(
             STUDY,

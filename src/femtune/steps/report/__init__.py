@@ -13,6 +13,7 @@ from femtune.steps.step import (
     JSON,
     Command,
     Step,
+    study_of_folder,
 )
 
 
@@ -23,9 +24,10 @@ def _tell(path: Any, quiet: bool) -> None:
 STEP = Step(
     "report",
     command=Command(
-        ("Rewrite the report of a run.\n\nPATH is a run folder, or a study with a run folder."),
+        group="First steps",
+        help="Rewrite the report of a run.\n\nPATH is a run folder, or a study with a run folder.",
         params=(
-            click.Argument(["path"], type=FILE),
+            click.Argument(["path"], type=FILE, required=False, callback=study_of_folder),
             JSON,
         ),
         data=lambda path: json.dumps({"report": str(Path(path).resolve())}),

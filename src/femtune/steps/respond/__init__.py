@@ -37,6 +37,7 @@ STEP = Step(
         InRun("respond", "respond.in_run:respond_after", 210, with_deck=False),
     ),
     command=Command(
+        group="Model",
         help=(
             "Compute frequency responses, complex modes and static displacements.\n\n"
             "PATH is a study file (.toml) or a Nastran deck. Options replace keys of [response] in the "

@@ -27,6 +27,7 @@ STEP = Step(
         InRun("checks of later steps", "run.in_run:check_later_parts", 30),
     ),
     command=Command(
+        group="First steps",
         help=(
             "Correlate, select, update, validate and report: the run folder receives results, updated "
             "deck and report.\n\n"

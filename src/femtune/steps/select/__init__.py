@@ -9,6 +9,7 @@ STEP = Step(
     tables=("select",),
     in_run=(InRun("select", "select.in_run:select_before", 50),),
     command=Command(
+        group="Model and test",
         help="Which parameters and combinations of parameters the data determine.",
         params=(
             STUDY,

@@ -22,6 +22,7 @@ STEP = Step(
     tables=("validate", "hold_out"),
     in_run=(InRun("unused FRFs", "validate.in_run:compare_unused_frfs", 120),),
     command=Command(
+        group="Model and test",
         help=(
             "Compare the updated model with data that the update did not use.\n\n"
             "The model is updated first, as by `update`; solutions of an earlier run are read from its "

@@ -23,6 +23,7 @@ def _tell(picture: Any, quiet: bool) -> None:
 STEP = Step(
     "view",
     command=Command(
+        group="Model",
         help=(
             "Show a moving mode in a window, or write a picture of it.\n\n"
             "PATH is a study file (.toml) or a Nastran deck."

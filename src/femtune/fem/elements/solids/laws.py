@@ -71,7 +71,7 @@ def condensed(kept: Sequence[int], a: int, b: int, eliminate: bool) -> Coefficie
         t = t - z @ np.linalg.solve(inner @ z, inner @ t)
         moved = np.einsum("mijp,mje->mepi", law.grad, t)
         grad = np.einsum("mi,mpi->mp", t[:, :, 0], moved[:, 1])
-        r = moved @ z[:, None]
+        r = moved[:, :, : law.n_curved] @ z[:, None]
         bent = np.swapaxes(r[:, 0] @ np.linalg.solve(inner @ z, np.swapaxes(r[:, 1], 1, 2)), 1, 2)
         hess = np.einsum("mi,mijpq,mj->mpq", t[:, :, 0], law.hess, t[:, :, 1], optimize=True)
         value = np.einsum("mi,mij,mj->m", t[:, :, 0], law.value, t[:, :, 1])

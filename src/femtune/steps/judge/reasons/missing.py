@@ -54,12 +54,12 @@ def _of_mass(found: MissingResults, first: MissingField, largest: float) -> Reas
         assert first.refit is not None
         return reason(
             "not accepted", "judge.missing/mass-at-limit" if first.refit.at_bound else "judge.missing/mass", first.name,
-            position=place, mass=with_unit(f"{first.refit.factor * largest:.2g}", first.mass_unit),
+            position=place, spot=first.place, mass=with_unit(f"{first.refit.factor * largest:.2g}", first.mass_unit),
             before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
         )  # fmt: skip
     return reason(
-        "reservation", "judge.missing/mass-suspected", first.name, position=place, chance=chance(found),
-        tested=_tested(found),
+        "reservation", "judge.missing/mass-suspected", first.name, position=place, spot=first.place,
+        chance=chance(found), tested=_tested(found),
     )  # fmt: skip
 
 
@@ -70,13 +70,13 @@ def _of_support(found: MissingResults, first: MissingField, least: float) -> Rea
         assert first.refit is not None
         return reason(
             "not accepted", "judge.missing/support-at-limit" if first.refit.at_bound else "judge.missing/support",
-            first.name, position=place,
+            first.name, position=place, spot=first.place,
             stiffness=with_unit(f"{least / max(first.refit.factor, 1e-6):.2g}", first.stiffness_unit),
             before=f"{found.chi_square:.4g}", after=f"{first.refit.chi_square:.4g}",
         )  # fmt: skip
     return reason(
-        "reservation", "judge.missing/support-suspected", first.name, position=place, chance=chance(found),
-        tested=_tested(found),
+        "reservation", "judge.missing/support-suspected", first.name, position=place, spot=first.place,
+        chance=chance(found), tested=_tested(found),
     )  # fmt: skip
 
 

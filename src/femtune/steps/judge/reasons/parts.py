@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from femtune.document.numbers import listed
@@ -10,9 +10,10 @@ from femtune.steps.judge.record.parts import LEAST_SHARE, NOT_ACCEPTED, RESERVED
 from femtune.steps.judge.record.reason import reason
 
 if TYPE_CHECKING:
-    from femtune.steps.judge.record.parts import KindOfErrors, NeighbourRecord, PartRecord, PartsResults
+    from femtune.steps.judge.record.parts import KindOfErrors, NeighbourRecord, PartRecord, PartsResults, UntestedKind
     from femtune.steps.judge.record.reason import ReasonRecord, Weight
     from femtune.steps.results import Results
+    from femtune.steps.update.record.update import ResidualCount
 
 _LEAST_TIMES = 1.5
 """Ratio of stated and actual standard deviation up to which the stated one is not called too large: deviations are
@@ -32,10 +33,23 @@ def parts_reasons(results: Results) -> Iterable[ReasonRecord]:
     if stated and not misfit and goodness is not None and goodness.verdict == "fail":
         yield reason("reservation", "judge.misfit/whole", outcome=goodness.sentence)
     if found.untested:
-        kinds = listed([u.kind for u in found.untested])
-        yield reason("reservation", "judge.fit-not-tested", kinds=kinds, why=found.untested[0].reason)
+        yield _of_untested(found.untested, () if results.update is None else results.update.residual_counts)
     for kind in found.kinds:
         yield from _of_errors(kind)
+
+
+def _of_untested(untested: Sequence[UntestedKind], counts: Sequence[ResidualCount]) -> ReasonRecord:
+    """Kinds without a test; the largest of them with its size, if that alone is remarkable."""
+    sizes = {c.kind: c for c in counts if c.rms_after is not None and c.error_after_percent is not None}
+    largest = max((sizes[u.kind] for u in untested if u.kind in sizes), key=lambda c: c.rms_after or 0.0, default=None)
+    if largest is None or (largest.rms_after or 0.0) < _LEAST_TIMES:
+        kinds = listed([u.kind for u in untested])
+        return reason("reservation", "judge.fit-not-tested", kinds=kinds, why=untested[0].reason)
+    why = next(u.reason for u in untested if u.kind == largest.kind)
+    return reason(
+        "reservation", "judge.fit-not-tested/large", kind=largest.kind, ratio=largest.rms_after,
+        error=largest.error_after_percent, why=why,
+    )  # fmt: skip
 
 
 def _weight(p: float) -> Weight:
