@@ -6,6 +6,8 @@
 SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
+# Modules are compiled once, also where the environment forbids it: Python is started many times.
+export PYTHONDONTWRITEBYTECODE :=
 # Modules are compiled when they are first imported: compiling all at once would take as long as a third of the installation.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 CANDIDATES := python3.13 python3.12 python3.11 python3 python
@@ -14,8 +16,7 @@ PYTEST_ARGS ?= -n auto --dist worksteal
 # One thread a process: tests share the cores among themselves, and small matrices gain nothing from more.
 ONE_THREAD := OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} OPENBLAS_NUM_THREADS=$${OPENBLAS_NUM_THREADS:-1} \
 	MKL_NUM_THREADS=$${MKL_NUM_THREADS:-1}
-# Modules are compiled once, also where the environment forbids it: tests start Python many times.
-PYTEST := $(ONE_THREAD) PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
+PYTEST := $(ONE_THREAD) $(BIN)/python -m pytest
 # RUN_TESTS marks, options: in a new checkout pytest would take a quarter of a minute to prepare the assertions, so that
 # they show their values. Only tests that failed are run with such assertions, once more.
 RUN_TESTS = $(PYTEST) -m "$(1)" --assert=plain $(2) $(PYTEST_ARGS) || { code=$$?; \
@@ -28,7 +29,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz bench-stories mutants readers release-check clean
+.PHONY: help demo test test-slow test-long check-all lint format types contract docs internals pictures evidence notebooks examples-quick web web-check browser bench bench-identification bench-surrogates bench-search bench-optimise bench-chain bench-judge bench-health bench-sensors bench-page bench-fuzz bench-solver-files bench-stories mutants readers release-check cluster-check clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -166,6 +167,9 @@ bench-fuzz: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## twenty thousand damag
 	@test -d $(VENV)/fuzz/pyNastran || $(PIP) --target $(VENV)/fuzz --no-deps $(FUZZ_PEERS)
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/fuzz $(BIN)/python benchmarks/fuzz/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
+bench-solver-files: $(VENV)/.stamp-test $(VENV)/.stamp-readers  ## five thousand damaged files of other programs, with their system calls recorded; takes minutes and can be interrupted
+	@$(ONE_THREAD) $(BIN)/python benchmarks/fuzz/solver_files_run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
 bench-stories: $(VENV)/.stamp-test  ## 500 stories of runs that are killed, starved, locked and edited: the numbers of a quiet run; takes hours and can be interrupted
 	@$(ONE_THREAD) $(BIN)/python benchmarks/stories/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
@@ -177,6 +181,10 @@ readers: $(VENV)/.stamp-readers  ## install the libraries for OP2, Ansys, HDF5, 
 
 release-check:  ## the check-list of a release: build, metadata, empty environments of every Python, tutorial, licences
 	@python="$$($(FIND_PYTHON))"; "$$python" .ci/release.py
+
+cluster-check: $(VENV)/.stamp-test  ## the commands of the documentation for Slurm, dask-jobqueue and SLEPc; takes minutes
+	@$(PIP) -e ".[cluster]" dask-jobqueue
+	@$(ONE_THREAD) $(BIN)/python .ci/cluster_commands.py $(or $(CHECK_ARGS),--evidence docs/evidence)
 
 clean:  ## remove all generated files and the environment
 	rm -rf $(VENV) build dist src/*.egg-info docs/_build web/node_modules .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -65,25 +65,32 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        wheel, source = _built(folder)
+        # its pip serves the other environments: making one of its own would take longer than much that it installs
+        tools = _environment(folder / "tools", sys.executable, "build", "twine", *_backend())
+        wheel, source = _built(folder, tools)
         if options.licences:
             extras = ",".join(_extras())
-            _write_list(_packages(_environment(folder / "all", sys.executable, f"{wheel}[{extras}]")))
+            _write_list(_packages(_environment(folder / "all", sys.executable, f"{wheel}[{extras}]", pip=tools)))
             return 0
         problems = _versions() + _contents(source)
         pythons = _pythons()
         for python in pythons:
-            inside = _environment(folder / python.name, str(python), str(wheel))
+            inside = _environment(folder / python.name, str(python), str(wheel), pip=tools)
+            print(f"{python.name}: installed ({_megabytes(folder / python.name):.0f} MB)")
             problems += _installed(inside)
-            size = sum(
-                p.stat().st_size for p in (folder / python.name).rglob("*") if p.is_file() and not p.is_symlink()
-            )
-            print(f"{python.name}: installed ({size / 1e6:.0f} MB)")
         problems += _followed(inside, folder / "work")
     for problem in problems:
         print(f"NOT MET: {problem}")
     print("release check: " + ("not met" if problems else "all points are met"))
     return 1 if problems else 0
+
+
+def _backend() -> list[str]:
+    """What builds femtune."""
+    requires: list[str] = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"][
+        "requires"
+    ]
+    return requires
 
 
 def _extras() -> list[str]:
@@ -104,12 +111,15 @@ def _versions() -> list[str]:
     return [f"{file} does not state version {project}" for file, m in found.items() if not m or m[1] != project]
 
 
-def _built(folder: Path) -> tuple[Path, Path]:
-    """Wheel and source distribution, built from the files that are under version control, and checked by twine."""
-    tools, checkout = _environment(folder / "tools", sys.executable, "build", "twine"), folder / "checkout"
+def _built(folder: Path, tools: Path) -> tuple[Path, Path]:
+    """Wheel and source distribution, built from the files that are under version control, and checked by twine.
+
+    The environment of the tools has what builds femtune and nothing that femtune needs, as one that `build` would make.
+    """
+    checkout = folder / "checkout"
     # the checkout may belong to another user
     _run(["git", "-c", "safe.directory=*", "clone", "--quiet", str(_ROOT), str(checkout)])
-    _run([str(tools), "-m", "build", "--outdir", str(folder / "dist"), str(checkout)])
+    _run([str(tools), "-m", "build", "--no-isolation", "--outdir", str(folder / "dist"), str(checkout)])
     _run([str(tools), "-m", "twine", "check", "--strict", *(str(p) for p in (folder / "dist").iterdir())])
     (wheel,), (source,) = (folder / "dist").glob("*.whl"), (folder / "dist").glob("*.tar.gz")
     for file in (wheel, source):
@@ -148,10 +158,12 @@ def _pythons() -> list[Path]:
     return [found[version] for version in sorted(found)]
 
 
-def _environment(folder: Path, python: str, *packages: str) -> Path:
-    _run([python, "-m", "venv", str(folder)])
+def _environment(folder: Path, python: str, *packages: str, pip: Path | None = None) -> Path:
+    """An environment with packages, installed by the pip of another environment where one is given; its Python."""
+    _run([python, "-m", "venv", *(["--without-pip"] if pip else []), str(folder)])
     inside = folder / "bin" / "python"
-    _run([str(inside), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile", *packages])
+    command = [str(pip or inside), "-m", "pip", "--python", str(inside)]
+    _run([*command, "install", "--quiet", "--disable-pip-version-check", "--no-compile", *packages])
     return inside
 
 
@@ -205,7 +217,9 @@ def _write_list(packages: list[tuple[str, str]]) -> None:
 
 
 def _run(command: list[str], cwd: Path | None = None, code: int = 0) -> None:
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    # modules are compiled once, also where the environment forbids it: the commands of the tutorial share them
+    compiling = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
+    done = subprocess.run(command, cwd=cwd, env=compiling, capture_output=True, text=True, check=False)
     if done.returncode != code:
         raise SystemExit(f"{shlex.join(command)}\n{done.stdout[-3000:]}{done.stderr[-3000:]}")
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +32,7 @@ RETRIES = 2
 TIMEOUT_S = 8.0
 """After which a run of the solver is ended; runs take a twentieth of a second on a quiet machine."""
 
-SOLVER = """import math, os, subprocess, sys, time
+SOLVER = """import math, os, sys
 MASS = {mass}
 state = os.environ.get("STORY_STATE", "")
 d = dict((a, float(b)) for a, b in (line.split() for line in open("model.inp") if len(line.split()) == 2))
@@ -65,6 +67,7 @@ if state:
 if fault == "crash":
     os.abort()
 if fault == "hang":
+    import time
     time.sleep(600)
 if fault == "text":
     print("SEVERE: no solution")
@@ -75,6 +78,7 @@ if fault == "folder":
     shutil.rmtree(os.getcwd())
     sys.exit(0)
 if fault == "child":
+    import subprocess
     subprocess.Popen([sys.executable, "-I", "-S", "-c", "import os, time; os.setsid(); time.sleep(600)"])
 lines = [" ".join(hz)]
 for node, pair in ((1, [b, b]), (2, [a - MASS * x for x in w])):
@@ -96,8 +100,11 @@ with open("result.txt", "w") as out:
 if state and fault in ("", "child"):
     log("end")
 if fault == "child":
+    import time
     time.sleep(0.05)
 """
+_PYTHON = os.path.realpath(sys.executable)
+"""Not the program of an environment or a launcher on the path, which would take longer than the solver."""
 TEMPLATE = "k1 {{k1}}\nk2 {{k2}}\nk3 %r\n"
 GRID = "GRID,1,,1.,0.,0.\nGRID,2,,2.,0.,0.\n"
 STUDY = """[study]
@@ -108,7 +115,7 @@ grid = "grid.bdf"
 [modes]
 count = 2
 [solver]
-command = ["python3", "-I", "-S", "{script}"]
+command = ["{python}", "-I", "-S", "{script}"]
 templates = ["model.inp"]
 files = [{files}]
 result = "result.txt"
@@ -205,8 +212,8 @@ def write_inputs(folder: Path, kind: Kind, variant: Variant, output: str) -> dic
 def _chain(folder: Path, kind: Kind, variant: Variant, output: str) -> dict[str, bytes]:
     script = "solve.py" if kind.copied else "../../../solve_named.py"
     study = STUDY.format(
-        title=kind.name, script=script, files='"solve.py"' if kind.copied else "", retries=RETRIES, timeout=TIMEOUT_S,
-        folder=output,
+        title=kind.name, python=_PYTHON, script=script, files='"solve.py"' if kind.copied else "", retries=RETRIES,
+        timeout=TIMEOUT_S, folder=output,
     )  # fmt: skip
     return {
         f"{kind.name}.toml": study.encode(),

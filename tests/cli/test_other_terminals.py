@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
@@ -41,6 +42,25 @@ def test_characters_that_a_console_lacks_are_replaced(tmp_path: Path, encoding: 
     ended = subprocess.run(command, check=True, cwd=tmp_path, env=environment, capture_output=True)
     ended.stdout.decode(encoding)
     assert b"Traceback" not in ended.stderr
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+@pytest.mark.parametrize("words", [("check", "größe→.toml"), ("explain", "größe→"), ("info", "größe→.bdf", "--json")])
+def test_both_streams_keep_the_encoding_of_the_console(
+    words: tuple[str, ...], encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Names with characters that it lacks, in errors of the input and of the command line."""
+    monkeypatch.chdir(tmp_path)
+    written = {}
+    for name in ("stdout", "stderr"):
+        written[name] = io.BytesIO()
+        stream = io.TextIOWrapper(written[name], encoding=encoding, errors="strict", write_through=True)
+        monkeypatch.setattr(sys, name, stream)
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    assert ended.value.code == 2
+    said = b"".join(stream.getvalue() for stream in written.values()).decode(encoding)
+    assert ("gro" if encoding == "ascii" else "größe->") in said
 
 
 def test_warnings_are_not_red_and_nothing_has_a_colour_where_none_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:

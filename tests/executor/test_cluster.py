@@ -14,6 +14,8 @@ from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
 from femtune.executor import Cluster, Serial
+from femtune.executor.cluster import _answer_of
+from femtune.executor.processes import error_of
 
 _ROOT = Path(__file__).resolve().parents[2]
 
@@ -101,3 +103,17 @@ def test_nobody_answers(host: str) -> None:
     with pytest.raises(FemtuneError) as error:
         Cluster(f"tcp://{host}:{port}", timeout_s=0.5).run(abs, [1])
     assert error.value.code == "executor.no-cluster"
+
+
+def test_a_scheduler_without_femtune_is_told() -> None:
+    """The library raises errors of its own on runs that it could not make: no internal error of femtune."""
+
+    class Run:
+        def result(self) -> bytes:
+            raise RuntimeError("Error during deserialization") from ModuleNotFoundError("No module named 'femtune'")
+
+    library = SimpleNamespace(KilledWorker=KeyError)
+    kind, value = _answer_of(library, Run())
+    error = error_of(kind, value, "start", 2)
+    assert error.code == "executor.not-sent"
+    assert "start 3: ModuleNotFoundError: No module named 'femtune'" in str(error)

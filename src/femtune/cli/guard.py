@@ -150,6 +150,26 @@ def _is_unicode(stream: TextIOWrapper) -> bool:
 # without a handler Python would print them all the same
 logging.getLogger("py.warnings").addHandler(logging.NullHandler())
 codecs.register_error(_REPLACING, _replaced)
+_ASCII = "femtune_ascii"
+"""ASCII under another name: click takes a stream in ASCII for a mistake, and writes UTF-8 into it."""
+
+
+def _ascii(name: str) -> codecs.CodecInfo | None:
+    if name != _ASCII:
+        return None
+    own = codecs.lookup("ascii")
+    return codecs.CodecInfo(
+        own.encode,
+        own.decode,
+        own.streamreader,
+        own.streamwriter,
+        own.incrementalencoder,
+        own.incrementaldecoder,
+        _ASCII,
+    )
+
+
+codecs.register(_ascii)
 
 
 HELP = "Help"
@@ -188,7 +208,8 @@ class GuardedGroup(click.Group):
             if isinstance(stream, TextIOWrapper) and not (
                 stream.encoding.lower().startswith("utf") and stream is sys.stderr
             ):
-                stream.reconfigure(errors=_REPLACING)
+                is_ascii = codecs.lookup(stream.encoding).name == "ascii"
+                stream.reconfigure(encoding=_ASCII if is_ascii else None, errors=_REPLACING)
         logging.captureWarnings(True)
         try:
             return super().main(*words, **options)

@@ -60,9 +60,12 @@ class Cluster:
         head, sent = packed(work), [packed(task) for task in tasks]
         with self._client(distributed) as client:
             # nothing can be sent to a cluster whose workers have not begun, or have all ended
-            client.wait_for_workers(1)
-            shared = client.scatter(head, broadcast=True, hash=False)
-            futures = client.map(_made, [shared] * len(sent), sent, pure=False)
+            try:
+                client.wait_for_workers(1)
+                shared = client.scatter(head, broadcast=True, hash=False)
+                futures = client.map(_made, [shared] * len(sent), sent, pure=False)
+            except (OSError, RuntimeError) as error:
+                raise FemtuneError("executor.no-cluster", address=self.address, reason=_cause(error)) from error
             return _gathered(distributed, client, futures, name, finished)
 
     def check(self, waiting: Callable[[], None] = nothing) -> None:
@@ -123,7 +126,17 @@ def _answer_of(distributed: Any, future: Any) -> tuple[str, Any]:
         kind, value = pickle.loads(future.result())
     except distributed.KilledWorker:
         return "killed", None
+    except Exception as error:
+        # no error of a run, which would have been an answer
+        return "not-made", _cause(error)
     return kind, value
+
+
+def _cause(error: BaseException) -> str:
+    """What is at the bottom of an error of the cluster: the library wraps it in others."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
 
 
 def _made(head: bytes, task: bytes) -> bytes:

@@ -96,6 +96,8 @@ def error_of(kind: str, value: Any, name: str, at: int) -> FemtuneError:
     """The error that an answer stands for, other than that of a run that is done."""
     if kind == "killed":
         return FemtuneError("executor.worker-died/cluster", run=f"{name} {at + 1}")
+    if kind == "not-made":
+        return FemtuneError("executor.not-sent/cluster", run=f"{name} {at + 1}", reason=value)
     if kind == "error":
         return of_run(value, name, at)
     if kind == "not-loaded":

@@ -13,6 +13,7 @@ import scipy.io
 import scipy.linalg
 import scipy.sparse as sp
 
+from femtune.errors import FemtuneError
 from femtune.files.matrices import text_blocks
 from femtune.files.matrices.calculix import read_dof_list
 from femtune.files.matrices.listed_modes import read_listed_modes
@@ -47,6 +48,21 @@ def test_ansys_full_file(shared_data: Path) -> None:
     assert (K.size, len(K.held)) == (963, 63)
     found = frequencies(full(K)[np.ix_(free, free)], full(M)[np.ix_(free, free)], 6)
     np.testing.assert_allclose(found, [1283.200, 1283.200, 5781.975, 6919.399, 6919.399, 10172.615], rtol=5e-7)
+
+
+@pytest.mark.slow
+def test_a_file_that_ends_the_library_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A word of the header that makes the library leave its arrays; no module of the current folder is executed."""
+    examples = pytest.importorskip("ansys.mapdl.reader.examples", reason="ansys-mapdl-reader is not installed")
+    content = bytearray(Path(examples.fullfile).read_bytes())
+    content[424:428] = (2**31 - 1).to_bytes(4, "little")
+    (tmp_path / "a.full").write_bytes(content)
+    (tmp_path / "numpy.py").write_text("open('executed', 'w')")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FemtuneError) as caught:
+        read_matrix(Path("a.full"))
+    assert caught.value.code == "matrices.ansys"
+    assert not Path("executed").exists()
 
 
 def test_op4_of_nastran(shared_data: Path) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from femtune._optional import require
 from femtune.errors import FemtuneError, Where
+from femtune.files.ansys_process import Arrays, arrays_of
 from femtune.files.matrices.read_matrix import Entries, ReadMatrix, matrix_from, no_such_matrix
 
 NAMES = ("K", "M")
@@ -27,19 +28,30 @@ def read_ansys(path: Path, name: str | None = None) -> ReadMatrix:
     where = Where(str(path), None, wanted)
     if not path.is_file():
         raise FemtuneError("matrices.unreadable/missing", where=where)
-    library = require("ansys.mapdl.reader", extra="ansys")
-    try:
-        file = library.read_binary(str(path))
-        dofs, K, M = file.load_km(as_sparse=True, sort=False)
-        held = np.asarray(file.const).reshape(-1, 2)
-    except Exception as error:
-        raise _failed(where, error) from error
+    found = arrays_of(path, matrices_of, "matrices.ansys", where)
+    dofs, held = found["dofs"], found["held"].reshape(-1, 2)
     rows = np.stack([dofs[:, 0], dofs[:, 1] + 1], axis=1).astype(np.int64)
-    _check_counts(rows, held, K, M, int(file.neqn), where)
-    chosen = sp.coo_array(K if wanted == "K" else M)
-    at = chosen.row.astype(np.int64), chosen.col.astype(np.int64)
-    entries = Entries(*at, chosen.data, chosen.shape, rows)
+    K, M = (_matrix(found, one) for one in NAMES)
+    _check_counts(rows, held, K, M, int(found["equations"]), where)
+    chosen = K if wanted == "K" else M
+    entries = Entries(chosen.row, chosen.col, chosen.data, chosen.shape, rows)
     return matrix_from(entries, wanted, where, _held_rows(rows, held))
+
+
+def matrices_of(file: Any) -> Arrays:
+    """DOFs, matrices and held DOFs of a .full file."""
+    dofs, *matrices = file.load_km(as_sparse=True, sort=False)
+    found = {"dofs": dofs, "held": np.asarray(file.const), "equations": np.asarray(file.neqn)}
+    for name, matrix in zip(NAMES, map(sp.coo_array, matrices), strict=True):
+        parts = {"row": matrix.row, "col": matrix.col, "data": matrix.data, "shape": np.array(matrix.shape)}
+        found |= {f"{name}_{part}": values for part, values in parts.items()}
+    return found
+
+
+def _matrix(found: Arrays, name: str) -> sp.coo_array:
+    row, col = (found[f"{name}_{part}"].astype(np.int64) for part in ("row", "col"))
+    rows, columns = found[f"{name}_shape"].tolist()
+    return sp.coo_array((found[f"{name}_data"], (row, col)), shape=(rows, columns))
 
 
 def _held_rows(rows: np.ndarray, held: np.ndarray) -> np.ndarray:
@@ -54,7 +66,8 @@ def _check_counts(
     """Header, matrices and DOF list must agree."""
     n = len(rows)
     known = len(_held_rows(rows, held))
-    if K.shape != (n, n) or M.shape != (n, n) or equations != n or known != len(held) or rows[:, 1].max() > 6:
+    largest = int(rows[:, 1].max(initial=0))
+    if not n or K.shape != (n, n) or M.shape != (n, n) or equations != n or known != len(held) or largest > 6:
         raise FemtuneError(
             "matrices.ansys/inconsistent",
             where=where,
@@ -65,10 +78,6 @@ def _check_counts(
                 "mass": M.shape,
                 "constrained": len(held),
                 "of these among the DOFs": known,
-                "largest DOF label": rows[:, 1].max(),
+                "largest DOF label": largest,
             },
         )
-
-
-def _failed(where: Where, error: Exception) -> FemtuneError:
-    return FemtuneError("matrices.ansys", where=where, name=type(error).__name__, error=error)
