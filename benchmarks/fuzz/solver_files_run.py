@@ -40,8 +40,10 @@ from tests.files.nastran import mutant_trial  # noqa: E402
 from femtune.errors import FemtuneError  # noqa: E402
 
 SECONDS, BYTES = 10.0, 1 << 30
+_MOST_ADDRESSES = 4 << 30
+"""Addresses that a process may take in addition: libraries reserve memory that they never use."""
 _PART, _BATCH = 200, 40
-_WHOLE_WAY = 24
+_WHOLE_WAY = 4
 """Mutants of a kind that starts a process for each file."""
 _MARK = "/femtune-mutant/"
 """Beginning of a path that does not exist; that it is opened separates the mutants in the record of system calls."""
@@ -114,7 +116,7 @@ def _batch(kind: Kind, number: int, end: int, folder: Path, out: dict[str, Any])
 def _tried(kind: Kind, number: int, end: int, base: Path, target: int) -> None:
     """Read mutants and tell of each; the process ends."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize() + BYTES
+    limit = pages * resource.getpagesize() + _MOST_ADDRESSES
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     # for what does not return to Python, where the limit of each mutant is looked at
     resource.setrlimit(resource.RLIMIT_CPU, (int(SECONDS * 3), int(SECONDS * 3) + 1))
