@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -102,9 +103,20 @@ def rank_of(run: Row, field: str) -> int | None:
 
 
 def rank_of_mass(run: Row, node: int) -> int | None:
-    """Place of a mass at a grid point, or at a neighbourhood with it, among the suspects, from 1."""
-    places = (place for place, suspect in enumerate(suspects(run), start=1) if node in suspect.get("points", ()))
-    return next(places, None)
+    """Place of a mass at a grid point, or at a neighbourhood with it, among the suspects, from 1.
+
+    A mass that cannot be told from a suspect stands for it, as fields do; that of more than a few points is not named.
+    """
+    for place, suspect in enumerate(suspects(run), start=1):
+        alike = (_POINTS.search(name) for name in suspect["alike"])
+        named = {int(n) for found in alike if found for n in found[1].split(",")}
+        if node in named or node in suspect.get("points", ()):
+            return place
+    return None
+
+
+_POINTS = re.compile(r"^mass, .*grid points? ([0-9]+(?:, [0-9]+)*)$")
+"""Grid points in the name of a mass."""
 
 
 def rank_of_support(run: Row) -> int | None:

@@ -288,7 +288,7 @@ def _culprits(rows: Sequence[Row]) -> Iterator[str]:
 def _masses(rows: Sequence[Row]) -> Iterator[str]:
     yield from ("## Forgotten masses", "",
                 "Of the harmful models that lack a mass: how often a mass at its grid point, or at a neighbourhood "
-                "with it, is a suspect.", "")  # fmt: skip
+                "with it, is a suspect, or cannot be told from one.", "")  # fmt: skip
     yield from _table(
         ["stated σ", "first", "in the first three"],
         [[WORDS[s], mass_ranks(rows, s, 1), mass_ranks(rows, s, 3)] for s in STATED],

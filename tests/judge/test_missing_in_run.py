@@ -15,7 +15,8 @@ from femtune.document.figures.shapes import COLOURS
 from femtune.steps.judge.page.missing import missing_blocks
 from femtune.steps.judge.reasons.missing import missing_reasons
 from femtune.steps.judge.record.judgement import JudgementResults
-from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
+from femtune.steps.judge.record.missing import PARAMETER, MissingField, MissingResults, RefittedField
+from femtune.steps.judge.record.parts import PartsResults
 from femtune.steps.judge.record.reason import ReasonRecord
 from femtune.steps.results import Results
 from femtune.steps.select.page import missing_of_select
@@ -68,6 +69,21 @@ def test_a_change_that_is_not_plausible_names_no_field() -> None:
     ((weight, said),) = _reasons(0.001, _field(change_percent=None, share=0.1))
     assert weight == "reservation"
     assert "PSHELL" not in said
+
+
+def test_a_parameter_at_its_bound_is_no_missing_one() -> None:
+    (one,) = _found(0.001, _field(field="spring beyond its bound", what=PARAMETER))
+    assert (one.weight, one.brief) == ("reservation", "the residuals ask for spring beyond its bound")
+    assert "is not a parameter" not in one.sentence
+
+
+def test_a_prior_that_contradicts_the_data_is_named_instead() -> None:
+    """Without it nothing may be missing, so that a refit that keeps it confirms nothing."""
+    parts = PartsResults(parts=(), neighbours=(), kinds=(), only_prior=True)
+    found = MissingResults(tested=40, chi_square=300.0, p_value=0.001, fields=(_field(refit=_refit(1e-6)),))
+    judged = JudgementResults(verdict="accepted", line="", missing=found, parts=parts)
+    (one,) = missing_reasons(Results.model_construct(judgement=judged))
+    assert one.weight == "reservation"
 
 
 def test_reason_of_a_mass() -> None:

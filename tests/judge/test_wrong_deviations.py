@@ -9,9 +9,10 @@ import pytest
 from scipy.stats import binom
 
 from femtune.judge.missing import score_test
-from femtune.judge.parts import TESTS_OF_A_FIT, parts
+from femtune.judge.parts import parts
 from femtune.judge.whitened import Whitened, whitened
 from femtune.steps.judge.facts.parts import scaled_by_residuals
+from femtune.steps.judge.record.parts import SHARE_OF_MISSING, SHARE_OF_PARTS
 from femtune.updating import update
 from structures.coverage import spring_chain
 
@@ -49,7 +50,8 @@ def test_level(record: Whitened, frequency: float, shape: float) -> None:
         assert score is not None
         tested = parts(*_scaled_parts(one))
         least = (float(score.p.min()), min((p.p_family_wise for p in tested), default=1.0))
-        found += np.array([TESTS_OF_A_FIT * p < 0.05 for p in least])
+        shares = (SHARE_OF_MISSING, SHARE_OF_PARTS)
+        found += np.array([p / share < 0.05 for p, share in zip(least, shares)])
     assert (found <= binom.isf(1e-3, _TESTS, 0.05)).all()
 
 

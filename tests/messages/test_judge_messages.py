@@ -47,6 +47,9 @@ _CASES: dict[str, Notice] = {
     "judge.missing, mass suspected": Notice(
         "judge.missing/mass-suspected", position="at grid point 306", chance="p = 0.03", tested="105 candidates"
     ),
+    "judge.missing, beyond bound": Notice(
+        "judge.missing/beyond-bound", field="spring beyond its bound", chance="p = 0.004", tested="105 fields"
+    ),
     "judge.missing, suspected": Notice(
         "judge.missing/suspected", field="CELAS2 903 K", chance="p = 0.03", tested="105 fields"
     ),

@@ -48,6 +48,9 @@ def test_a_prior_that_hides_a_misfit_is_named(bench: Bench) -> None:
     found = _codes(run)["judge.misfit"]
     assert (found.weight, found.place) == ("not accepted", "prior root")
     assert "the prior of root contradicts the data" in _judgement(run).line
+    # what the prior holds is a parameter, and not a missing one
+    missing = _codes(run).get("judge.missing")
+    assert missing is None or (missing.weight == "reservation" and not missing.place.startswith("PBAR 1 I1"))
     assert run.report is not None
     page = run.report.read_text()
     assert "The residuals in parts" in page

@@ -23,8 +23,6 @@ from scipy.special import chdtrc, gammainc, gammaincc
 from femtune.judge.kinds import PartFamily
 from femtune.judge.whitened import PRIOR, Whitened
 
-TESTS_OF_A_FIT = 3
-"""Parts, neighbours and the search for missing parameters are tests of one question, and share its level."""
 _LEAST_DEGREES = 0.05
 """Degrees of freedom below which a part is not tested: the parameters fit it, and what is left is the curvature of the
 model, which the linear problem neglects."""

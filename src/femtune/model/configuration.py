@@ -44,7 +44,8 @@ class Configuration:
     support_set, multipoint_set : numbers of the sets that hold; None takes the deck's own selection
     supports_added, supports_removed : (node, components) pairs such as (12, "123")
     masses : rigid masses that are added
-    weighed_mass : measured mass of this configuration, for comparison; None without measurement
+    weighed_mass, weighed_centre, weighed_inertia : measured mass, centre of gravity and moments of inertia about it of
+        this configuration, in the basic axes, for comparison; None without measurement
     """
 
     name: str = "as the deck"
@@ -55,11 +56,13 @@ class Configuration:
     supports_removed: tuple[tuple[int, str], ...] = ()
     masses: tuple[AddedMass, ...] = field(default_factory=tuple)
     weighed_mass: float | None = None
+    weighed_centre: tuple[float, float, float] | None = None
+    weighed_inertia: tuple[float, float, float] | None = None
 
     @property
     def state(self) -> Configuration:
-        """What the matrices depend on: configurations with the same state differ in name and weighed mass only."""
-        return replace(self, name="", weighed_mass=None)
+        """What the matrices depend on: configurations with the same state differ in name and weighing only."""
+        return replace(self, name="", weighed_mass=None, weighed_centre=None, weighed_inertia=None)
 
 
 def held_dofs(structure: Structure, configuration: Configuration) -> NDArray[np.int64]:

@@ -138,6 +138,8 @@ def overlay(
         supports_removed=supports(entry.supports_removed),
         masses=(*(AddedMass(m.node, m.mass, m.offset, m.inertia_matrix, m.label) for m in entry.masses), *of_test),
         weighed_mass=entry.weighed_mass,
+        weighed_centre=entry.weighed_centre,
+        weighed_inertia=entry.weighed_inertia,
     )
 
 

@@ -115,3 +115,10 @@ def test_a_material_direction_along_the_normal(deck_of: DeckOf) -> None:
     plate += "CORD2R,9,,0.,0.,0.,0.,1.,0.\n,0.,0.,1.\n"
     one, other = (build_structure(deck_of(plate + f"CTRIA3,7,4,1,2,3{axis}\n")) for axis in ("", ",9"))
     np.testing.assert_array_equal(frequencies(one.structure), frequencies(other.structure))
+
+
+def test_a_direction_along_the_normal_of_a_laminate_of_isotropic_plies(deck_of: DeckOf) -> None:
+    plate = HEAD + "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\nSPC1,1,123456,1\n"
+    plate += "PCOMP,4\n,1,.004,0.,,1,.006,45.\nCORD2R,9,,0.,0.,0.,0.,1.,0.\n,0.,0.,1.\n"
+    one, other = (build_structure(deck_of(plate + f"CTRIA3,7,4,1,2,3{axis}\n")) for axis in ("", ",9"))
+    np.testing.assert_array_equal(frequencies(one.structure), frequencies(other.structure))

@@ -160,15 +160,16 @@ def test_shear_factors(name: str):
 
 
 def test_shear_factors_of_boxes_are_area_ratios():
-    """Walls along the force over the whole area, as a commercial listing of a wing of box sections shows."""
-    w, h, t, s = 0.6, 0.2, 0.0025, 0.0025
-    found = SHAPES["BOX"].properties(w, h, t, s)
-    assert (found["K1"], found["K2"]) == pytest.approx((0.2516, 0.7547), abs=5e-5)
-    top, low, right, left = 0.012, 0.008, 0.005, 0.01
+    """Clear walls along the force over the whole area, with the digits of the listing of a commercial program."""
+    for t, listed in ((0.1, (1.176471e-1, 8.529412e-1)), (0.05, (1.304348e-1, 8.550724e-1))):
+        found = SHAPES["BOX"].properties(6.0, 1.0, t, t)
+        assert (found["K1"], found["K2"]) == pytest.approx(listed, rel=5e-7)
+    w, h, top, low, right, left = 0.6, 0.2, 0.012, 0.008, 0.005, 0.01
     found = SHAPES["BOX1"].properties(w, h, top, low, right, left)
-    area = w * h - (w - left - right) * (h - top - low)
-    assert found["K1"] == pytest.approx(h * (left + right) / area)
-    assert found["K2"] == pytest.approx(w * (top + low) / area)
+    clear_w, clear_h = w - left - right, h - top - low
+    area = w * h - clear_w * clear_h
+    assert found["K1"] == pytest.approx(clear_h * (left + right) / area)
+    assert found["K2"] == pytest.approx(clear_w * (top + low) / area)
 
 
 def test_published_shear_factors_of_thin_walls():

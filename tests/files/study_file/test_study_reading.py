@@ -77,8 +77,8 @@ def test_sensors(full: StudyFile) -> None:
 
 
 def test_where_names_the_line(full: StudyFile) -> None:
-    assert str(full.where("parameter", 1, "tie")).endswith("study.toml:70 (parameter[2].tie)")
-    assert full.where("parameter", 1, "lower").line == full.where("parameter", 1).line == 67
+    assert str(full.where("parameter", 1, "tie")).endswith("study.toml:72 (parameter[2].tie)")
+    assert full.where("parameter", 1, "lower").line == full.where("parameter", 1).line == 69
 
 
 def test_study_is_frozen(full: StudyFile) -> None:
@@ -104,7 +104,7 @@ def test_single_test_belongs_to_the_state_as_the_deck(folder: Path) -> None:
 
 def test_lines_that_end_as_on_windows(folder: Path) -> None:
     (folder / "dos.toml").write_bytes(STUDY.replace("\n", "\r\n").encode())
-    assert read_study_file(folder / "dos.toml").where("parameter", 1, "tie").line == 70
+    assert read_study_file(folder / "dos.toml").where("parameter", 1, "tie").line == 72
 
 
 _WORDS = ["[", "]", "{", "}", "=", '"', "'", '"""', "\n", "#", ",", ".", "nan", "-1", "1e999", "9" * 400, "0",

@@ -28,6 +28,8 @@ supports_removed = ["9:0"]
 masses = [{ node = 11, mass = 0.35, offset = [0, 0, 0.1], inertia = [1, 2, 3.5], label = "sensor" },
           { node = 12, mass = 1, inertia = [[2, 0.5, 0], [0.5, 2, 0], [0, 0, 3]] }]
 weighed_mass = 7500.0
+weighed_centre = [0.25, 0.4, 0.0]
+weighed_inertia = [1.2, 3.4, 4.5]
 leave_out = [{ mode = "4a", reason = "braces" }, { hz = 9.39, reason = "noise" }]
 pairs = [{ test = "1", model = 1 }]
 use = "update"

@@ -118,12 +118,16 @@ _OPTIONS = {
 
 @dataclass(frozen=True)
 class LaminateSection:
-    """Positions of a laminate's values, its flags, and the position of its middle's offset (None without Z0)."""
+    """Positions of a laminate's values, its flags, and the position of its middle's offset (None without Z0).
+
+    `isotropic` is True if all plies are, so that it needs no direction.
+    """
 
     roles: Mapping[str, int]
     facts: Mapping[str, bool]
     thickness: int
     offset: int | None
+    isotropic: bool
 
 
 @dataclass
@@ -211,7 +215,7 @@ class _Sums:
         roles |= dict.fromkeys(("GE", "GEB", "GES", "GEC"), loss)
         facts = {"has_membrane": membrane, "has_bending": bending}
         offset = None if self.record.blank("Z0") else self._offset()
-        return LaminateSection(roles, facts | {"has_coupling": coupling}, self._one, offset)
+        return LaminateSection(roles, facts | {"has_coupling": coupling}, self._one, offset, self._isotropic)
 
     @property
     def _isotropic(self) -> bool:

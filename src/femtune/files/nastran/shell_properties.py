@@ -79,7 +79,7 @@ class ShellProperties:
         record = self.properties.find(pid, user)
         if record.name != "PSHELL":
             made = self._laminates.section(record, pid)
-            return ShellSection(pid, made.roles, made.facts, made.thickness, True, made.offset)
+            return ShellSection(pid, made.roles, made.facts, made.thickness, True, made.offset, made.isotropic)
         return self._plain(record, pid)
 
     def _plain(self, record: CardEntry, pid: int) -> ShellSection:

@@ -16,6 +16,7 @@ from femtune.files.study_file.kinds import (
     NotNegative,
     Number,
     Positive,
+    PositiveVector,
     Rotation,
     RunsName,
     SolverFileName,
@@ -196,6 +197,12 @@ class ConfigurationEntry(TestKeys):
     weighed_mass: Positive | None = None
     """Measured mass of this configuration, in units of the study; compared with the mass of the model. Example:
     `7500.0`"""
+    weighed_centre: Vector | None = None
+    """Measured centre of gravity of this configuration, in the basic system and in units of the study; compared with
+    that of the model. Example: `[0.25, 0.4, 0.0]`"""
+    weighed_inertia: PositiveVector | None = None
+    """Measured moments of inertia of this configuration about the axes through its centre of gravity that are parallel
+    to the basic ones, in units of the study; compared with those of the model. Example: `[1.2, 3.4, 4.5]`"""
     use: Literal["update", "validation"] = "update"
     """`"update"`, or `"validation"`: correlated, but not used in the update. Example: `"validation"`"""
     runs: RunsName | None = None

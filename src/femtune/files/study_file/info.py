@@ -15,5 +15,6 @@ class ChecksTable(TomlTable):
     """Largest frequency error due to the mesh, and difference between lumped and consistent mass; above 0, below 1.
     Example: `0.005`"""
     mass_error: Fraction = 0.02
-    """Largest relative difference between the mass of the model and `weighed_mass`; above 0, below 1. Example:
-    `0.01`"""
+    """Largest relative difference between the mass of the model and `weighed_mass`, and between its moments of inertia
+    and `weighed_inertia`, and largest distance of its centre of gravity from `weighed_centre` over the radius of
+    gyration; above 0, below 1. Example: `0.01`"""

@@ -55,7 +55,7 @@ _NEEDS_MATRICES = (
 """Tables that need the matrices of the structure, or shapes in its units."""
 _OF_CONFIGURATIONS = (
     "elements_off", "components", "interface", "spc", "mpc", "supports_added", "supports_removed", "masses",
-    "weighed_mass",
+    "weighed_mass", "weighed_centre", "weighed_inertia",
 )  # fmt: skip
 """Keys of a configuration that change the structure, which a model of runs does not have."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from femtune.correlation.unit_factor import mass_factor_words
 from femtune.errors import FemtuneError
-from femtune.fem.checks import mass_properties
+from femtune.fem.checks import MassProperties, mass_properties
 from femtune.model import EigenSolution, grid_matrix
 from femtune.model.mesh_error import MOST_DOFS, USUAL_DOFS, MeshChange, mass_change, mesh_change, too_large
 from femtune.steps.info.merged_points import of_merged_points
@@ -25,10 +25,13 @@ if TYPE_CHECKING:
 from femtune.steps.info.record.checks import ModelCheck, ModeMeshError
 
 Found = TypeVar("Found")
+Vector = tuple[float, float, float]
 Solutions = Mapping[str, EigenSolution]
 
 
 MASS = "weighed mass"
+CENTRE = "weighed centre of gravity"
+INERTIA = "weighed moments of inertia"
 LUMPING = "lumped or consistent mass"
 MESH = "mesh"
 
@@ -47,19 +50,64 @@ _IN_PARAMETERS = "an update would absorb this error into the parameters"
 
 
 def mass_checks(study: Study) -> tuple[ModelCheck, ...]:
-    """Measured mass and mass of the model, for each configuration."""
-    return tuple(_mass(study, case) for case in study.cases)
+    """Measured and computed mass of each configuration; centre of gravity and moments of inertia where given."""
+    return tuple(check for case in study.cases for check in _weighing(study, case))
 
 
-def _mass(study: Study, case: StudyCase) -> ModelCheck:
-    weighed, limit = case.configured.configuration.weighed_mass, 100.0 * study.file.checks.mass_error
+def _weighing(study: Study, case: StudyCase) -> Iterator[ModelCheck]:
+    configuration, limit = case.configured.configuration, 100.0 * study.file.checks.mass_error
+    weighed, centre, inertia = configuration.weighed_mass, configuration.weighed_centre, configuration.weighed_inertia
     if weighed is None:
-        return _untested(case, MASS, limit, "no measured mass is given (weighed_mass in the configuration)")
-    matrix = grid_matrix(study.model, case.configured.configuration, "mass")
-    ratio = mass_properties(study.model.structure.nodes, matrix).mass / weighed
+        yield _untested(case, MASS, limit, "no measured mass is given (weighed_mass in the configuration)")
+    if weighed is None and centre is None and inertia is None:
+        return
+    nodes = study.model.structure.nodes
+    of_model = mass_properties(nodes, grid_matrix(study.model, configuration, "mass"))
+    if weighed is not None:
+        yield _mass(case, of_model, weighed, limit)
+    if centre is not None:
+        placed = nodes.has_coordinates
+        yield _centre(case, of_model, centre, limit) if placed else _untested(case, CENTRE, limit, _NO_PLACES)
+    if inertia is not None:
+        placed = nodes.has_coordinates
+        yield _inertia(case, of_model, inertia, limit) if placed else _untested(case, INERTIA, limit, _NO_PLACES)
+
+
+_NO_PLACES = "the grid points have no coordinates"
+
+
+def _mass(case: StudyCase, of_model: MassProperties, weighed: float, limit: float) -> ModelCheck:
+    ratio = of_model.mass / weighed
     difference, cause = 100.0 * (ratio - 1.0), mass_factor_words(ratio)
     sentence = f"the mass of the model differs by {difference:+.2g} % from the measured mass"
     return _tested(case, MASS, limit, difference, f"{sentence}; {cause}" if cause else sentence)
+
+
+def _centre(case: StudyCase, of_model: MassProperties, measured: Vector, limit: float) -> ModelCheck:
+    """The distance over the radius of gyration, which is the size that a shift has in the moments of inertia."""
+    shift = of_model.centre - np.array(measured)
+    gyration = float(np.sqrt(max(np.trace(of_model.central_inertia) / (2.0 * (of_model.mass or 1.0)), 0.0)))
+    if gyration == 0.0:
+        return _untested(case, CENTRE, limit, "the model is a point or has no mass")
+    distance = float(np.linalg.norm(shift))
+    along = ", ".join(f"{x:+.3g}" for x in shift)
+    share = 100.0 * distance / gyration
+    sentence = (
+        f"the centre of gravity of the model is {distance:.3g} from the measured one ({along} along x, y, z), "
+        f"{share:.2g} % of the radius of gyration"
+    )
+    return _tested(case, CENTRE, limit, share, sentence)
+
+
+def _inertia(case: StudyCase, of_model: MassProperties, measured: Vector, limit: float) -> ModelCheck:
+    """The largest relative difference of the three moments."""
+    differences = 100.0 * (np.diag(of_model.central_inertia) / np.array(measured) - 1.0)
+    worst = int(np.abs(differences).argmax())
+    sentence = (
+        f"the moment of inertia of the model about {'xyz'[worst]} differs by {differences[worst]:+.2g} % from the "
+        "measured one"
+    )
+    return _tested(case, INERTIA, limit, float(differences[worst]), sentence)
 
 
 def model_checks(study: Study, solutions: Solutions, progress: Progress) -> tuple[ModelCheck, ...]:

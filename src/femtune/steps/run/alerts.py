@@ -9,7 +9,7 @@ from femtune.residuals.frf.antiresonance import AntiresonanceResidual
 from femtune.residuals.frf.model_way import AtFirstState
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.status import Status
-from femtune.steps.info.checks import LUMPING, MASS, MESH
+from femtune.steps.info.checks import CENTRE, INERTIA, LUMPING, MASS, MESH
 from femtune.steps.info.facts import alert_of
 from femtune.steps.judge.same_data import counted_twice
 from femtune.steps.quantify.record import HELD_OUT, ORDER, OUTLIERS
@@ -27,7 +27,11 @@ if TYPE_CHECKING:
     from femtune.study.record import Alert
     from femtune.study.study import Study
 
-_CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
+_CHECKS = {
+    **dict.fromkeys((MASS, CENTRE, INERTIA), "model.mass-differs"),
+    LUMPING: "model.lumped-mass",
+    MESH: "model.mesh-coarse",
+}
 _REPEAT_CHECKS = {
     ORDER: "quantify.order-dependence",
     OUTLIERS: "quantify.outlier/found",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -10,7 +11,6 @@ import numpy as np
 
 from femtune.errors import FemtuneError
 from femtune.judge.missing import ScoreTest, p_of_refit, score_test
-from femtune.judge.parts import TESTS_OF_A_FIT
 from femtune.judge.refit import Refit, misfit, refitted
 from femtune.judge.regions import mesh_of
 from femtune.judge.supports import support_freed
@@ -28,7 +28,7 @@ from femtune.steps.judge.facts.tested_fields import (
 )
 from femtune.steps.judge.facts.tested_supports import TestedSupport, tested_supports
 from femtune.steps.judge.record.missing import MissingField, MissingResults, RefittedField
-from femtune.steps.judge.record.parts import RESERVED
+from femtune.steps.judge.record.parts import RESERVED, SHARE_OF_MISSING
 from femtune.study.update_method import method_of
 from femtune.units import force_unit, unit_system
 from femtune.updating import update
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from femtune.arrays import Reals
+    from femtune.fem import FieldRef
+    from femtune.model import ParametricModel
     from femtune.residuals import Evaluation, ResidualBlock, UpdateProblem
     from femtune.steps.judge.facts.tested_fields import Tested
 
@@ -112,12 +114,13 @@ def _tested(
     rows, columns, bounded = record
     of_factors: list[Widening] = [*fields, *masses, *supports]
     tested: list[Tested] = [*bounded_parameters(result), *of_factors]
-    C = np.column_stack([bounded, *(_column(columns, f) for f in of_factors)])
+    own = _own_fields(study.model, result)
+    C = np.column_stack([bounded, *((0.0 if _is_own(f, own) else 1.0) * _column(columns, f) for f in of_factors)])
     test = score_test(rows, C, np.array([(-f.usual[0], f.usual[1]) for f in tested]).reshape(-1, 2))
     if test is None:
         return MissingResults(reason="too few degrees of freedom are left, or the parameters represent all fields")
     # the tests of one fit share its level
-    test = replace(test, p=np.minimum(1.0, TESTS_OF_A_FIT * test.p))
+    test = replace(test, p=np.minimum(1.0, test.p / SHARE_OF_MISSING))
     return _Found(study, result, arrays, progress, problem, end, tested, test, rows, columns, left_out)
 
 
@@ -160,6 +163,24 @@ def _record(result: UpdateResult, end: Evaluation) -> tuple[Whitened, Reals, Rea
     everything = whitened_blocks(blocks, parameters, ~own, moving & bound)
     spread = parameters.prior[1]
     return rows, everything.J / spread[~own], everything.bounded / spread[moving & bound]
+
+
+def _own_fields(model: ParametricModel, result: UpdateResult) -> list[tuple[FieldRef, frozenset[int] | None]]:
+    """Fields and elements that a parameter of the update sets and nothing else does.
+
+    A prior or a bound may keep such a parameter from its value. That is a finding of its own, and no missing parameter.
+    """
+    several = Counter(a.parameter for a in model.assignments)
+    return [
+        (a.ref, a.elements) for a in model.assignments if a.parameter in result.active and several[a.parameter] == 1
+    ]
+
+
+def _is_own(field: Widening, own: Sequence[tuple[FieldRef, frozenset[int] | None]]) -> bool:
+    if not isinstance(field, TestedField):
+        return False
+    ref = field.candidate.ref
+    return (ref, field.elements) in own or (not field.place and (ref, None) in own)
 
 
 def _column(columns: Reals, field: Widening) -> Reals:

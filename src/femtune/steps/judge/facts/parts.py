@@ -10,13 +10,15 @@ from scipy.special import chdtrc
 
 from femtune.judge.mac_noise import mac_parts
 from femtune.judge.neighbours import neighbour_tests
-from femtune.judge.parts import TESTS_OF_A_FIT, holm, only_prior_contradicts, parts
+from femtune.judge.parts import holm, only_prior_contradicts, parts
 from femtune.judge.scales import FEWEST_DEGREES, scales
 from femtune.judge.whitened import whitened
 from femtune.kinds import loaded
 from femtune.residuals.mac import MacResidual
 from femtune.steps.judge.record.parts import (
     NOT_ACCEPTED,
+    SHARE_OF_NEIGHBOURS,
+    SHARE_OF_PARTS,
     KindOfErrors,
     NeighbourRecord,
     PartRecord,
@@ -107,7 +109,7 @@ def _part(p: ResidualPart) -> PartRecord:
         chi_square=p.chi_square,
         degrees_of_freedom=p.degrees,
         p_value=p.p_large,
-        p_family_wise=min(1.0, TESTS_OF_A_FIT * p.p_family_wise),
+        p_family_wise=min(1.0, p.p_family_wise / SHARE_OF_PARTS),
     )
 
 
@@ -127,7 +129,7 @@ def _neighbour(t: NeighbourTest, result: UpdateResult) -> NeighbourRecord:
         F=t.F,
         degrees_of_freedom=t.degrees,
         p_value=t.p_value,
-        p_family_wise=min(1.0, TESTS_OF_A_FIT * t.p_family_wise),
+        p_family_wise=min(1.0, t.p_family_wise / SHARE_OF_NEIGHBOURS),
         scatter=t.scatter,
     )
 

@@ -16,6 +16,7 @@ from femtune.judge.widened import WideningFactor
 from femtune.model.response.mass import mass_response
 from femtune.steps.init.proposed_parameters import FieldCandidate, ProposalKind, candidates
 from femtune.steps.judge.facts.tested_supports import TestedSupport
+from femtune.steps.judge.record.missing import PARAMETER
 
 if TYPE_CHECKING:
     from femtune.files.built_model import BuiltModel
@@ -274,7 +275,7 @@ class BoundedParameter:
     room: float
 
     points: ClassVar[tuple[int, ...]] = ()
-    what: ClassVar[str] = "parameter"
+    what: ClassVar[str] = PARAMETER
     place: ClassVar[str] = ""
     lines: ClassVar[str] = ""
     elements: ClassVar[frozenset[int]] = frozenset()

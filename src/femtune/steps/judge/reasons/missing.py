@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from femtune.document.numbers import counted, listed, short, with_unit
+from femtune.steps.judge.record.missing import PARAMETER
 from femtune.steps.judge.record.parts import NOT_ACCEPTED, RESERVED
 from femtune.steps.judge.record.reason import ReasonRecord, reason
 
@@ -25,7 +26,15 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
     if not found or found.p_value is None or found.p_value >= RESERVED or not found.fields:
         return
     first = found.fields[0]
-    if first.largest_mass is not None and first.share >= _PLAUSIBLE_SHARE:
+    if first.what == PARAMETER:
+        yield reason(
+            "reservation", "judge.missing/beyond-bound", first.name, field=first.field, chance=chance(found),
+            tested=_tested(found),
+        )  # fmt: skip
+    elif results.judgement and results.judgement.parts and results.judgement.parts.only_prior:
+        # with another prior, which has a reason of its own, nothing may be missing
+        yield _suspected(found, first)
+    elif first.largest_mass is not None and first.share >= _PLAUSIBLE_SHARE:
         yield _of_mass(found, first, first.largest_mass)
     elif first.stiffness is not None and first.share >= _PLAUSIBLE_SHARE:
         yield _of_support(found, first, first.stiffness)
@@ -41,10 +50,15 @@ def missing_reasons(results: Results) -> Iterable[ReasonRecord]:
     elif first.share < _PLAUSIBLE_SHARE:
         yield reason("reservation", "judge.missing/implausible", chance=chance(found), tested=_tested(found))
     else:
-        yield reason(
-            "reservation", "judge.missing/suspected", first.name,
-            name=first.name, field=_named(first), chance=chance(found), tested=_tested(found),
-        )  # fmt: skip
+        yield _suspected(found, first)
+
+
+def _suspected(found: MissingResults, first: MissingField) -> ReasonRecord:
+    """A field without a refit that confirms it."""
+    return reason(
+        "reservation", "judge.missing/suspected", first.name,
+        name=first.name, field=_named(first), chance=chance(found), tested=_tested(found),
+    )  # fmt: skip
 
 
 def _of_mass(found: MissingResults, first: MissingField, largest: float) -> ReasonRecord:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from femtune.study.record import Record
 
+PARAMETER = "parameter"
+"""What a parameter at its bound is, among fields of the deck."""
+
 
 class RefittedField(Record):
     """The update continued with a field as a further parameter."""
