@@ -179,6 +179,7 @@ def opened_elsewhere(calls: Path, folder: Path) -> list[list[Any]]:
     own = {sys.prefix, sys.base_prefix, os.path.realpath(sys.prefix), *site.getsitepackages(), *sys.path[3:]}
     own |= {str(ROOT / "src"), str(ROOT / "tests"), str(ROOT / "benchmarks"), str(ROOT / "examples")}
     own |= {"/proc", "/sys", "/usr/lib", "/lib", "/etc/ld.so", "/dev", "/usr/share/locale", "/etc/mime", str(folder)}
+    own |= {"/etc/localtime", str(Path.home() / ".cache" / "matplotlib")}
     allowed = tuple(path for path in own if path)
     number, found = None, []
     for line in calls.read_text(errors="replace").splitlines():
@@ -242,8 +243,8 @@ def page(kinds: dict[str, Kind], done: dict[str, Any]) -> str:
         table.append(f"| {group} | {files:,} | {refused:,} | {accepted:,} | {failures} | {slowest:.1f} | {mb:.0f} |")
     traced = all(part["watched"] for part in done.values())
     calls = (
-        "System calls were recorded: after a mutant was there, no file was opened outside of its folder but those of "
-        "Python, its packages and the libraries of the system."
+        "System calls were recorded: after a\nmutant was there, no file was opened outside of its folder but those of "
+        "Python, its packages with their caches, and the\nlibraries of the system."
         if traced
         else "System calls were not recorded, because strace was not there."
     )
@@ -253,8 +254,8 @@ def page(kinds: dict[str, Kind], done: dict[str, Any]) -> str:
 {datetime.now(UTC):%Y-%m-%d}: arrays of HDF5, NumPy and Parquet, matrices and modes of Nastran and Ansys, outputs of
 solvers, decks of superelements and under a load. Each was read or refused with a message; decks were read, written and
 solved. A failure is a traceback, a crash of the process, more than {SECONDS:g} s of the processor or 1 GiB for one
-file, or a file that was opened elsewhere. {calls} The memory is the largest that one file took in addition to that of
-the process. Made by `benchmarks/fuzz/solver_files_run.py`.
+file, or a file that was opened elsewhere. {calls}
+The memory is the largest that one file took in addition to that of the process. Made by `benchmarks/fuzz/solver_files_run.py`.
 
 | kind | files | refused | accepted | failures | slowest, s | memory, MB |
 | --- | ---: | ---: | ---: | ---: | ---: | ---: |
