@@ -28,7 +28,7 @@ def frfs() -> FrfSet:
 
 def test_noise_is_that_which_was_added(frfs: FrfSet) -> None:
     # 8000 differences: the median is known to 2 %, 4 σ
-    np.testing.assert_allclose(relative_noise(frfs), NOISE, rtol=0.08)
+    np.testing.assert_allclose(relative_noise(frfs.values), NOISE, rtol=0.08)
 
 
 def test_ranks_by_noise_and_by_coherence(frfs: FrfSet) -> None:
@@ -45,3 +45,12 @@ def test_outputs_that_were_not_measured_have_no_rank(frfs: FrfSet) -> None:
     values = frfs.values.copy()
     values[1] = np.nan
     assert quality(replace(frfs, values=values)).order == [2, 3, 0]
+
+
+def test_of_one_output_and_many_inputs_the_inputs_are_ranked(frfs: FrfSet) -> None:
+    """As with a moved hammer; what the outputs of the fixture are, its transpose has as inputs."""
+    moved = FrfSet(LINES, frfs.values.swapaxes(0, 1)[:1], DofSet([frfs.references[0]]), frfs.responses, frfs.kind)
+    found = quality(moved)
+    assert found.of_inputs
+    assert found.order == [1, 2, 3, 0]
+    assert not quality(frfs).of_inputs

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from femtune.document.document import Block, Figure, Paragraph, Table
+from femtune.steps.bootstrap.record import BootstrapResults
 from femtune.steps.report_source import ReportSource
 from femtune.steps.results import Results
+from femtune.steps.run.page.short_form import short_form
 from femtune.steps.update.page.parameters import parameters
 from femtune.steps.update.page.starts import starts, weight_choice
 
@@ -68,6 +70,28 @@ def test_starts_are_told_drawn_and_listed(searched: Results) -> None:
     assert "upper" in _svg(blocks)
     (table,) = [b for b in blocks if isinstance(b, Table)]
     assert len(table.rows) == 3
+
+
+def test_the_terminal_has_the_optima_and_the_bootstrap(searched: Results) -> None:
+    assert searched.update is not None
+    one = searched.update.parameters[0]
+    spread = {"mean": one.value, "sd": 0.1, "cov_percent": 10.0, "bias": 0.0, "linear_sd": 0.1, "fisher_sd": 0.1,
+              "fisher_cov_percent": 10.0, "interval_95": (0.8, 1.2), "at_bound_percent": 0.0}  # fmt: skip
+    row = {"parameter": one.name, "value": one.value} | spread
+    drawn = BootstrapResults.model_validate({
+        "method": "lines", "runs": 50, "converged": 50, "seed": 0, "drawn_from": 400, "jacobian": "shared",
+        "own_jacobian": 0, "largest_difference": None, "checked": 0, "solutions": 60, "recalled": 0, "seconds": 1.0,
+        "executor": "one process", "free": (one.name,), "samples_key": "a", "correlation_key": "b",
+        "sentences": ("50 of 50 runs converged.",), "parameters": [row],
+    })  # fmt: skip
+    sections = {s.id: s for s in short_form(ReportSource(searched.model_copy(update={"bootstrap": drawn}), {}))}
+    (optima,) = [b for b in sections["starts"].blocks if isinstance(b, Table)]
+    (spreads,) = [b for b in sections["bootstrap"].blocks if isinstance(b, Table)]
+    assert len(optima.rows) == 3
+    assert [cells[0].text for cells in spreads.rows] == [one.name]
+    update = searched.update.model_copy(update={"starts": None})
+    without = short_form(ReportSource(searched.model_copy(update={"update": update}), {}))
+    assert not {"starts", "bootstrap"} & {s.id for s in without}
 
 
 def test_nothing_to_tell(results: Results) -> None:

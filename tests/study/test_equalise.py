@@ -170,7 +170,11 @@ def test_held_out_channels_are_compared_with_the_measured_damping(bench: Bench) 
     assert np.abs(model[~inside] / test[~inside] - 1.0).max() < 0.2
     deviations = run.results.validation.deviations
     assert deviations is not None
-    (held,) = [s for s in deviations.sums if s.data == "validation"]
+    own, measured, held = deviations.sums
+    assert [(s.data, s.compared, s.frfs) for s in (own, measured, held)] == [
+        ("calibration", "equal damping", 3), ("calibration", "measured", 3), ("validation", "measured", 1),
+    ]  # fmt: skip
+    assert measured.after < 0.05 * measured.before
     assert held.after < 0.05 * held.before
     # the functions of [response] beside the measured ones too
     frfs = run.results.responses[-1].frfs
@@ -290,11 +294,29 @@ def test_bands_have_a_lower_and_an_upper_end(bench: Bench, key: str, line: str) 
     assert f"equalise.{line}" in str(caught.value)
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "code"),
+    [
+        ("damping = 1e-7", "system.equalise"),
+        ("damping = 0.02\nband_hz = [300.0, 400.0]", "identify.band"),
+        ("damping = 0.02\nleave_out_hz = [[1.0, 300.0]]", "system.equalise"),
+    ],
+)
+def test_lines_that_the_test_does_not_have_are_told_before_it_is_identified(bench: Bench, key: str, code: str) -> None:
+    _measured(bench, 0.0)
+    found = ft.check(_study(bench, f"[equalise]\n{key}\n"))
+    (error,) = found.errors
+    assert error.code == code
+    assert "equalise" in str(error.where)
+
+
 def test_keys_that_do_not_go_with_it(bench: Bench) -> None:
     _measured(bench, 0.0)
+    path = _study(bench, EQUALISE, "ratio = 0.01")
     with pytest.raises(FemtuneError) as caught:
-        ft.run(_study(bench, EQUALISE, "ratio = 0.01"))
+        load_study(path)
+    (error,) = ft.check(path).errors
+    assert error.code == caught.value.code
     check_shown("residual.equalised-keys", str(caught.value).replace(str(bench.folder), "folder"))
 
 

@@ -50,6 +50,21 @@ def test_the_noisiest_output_is_held_out(bench: Bench) -> None:
     check_shown("study.worst-held", Notice(notice.code, level="info", **{**notice.facts, **numbers}))
 
 
+def test_the_noisiest_input_is_held_out_where_one_output_was_measured(bench: Bench) -> None:
+    exact = functions(bench.truth(TRULY, DAMPED), outputs=("3Y+",), inputs=("3Y+", "4Y+", "5Y+"))
+    chance = np.random.default_rng(3).standard_normal((2, *exact.values.shape))
+    part = np.array([1e-4, 0.05, 1e-4])[None, :, None]
+    bench.functions(replace(exact, values=exact.values * (1.0 + part * (chance[0] + 1j * chance[1]))))
+    found = load_study(study(bench, "worst = 1"))
+    (case,) = found.cases
+    assert case.held.functions == {(0, 1)}
+    (notice,) = [n for n in found.notices if n.code == "study.worst-held"]
+    assert "1 of 3 inputs" in notice.what
+    assert ": 4Y+ (0.05" in notice.what
+    with pytest.raises(FemtuneError, match="3 inputs should be held out"):
+        load_study(study(bench, "worst = 3"))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("hold", "says"),

@@ -5,13 +5,16 @@ from __future__ import annotations
 import pytest
 
 from femtune.steps.validate.frf_deviation import deviations_of
-from femtune.steps.validate.record.frf_deviation import ChannelDeviation, DataSet
+from femtune.steps.validate.record.frf_deviation import ChannelDeviation, ComparedAs, DataSet
 
 
-def _channel(configuration: str, data: DataSet, lines: int, before: float, after: float) -> ChannelDeviation:
+def _channel(
+    configuration: str, data: DataSet, lines: int, before: float, after: float, compared: ComparedAs = "measured"
+) -> ChannelDeviation:
     return ChannelDeviation(
-        configuration=configuration, data=data, output="1Z+", input="2Z+", lines=lines, before=before, after=after
-    )
+        configuration=configuration, data=data, compared=compared, output="1Z+", input="2Z+", lines=lines,
+        before=before, after=after,
+    )  # fmt: skip
 
 
 def test_each_configuration_has_sums_of_both_sets() -> None:
@@ -30,3 +33,17 @@ def test_each_configuration_has_sums_of_both_sets() -> None:
     assert [rows["free", d].risen for d in ("calibration", "validation")] == [0, 1]
     assert rows["loaded", "calibration"].change_percent == -100.0
     assert rows["loaded", "validation"].change_percent is None
+
+
+def test_frfs_with_equal_damping_and_measured_ones_have_sums_of_their_own() -> None:
+    found = deviations_of([
+        _channel("free", "calibration", 100, 0.4, 0.1, "equal damping"),
+        _channel("free", "calibration", 900, 0.8, 0.2),
+        _channel("free", "validation", 900, 0.6, 0.3),
+    ])  # fmt: skip
+    assert [(s.data, s.compared, s.before, s.after) for s in found.sums] == [
+        ("calibration", "equal damping", 0.4, 0.1),
+        ("calibration", "measured", 0.8, 0.2),
+        ("validation", "measured", 0.6, 0.3),
+    ]
+    assert ["with equal damping" in sentence for sentence in found.sentences] == [True, False, False]

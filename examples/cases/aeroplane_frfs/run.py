@@ -68,19 +68,19 @@ class Calibrated:
 
     @property
     def all_held_out(self) -> list[ChannelDeviation]:
-        """Outputs that were not used."""
-        return self._channels("validation")
+        """Outputs that were not used, as measured."""
+        return self._channels("validation", "measured")
 
     @property
     def used(self) -> list[ChannelDeviation]:
-        """Outputs that were used."""
-        return self._channels("calibration")
+        """Outputs that were used, with equal damping."""
+        return self._channels("calibration", "equal damping")
 
-    def _channels(self, data: str) -> list[ChannelDeviation]:
+    def _channels(self, data: str, compared: str) -> list[ChannelDeviation]:
         found = self.run.results.validation
         assert found is not None
         assert found.deviations is not None
-        return [c for c in found.deviations.channels if c.data == data]
+        return [c for c in found.deviations.channels if (c.data, c.compared) == (data, compared)]
 
 
 def calibrated(folder: Path, study: str, quick: bool) -> Calibrated:

@@ -293,10 +293,12 @@ def _spreads(one: Family) -> Iterator[str]:
 
 def _deviations(one: Family) -> Iterator[str]:
     yield "## Deviation δ of the FRFs\n"
-    yield "| component | set | FRFs | before | after | change, % |\n| --- | --- | --- | --- | --- | --- |"
+    yield "| component | set | compared | FRFs | before | after | change, % |"
+    yield "| --- | --- | --- | --- | --- | --- | --- |"
     for s in one.sums():
-        yield f"| {s.configuration} | {s.data} | {s.frfs} | {s.before:.3g} | {s.after:.3g} | {_percent(s)} |"
-    yield "\nThe calibration set are equalised FRFs, the validation set measured ones with mapped damping.\n"
+        row = f"| {s.configuration} | {s.data} | {s.compared} | {s.frfs} | {s.before:.3g} | {s.after:.3g} "
+        yield f"{row}| {_percent(s)} |"
+    yield "\nMeasured FRFs are compared with those of the model with mapped damping.\n"
 
 
 def _modes(one: Family) -> Iterator[str]:

@@ -281,15 +281,16 @@ def _parameters(found: Sequence[Calibrated]) -> Iterator[str]:
 
 def _deviations(found: Sequence[Calibrated]) -> Iterator[str]:
     yield "## Deviation δ of the FRFs\n"
-    yield "| component | state | set | FRFs | before | after | change, % |\n| --- | --- | --- | --- | --- | --- | --- |"
+    yield "| component | state | set | compared | FRFs | before | after | change, % |"
+    yield "| --- | --- | --- | --- | --- | --- | --- | --- |"
     for one in found:
         for s in one.sums():
             change = 0.0 if s.change_percent is None else s.change_percent
             yield (
-                f"| {1 + one.component} | {s.configuration} | {s.data} | {s.frfs} | {s.before:.3g} | {s.after:.3g} "
-                f"| {change:+.0f} |"
+                f"| {1 + one.component} | {s.configuration} | {s.data} | {s.compared} | {s.frfs} | {s.before:.3g} "
+                f"| {s.after:.3g} | {change:+.0f} |"
             )
-    yield "\nThe calibration set are equalised FRFs, the validation set measured ones with mapped damping."
+    yield "\nMeasured FRFs are compared with those of the model with mapped damping."
     for one in found:
         risen = one.risen()
         yield (

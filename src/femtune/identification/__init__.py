@@ -17,7 +17,7 @@ if TYPE_CHECKING:
         possible,
         stable,
     )
-    from femtune.identification.equal_damping import EqualisedTest, equalised_test
+    from femtune.identification.equal_damping import EqualisedTest, check_equalised_lines, equalised_test
     from femtune.identification.estimators import FrfEstimate, estimate_frfs
     from femtune.identification.frf_checks import (
         Levels,
@@ -73,6 +73,7 @@ __all__ = [
     "apparent_mass",
     "as_modes",
     "change_choice",
+    "check_equalised_lines",
     "check_frfs",
     "check_mass",
     "check_record",

@@ -10,6 +10,7 @@ import numpy as np
 from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs, terms_outside
+from femtune.identification.join import complete_lines, in_band
 from femtune.identification.redrawn import RedrawnTest
 from femtune.modal import Equalised, FrfSet, equalise_damping, half_band_lines
 from femtune.modal.equalise import Band, poles_to_move
@@ -74,18 +75,44 @@ def equalised_test(
         if error.code != "identify.no-poles":
             raise
         raise FemtuneError("system.equalise/no-modes", order=asked.largest_order) from error
-    used = identified.measured.freq_hz
-    band = (float(used[0]), float(used[-1]))
+    band = _band(identified.measured)
     moved = equalise_damping(identified.system, damping_ratio, band, left_out_hz)
-    lines = half_band_lines(band, damping_ratio, per_half_band, left_out_hz)
-    if not len(lines):
-        shown = {"leave_out_hz": [list(one) for one in left_out_hz]}
-        raise FemtuneError("system.equalise/no-lines", values=shown, low_hz=band[0], high_hz=band[1])
+    lines = _lines(band, damping_ratio, per_half_band, left_out_hz)
     again = _Again(damping_ratio, asked, per_half_band, tuple(left_out_hz))
     redrawn = None if asked.rigid is not None else _redrawn(identified, again, lines, band)
     return EqualisedTest(
         moved.system.frf(lines), damping_ratio, band, moved, identified, redrawn, again.left_out_hz, asked.largest_order
     )
+
+
+def check_equalised_lines(
+    frfs: FrfSet,
+    damping_ratio: float,
+    band_hz: Band | None = None,
+    per_half_band: float = 3.0,
+    left_out_hz: Sequence[Band] = (),
+) -> None:
+    """Refuse a band without measured lines, and frequency lines that are none or too many, before a test is identified.
+
+    Raises
+    ------
+    FemtuneError : ``identify.band``, ``system.equalise``, and as `complete_lines`
+    """
+    used = complete_lines(frfs if band_hz is None else in_band(frfs, *band_hz))
+    _lines(_band(used), damping_ratio, per_half_band, left_out_hz)
+
+
+def _band(used: FrfSet) -> Band:
+    return float(used.freq_hz[0]), float(used.freq_hz[-1])
+
+
+def _lines(band: Band, damping_ratio: float, per_half_band: float, left_out_hz: Sequence[Band]) -> Reals:
+    """The lines that are compared in a band."""
+    lines = half_band_lines(band, damping_ratio, per_half_band, left_out_hz)
+    if not len(lines):
+        shown = {"leave_out_hz": [list(one) for one in left_out_hz]}
+        raise FemtuneError("system.equalise/no-lines", values=shown, low_hz=band[0], high_hz=band[1])
+    return lines
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,16 @@ class RedrawnTest:
     freq_hz: Reals
     again: Callable[[FrfSet], Complexes]
 
+    def with_fit(self, fit: ModalFit) -> RedrawnTest:
+        """The same test with another fit of its poles, and the system that belongs to it.
+
+        Poles beyond the band keep their damping, as those that stand for what lies there (errors as `system_fit`).
+        """
+        beyond = self.system.poles[len(self.fit.poles) :]
+        system = system_fit(self.measured, np.concatenate([fit.poles, beyond]))
+        moved = np.concatenate([~fit.outside, np.zeros(len(beyond), bool)])
+        return replace(self, fit=fit, system=system, moved=moved)
+
     def __getstate__(self) -> dict[str, Any]:
         """State for another process, which computes the matrices of the steps again."""
         return {name: self.__dict__[name] for name in self.__dataclass_fields__}

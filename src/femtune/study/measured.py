@@ -154,9 +154,9 @@ def _held_functions(
     notices: list[Notice] = []
     for i, one in mine:
         if one.worst is not None:
-            rows, notice = _worst(file, i, one, entry, frfs)
+            held, notice = _worst(file, i, one, entry, frfs)
             notices.append(notice)
-            functions |= {(row, column) for row in rows for column in range(len(frfs.references))}
+            functions |= held
             continue
         rows = _channels(file, (i, "outputs"), one.outputs, frfs.responses)
         columns = _channels(file, (i, "inputs"), one.inputs, frfs.references)
@@ -170,8 +170,9 @@ def _held_functions(
 
 def _worst(
     file: StudyFile, i: int, one: HoldOutEntry, entry: ConfigurationEntry, frfs: FrfSet
-) -> tuple[list[int], Notice]:
-    """Positions of the worst outputs, and the notice of the choice (errors ``study.hold-out``)."""
+) -> tuple[set[tuple[int, int]], Notice]:
+    """Positions of the FRFs of the worst outputs, or inputs, and the notice of the choice (errors
+    ``study.hold-out``)."""
     from femtune.identification.channel_quality import quality  # noqa: PLC0415  few studies ask for it
 
     if one.by == "coherence" and frfs.coherence is None:
@@ -179,29 +180,33 @@ def _worst(
             "study.hold-out/no-coherence", where=file.where("hold_out", i, "by"), configuration=entry.name
         )
     ranking = quality(frfs, one.by)
+    channels = "inputs" if ranking.of_inputs else "outputs"
     assert one.worst is not None
     if one.worst >= len(ranking.order):
         raise FemtuneError(
             "study.hold-out/too-many", where=file.where("hold_out", i, "worst"), worst=one.worst,
-            outputs=len(ranking.order), configuration=entry.name,
+            measured=len(ranking.order), channels=channels, configuration=entry.name,
         )  # fmt: skip
-    rows, rest = ranking.order[: one.worst], ranking.order[one.worst :]
-    labels = frfs.responses.labels()
-    limits = [float(ranking.values[j]) for j in (rows[0], rows[-1], rest[0], rest[-1])]
+    labels = (frfs.references if ranking.of_inputs else frfs.responses).labels()
+    worst, rest = ranking.order[: one.worst], ranking.order[one.worst :]
+    limits = [float(ranking.values[j]) for j in (worst[0], worst[-1], rest[0], rest[-1])]
     notice = Notice(
         "study.worst-held",
         level="info",
         configuration=entry.name,
         rule=ranking.words,
-        count=len(rows),
+        count=len(worst),
         measured=len(ranking.order),
-        names=", ".join(labels[j] for j in rows),
+        channels=channels,
+        names=", ".join(labels[j] for j in worst),
         first=limits[0],
         last=limits[1],
         rest_first=limits[2],
         rest_last=limits[3],
     )
-    return rows, notice
+    if ranking.of_inputs:
+        return {(row, column) for row in range(len(frfs.responses)) for column in worst}, notice
+    return {(row, column) for row in worst for column in range(len(frfs.references))}, notice
 
 
 def _channels(file: StudyFile, key: tuple[int, str], labels: tuple[str, ...], dofs: DofSet) -> list[int]:

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from femtune.correlation import sensor_placement
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, did_you_mean
 from femtune.files.study_file.residual import FrfResidual as FrfEntry
-from femtune.identification import InputKnown, equalised_test
+from femtune.identification import InputKnown, check_equalised_lines, equalised_test
 from femtune.kinds import loaded
 from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
 from femtune.residuals.own import own_residual
@@ -132,11 +132,14 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
     """
     case = replace(case, placement=placement_of(file, case))
     errors, short, separate = ErrorCollector(), list[Residual](), list[Residual]()
+    with errors.catch():
+        _check_equalised(file, case)
     shared: dict[str, EqualisedTest] = {}
     mine = [c for c in file.comparisons if _is_of(c, case)]
     for comparison in mine:
         asked = AskedOf(file, case, comparison, damping, shared)
         with errors.catch(), asked.errors_at():
+            _check_keys(file, comparison.entry)
             (short if comparison.short else separate).append(_built(asked))
     errors.raise_if_any()
     # the state that they are asked at says of which configuration it is
@@ -148,6 +151,23 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
         return case
     scaled = any(getattr(c.entry, "mass_scaled", False) for c in mine)
     return replace(case, compared=_compared(file, case, residuals, scaled))
+
+
+def _check_equalised(file: StudyFile, case: StudyCase) -> None:
+    """Refuse bands and lines of [equalise] that the test does not have, before anything is identified or solved."""
+    table, compares = file.equalise, any(isinstance(c.entry, FrfEntry) and _is_of(c, case) for c in file.comparisons)
+    if table is None or not compares or case.test is None or case.test.frfs is None:
+        return
+    with errors_at(file.where("equalise")):
+        check_equalised_lines(case.test.frfs, table.damping, table.band_hz, table.lines, table.leave_out_hz)
+
+
+def _check_keys(file: StudyFile, entry: object) -> None:
+    """Refuse keys of FRFs that [equalise] leaves without a meaning (error ``residual.equalised-keys``)."""
+    if file.equalise is None or not isinstance(entry, FrfEntry):
+        return
+    if entry.ratio is not None or entry.ratios is not None or entry.averages is not None:
+        raise FemtuneError("residual.equalised-keys")
 
 
 def undamped_functions(

@@ -40,7 +40,14 @@ if TYPE_CHECKING:
         statistics_of_repeats,
     )
     from femtune.uncertainty.robust import RobustMoments, robust_moments
-    from femtune.uncertainty.specimens import CommonTest, Spread, adjusted, common_test, spread_of
+    from femtune.uncertainty.specimens import (
+        CommonTest,
+        Spread,
+        adjusted,
+        common_test,
+        common_test_of_estimates,
+        spread_of,
+    )
     from femtune.uncertainty.stochastic import (
         CloudResult,
         CloudRules,
@@ -105,6 +112,7 @@ __all__ = [
     "check_held_out",
     "check_repeats",
     "common_test",
+    "common_test_of_estimates",
     "correlation_of",
     "covariance_distance",
     "definite_signs",

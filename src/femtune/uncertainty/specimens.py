@@ -123,3 +123,31 @@ def common_test(joint: float, separate: float, restrictions: int, freedom: int) 
         ratio = increase / restrictions / (separate / freedom)
         return CommonTest(increase, restrictions, float(fdtrc(restrictions, freedom, ratio)), True)
     return CommonTest(increase, restrictions, float(chdtrc(restrictions, increase)), False)
+
+
+def common_test_of_estimates(values: Sequence[Reals], covariances: Sequence[Reals]) -> CommonTest:
+    """The same from separate estimates and the covariances of their errors (Wald test).
+
+    It is for residuals whose errors are not independent, such as those of identified tests: their sums of squares have
+    no known distribution, but the estimates have.
+
+    Parameters
+    ----------
+    values : (k,) of each specimen, the same parameters
+    covariances : (k, k) positive definite, of each specimen
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> one = 0.01 * np.eye(2)
+    >>> found = common_test_of_estimates([np.array([1.0, 2.0]), np.array([1.1, 2.0])], [one, one])
+    >>> round(found.increase, 3), found.restrictions
+    (0.5, 2)
+    """
+    inverses = [np.linalg.inv(one) for one in covariances]
+    weighted = np.sum([inverse @ value for inverse, value in zip(inverses, values)], axis=0)
+    mean = np.linalg.solve(np.sum(inverses, axis=0), weighted)
+    off = [value - mean for value in values]
+    increase = float(sum(d @ inverse @ d for d, inverse in zip(off, inverses)))
+    restrictions = len(mean) * (len(values) - 1)
+    return CommonTest(increase, restrictions, float(chdtrc(restrictions, increase)), False)

@@ -33,9 +33,10 @@ class HoldOutEntry(TomlTable):
     """Reference DOFs of measured FRFs: all FRFs of these inputs, or those between them and `outputs`, if both keys are
     given. Example: `["3Z+"]`"""
     worst: Annotated[int, Field(ge=1, le=100_000)] | None = None
-    """Hold out the FRFs of so many outputs, the worst ones; a notice names them. Example: `18`"""
+    """Hold out the FRFs of so many outputs, the worst ones; a notice names them. If the test has one output and several
+    inputs, they are the worst inputs. Example: `18`"""
     by: ChannelRule | None = None
-    """What makes an output bad: the lowest mean `"coherence"`, or the highest relative `"noise"` between neighbouring
+    """What makes a channel bad: the lowest mean `"coherence"`, or the highest relative `"noise"` between neighbouring
     lines. Default: coherence if the test has it. Example: `"noise"`"""
 
 

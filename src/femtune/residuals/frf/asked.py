@@ -10,6 +10,7 @@ import numpy as np
 
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice, Where, did_you_mean
+from femtune.identification.redrawn import RedrawnTest
 from femtune.modal import FrfSet
 from femtune.model import ModalDamping, ModelPoint, constant_damping, damping_by_mode
 from femtune.model.kinds import FRF_METHODS
@@ -37,11 +38,13 @@ class AskedFrfs(AtFirstState):
 
     Parameters
     ----------
-    raw : of an identified test: the settled comparison, a state and damping of the model's modes -> the comparison of
-        the measured FRFs themselves, see `raw_residual`
+    raw : of an identified test: the settled comparison, that test, a state and damping of the model's modes -> the
+        comparison of the measured FRFs themselves, see `raw_residual`
     """
 
-    raw: Callable[[FrfResidual, CaseState, ModalDamping], FrfResidual] | None = field(default=None, repr=False)
+    raw: Callable[[FrfResidual, RedrawnTest, CaseState, ModalDamping], FrfResidual] | None = field(
+        default=None, repr=False
+    )
     key = FrfResidual.key
     label = FrfResidual.label
 
@@ -66,12 +69,11 @@ class AskedFrfs(AtFirstState):
             # lines of an identified test are free of the noise of single lines, which would bias their weights
             return replace(residual, identified=test.redrawn, shift=None), told
 
-        def raw(residual: FrfResidual, state: CaseState, damping: ModalDamping) -> FrfResidual:
+        def raw(residual: FrfResidual, identified: RedrawnTest, state: CaseState, damping: ModalDamping) -> FrfResidual:
             test = asked.equalised()
             assert test is not None
-            assert residual.identified is not None
             lines = _lines(entry, state)[0]
-            return raw_residual(residual, residual.identified, measured, lines, scatter, damping, test.left_out_hz)
+            return raw_residual(residual, identified, measured, lines, scatter, damping, test.left_out_hz)
 
         return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)), raw=raw)
 
@@ -119,8 +121,6 @@ def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | N
     entry, equalised = asked.entry, asked.equalised()
     if equalised is None:
         return measured, stated_damping(entry, asked.damping), ()
-    if entry.ratio is not None or entry.ratios is not None or entry.averages is not None:
-        raise FemtuneError("residual.equalised-keys", where=asked.where())
     zeta = equalised.moved.damping_ratio
     notice = Notice(
         "residual.equalised", level="info", configuration=asked.name, ratio=equalised.damping_ratio,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -70,6 +70,8 @@ class MeasuredDamping:
     Parameters
     ----------
     test : identified modes
+    of : the test behind them, without modes that were looked for
+    further : its fit with those that were found; None if none were
     pairing : with those of the model
     ratios : of all modes of the solution; modes without a partner have the median of the paired ones
     lacking : modes of the model inside the band of the test without a partner
@@ -77,10 +79,17 @@ class MeasuredDamping:
     """
 
     test: ModeSet
+    of: RedrawnTest = field(repr=False)
+    further: ModalFit | None = field(repr=False)
     pairing: Pairing
     ratios: Reals
     lacking: tuple[LackingMode, ...] = ()
     found: frozenset[int] = frozenset()
+
+    @cached_property
+    def identified(self) -> RedrawnTest:
+        """The identified test with the modes that were found, so that its noise is what remains without these."""
+        return self.of if self.further is None else self.of.with_fit(self.further)
 
     @cached_property
     def partners(self) -> tuple[tuple[int, int], ...]:
@@ -130,7 +139,7 @@ def measured_damping(
         left = lacking()
         found = frozenset(one.mode for one in missed) - {one.mode for one in left}
         missed = left
-    return MeasuredDamping(identified, pairing, ratios, missed, found)
+    return MeasuredDamping(identified, test, further, pairing, ratios, missed, found)
 
 
 def _without_partner(test: RedrawnTest, modes: EigenSolution, pairing: Pairing) -> Integers:

@@ -40,7 +40,7 @@ def raw_residual(
     Parameters
     ----------
     equalised : the comparison of the equalised test, at the result of the update with it
-    test : the identified test behind it
+    test : the identified test behind it, with modes that were found since
     measured : the measured FRFs of its channels, NaN where they are held out
     lines, scatter : what is compared, and how exactly, by the study
     damping : of the modes of the model
@@ -75,7 +75,7 @@ def raw_residual(
     sd = np.where(known & ~np.asarray(silent)[:, :, None], sd, np.nan)
     return replace(
         residual, measured=replace(residual.measured, values=values), sd=sd, shift=None, left_out=equalised.left_out,
-        damped_by=test, noise=noise / sd,
+        damped_by=equalised.identified, noise=noise / sd,
     )  # fmt: skip
 
 

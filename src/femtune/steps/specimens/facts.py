@@ -11,7 +11,7 @@ import numpy as np
 from femtune.arrays import Reals
 from femtune.steps.update.facts.update import citations
 from femtune.steps.validate.facts import scatter_of_test
-from femtune.uncertainty import adjusted, common_test, spread_of
+from femtune.uncertainty import adjusted, common_test, common_test_of_estimates, spread_of
 from femtune.uncertainty.specimens import PAPERS, SIGNIFICANCE
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from femtune.steps.info.record.model import ModelModes
     from femtune.study.cases import StudyCase
     from femtune.study.study import Study
+    from femtune.uncertainty import CommonTest
     from femtune.updating import UpdateResult
 from femtune.steps.specimens.record import (
     CommonTestRecord,
@@ -92,11 +93,16 @@ def _common(study: Study, joint: UpdateResult, separate: Mapping[str, UpdateResu
     shared = [p for p in study.parameters.free if study.in_study(p.name) == p.name]
     if not separate or not shared:
         return None
-    restrictions = len(shared) * (len(separate) - 1)
     after = [found.after for found in separate.values()]
-    freedom = sum(at.independent for at in after) - sum(len(found.active) for found in separate.values())
-    own = sum(_squares(study, found, name) for name, found in separate.items())
-    test = common_test(sum(_squares(study, joint, name) for name in separate), own, restrictions, freedom)
+    if any(b.samples is not None and b.without_distribution for at in after for b in at.weighted):
+        test = _of_estimates([p.name for p in shared], list(separate.values()))
+        if test is None:
+            return None
+    else:
+        freedom = sum(at.independent for at in after) - sum(len(found.active) for found in separate.values())
+        own = sum(_squares(study, found, name) for name, found in separate.items())
+        restrictions = len(shared) * (len(separate) - 1)
+        test = common_test(sum(_squares(study, joint, name) for name in separate), own, restrictions, freedom)
     chance = f"than chance explains ({_probability(test.p_value)})"
     words = (
         f"the separate calibrations fit better {chance}: some common parameter differs between the specimens"
@@ -104,7 +110,20 @@ def _common(study: Study, joint: UpdateResult, separate: Mapping[str, UpdateResu
         else f"the separate calibrations fit no better {chance}: nothing contradicts the common parameters"
     )
     return CommonTestRecord(
-        increase=test.increase, restrictions=restrictions, p_value=test.p_value, scaled=test.scaled, sentence=words
+        increase=test.increase, restrictions=test.restrictions, p_value=test.p_value, scaled=test.scaled, sentence=words
+    )
+
+
+def _of_estimates(names: Sequence[str], separate: Sequence[UpdateResult]) -> CommonTest | None:
+    """The test by the separate values, of the parameters that all calibrations determine; None if there are none."""
+    at = [[found.parameters.index(name) for name in names] for found in separate]
+    known = np.all([np.isfinite(found.covariance.sd[rows]) for found, rows in zip(separate, at)], axis=0)
+    if not known.any() or len(separate) < _LEAST_SPECIMENS:
+        return None
+    rows = [np.array(one)[known] for one in at]
+    return common_test_of_estimates(
+        [found.x[one] for found, one in zip(separate, rows)],
+        [found.covariance.matrix[np.ix_(one, one)] for found, one in zip(separate, rows)],
     )
 
 

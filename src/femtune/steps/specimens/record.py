@@ -129,7 +129,9 @@ class CommonTestRecord(Record):
     """The test whether the common parameters are common."""
 
     increase: float
-    """Increase of the sum of squares from the separate calibrations to the joint one."""
+    """Increase of the sum of squares from the separate calibrations to the joint one; where FRFs of identified tests
+    are compared, whose errors are not independent, the squared distance between the separate values by their
+    covariance."""
     restrictions: int
     """Number of parameters that the joint calibration has fewer."""
     p_value: float

@@ -203,7 +203,8 @@ def _with_raw(
             assert asked.raw is not None
             residual = asked.settled
             assert isinstance(residual, FrfResidual)
-            raw[id(residual)] = asked.raw(residual, state, damping_by_mode(damping.ratios.tolist()))
+            ratios = damping_by_mode(damping.ratios.tolist())
+            raw[id(residual)] = asked.raw(residual, damping.identified, state, ratios)
             out.append(raw[id(residual)])
         else:
             out.append(asked)

@@ -252,10 +252,12 @@ def deviation_table(validation: ValidationResults) -> list[Block]:
     known = validation.deviations
     if known is None:
         return []
-    heads = columns("Set", "Configuration", ">FRFs", ">δ before", ">δ after", ">Change %", ">FRFs with larger δ")
+    heads = columns(
+        "Set", "Compared", "Configuration", ">FRFs", ">δ before", ">δ after", ">Change %", ">FRFs with larger δ"
+    )
     sums = known.sums + (known.by_configuration if len(known.by_configuration) > len(known.sums) else ())
     rows = tuple(
-        row(s.data, s.configuration or "all", str(s.frfs), short(s.before), short(s.after),
+        row(s.data, s.compared, s.configuration or "all", str(s.frfs), short(s.before), short(s.after),
             NONE if s.change_percent is None else signed_percent(s.change_percent), str(s.risen))
         for s in sums
     )  # fmt: skip
@@ -268,9 +270,10 @@ def deviation_blocks(validation: ValidationResults) -> list[Block]:
     known = validation.deviations
     if known is None:
         return []
-    heads = columns("Set", "Configuration", "FRF", ">Lines", ">δ before", ">δ after", ">Change %")
+    heads = columns("Set", "Compared", "Configuration", "FRF", ">Lines", ">δ before", ">δ after", ">Change %")
     rows = tuple(
-        row(c.data, c.configuration, f"{c.output} / {c.input}", str(c.lines), short(c.before), short(c.after),
+        row(c.data, c.compared, c.configuration, f"{c.output} / {c.input}", str(c.lines), short(c.before),
+            short(c.after),
             signed_percent(100.0 * (c.after / c.before - 1.0)) if c.before else NONE)
         for c in known.channels
     )  # fmt: skip

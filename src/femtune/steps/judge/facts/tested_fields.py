@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -19,6 +19,7 @@ from femtune.steps.judge.facts.tested_supports import TestedSupport
 from femtune.steps.judge.record.missing import PARAMETER
 
 if TYPE_CHECKING:
+    from femtune.fem import Structure
     from femtune.files.built_model import BuiltModel
     from femtune.judge.regions import Mesh
     from femtune.study.study import Study
@@ -153,8 +154,10 @@ def tested_fields(study: Study) -> tuple[list[TestedField], list[WideningFactor]
     """
     built = study.built
     mesh, known = mesh_of(built.structure), list(_candidates(built))
+    # read from the cards of all elements
+    owners = built.property_of_elements
     for depth in range(_DEPTH, -1, -1):
-        sets = [list(_sets(built, mesh, c, depth)) for c in known]
+        sets = [list(_sets(built.structure, owners, mesh, c, depth)) for c in known]
         parts = [_atoms([s for s, _, _ in of_one]) for of_one in sets]
         if sum(map(len, parts)) <= MOST_FACTORS:
             break
@@ -192,14 +195,14 @@ Part = tuple[frozenset[int], str, str]
 """Elements, what they are, and the keys of a [[parameter]] that choose them."""
 
 
-def _sets(built: BuiltModel, mesh: Mesh, candidate: FieldCandidate, depth: int) -> Iterator[Part]:
-    """The whole field first, then its elements by property, and the parts of these."""
-    structure = built.structure
+def _sets(
+    structure: Structure, owners: Mapping[int, int], mesh: Mesh, candidate: FieldCandidate, depth: int
+) -> Iterator[Part]:
+    """The whole field first, then its elements by property (`owners`), and the parts of these."""
     whole = frozenset(int(n) for n in structure.users(structure.values.index(candidate.ref) or 0))
     yield whole, "", ""
     if len(whole) < 2:
         return
-    owners = built.property_of_elements
     by_property: dict[int, set[int]] = {}
     for element in whole:
         by_property.setdefault(owners.get(element, 0), set()).add(element)

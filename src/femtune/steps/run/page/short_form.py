@@ -16,11 +16,13 @@ from femtune.document.numbers import (
     unit_fraction,
     value,
 )
+from femtune.steps.bootstrap.page import parameter_table
 from femtune.steps.judge.page import LEVELS
 from femtune.steps.report_source import versions
 from femtune.steps.run.page.summary import summary
 from femtune.steps.specimens.page import specimen_blocks
 from femtune.steps.update.page.parameters import derived_quantities, interval_ends, interval_remarks, physical_values
+from femtune.steps.update.page.starts import optima
 from femtune.steps.validate.page import deviation_table, untested_reasons, validation_verdicts
 
 if TYPE_CHECKING:
@@ -38,16 +40,28 @@ _MOST_LINES = 6
 
 
 def short_form(source: ReportSource) -> tuple[Section, ...]:
-    """Summary, modes, parameters, what is undetermined, what was not tested."""
+    """Summary, modes, parameters, starts, bootstrap, what is undetermined, what was not tested."""
     parts = (
         ("summary", "Summary", summary(source)),
         ("modes", "Modes", _modes(source)),
         ("parameters", "Parameters", _parameters(source)),
+        ("starts", "Starts", _starts(source)),
+        ("bootstrap", "Bootstrap", _bootstrap(source)),
         ("specimens", "Specimens", _specimens(source)),
         ("validation", "Validation", _validation(source)),
         ("open", "What was not determined or tested", [*undetermined(source), *not_tested(source)]),
     )
     return tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
+
+
+def _starts(source: ReportSource) -> list[Block]:
+    update = source.results.update
+    return [] if update is None else optima(update, _MOST_LINES)
+
+
+def _bootstrap(source: ReportSource) -> list[Block]:
+    found = source.results.bootstrap
+    return [] if found is None else [Listing(found.sentences), parameter_table(found)]
 
 
 def _specimens(source: ReportSource) -> list[Block]:

@@ -28,9 +28,18 @@ def starts(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block
     record = update.starts
     if record is None:
         return []
+    words, *table = optima(update)
+    return [words, *_picture(update, record, facts), *table] if table else [words]
+
+
+def optima(update: UpdateResults, most: int = _MOST_OPTIMA) -> list[Block]:
+    """Sentences and table of the best optima, for page and terminal; nothing where the update had one start."""
+    record = update.starts
+    if record is None:
+        return []
     chosen = f", the initial values and the best of {record.samples} samples" if record.samples else ""
     words = Paragraph(f"{len(record.starts)} starts{chosen}, seed {record.seed}: {' '.join(record.sentences)}")
-    return [words, *_picture(update, record, facts), _table(update, record)] if record.optima else [words]
+    return [words, _table(update, record, most)] if record.optima else [words]
 
 
 def _picture(update: UpdateResults, record: StartsResults, facts: Sequence[ParameterFacts]) -> list[Block]:
@@ -50,7 +59,7 @@ def _picture(update: UpdateResults, record: StartsResults, facts: Sequence[Param
     return [Figure(draw, caption, alt, wide=True)]
 
 
-def _table(update: UpdateResults, starts: StartsResults) -> Block:
+def _table(update: UpdateResults, starts: StartsResults, most: int) -> Block:
     names = update.history_parameters[:6]
     heads = columns(">Optimum", ">Initial points", ">Objective", "Equally good", *(f">{name}" for name in names))
     rows = [
@@ -61,9 +70,11 @@ def _table(update: UpdateResults, starts: StartsResults) -> Block:
             "the best" if i == 1 else "yes" if o.as_good else "no",
             *(short(v) for v in o.parameters[: len(names)]),
         )
-        for i, o in enumerate(starts.optima[:_MOST_OPTIMA], start=1)
+        for i, o in enumerate(starts.optima[:most], start=1)
     ]
-    return Table("Distinct optima", heads, tuple(rows))
+    more = len(starts.optima) - most
+    note = f"and {counted(more, 'worse optimum', 'worse optima')} in the results" if more > 0 else ""
+    return Table("Distinct optima", heads, tuple(rows), note)
 
 
 def weight_choice(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block]:

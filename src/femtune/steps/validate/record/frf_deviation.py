@@ -11,6 +11,7 @@ from typing import Literal
 from femtune.study.record import Record
 
 DataSet = Literal["calibration", "validation"]
+ComparedAs = Literal["measured", "equal damping"]
 
 
 class ChannelDeviation(Record):
@@ -20,6 +21,9 @@ class ChannelDeviation(Record):
     """Name of the configuration."""
     data: DataSet
     """"calibration" if the update used it, otherwise "validation"."""
+    compared: ComparedAs = "measured"
+    """"measured": the measured FRF beside the model with its own damping, or with that of the identified test; "equal
+    damping": test and model with the damping ratio of `[equalise]`."""
     output: str
     """Response DOF."""
     input: str
@@ -37,6 +41,8 @@ class DeviationSum(Record):
 
     data: DataSet
     """The set."""
+    compared: ComparedAs = "measured"
+    """What is compared, as for a single FRF."""
     configuration: str = ""
     """Name of the configuration; "" for all together."""
     frfs: int
