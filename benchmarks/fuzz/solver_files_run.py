@@ -255,7 +255,8 @@ def page(kinds: dict[str, Kind], done: dict[str, Any]) -> str:
 solvers, decks of superelements and under a load. Each was read or refused with a message; decks were read, written and
 solved. A failure is a traceback, a crash of the process, more than {SECONDS:g} s of the processor or 1 GiB for one
 file, or a file that was opened elsewhere. {calls}
-The memory is the largest that one file took in addition to that of the process. Made by `benchmarks/fuzz/solver_files_run.py`.
+The memory is the largest that one file took in addition to that of the process. Made by
+`benchmarks/fuzz/solver_files_run.py`.
 
 | kind | files | refused | accepted | failures | slowest, s | memory, MB |
 | --- | ---: | ---: | ---: | ---: | ---: | ---: |
