@@ -182,7 +182,7 @@ readers: $(VENV)/.stamp-readers  ## install the libraries for OP2, Ansys, HDF5, 
 release-check:  ## the check-list of a release: build, metadata, empty environments of every Python, tutorial, licences
 	@python="$$($(FIND_PYTHON))"; "$$python" .ci/release.py
 
-cluster-check: $(VENV)/.stamp-test  ## the commands of the documentation for Slurm, dask-jobqueue and SLEPc; takes minutes
+cluster-check: $(VENV)/.stamp-test  ## the commands of the documentation for Slurm and dask-jobqueue; takes minutes
 	@$(PIP) -e ".[cluster]" dask-jobqueue
 	@$(ONE_THREAD) $(BIN)/python .ci/cluster_commands.py $(or $(CHECK_ARGS),--evidence docs/evidence)
 

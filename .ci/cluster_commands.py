@@ -9,7 +9,6 @@ cluster. `dask` and dask-jobqueue must be importable: `make cluster-check` insta
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import shutil
@@ -23,14 +22,10 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
-import numpy as np
-
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "benchmarks" / "stories")]
 
 from project import KINDS, Variant, numbers, write_inputs  # noqa: E402
-
-from femtune.model.distributed.launch import probe  # noqa: E402
 
 _PAGE = ROOT / "docs" / "guide" / "slurm.md"
 _PROGRAMS = ("slurmctld", "slurmd", "sbatch", "srun")
@@ -59,13 +54,6 @@ ReturnToService=2
 NodeName={host} NodeAddr=127.0.0.1 CPUs=4 RealMemory=4000 State=UNKNOWN
 PartitionName=normal Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """
-_BEAM = (
-    "SOL 103\nCEND\nMETHOD=1\nSPC=1\nBEGIN BULK\nEIGRL,1,,,6\nPBAR,1,1,1.-4,1.-9,2.-9,1.-9\nMAT1,1,2.1+11,,.3,7850.\n"
-    + "".join(f"GRID,{i + 1},,{0.01 * i:.2f},0.,0.\n" for i in range(101))
-    + "".join(f"CBAR,{i + 1},1,{i + 1},{i + 2},0.,1.,0.\n" for i in range(100))
-    + "SPC1,1,123456,1\nENDDATA\n"
-)
-"""More DOFs than the 400 up to which femtune solves by itself."""
 _LONGEST_S = 1500.0
 """Time in s after which a command is given up; on a busy machine Python takes a minute to begin."""
 Row = tuple[str, str, str]
@@ -84,7 +72,7 @@ def main() -> int:
         _run(["femtune", "update", "study.toml", "--quiet"], quiet)
         expected = numbers(quiet / "run")
         with _slurm(folder / "slurm") as by:
-            for check in (_job_script, _jobqueue, _slepc):
+            for check in (_job_script, _jobqueue):
                 if options.only in check.__name__:
                     rows.append(check(folder, expected, by))
                     print(*rows[-1], sep=" | ", flush=True)
@@ -217,24 +205,6 @@ def _jobqueue(folder: Path, expected: object, by: str) -> Row:
     return what, f"{by}, dask-jobqueue {dask_jobqueue.__version__}", _compared(expected, work)
 
 
-def _slepc(folder: Path, expected: object, by: str) -> Row:
-    """`femtune modes … --eigensolver slepc` on two ranks."""
-    what = "`--eigensolver slepc` on two ranks"
-    work = folder / "slepc"
-    work.mkdir()
-    (work / "beam.bdf").write_text(_BEAM)
-    is_there, said = probe(os.environ.get("FEMTUNE_SLEPC_PYTHON", "/usr/bin/python3"))
-    if not is_there:
-        return what, "", "not run: slepc4py is not installed"
-    words = ["femtune", "modes", "beam.bdf", "--json"]
-    own = json.loads(_output(words, work))[0]["freq_hz"]
-    os.environ["FEMTUNE_SLEPC_RANKS"] = "2"
-    found = json.loads(_output([*words, "--eigensolver", "slepc"], work))[0]
-    if not np.allclose(found["freq_hz"], own, rtol=1e-8) or "slepc.not-used" in json.dumps(found):
-        return what, said, f"failed: {found['freq_hz']}"
-    return what, said, "frequencies of femtune's own solver"
-
-
 def _compared(expected: object, work: Path) -> str:
     return "numbers of a run without a cluster" if numbers(work / "run") == expected else "failed: other numbers"
 
@@ -268,17 +238,16 @@ def _page(rows: list[Row]) -> str:
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
     return f"""# Commands for clusters
 
-Commands of [Runs on a Slurm cluster](../guide/slurm.md) and [Solvers and sizes](../guide/solvers.md), run on
-{datetime.now(UTC):%Y-%m-%d} as the pages have them, with the names, ports and cores of this machine, two tasks of one
-core. Slurm has one node: the machine itself. The study has an external solver. Made by `.ci/cluster_commands.py`
-(`make cluster-check`).
+Commands of [Runs on a Slurm cluster](../guide/slurm.md), run on {datetime.now(UTC):%Y-%m-%d} as the page has them, with
+the names, ports and cores of this machine and two tasks of one core. Slurm has one node: the machine itself. The study
+has an external solver. Made by `.ci/cluster_commands.py` (`make cluster-check`).
 
 | commands | programs | result |
 | --- | --- | --- |
 {table}
 
-Not run: Slurm with several machines, queues of other systems (PBS, LSF), Apptainer, and the container, because no image
-can be loaded where this is run.
+SLEPc on two ranks is among the tests. Not run: Slurm with several machines, other queues (PBS, LSF), Apptainer, and the
+container, because no image can be loaded where this is run.
 """
 
 

@@ -3,7 +3,8 @@
 Versions agree; wheel and source distribution are built, and their metadata are right; the wheel is installed in an
 empty environment of every Python that is found, and each public name can be imported; all packages that this brings are
 in the list of licences, and none is under the GPL; the commands of the tutorial, copied out of its page, run in the
-newest of these environments to the report. `--licences` writes that list from an environment with all extras (2.5 GB).
+newest of these environments to the report; lines that are written for other systems are listed. `--licences` writes the
+list of licences from an environment with all extras (2.5 GB).
 """
 
 from __future__ import annotations
@@ -79,6 +80,7 @@ def main() -> int:
             print(f"{python.name}: installed ({_megabytes(folder / python.name):.0f} MB)")
             problems += _installed(inside)
         problems += _followed(inside, folder / "work")
+    print(f"written for other systems than {sys.platform}, and not run here:", *_for_other_systems(), sep="\n  ")
     for problem in problems:
         print(f"NOT MET: {problem}")
     print("release check: " + ("not met" if problems else "all points are met"))
@@ -194,6 +196,17 @@ def _followed(inside: Path, work: Path) -> list[str]:
     written = (work / "run" / "report.html").exists()
     print(f"tutorial followed with {inside.resolve().name}" + (" to the report" if written else ""))
     return [] if written else ["the tutorial wrote no report"]
+
+
+def _for_other_systems() -> list[str]:
+    """Lines that ask which system femtune runs on, or need what only Linux has: a branch of each is not run here."""
+    asked = re.compile(r"sys\.platform|\"/proc|os\.name\b")
+    return [
+        f"{path.relative_to(_ROOT).as_posix()}:{number}: {line.strip()}"
+        for path in sorted((_ROOT / "src").rglob("*.py"))
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if asked.search(line)
+    ]
 
 
 def _megabytes(folder: Path) -> float:

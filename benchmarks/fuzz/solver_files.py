@@ -162,7 +162,7 @@ def _parquet(path: Path, **options: Any) -> None:
     table = pa.table({
         "k1": chance.uniform(1.0, 2.0, 40), "k2": chance.uniform(1.0, 2.0, 40).astype("f4"), "case": ["a", "b"] * 20,
         "f1_hz": chance.uniform(5.0, 6.0, 40), "f2_hz": chance.uniform(9.0, 12.0, 40), "n": np.arange(40),
-        "shape1_1X+": chance.normal(size=40), "shape1_2X+": chance.normal(size=40),
+        **{f"shape{mode}_{node}X+": chance.normal(size=40) for mode in (1, 2) for node in (1, 2)},
     })  # fmt: skip
     pq.write_table(table, path, **options)
 

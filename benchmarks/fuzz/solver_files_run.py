@@ -40,8 +40,10 @@ from tests.files.nastran import mutant_trial  # noqa: E402
 from femtune.errors import FemtuneError  # noqa: E402
 
 SECONDS, BYTES = 10.0, 1 << 30
+_MOST_ADDRESSES = 4 << 30
+"""Addresses that a process may take in addition: libraries reserve memory that they never use."""
 _PART, _BATCH = 200, 40
-_WHOLE_WAY = 24
+_WHOLE_WAY = 4
 """Mutants of a kind that starts a process for each file."""
 _MARK = "/femtune-mutant/"
 """Beginning of a path that does not exist; that it is opened separates the mutants in the record of system calls."""
@@ -114,7 +116,7 @@ def _batch(kind: Kind, number: int, end: int, folder: Path, out: dict[str, Any])
 def _tried(kind: Kind, number: int, end: int, base: Path, target: int) -> None:
     """Read mutants and tell of each; the process ends."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize() + BYTES
+    limit = pages * resource.getpagesize() + _MOST_ADDRESSES
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     # for what does not return to Python, where the limit of each mutant is looked at
     resource.setrlimit(resource.RLIMIT_CPU, (int(SECONDS * 3), int(SECONDS * 3) + 1))
@@ -177,6 +179,7 @@ def opened_elsewhere(calls: Path, folder: Path) -> list[list[Any]]:
     own = {sys.prefix, sys.base_prefix, os.path.realpath(sys.prefix), *site.getsitepackages(), *sys.path[3:]}
     own |= {str(ROOT / "src"), str(ROOT / "tests"), str(ROOT / "benchmarks"), str(ROOT / "examples")}
     own |= {"/proc", "/sys", "/usr/lib", "/lib", "/etc/ld.so", "/dev", "/usr/share/locale", "/etc/mime", str(folder)}
+    own |= {"/etc/localtime", str(Path.home() / ".cache" / "matplotlib")}
     allowed = tuple(path for path in own if path)
     number, found = None, []
     for line in calls.read_text(errors="replace").splitlines():
@@ -240,8 +243,8 @@ def page(kinds: dict[str, Kind], done: dict[str, Any]) -> str:
         table.append(f"| {group} | {files:,} | {refused:,} | {accepted:,} | {failures} | {slowest:.1f} | {mb:.0f} |")
     traced = all(part["watched"] for part in done.values())
     calls = (
-        "System calls were recorded: after a mutant was there, no file was opened outside of its folder but those of "
-        "Python, its packages and the libraries of the system."
+        "System calls were recorded: after a\nmutant was there, no file was opened outside of its folder but those of "
+        "Python, its packages with their caches, and the\nlibraries of the system."
         if traced
         else "System calls were not recorded, because strace was not there."
     )
@@ -251,8 +254,9 @@ def page(kinds: dict[str, Kind], done: dict[str, Any]) -> str:
 {datetime.now(UTC):%Y-%m-%d}: arrays of HDF5, NumPy and Parquet, matrices and modes of Nastran and Ansys, outputs of
 solvers, decks of superelements and under a load. Each was read or refused with a message; decks were read, written and
 solved. A failure is a traceback, a crash of the process, more than {SECONDS:g} s of the processor or 1 GiB for one
-file, or a file that was opened elsewhere. {calls} The memory is the largest that one file took in addition to that of
-the process. Made by `benchmarks/fuzz/solver_files_run.py`.
+file, or a file that was opened elsewhere. {calls}
+The memory is the largest that one file took in addition to that of the process. Made by
+`benchmarks/fuzz/solver_files_run.py`.
 
 | kind | files | refused | accepted | failures | slowest, s | memory, MB |
 | --- | ---: | ---: | ---: | ---: | ---: | ---: |

@@ -32,6 +32,8 @@ _ENDED = (0, 1, 2, 129, 130, 143, -signal.SIGKILL)
 """Exit codes that a disturbed start may have; an internal error (70) is none of them."""
 _LONGEST_S = 1800.0
 """Time in s after which a start hangs; on a busy machine a quiet one takes minutes."""
+_WORDS = 4
+"""Words of a line of the solver's log: what happened, where, and two frequencies."""
 _QUIET = "quiet"
 """Name of a start that nothing disturbs, and that tells which modules it has loaded."""
 _SIGNALS = {"kill": signal.SIGKILL, "term": signal.SIGTERM, "hup": signal.SIGHUP, "int": signal.SIGINT}
@@ -361,7 +363,16 @@ class Log:
 
 def _log(state: Path) -> Log:
     path = state / "log"
-    return Log([line.split() for line in path.read_text().splitlines()] if path.exists() else [])
+    lines = [line.split() for line in path.read_text().splitlines()] if path.exists() else []
+    # where files are limited, so is the log: a run whose line was cut ended with an error
+    return Log([line for line in lines if len(line) == _WORDS and all(map(_is_number, line[2:]))])
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return float(text) > 0.0
+    except ValueError:
+        return False
 
 
 def _first(expected: Any, found: Any, keys: list[str]) -> str:

@@ -13,6 +13,7 @@ import pytest
 
 from femtune.cli import main
 from femtune.errors import FemtuneError, Notice
+from femtune.runs.process import end_marked
 from femtune.steps.step import coloured
 
 _DECK = """SOL 103
@@ -61,6 +62,23 @@ def test_both_streams_keep_the_encoding_of_the_console(
     assert ended.value.code == 2
     said = b"".join(stream.getvalue() for stream in written.values()).decode(encoding)
     assert ("gro" if encoding == "ascii" else "größe->") in said
+
+
+@pytest.mark.skipif(os.name != "posix" or sys.platform == "darwin", reason="names of files are bytes on Linux")
+def test_names_that_are_no_text(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A deck whose name is not UTF-8 is refused with a message, and a folder may have any name."""
+    folder = os.fsdecode(os.fsencode(tmp_path) + b"/gr\xf6\xdfe")
+    os.mkdir(folder)
+    name = os.fsdecode(b"gr\xf6\xdfe.bdf")
+    Path(folder, name).write_text(_DECK)
+    monkeypatch.chdir(folder)
+    with pytest.raises(SystemExit) as ended:
+        main(["modes", name])
+    assert ended.value.code == 2
+    assert "deck.unreadable" in capsys.readouterr().err
+    assert end_marked(Path(folder))
 
 
 def test_warnings_are_not_red_and_nothing_has_a_colour_where_none_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:

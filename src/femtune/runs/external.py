@@ -194,9 +194,9 @@ class ExternalSolver:
         settings = (*self.command, *read, self.version, program, self.result.name, self.result.format)
         environment = tuple(f"{name}={value}" for name, value in self.environment)
         for text in (*settings, *environment, self.inputs.version):
-            digest.update(sha256(text.encode()).digest())
+            digest.update(sha256(text.encode(errors="surrogateescape")).digest())
         for name, content in sorted(files.items()):
-            digest.update(sha256(name.encode()).digest() + sha256(content).digest())
+            digest.update(sha256(name.encode(errors="surrogateescape")).digest() + sha256(content).digest())
         return digest.hexdigest()
 
     def run(self, values: Values) -> RunOutcome:

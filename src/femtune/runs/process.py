@@ -150,7 +150,7 @@ def end_left(folder: Path, pid: int, since: str) -> bool:
 
 def end_marked(folder: Path) -> bool:
     """End processes that a run has started, also those in sessions of their own; False if some are still there."""
-    marked = f"{MARK}={folder.resolve()}".encode()
+    marked = os.fsencode(f"{MARK}={folder.resolve()}")
     for _ in range(_ROUNDS):
         found = list(_with(marked))
         if not found:

@@ -178,6 +178,10 @@ def load_study(
 
 
 def _study_of_deck(path: Path) -> StudyFile:
+    if any(0xD800 <= ord(c) <= 0xDFFF for c in path.name):
+        raise FemtuneError(
+            "deck.unreadable", where=Where(str(path)), strerror="its name is not text in UTF-8; rename it"
+        )
     # units do not matter if no test is read
     file = StudyFile.model_validate({"study": {"title": path.name, "deck": path.name, "units": "m-kg-s"}})
     file._path, file._source, file._given = path, StudyLines(str(path)), Given(units_known=False)

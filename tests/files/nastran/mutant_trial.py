@@ -43,7 +43,7 @@ OF_A_FILE = frozenset({"deck.not-text", "deck.not-found", "deck.unreadable", "de
 OF_THE_EQUATIONS = frozenset({
     "eigen.mechanism", "eigen.no-mass", "eigen.no-dofs", "eigen.negative", "eigen.inaccurate", "eigen.missed-modes",
     "eigen.no-convergence", "constraint.dependent-twice", "constraint.dependent-held", "constraint.zero-coefficient",
-    "constraint.circular", "deck.more-problems",
+    "constraint.circular", "deck.more-problems", "configuration.preload-not-held",
 })  # fmt: skip
 
 
