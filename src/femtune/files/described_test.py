@@ -1,4 +1,4 @@
-"""The functions and the geometry that an identification file describes, whatever the format of its files."""
+"""Functions, spectra and geometry that an identification file describes, whatever the format of its files."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ import numpy as np
 from femtune.dofs import Dof, parse_dof
 from femtune.errors import FemtuneError, Notice, Where, with_notices
 from femtune.files.points_table import read_points
-from femtune.files.records import FunctionColumn, FunctionLayout, read_frfs, read_function_files
+from femtune.files.records import FunctionColumn, FunctionLayout
+from femtune.files.records.frf_file import FunctionValues, read_values, read_values_of_files
 from femtune.files.uff import UffContent, UffFile, read_uff
 from femtune.files.uff.function_units import StatedOfFunctions
 from femtune.files.uff.scan import names_universal
+from femtune.files.uff.spectrum_sets import read_uff_spectra
 from femtune.modal import FrfSet
+from femtune.modal.spectrum_set import SpectrumSet, spectrum_set
 from femtune.testdata import NO_GEOMETRY, ModalTest, WireFrame, convert_units, sensors_at
 from femtune.units import UnitSystem, unit_system
 
@@ -79,14 +82,49 @@ def _of_tables(file: IdentifyFile) -> FrfSet:
     ------
     FemtuneError : ``identify.several-arrays`` for several files without the functions of each
     """
-    paths, layout, named = file.measured_paths, _layout(file), [entry.file for entry in file.function]
+    stated = file.functions
+    if stated is None:
+        raise FemtuneError("frf.layout", where=file.where("identify", "frfs"))
+    if stated.kind is None:
+        raise FemtuneError("frf.layout/no-kind", where=file.where("functions"))
+    return _values_of_tables(file, "frfs", stated.kind).frfs(stated.kind)
+
+
+def read_described_spectra(file: IdentifyFile) -> tuple[SpectrumSet, tuple[Notice, ...]]:
+    """The spectra of the files that `spectra` names, and what was remarkable about them.
+
+    Raises
+    ------
+    FemtuneError : ``uff.*``, ``record.*``, ``frf.layout``; ``identify.spectra``
+    """
+    paths = file.measured_paths
+    source = ", ".join(map(str, paths))
+    if all(file.identify.format == "uff" or names_universal(path) for path in paths):
+        if file.functions is not None or file.function:
+            raise FemtuneError("identify.spectra/layout", where=file.where("functions"))
+        with np.errstate(all="ignore"):  # overflow becomes infinity, which the checks refuse by name
+            return read_uff_spectra(UffFile(paths[0], paths[1:]).sets, source)
+    if file.functions is not None and file.functions.kind is not None:
+        raise FemtuneError("identify.spectra/kind", where=file.where("functions", "kind"))
+    read = _values_of_tables(file, "spectra", "")
+    pairs = {
+        (response, reference): read.values[i, j]
+        for i, response in enumerate(read.responses)
+        for j, reference in enumerate(read.references)
+        if not np.isnan(read.values[i, j]).all()
+    }
+    return spectrum_set(read.freq_hz, pairs, source=source), ()
+
+
+def _values_of_tables(file: IdentifyFile, key: str, kind: str) -> FunctionValues:
+    paths, layout, named = file.measured_paths, _layout(file, kind), [entry.file for entry in file.function]
     if any(named):
-        return read_function_files([file.path.parent / (name or paths[0]) for name in named], layout)
+        return read_values_of_files([file.path.parent / (name or paths[0]) for name in named], layout)
     if len(paths) > 1 and len(paths) == len(file.function):
-        return read_function_files(paths, layout)
+        return read_values_of_files(paths, layout)
     if len(paths) > 1:
-        raise FemtuneError("identify.several-arrays", where=file.where("identify", "frfs"))
-    return read_frfs(paths[0], layout)
+        raise FemtuneError("identify.several-arrays", where=file.where("identify", key))
+    return read_values(paths[0], layout)
 
 
 def _stated(file: IdentifyFile) -> StatedOfFunctions:
@@ -146,18 +184,16 @@ def described_test(path: Path, name: str, units: UnitSystem) -> ModalTest:
     return convert_units(test, units)
 
 
-def _layout(file: IdentifyFile) -> FunctionLayout:
-    stated = file.functions
-    if stated is None:
-        raise FemtuneError("frf.layout", where=file.where("identify", "frfs"))
-    if stated.kind is None:
-        raise FemtuneError("frf.layout/no-kind", where=file.where("functions"))
+def _layout(file: IdentifyFile, kind: str) -> FunctionLayout:
+    from femtune.files.identification_file import FunctionsTable  # noqa: PLC0415  few studies name one
+
+    stated = file.functions or FunctionsTable()
     columns = tuple(
         FunctionColumn(parse_dof(f.response), parse_dof(f.reference), f.column, f.imaginary, f.coherence)
         for f in file.function
     )
     return FunctionLayout(
-        kind=stated.kind,
+        kind=kind,
         responses=tuple(map(parse_dof, stated.responses)),
         references=tuple(map(parse_dof, stated.references)),
         functions=columns,

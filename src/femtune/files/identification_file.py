@@ -26,7 +26,7 @@ from femtune.files.study_file.output import OutputTable
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import check_version, missing_files, toml_data, toml_text
 from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
-from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY, FrfEstimator, MethodWord
+from femtune.identification.kinds import KNOWN_INPUT, OF_SPECTRA, OUTPUT_ONLY, FrfEstimator, MethodWord, SpectraWindow
 from femtune.modal.kinds import FrfKind, Quantity, Role
 
 # ----------------------------------------------------------------------------------------------------
@@ -45,13 +45,21 @@ class IdentifyTable(TomlTable):
     title: Text | None = None
     """Title of the report. Default: the name of the file. Example: `"Building, state BC"`"""
     record: RecordName | Annotated[tuple[RecordName, ...], Field(min_length=1)] | None = None
-    """Time histories: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5 (`pip install "femtune[hdf5]"`), WAV,
-    LVM, TDMS (`pip install npTDMS`). With measured forces also several records of the same channels, such as the hits
-    of a hammer. Example: `"bc.csv"`"""
+    """Time histories: CSV and other text, UFF 58, .npy, .npz, .mat, HDF5 (`pip install "femtune[hdf5]"`), WAV, LVM,
+    TDMS (`pip install npTDMS`). With measured forces also several records of the same channels, such as the hits of a
+    hammer. Example: `"bc.csv"`"""
     frfs: FrfsName | tuple[FrfsName, ...] | None = None
     """Instead of `record`: measured FRFs (motion over force): UFF 58, ASCII or binary, one or several files of one
     test; or arrays and tables with [`[functions]`](#functions): .mat, .npy, .npz, HDF5, CSV and other text. Example:
     `"frf.unv"`"""
+    spectra: FrfsName | tuple[FrfsName, ...] | None = None
+    """Instead of `record`: auto and cross spectra of responses to unmeasured forces, of all responses with at least one
+    reference: UFF 58, or arrays and tables with [`[functions]`](#functions), in which `kind` is not given then. The
+    cross spectrum of response i and reference j is the mean of Y_i times the conjugate of Y_j. Example: `"psd.unv"`"""
+    spectra_window: SpectraWindow = "hann"
+    """Window of the segments from which the spectra were averaged: `"hann"`, `"hamming"`, `"flattop"`, `"boxcar"`
+    (rectangular); `"none"` for spectra of correlation functions. It adds damping, which is taken out. Example:
+    `"boxcar"`"""
     geometry: Annotated[Text, NamesFile("geometry")] | None = None
     """Points and directions of the sensors: a Universal File, or a [table](guide/tests-in.md#tables-of-points) with the
     heading `node,x,y,z`. Default: those of the Universal File. Example: `"points.csv"`"""
@@ -170,11 +178,11 @@ class RigidBodyEntry(TomlTable):
 
 
 class FunctionsTable(TomlTable):
-    """[functions]: what the axes of a file of FRFs mean; of a Universal File only `kind` and `factor`."""
+    """[functions]: what the axes of a file of FRFs or spectra mean; of a Universal File only `kind` and `factor`."""
 
     kind: FrfKind | None = None
-    """`"receptance"`, `"mobility"` or `"accelerance"`. Required, unless the file is a Universal File: there it replaces
-    the data types and unit labels of the file. Example: `"accelerance"`"""
+    """`"receptance"`, `"mobility"` or `"accelerance"`. Required for FRFs, unless the file is a Universal File: there it
+    replaces the data types and unit labels of the file. Example: `"accelerance"`"""
     responses: tuple[DofLabel, ...] = ()
     """Response DOFs in the order of the array. Required without `[[function]]`. Example: `["1Z+", "2Z+"]`"""
     references: tuple[DofLabel, ...] = ()
@@ -280,7 +288,9 @@ class IdentifyFile(TomlTable):
         """Files that are named with their functions are the FRFs."""
         asked = data.get("identify") if isinstance(data, dict) else None
         entries = data.get("function") if isinstance(asked, dict) else None
-        if not (isinstance(asked, dict) and isinstance(entries, list | tuple)) or "frfs" in asked or "record" in asked:
+        if not (isinstance(asked, dict) and isinstance(entries, list | tuple)) or {"frfs", "record", "spectra"} & set(
+            asked
+        ):
             return data
         files = [entry.get("file") for entry in entries if isinstance(entry, dict)]
         if not files or len(files) < len(entries) or not all(isinstance(file, str) for file in files):
@@ -300,7 +310,8 @@ class IdentifyFile(TomlTable):
     @property
     def measured_paths(self) -> tuple[Path, ...]:
         """The record, or all files of the functions."""
-        named = self.identify.record or self.identify.frfs or tuple(s.record or s.frfs or "" for s in self.setup)
+        asked = self.identify
+        named = asked.record or asked.frfs or asked.spectra or tuple(s.record or s.frfs or "" for s in self.setup)
         return tuple(self._path.parent / name for name in ((named,) if isinstance(named, str) else named))
 
     @property
@@ -360,7 +371,8 @@ def read_identify_file(path: str | Path) -> IdentifyFile:
 def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     asked = table(data, "identify")
     yield from _setups(data, asked, source)
-    if "identify" in data and "setup" not in data and ("record" in asked) == _has_frfs(data, asked):
+    given = ("record" in asked) + ("spectra" in asked) + _has_frfs(data, asked)
+    if "identify" in data and "setup" not in data and given != 1:
         hint = 'write record = "ambient.csv" or frfs = "frf.unv"'
         yield source.error(("identify",), "identify.source", {}, hint=hint)
     yield from _layout(data, asked, source)
@@ -377,13 +389,14 @@ def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
 def _has_frfs(data: dict[str, Any], asked: dict[str, Any]) -> bool:
     """Whether FRFs are named: in [identify], or in every [[function]]."""
     entries = [entry for _, entry in tables(data, "function")]
-    return "frfs" in asked or (bool(entries) and all("file" in entry for entry in entries))
+    named = bool(entries) and all("file" in entry for entry in entries)
+    return "frfs" in asked or (named and "spectra" not in asked)
 
 
 def _setups(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """Every set-up has a measurement of its own, and [identify] has none then."""
     for place, entry in tables(data, "setup"):
-        if "record" in asked or "frfs" in asked or ("record" in entry) == ("frfs" in entry):
+        if {"record", "frfs", "spectra"} & set(asked) or ("record" in entry) == ("frfs" in entry):
             yield source.error(place, "identify.setup-source", entry)
     if "setup" in data and "level" in data:
         yield source.error(("level",), "identify.setup-source/levels", {})
@@ -392,20 +405,23 @@ def _setups(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> 
 def _layout(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """[functions] belongs to functions; its axes are named once, and the lines are given in one way."""
     stated = table(data, "functions")
-    if ("functions" in data or "function" in data) and not _has_frfs(data, asked):
+    if ("functions" in data or "function" in data) and not (_has_frfs(data, asked) or "spectra" in asked):
         yield source.error(("functions",), "identify.layout", {})
     axes = texts(stated.get("axes"))
     if len(set(axes)) < len(axes) or (axes and "frequency" not in axes) or {"function", "response"} <= set(axes):
         yield source.error(("functions", "axes"), "identify.layout/axes", {"axes": ", ".join(axes)})
     if "frequency" in stated and ("start_hz" in stated or "step_hz" in stated):
         yield source.error(("functions", "frequency"), "identify.layout/lines", {})
-    if asked.get("frfs") == ():
-        yield source.error(("identify", "frfs"), "identify.source", {}, hint='write frfs = "frf.unv"')
+    for key in ("frfs", "spectra"):
+        if asked.get(key) == ():
+            yield source.error(("identify", key), "identify.source", {}, hint=f'write {key} = "{key}.unv"')
 
 
 def _levels(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """Levels are measured as the first one is, whose force is stated; without levels there is nothing to compare."""
     entries = list(tables(data, "level"))
+    if entries and "spectra" in table(data, "identify"):
+        yield source.error(("level",), "identify.level/spectra", {})
     kind = "frfs" if _has_frfs(data, table(data, "identify")) else "record"
     for place, entry in entries:
         if kind not in entry or ("record" in entry) == ("frfs" in entry):
@@ -418,6 +434,13 @@ def _levels(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
 
 def _methods(data: dict[str, Any], asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     """Methods must suit what was measured; with measured forces in a record those for FRFs do too."""
+    if "spectra" in asked:
+        for word in texts(asked.get("methods")):
+            if word not in OF_SPECTRA and word in (*KNOWN_INPUT, *OUTPUT_ONLY):
+                known_words, shown = ", ".join(OF_SPECTRA), {"methods": word}
+                place = ("identify", "methods")
+                yield source.error(place, "identify.output-only/spectra", shown, method=word, known=known_words)
+        return
     known = KNOWN_INPUT if _has_frfs(data, asked) else (*KNOWN_INPUT, *OUTPUT_ONLY)
     for word in texts(asked.get("methods")):
         if word not in known and word in OUTPUT_ONLY:

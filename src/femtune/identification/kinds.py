@@ -21,6 +21,12 @@ OUTPUT_ONLY = Kinds(
 )
 """Methods that identify modes from responses to unmeasured forces."""
 
+OF_SPECTRA = ("SSI-cov", "ERA", "FDD")
+"""Methods for auto and cross spectra of responses."""
+
+SpectraWindow = Literal["hann", "hamming", "flattop", "boxcar", "none"]
+"""Window of the segments that were averaged to spectra; "none" for spectra of correlation functions."""
+
 MethodWord = Literal[KnownInputMethod, OutputOnlyMethod]
 """Any method of identification."""
 

@@ -13,7 +13,7 @@ from scipy import signal
 from femtune.arrays import Complexes, Reals
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
-from femtune.identification.averaging import cross_spectra, no_lost_samples
+from femtune.identification.averaging import CrossSpectra, cross_spectra, no_lost_samples
 from femtune.identification.choice import Candidate, Limits, Rule, choose
 from femtune.identification.fdd import decompose, enhanced, peaks
 from femtune.identification.pole_table import PoleTable, table_of
@@ -21,7 +21,7 @@ from femtune.identification.quantities import derivatives_of, in_one_quantity
 from femtune.identification.realisation import Observability, correlations, era
 from femtune.identification.ssi import CovarianceModel, PoleScatter, covariance_driven, data_driven, scatter_of_order
 from femtune.identification.tfie import mode_at, phase_scatter, steady_lines
-from femtune.modal import ModeSet, TimeSeries
+from femtune.modal import Channel, ModeSet, TimeSeries
 from femtune.modal.shape_criteria import turn_to_real_axis
 from femtune.testdata.checks import mean_phase_deviation_deg, phase_collinearity
 
@@ -62,8 +62,12 @@ class Operational:
 
     def rows(self, record: TimeSeries) -> int:
         """Block rows: as asked, else one and a half periods of the lowest frequency; always enough for the order."""
-        of_period = ceil(1.5 * record.even_hz / self.band_hz[0])
-        of_order = ceil(1.2 * self.largest_order / len(self.reference_rows(record)))
+        return self.rows_at(record.even_hz, len(self.reference_rows(record)))
+
+    def rows_at(self, rate_hz: float, references: int) -> int:
+        """Block rows for correlations of this rate with this number of references."""
+        of_period = ceil(1.5 * rate_hz / self.band_hz[0])
+        of_order = ceil(1.2 * self.largest_order / references)
         return max(self.block_rows or min(of_period, 40), of_order, 4)
 
 
@@ -131,7 +135,7 @@ def by_covariances(record: TimeSeries, asked: Operational) -> OperationalModes:
         record.values, 1.0 / record.even_hz, asked.reference_rows(record), asked.rows(record), asked.largest_order,
         asked.pieces,
     )  # fmt: skip
-    return _of_orders(model.observability, record, asked, "SSI-cov", model)
+    return modes_of_orders(model.observability, record.channels, asked, "SSI-cov", model)
 
 
 def chosen_modes(found: OperationalModes, candidates: tuple[Candidate, ...]) -> OperationalModes:
@@ -153,7 +157,7 @@ def by_data(record: TimeSeries, asked: Operational) -> OperationalModes:
     record = prepared(record, asked)
     rows = max(ceil(asked.rows(record) / 2), ceil(asked.largest_order / len(record)) + 1)
     seen = data_driven(record.values, 1.0 / record.even_hz, asked.reference_rows(record), rows, asked.largest_order)
-    return _of_orders(seen, record, asked, "SSI-data")
+    return modes_of_orders(seen, record.channels, asked, "SSI-data")
 
 
 def by_era(record: TimeSeries, asked: Operational) -> OperationalModes:
@@ -162,18 +166,24 @@ def by_era(record: TimeSeries, asked: Operational) -> OperationalModes:
     references, rows = asked.reference_rows(record), 2 * asked.rows(record)
     decays = correlations(record.values, references, 2 * rows)
     seen = era(decays, 1.0 / record.even_hz, rows, rows, asked.largest_order)
-    return _of_orders(seen, record, asked, "ERA")
+    return modes_of_orders(seen, record.channels, asked, "ERA")
 
 
 def by_decomposition(record: TimeSeries, asked: Operational) -> OperationalModes:
     """FDD peaks with the frequency and damping of their bells (EFDD)."""
     record = prepared(record, asked)
-    spectra = cross_spectra(record.values, record.even_hz, segment_of(record, asked))
+    return modes_of_peaks(
+        cross_spectra(record.values, record.even_hz, segment_of(record, asked)), record.channels, asked
+    )
+
+
+def modes_of_peaks(spectra: CrossSpectra, channels: Sequence[Channel], asked: Operational) -> OperationalModes:
+    """FDD of spectra of all channels with each other."""
     found = decompose(spectra)
     bells = [enhanced(spectra, found, line) for line in peaks(found, asked.band_hz)]
     freq, ratio = np.array([b.freq_hz for b in bells]), np.array([b.damping_ratio for b in bells])
     lines = np.array([b.peak_hz for b in bells])
-    return _of_lines(record, "FDD", lines, [b.shape for b in bells], freq, ratio)
+    return _of_lines(channels, "FDD", lines, [b.shape for b in bells], freq, ratio)
 
 
 def by_steady_phases(record: TimeSeries, asked: Operational) -> OperationalModes:
@@ -183,7 +193,7 @@ def by_steady_phases(record: TimeSeries, asked: Operational) -> OperationalModes
     at = steady_lines(scatter, asked.band_hz)
     modes = [mode_at(scatter, line) for line in at]
     freq = np.array([f for f, _ in modes])
-    return _of_lines(record, "TFIE", scatter.freq_hz[at], [s for _, s in modes], freq, None)
+    return _of_lines(record.channels, "TFIE", scatter.freq_hz[at], [s for _, s in modes], freq, None)
 
 
 def segment_of(record: TimeSeries, asked: Operational) -> int:
@@ -200,14 +210,15 @@ def real_shape(shape: NDArray) -> Reals:
     return np.asarray(real * (np.sign(real[np.abs(real).argmax()]) or 1.0))
 
 
-def _of_orders(
-    seen: Observability, record: TimeSeries, asked: Operational, method: str, model: CovarianceModel | None = None
-) -> OperationalModes:
+def modes_of_orders(
+    seen: Observability, channels: Sequence[Channel], asked: Operational, method: str,
+    model: CovarianceModel | None = None,
+) -> OperationalModes:  # fmt: skip
     """Modes out of the poles of all orders."""
     orders = range(2, min(asked.largest_order, seen.matrix.shape[1]) + 1, 2)
-    poles_of_orders, derivatives = list(seen.poles(orders)), derivatives_of(record.channels)
+    poles_of_orders, derivatives = list(seen.poles(orders)), derivatives_of(channels)
     shapes = [in_one_quantity(p.shapes, p.poles, derivatives) for p in poles_of_orders]
-    dofs = DofSet(c.dof for c in record.channels)
+    dofs = DofSet(c.dof for c in channels)
     table = table_of([p.poles for p in poles_of_orders], shapes, list(orders), method, dofs)
     candidates = choose(table, replace(asked.limits, band_hz=asked.band_hz), asked.rule)
     nothing = ModeSet(np.zeros(0), np.zeros((0, 0)), DofSet(()))
@@ -216,12 +227,13 @@ def _of_orders(
 
 
 def _of_lines(
-    record: TimeSeries, method: str, lines_hz: Reals, shapes: Sequence[NDArray], freq: Reals, ratio: Reals | None
-) -> OperationalModes:
+    channels: Sequence[Channel], method: str, lines_hz: Reals, shapes: Sequence[NDArray], freq: Reals,
+    ratio: Reals | None,
+) -> OperationalModes:  # fmt: skip
     """Modes with the complex shapes that the channels have at single lines."""
-    dofs = DofSet(c.dof for c in record.channels)
+    dofs = DofSet(c.dof for c in channels)
     columns = np.asarray(np.stack(shapes, axis=1) if len(shapes) else np.zeros((len(dofs), 0)), np.complex128)
-    found = in_one_quantity(columns, np.asarray(2j * np.pi * lines_hz, np.complex128), derivatives_of(record.channels))
+    found = in_one_quantity(columns, np.asarray(2j * np.pi * lines_hz, np.complex128), derivatives_of(channels))
     modes = ModeSet(
         freq, _real_shapes(found), dofs, damping_ratio=ratio, normalisation="unit-norm", source=method
     )  # fmt: skip

@@ -329,6 +329,13 @@ def test_tdms(tmp_path: Path) -> None:
             read_record(path)
 
 
+@pytest.mark.parametrize("name", ["a.mf4", "A.MDF"])
+def test_mdf_files_are_refused_with_the_way_out(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"MDF     4.10")
+    with pytest.raises(FemtuneError, match="export the record"):
+        read_record(tmp_path / name)
+
+
 def test_tdms_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     (tmp_path / "a.tdms").write_bytes(b"TDSm")

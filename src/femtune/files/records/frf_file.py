@@ -1,4 +1,4 @@
-"""Frequency response functions from arrays and tables: NumPy, MATLAB, HDF5, CSV and other text.
+"""Frequency response functions and spectra from arrays and tables: NumPy, MATLAB, HDF5, CSV and other text.
 
 Such files do not state what their axes mean. The user states it; only axes that fit in one order alone are found by
 their lengths.
@@ -52,7 +52,7 @@ class FunctionLayout:
 
     Parameters
     ----------
-    kind : receptance, mobility or accelerance
+    kind : receptance, mobility or accelerance; "" for auto and cross spectra, whose auto spectra may be real
     responses, references : DOFs along these axes of an array
     functions : of a text, or along the axis ``function``
     axes : names of the axes of the array, from `AXES`; () where their lengths decide
@@ -79,7 +79,42 @@ class FunctionLayout:
     format: str | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class FunctionValues:
+    """Functions of frequency as a file has them.
+
+    Parameters
+    ----------
+    freq_hz : (k,) lines
+    values : (responses, references, k) complex; NaN for pairs that were not measured
+    coherence : likewise, or None
+    responses, references : DOFs of the first two axes
+    source : names of the files
+    """
+
+    freq_hz: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    coherence: NDArray[np.float64] | None
+    responses: DofSet
+    references: DofSet
+    source: str
+
+    def frfs(self, kind: str) -> FrfSet:
+        """The functions as FRFs of a kind."""
+        return FrfSet(self.freq_hz, self.values, self.responses, self.references, kind, self.coherence, self.source)
+
+
 def read_frfs(path: Path, layout: FunctionLayout) -> FrfSet:
+    """The FRFs of a file (errors of `read_values`)."""
+    return read_values(path, layout).frfs(layout.kind)
+
+
+def read_function_files(files: Sequence[Path], layout: FunctionLayout) -> FrfSet:
+    """The FRFs of several files (errors of `read_values_of_files`)."""
+    return read_values_of_files(files, layout).frfs(layout.kind)
+
+
+def read_values(path: Path, layout: FunctionLayout) -> FunctionValues:
     """The functions of a file.
 
     Raises
@@ -99,17 +134,17 @@ def read_frfs(path: Path, layout: FunctionLayout) -> FrfSet:
         return (_of_vectors if named_functions else _of_arrays)(arrays, layout, path)
 
 
-def read_function_files(files: Sequence[Path], layout: FunctionLayout) -> FrfSet:
+def read_values_of_files(files: Sequence[Path], layout: FunctionLayout) -> FunctionValues:
     """The functions of several files with the same frequency lines; `files` has that of each function of the layout.
 
     Raises
     ------
-    FemtuneError : as `read_frfs`; ``frf.layout/other-lines`` where the frequency lines of two files differ
+    FemtuneError : as `read_values`; ``frf.layout/other-lines`` where the frequency lines of two files differ
     """
     sets = []
     for path in dict.fromkeys(files):
         own = tuple(one for one, file in zip(layout.functions, files) if file == path)
-        sets.append(read_frfs(path, replace(layout, functions=own)))
+        sets.append(read_values(path, replace(layout, functions=own)))
     first = sets[0]
     for path, other in zip(dict.fromkeys(files), sets):
         own_hz, first_hz = other.freq_hz, first.freq_hz
@@ -133,7 +168,7 @@ def read_function_files(files: Sequence[Path], layout: FunctionLayout) -> FrfSet
 # Text: one column for each real or imaginary part.
 
 
-def _of_text(table: RecordTable, layout: FunctionLayout, path: Path) -> FrfSet:
+def _of_text(table: RecordTable, layout: FunctionLayout, path: Path) -> FunctionValues:
     if not layout.functions:
         raise problem(path, "frf.layout/functions", columns=len(table.values))
     if not np.isfinite(table.values).all():
@@ -146,14 +181,19 @@ def _of_text(table: RecordTable, layout: FunctionLayout, path: Path) -> FrfSet:
     freq = column(layout.frequency) if layout.frequency is not None else _even_lines(layout, lines, path)
     real = [column(one.column) for one in layout.functions]
     _check_columns(table, layout, path)
-    if real_only := [one.column for one in layout.functions if one.imaginary is None]:
+    if real_only := [one.column for one in layout.functions if one.imaginary is None and not _is_auto(one, layout)]:
         raise problem(path, "frf.layout/real", values={"without imaginary: column": real_only[0]})
-    other = [column(one.imaginary) for one in layout.functions if one.imaginary is not None]
+    other = [np.zeros(lines) if one.imaginary is None else column(one.imaginary) for one in layout.functions]
     values = np.array([a + 1j * b for a, b in zip(real, other)])
     some = any(one.coherence is not None for one in layout.functions)
     unknown = np.full(lines, np.nan)
     coherence = [unknown if one.coherence is None else column(one.coherence) for one in layout.functions]
     return _by_function(freq, values, np.array(coherence) if some else None, layout, path)
+
+
+def _is_auto(one: FunctionColumn, layout: FunctionLayout) -> bool:
+    """Whether a function is an auto spectrum, which is real."""
+    return not layout.kind and one.response == one.reference
 
 
 def _check_columns(table: RecordTable, layout: FunctionLayout, path: Path) -> None:
@@ -179,7 +219,7 @@ def _check_columns(table: RecordTable, layout: FunctionLayout, path: Path) -> No
 
 def _by_function(
     freq: NDArray, values: NDArray, coherence: NDArray | None, layout: FunctionLayout, path: Path
-) -> FrfSet:
+) -> FunctionValues:
     """Functions (f, k) put in their places; a pair that was not measured is NaN."""
     responses = list(dict.fromkeys(one.response for one in layout.functions))
     references = list(dict.fromkeys(one.reference for one in layout.functions))
@@ -197,7 +237,7 @@ def _by_function(
 # Arrays of up to three axes, and perhaps one for real and imaginary part.
 
 
-def _of_arrays(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) -> FrfSet:
+def _of_arrays(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) -> FunctionValues:
     values = _array(path, arrays, layout.variable or _only_name(arrays, path))
     freq = None if layout.frequency is None else _array(path, arrays, str(layout.frequency)).real.ravel()
     axes = layout.axes or _axes_by_length(values.shape, layout, freq, path)
@@ -233,7 +273,7 @@ def _of_arrays(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) ->
     return _made(freq, _in_order(values, axes), bounded, layout.responses, layout.references, layout, path)
 
 
-def _of_vectors(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) -> FrfSet:
+def _of_vectors(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) -> FunctionValues:
     """An array for each function, which `column` names; another one for its imaginary part if it is real."""
 
     def vector(name: int | str) -> NDArray:
@@ -247,7 +287,7 @@ def _of_vectors(arrays: Mapping[str, Any], layout: FunctionLayout, path: Path) -
             if np.iscomplexobj(row) or np.iscomplexobj(other) or len(row) != len(other):
                 raise problem(path, "frf.layout/parts", values={"real": row.shape, "imaginary": other.shape})
             row = row + 1j * other
-        if not np.iscomplexobj(row):
+        if not np.iscomplexobj(row) and not _is_auto(one, layout):
             raise problem(path, "frf.layout/real", values={"without imaginary: column": one.column})
         _check_length("frequency", len(row), len(rows[0]) if rows else len(row), path)
         rows.append(row)
@@ -372,7 +412,7 @@ def _check_length(name: str, length: int, stated: int, path: Path) -> None:
 def _made(
     freq: NDArray, values: NDArray, coherence: NDArray | None, responses: Sequence[Dof], references: Sequence[Dof],
     layout: FunctionLayout, path: Path,
-) -> FrfSet:  # fmt: skip
+) -> FunctionValues:  # fmt: skip
     if not len(freq) or not np.isfinite(freq).all() or (np.diff(freq) <= 0.0).any() or freq[0] < 0.0:
         raise problem(path, "frf.layout/frequencies")
     if coherence is not None and ((coherence < 0.0) | (coherence > _LARGEST_COHERENCE)).any():
@@ -383,4 +423,4 @@ def _made(
         raise problem(path, "frf.layout/values")
     bounded = None if coherence is None else np.minimum(coherence, 1.0)
     scaled = np.asarray(layout.factor * values, dtype=complex)
-    return FrfSet(freq, scaled, DofSet(responses), DofSet(references), layout.kind, bounded, str(path))
+    return FunctionValues(freq, scaled, bounded, DofSet(responses), DofSet(references), str(path))

@@ -22,6 +22,8 @@ from femtune.units import SI, UnitSystem, force_unit
 
 _RATE_TOLERANCE = 1e-3
 """Relative difference up to which two sampling rates are the same: files round 1/step to four digits and more."""
+_MDF_SUFFIXES = (".mf4", ".mdf")
+"""Files of data loggers in the format of ASAM, which are not read."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,8 @@ def format_named(path: Path, key: str | None) -> RecordFormat:
     if key is None and is_universal(path):
         key = "uff"
     format = RECORD_FORMATS.of_suffix(path) if key is None else RECORD_FORMATS[key]
+    if format is None and path.suffix.lower() in _MDF_SUFFIXES:
+        raise problem(path, "record.format/mdf", suffix=path.suffix)
     if format is None:
         known = ", ".join(RECORD_FORMATS.suffixes)
         raise problem(path, "record.format", values={"known": known}, suffix=path.suffix)

@@ -22,7 +22,7 @@ STEP = Step(
         help=(
             "Identify modes with standard deviations from time records or FRFs.\n\n"
             "PATH is an identification file (.toml), a record (CSV, UFF, .npy, .npz, .mat, HDF5, WAV) or "
-            "functions (UFF). Options replace keys of [identify] in the file."
+            "functions or spectra (UFF). Options replace keys of [identify] in the file."
         ),
         params=(
             click.Argument(["path"], type=FILE),

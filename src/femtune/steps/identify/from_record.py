@@ -120,16 +120,16 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
         piece = record.select_samples(i * length, (i + 1) * length)
         for j, name in enumerate(names):
             progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
-            several[name, i] = _by_hand(OUTPUT_ONLY[name].load()(piece, asked), file)
+            several[name, i] = chosen_by_hand(OUTPUT_ONLY[name].load()(piece, asked), file)
     if picked := picked_poles(file):
-        several[names[0], 0] = _picked(several[names[0], 0], picked)
-    _check_choice([several[names[0], i] for i in range(table.fragments)], file)
+        several[names[0], 0] = with_picked(several[names[0], 0], picked)
+    check_choice([several[names[0], i] for i in range(table.fragments)], file)
     ready = prepared(record, asked)
     lines = find_lines(ready, asked.band_hz, [float(f) for one in several.values() for f in one.modes.freq_hz])
     several = {key: _without_harmonics(one, lines, ready, asked, table.take_hz) for key, one in several.items()}
     curve = _curve(ready, asked)
     try:
-        identified = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
+        identified = _means(several, record) if table.fragments > 1 else of_first_method(names, several, table.drop_hz)
     except FemtuneError as error:
         first = several[names[0], 0]
         found = Found(first.modes, first.collinearity, first.table, first.candidates, {}, curve, lines=lines)
@@ -255,7 +255,7 @@ def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:
     return Operational((low, table.band_hz[1]), table.largest_order or DEFAULT_ORDER)
 
 
-def _by_hand(operational: OperationalModes, file: IdentifyFile) -> OperationalModes:
+def chosen_by_hand(operational: OperationalModes, file: IdentifyFile) -> OperationalModes:
     """The choice of the file, as far as this method has such clusters in this fragment."""
     take, drop = (
         tuple(f for f in asked if has_candidate(operational.candidates, f))
@@ -264,7 +264,7 @@ def _by_hand(operational: OperationalModes, file: IdentifyFile) -> OperationalMo
     return chosen_modes(operational, change_choice(operational.candidates, take, drop)) if take or drop else operational
 
 
-def _picked(found: OperationalModes, picked: tuple[PickedPole, ...]) -> OperationalModes:
+def with_picked(found: OperationalModes, picked: tuple[PickedPole, ...]) -> OperationalModes:
     """The picked poles of the first method as its modes (errors ``identify.choices``)."""
     others = sorted({one.method for one in picked if one.method != found.method})
     if others or found.table is None:
@@ -272,7 +272,7 @@ def _picked(found: OperationalModes, picked: tuple[PickedPole, ...]) -> Operatio
     return chosen_modes(found, pick_poles(found.candidates, found.table, picked))
 
 
-def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
+def check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
     """What is taken or dropped by hand is a cluster of the first method, in one fragment at least."""
     for key, asked in (("take_hz", file.identify.take_hz), ("drop_hz", file.identify.drop_hz)):
         for freq in asked:
@@ -285,7 +285,9 @@ def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
                 raise
 
 
-def _first(names: list[str], several: dict[tuple[str, int], OperationalModes], dropped: tuple[float, ...]) -> Found:
+def of_first_method(
+    names: list[str], several: dict[tuple[str, int], OperationalModes], dropped: tuple[float, ...]
+) -> Found:
     first = several[names[0], 0]
     if not len(first.modes) and not any(c.reason.startswith("harmonic") for c in first.candidates):
         raise FemtuneError("identify.no-modes/of-first-method", method=names[0])

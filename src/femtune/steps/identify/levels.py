@@ -96,7 +96,7 @@ def _sd(identified: Found) -> Reals | None:
 
 def linearity_notice(linearity: LinearityResults) -> tuple[Notice, ...]:
     """``frf.not-linear`` where the structure is not linear."""
-    return (Notice("frf.not-linear/levels", sentence=linearity.sentence),) if linearity.linear is False else ()
+    return (Notice("frf.not-linear", sentence=linearity.sentence),) if linearity.linear is False else ()
 
 
 def _record(linearity: Linearity) -> LinearityResults:

@@ -20,6 +20,7 @@ from femtune.files.study_file.problems import problems
 from femtune.files.study_file.source import StudyLines
 from femtune.files.uff.measured_functions import read_header
 from femtune.files.uff.scan import names_universal, scan_uff
+from femtune.files.uff.spectrum_sets import SPECTRA
 from femtune.identification.kinds import KNOWN_INPUT, OUTPUT_ONLY
 from femtune.identification.operational import prepared, segment_of
 from femtune.identification.record_checks import dead_channels
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
     from femtune.identification.operational import Operational
     from femtune.modal import TimeSeries
 
-_TIME_RESPONSE = 1
-"""Function type of a time response in dataset 58."""
+_UNKNOWN, _TIME_RESPONSE, _FRF = 0, 1, 4
+"""Function types of data set 58."""
 
 
 def asked_of(path: Path | str, options: Mapping[str, Any]) -> IdentifyFile:
@@ -74,11 +75,14 @@ def _checked(data: dict[str, Any], path: Path) -> IdentifyFile:
 
 
 def _kind_of(path: Path) -> str:
-    """ "frfs" for a Universal File, unless its functions are records in time."""
+    """ "frfs" for a Universal File, unless its functions are records in time, or spectra without FRFs."""
     if not names_universal(path):
         return "record"
-    types = [read_header(one).function_type for one in scan_uff(path) if one.number == 58]
-    return "record" if types and all(t == _TIME_RESPONSE for t in types) else "frfs"
+    types = {read_header(one).function_type for one in scan_uff(path) if one.number == 58}
+    if types and types <= {_TIME_RESPONSE}:
+        return "record"
+    others = types - set(SPECTRA)
+    return "spectra" if types != others and not others & {_UNKNOWN, _FRF} else "frfs"
 
 
 LARGEST_SAMPLE = 1e60

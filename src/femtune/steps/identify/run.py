@@ -19,6 +19,7 @@ from femtune.steps.identify.choices import digest_of
 from femtune.steps.identify.facts import identification
 from femtune.steps.identify.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.steps.identify.from_record import found_from_record, heading_notices, read_asked
+from femtune.steps.identify.from_spectra import found_from_spectra
 from femtune.steps.identify.levels import level_file, linearity_notice, linearity_of
 from femtune.steps.identify.request import asked_of, check_methods, check_no_lines, check_usable
 from femtune.steps.identify.result import IdentifyResult, NothingFound
@@ -50,7 +51,8 @@ def identify(
 
     Parameters
     ----------
-    path : an identification file (TOML), a record (CSV, UFF 58, .npy, .npz, .mat, HDF5, WAV), or functions (UFF 58)
+    path : an identification file (TOML), a record (CSV, UFF 58, .npy, .npz, .mat, HDF5, WAV), or functions or
+        spectra (UFF 58)
     output : output folder; default: that of the file, or ``identified`` in its folder
     options : keys of [identify] that replace those of the file: ``{"band_hz": (2.0, 40.0)}``
     jobs : the most set-ups or levels that are identified at a time; one after another where it is None
@@ -95,6 +97,9 @@ def _found(file: IdentifyFile, progress: Progress, each: IdentifyEach) -> Found:
 
 
 def _found_of_one(file: IdentifyFile, progress: Progress) -> Found:
+    if file.identify.spectra is not None:
+        progress.step("poles of every order", 0, None)
+        return _with_agreement(found_from_spectra(file))
     if file.identify.frfs is not None:
         check_no_lines(file)
         progress.step("poles of every order", 0, None)

@@ -327,7 +327,8 @@ def _identified(
         if not force and os.path.lexists(written):
             raise FemtuneError("init.exists", where=Where(str(written)))
     check_outputs(inputs, [target], [results])
-    kind = "frfs" if asked_of(path, {}).identify.frfs else "record"
+    asked = asked_of(path, {}).identify
+    kind = "frfs" if asked.frfs else "spectra" if asked.spectra else "record"
     text = StudyText()
     text.say(f"Identification of modes from {path.name}: femtune identify {IDENTIFY_FILE}")
     text.table("[identify]")
