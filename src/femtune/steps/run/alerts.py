@@ -137,11 +137,14 @@ def _of_raw(results: Results) -> Iterable[Alert]:
         yield alert(
             "info", "update.raw", paired=raw.paired, median=raw.others_percent, moved=moved[name], name=name,
         )  # fmt: skip
+    fisher = results.update.fisher if results.update is not None else None
+    if fisher is not None and fisher.misfit <= _MISFIT:
+        # only noise is left: what moved the parameters was an error of the identified test, which no longer counts
+        return
     far = [n for n, size in moved.items() if size > _MOVED]
     if far:
         yield alert("warning", "update.raw-moved", names=", ".join(far), limit=_MOVED)
-    fisher = results.update.fisher if results.update is not None else None
-    if fisher is not None and fisher.misfit > _MISFIT:
+    if fisher is not None:
         yield alert("warning", "update.raw-misfit", factor=fisher.misfit)
 
 
