@@ -186,6 +186,7 @@ def test_held_out_channels_are_compared_with_the_measured_damping(bench: Bench) 
     np.testing.assert_array_equal(known, (hertz < 60.0) | (hertz > 150.0))
 
 
+@pytest.mark.slow
 def test_an_order_that_is_too_small(bench: Bench) -> None:
     _measured(bench, 0.005)
     with pytest.raises(FemtuneError) as caught:

@@ -198,6 +198,7 @@ def test_contradictions_are_told_before_anything_is_solved(tmp_path: Path, updat
     assert word in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("step", "more"),
     [
